@@ -19,8 +19,8 @@ import numpy as np
 
 import fantoccini as fan
 
-SMALL = ("arm2d", "arm3d", "crane", "string_pendulum")
-PUPPETS = (*SMALL, "stand6", "marionette", "promenade")
+FAST_PUPPETS = ("arm2d", "arm3d", "crane", "string_pendulum")
+PUPPETS = (*FAST_PUPPETS, "stand6", "marionette", "promenade")
 METHODS = ("event", "timestepping", "variational")
 """The last one does not support contact."""
 SAMPLES = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "tension", "taut", "slip")
@@ -99,7 +99,7 @@ def main() -> None:
     for name in parser.parse_args().puppets:
         puppet = getattr(fan.puppets, name)()
         x0 = puppet.rest()
-        parts = [runs(puppet, x0, 0.6 if name in SMALL else 0.25)]
+        parts = [runs(puppet, x0, 0.6 if name in FAST_PUPPETS else 0.25)]
         if puppet.coordinates.n_vK:
             parts.append(steps(puppet, x0))
         if name == "arm2d":

@@ -1,7 +1,7 @@
-// Our solver of contacts on one problem.
+// Our contact solver on one problem.
 //
 // stdin: n_contacts, mu (n_contacts), b (n), G (n * n), n = 3 n_contacts.
-// stdout: seconds of the processor, solved (1 or 0), iterations, rounds; then x (n).
+// stdout: processor time [s], solved (1 or 0), iterations, rounds; then x (n).
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>

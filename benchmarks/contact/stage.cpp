@@ -1,13 +1,13 @@
-// Time of time steps with contact from a state, as a run makes them, nothing saved:
+// Time of time steps with contact from a state, as in a run, without saving:
 //
 //   step            a time step
-//   step_dynamics   of it the generated function alone
+//   step_dynamics   only its generated function
 //
-// argv: the work, how often it is timed, how many steps in each.
-// stdin: as given.hpp says, then the solids (kind, link, a, b, R, half, radius), the pairs, the
-// groups, friction, restitution and meetings, each behind their number.
-// stdout: one line a time, seconds of the processor for one step; then how many points push, the
-// normal force on them [N], the largest overlap [m], the largest residual of the law.
+// argv: the work, the number of repetitions, the number of steps in each.
+// stdin: as in given.hpp, then the solids (kind, link, a, b, R, half, radius), the pairs, the
+// groups, friction, restitution and meetings, each after their number.
+// stdout: for each repetition, the processor time of one step [s]; then the number of points that
+// push, their normal force [N], the largest overlap [m], the largest residual of the law.
 #include "fantoccini/collision/touch_unit.hpp"
 
 #include "main.cpp"
@@ -60,14 +60,14 @@ void take_contacts() {
       meetings.data()};
 }
 
-constexpr int rows_kept = 4, some_events = 4096, some_points = 4 * (Model::n_contacts + 1);
-double row[fan::Record<Model>::Layout::width * rows_kept];
+constexpr int row_capacity = 4, some_events = 4096, some_points = 4 * (Model::n_contacts + 1);
+double row[fan::Record<Model>::Layout::width * row_capacity];
 double event[fan::EventLayout::width * some_events];
 double point[fan::ContactLayout::width * some_points];
 
 fan::Record<Model> record() {
   fan::Record<Model> out{};
-  out.samples = row, out.sample_capacity = rows_kept;
+  out.samples = row, out.sample_capacity = row_capacity;
   out.events = event, out.event_capacity = some_events;
   out.contacts = point, out.contact_capacity = some_points;
   return out;

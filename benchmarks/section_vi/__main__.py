@@ -24,12 +24,12 @@ BOOM = Path(__file__).with_name("boom.yaml")
 
 def measured() -> list[SectionReport]:
     """The reports of the bundled puppets and of the boom."""
-    made = []
+    reports = []
     for puppet in [*(getattr(puppets, name)() for name in BUNDLED), fan.load(BOOM)]:
         began = time.perf_counter()
-        made.append(measure(puppet))
-        print(f"{made[-1].name}: {time.perf_counter() - began:.0f} s", flush=True)
-    return made
+        reports.append(measure(puppet))
+        print(f"{reports[-1].name}: {time.perf_counter() - began:.0f} s", flush=True)
+    return reports
 
 
 def write_page() -> None:
@@ -61,11 +61,11 @@ def main() -> None:
     )
     parser.add_argument("--inputs", type=Path, metavar="FILE", help="its motion; else small moves")
     parser.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="its folder")
-    given = parser.parse_args()
-    if given.file is None:
+    arguments = parser.parse_args()
+    if arguments.file is None:
         write_page()
     else:
-        write_report(given.file, given.inputs, given.out)
+        write_report(arguments.file, arguments.inputs, arguments.out)
 
 
 if __name__ == "__main__":

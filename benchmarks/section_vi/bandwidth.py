@@ -27,8 +27,8 @@ class TrackingRun:
     """A run of the full model under control.
 
     Attributes:
-        bandwidth: of all drives [rad/s].
-        deviation: from the mixed model.
+        bandwidth: bandwidth of all drives [rad/s].
+        deviation: deviation from the mixed model.
     """
 
     bandwidth: float
@@ -42,9 +42,9 @@ def tracking_run(
 
     Args:
         mechanism: the puppet.
-        full: it on drives with control, as heavy as the puppet.
+        full: the puppet on drives with control, as heavy as the puppet.
         reference: motion of the mixed model.
-        bandwidth: of the drives [rad/s].
+        bandwidth: bandwidth of the drives [rad/s].
     """
     full = mechanism.with_drives(full, 1.0, bandwidth)
     run = simulate(
@@ -62,6 +62,6 @@ def tracking_run(
 def bandwidth_sweep(
     mechanism: Mechanism, full: Marionette, reference: Reference
 ) -> list[TrackingRun]:
-    """The same motion with larger and larger bandwidths."""
+    """The same motion with increasing bandwidths."""
     scaled = (w / mechanism.time_scale for w in BANDWIDTHS)
     return [tracking_run(mechanism, full, reference, w) for w in scaled]

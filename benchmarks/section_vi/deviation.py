@@ -22,7 +22,7 @@ class Deviation:
         t: (T,) times [s].
         puppet, mechanism: (T,) largest difference of a coordinate of the puppet, of the driven
             coordinates [m or rad].
-        status: how the run ended if it stopped early; otherwise empty.
+        status: status of the run if it stopped early; otherwise empty.
     """
 
     t: Array
@@ -49,7 +49,7 @@ def deviation(
     Args:
         mechanism: the puppet.
         mixed: run of the mixed model.
-        run: of the same puppet on drives or with a chain.
+        run: run of the same puppet on drives or with a chain.
         n: number of times at which they are compared.
         from_rest: subtract the difference at the start.
     """

@@ -37,7 +37,7 @@ _PIECE = 0.004
 _NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(6)[0]
 """Interpolation nodes of a piece, 0 to 1."""
 _AFTER = 0.5
-"""How long a motion is followed after a catch, relative to sqrt(l/g)."""
+"""Duration of the compared motion after a catch, relative to sqrt(l/g)."""
 _SAMPLES = 200
 """Times at which two motions are compared."""
 _SAME_TIME = 1e-12
@@ -49,9 +49,9 @@ class Comparison:
     """The full model compared with the mixed one, both by the same method.
 
     Attributes:
-        method: of both.
+        method: method of both.
         setting: tolerance, or step [s].
-        deviation: of the full model.
+        deviation: deviation of the full model.
     """
 
     method: str
@@ -65,8 +65,8 @@ class SharedCatch:
 
     Attributes:
         ratio: mass of a drive, relative to the puppet's.
-        string: that catches.
-        impulse, mixed_impulse: in the full and the mixed model [N s].
+        string: string that catches.
+        impulse, mixed_impulse: impulses in the full and the mixed model [N s].
         jump: |dv_D - dv_D,mixed| / |dv_D,mixed|, dv_D the jump of the puppet's velocity, in the
             metric of M_DD.
         after: largest difference of the puppet's configuration a while later [m or rad].
@@ -139,14 +139,14 @@ def compare(
         mechanism: the puppet.
         full: it on drives without control, as heavy as the puppet.
         reference: motion of the mixed model.
-        methods: of both.
+        methods: methods of both.
 
     Returns:
         The comparisons, and the runs that stopped, in words.
     """
     inputs = tracking_forces(mechanism, full, reference, 1.0)
     x_full = mechanism.full_state(full, reference.x0)
-    found, stopped = [], []
+    comparisons, stopped = [], []
     half, end = 0.5 * reference.inputs.duration, reference.first_impact
     settings: list[tuple[Method, float]] = []
     for name in methods:
@@ -172,14 +172,14 @@ def compare(
             stopped.append(f"{method.name} at {setting:.3g}: {error}")
             continue
         apart = deviation(mechanism, mixed, other, _SAMPLES)
-        found.append(Comparison(method.name, setting, apart))
-    return found, stopped
+        comparisons.append(Comparison(method.name, setting, apart))
+    return comparisons, stopped
 
 
 def shared_catches(
     mechanism: Mechanism, full: Marionette, reference: Reference
 ) -> list[SharedCatch]:
-    """The first catch of a string that reaches a drive, with heavier and heavier drives.
+    """The first catch of a string that reaches a drive, with increasingly heavy drives.
 
     Args:
         mechanism: the puppet.
@@ -190,14 +190,14 @@ def shared_catches(
     end = min(reference.inputs.end, first.t + _AFTER * mechanism.time_scale)
     method = Event(rtol=1e-11, atol=1e-11)
     mixed = simulate(mechanism.mixed, reference.x0, reference.inputs, end, method=method)
-    found = []
+    catches = []
     for ratio in RATIOS:
         heavy = mechanism.with_drives(full, ratio)
         inputs = tracking_forces(mechanism, heavy, replace(reference, run=mixed), ratio)
         x = mechanism.full_state(heavy, reference.x0)
         other = simulate(heavy, x, inputs, end, method=method)
-        found.append(_shared_catch(mechanism, heavy, ratio, first, mixed, other))
-    return found
+        catches.append(_shared_catch(mechanism, heavy, ratio, first, mixed, other))
+    return catches
 
 
 def _first_catch(mechanism: Mechanism, reference: Reference) -> EventRecord:

@@ -28,7 +28,7 @@ class FileDrives:
 
     Attributes:
         drives: names of the coordinates with a drive.
-        deviation: from the mixed model, each motion relative to its own rest.
+        deviation: deviation from the mixed model, each motion relative to its own rest.
         lag: (T, n) tracking error of each drive's coordinate [m or rad], the largest of an
             orientation's three.
         force: (n,) largest force of each motor [N or N m].
@@ -47,7 +47,7 @@ def follow_on_file_drives(
 
     Args:
         mechanism: the puppet without drives.
-        marionette: it with those of its file.
+        marionette: the puppet with those of its file.
         reference: motion of the mixed model.
 
     Raises:

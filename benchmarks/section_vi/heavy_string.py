@@ -28,7 +28,7 @@ STRING_MASS = "reduction_string_mass"
 MASSES = (0.01, 0.03, 0.1)
 """Masses of the string, relative to the puppet's."""
 BANDWIDTHS = tuple(20.0 * 4.0**k for k in range(4))
-"""Of the drives, relative to sqrt(g/l)."""
+"""Bandwidths of the drives, relative to sqrt(g/l)."""
 _EVENT = Event(rtol=1e-8, atol=1e-8)
 _DIFFERENCE_STEP = 1e-6
 """Step of central differences [m or rad]."""
@@ -41,7 +41,7 @@ class _ChainModel:
     Attributes:
         pieces: springs, with a point mass between two.
         stiffness: EA, relative to the puppet's weight.
-        damping_ratio: of a piece, at the lightest string.
+        damping_ratio: damping ratio of a piece, for the lightest string.
     """
 
     pieces: int = 4
@@ -57,12 +57,12 @@ class HeavyString:
     """Motions with a string of some mass, each relative to its own rest.
 
     Attributes:
-        string: that is a chain.
-        mass: of the string [kg].
+        string: string that is a chain.
+        mass: mass of the string [kg].
         coupling: largest |M_DK| / sqrt(M_DD M_KK) that a straight string of that mass causes, with
             drives as heavy as the puppet.
         exact: deviation of the mixed model with that string from the massless one.
-        tracking: the same of the full model, at several bandwidths.
+        tracking: likewise for the full model, at several bandwidths.
     """
 
     string: str
@@ -97,20 +97,20 @@ def heavy_strings(
     masses: tuple[float, ...] = MASSES,
     bandwidths: tuple[float, ...] = BANDWIDTHS,
 ) -> list[HeavyString]:
-    """The motion with one string heavier and heavier, on drives of several bandwidths.
+    """The motion with one string of increasing mass, on drives of several bandwidths.
 
     Args:
         mechanism: the puppet.
         reference: motion of the mixed model.
-        masses: of the string, relative to the puppet's.
-        bandwidths: relative to sqrt(g/l).
+        masses: masses of the string, relative to the puppet's.
+        bandwidths: bandwidths of the drives, relative to sqrt(g/l).
 
     Raises:
         NoStringError: no string can be a chain.
     """
     name = most_loaded(reference, mechanism.mixed.puppet.expanded())
     chained = mechanism.with_chain(name, _chain(mechanism))
-    full, end, found = chained.full(bandwidth=1.0), reference.inputs.end, []
+    full, end, motions = chained.full(bandwidth=1.0), reference.inputs.end, []
     commands = chained.translated(reference.inputs, full)
     for share in masses:
         mass = share * mechanism.mixed.mass
@@ -128,8 +128,8 @@ def heavy_strings(
             apart = deviation(mechanism, reference.run, run, from_rest=True)
             tracking.append(TrackingRun(w, apart))
         coupling = straight_coupling(mechanism, reference.x0, name, mass)
-        found.append(HeavyString(name, mass, coupling, exact, tuple(tracking)))
-    return found
+        motions.append(HeavyString(name, mass, coupling, exact, tuple(tracking)))
+    return motions
 
 
 def straight_coupling(mechanism: Mechanism, x: State, name: str, mass: float) -> float:

@@ -37,7 +37,7 @@ def measure(
 
     Args:
         marionette: the puppet.
-        inputs: the motion to compare, from rest; when not given, small moves of every driven
+        inputs: the motion to compare, from rest; by default small moves of every driven
             coordinate.
         progress: called with each step.
 
@@ -136,6 +136,6 @@ def _measure(
 def _reference(mechanism: Mechanism, inputs: Input | None) -> Reference:
     if inputs is None:
         return smooth_reference(mechanism, mechanism.mixed.rest())
-    given = mechanism.translated(inputs, mechanism.mixed)
-    x0 = mechanism.mixed.rest(given.first_values())
-    return simulate_reference(mechanism, x0, given.bound(x0.q_K))
+    bound_inputs = mechanism.translated(inputs, mechanism.mixed)
+    x0 = mechanism.mixed.rest(bound_inputs.first_values())
+    return simulate_reference(mechanism, x0, bound_inputs.bound(x0.q_K))

@@ -70,17 +70,17 @@ class Mechanism:
 
         Args:
             ratio: mass of each drive, relative to the puppet's.
-            bandwidth: of a computed-torque control [rad/s]; None for drives moved by forces.
+            bandwidth: bandwidth of computed-torque control [rad/s]; None for forces as inputs.
         """
-        made = Marionette(
+        marionette = Marionette(
             self._on_drives(self.mixed.puppet, bandwidth), self.mixed.libraries.progress
         )
-        return self.with_drives(made, ratio, bandwidth)
+        return self.with_drives(marionette, ratio, bandwidth)
 
     def with_drives(
         self, full: Marionette, ratio: float, bandwidth: float | None = None
     ) -> Marionette:
-        """The full model with other drives; nothing is compiled again."""
+        """The full model with other drives, without a new compilation."""
         mass, inertia = drive(self.mixed, ratio)
         values = {MASS: mass, INERTIA: inertia}
         if bandwidth is not None:
@@ -90,16 +90,16 @@ class Mechanism:
 
     def full_state(self, full: Marionette, x: State) -> State:
         """The full model's state for one of the mixed model; commands move with their drives."""
-        found = full.state(self.values(x))
-        v_K = np.array(found.v_K)
+        state = full.state(self.values(x))
+        v_K = np.array(state.v_K)
         for row in full.tree.drives:
             if row.command is not None:
                 _, v = row.command
-                v_K[v : v + row.v.stop - row.v.start] = found.v_D[row.v]
-        return found.replace(t=x.t, v_K=v_K)
+                v_K[v : v + row.v.stop - row.v.start] = state.v_D[row.v]
+        return state.replace(t=x.t, v_K=v_K)
 
     def values(self, x: State) -> dict[str, float]:
-        """A mixed model's state by name, as :meth:`Marionette.state` takes it."""
+        """A mixed model's state by name, for :meth:`Marionette.state`."""
         own = self.mixed.coordinates
         values: dict[str, float] = {}
         for names, q in ((own.q_D, x.q_D), (own.q_K, x.q_K)):
@@ -143,30 +143,30 @@ class Mechanism:
         """
         own, table = self.mixed.coordinates, run.coordinates
         names, q = [*table.q_D, *table.q_K], np.hstack([run.q_D, run.q_K])
-        found = []
+        differences = []
         for own_names, reference, scalars, quaternions, n in (
             (own.q_D, mixed.q_D, own.scalars_D, own.quaternions_D, own.n_vD),
             (own.q_K, mixed.q_K, own.scalars_K, own.quaternions_K, own.n_vK),
         ):
             places = [names.index(name) for name in own_names]
-            found.append(between(scalars, quaternions, reference, q[:, places], n))
-        return found[0], found[1]
+            differences.append(between(scalars, quaternions, reference, q[:, places], n))
+        return differences[0], differences[1]
 
     def _on_drives(self, puppet: Puppet, bandwidth: float | None) -> Puppet:
         table = self.mixed.coordinates
         control = None
         if bandwidth is not None:
-            given = Parameter(parameter=BANDWIDTH, value=bandwidth)
-            control = ComputedTorque(type="computed_torque", bandwidth=given)
+            parameter_ = Parameter(parameter=BANDWIDTH, value=bandwidth)
+            control = ComputedTorque(type="computed_torque", bandwidth=parameter_)
         mass, inertia = drive(self.mixed)
         linear = [table.q_K[q] for q, v in table.scalars_K if self.in_metres[v]]
         rotary = [table.q_K[q] for q, v in table.scalars_K if not self.in_metres[v]]
         rotary += list(table.rotations)
         drives = []
         if linear:
-            given = Parameter(parameter=MASS, value=mass)
-            drives.append(Drive(on=tuple(linear), mass=given, control=control))
+            mass_parameter = Parameter(parameter=MASS, value=mass)
+            drives.append(Drive(on=tuple(linear), mass=mass_parameter, control=control))
         if rotary:
-            given = Parameter(parameter=INERTIA, value=inertia)
-            drives.append(Drive(on=tuple(rotary), inertia=given, control=control))
+            inertia_parameter = Parameter(parameter=INERTIA, value=inertia)
+            drives.append(Drive(on=tuple(rotary), inertia=inertia_parameter, control=control))
         return puppet.model_copy(update={"drives": tuple(drives)})

@@ -14,7 +14,7 @@ SHORT = (
     "any acc_K",
     "<X, X> in span, taut",
 )
-"""The claims of :attr:`fantoccini.lab.ReductionReport.claims`, in few words."""
+"""Short forms of the claims of :attr:`fantoccini.lab.ReductionReport.claims`."""
 
 
 def page(reports: Sequence[SectionReport], chains: str, machine: str) -> str:
@@ -37,7 +37,7 @@ def page(reports: Sequence[SectionReport], chains: str, machine: str) -> str:
 
 
 def verdicts(reports: Sequence[SectionReport]) -> Table:
-    """Which claims hold."""
+    """The table of the claims that hold."""
     rows = [
         [r.name, *(HOLDS[c.holds].replace("fails", "**fails**") for c in r.reduction.claims)]
         for r in reports
@@ -46,7 +46,7 @@ def verdicts(reports: Sequence[SectionReport]) -> Table:
 
 
 def figures(reports: Sequence[SectionReport]) -> Table:
-    """The main figures, a line per puppet."""
+    """The main figures, with a row for each puppet."""
     rows = []
     for r in reports:
         heavy = r.heavy_strings[-1]
@@ -79,15 +79,15 @@ def structure(reports: Sequence[SectionReport]) -> Table:
     """The figures of part (a)."""
     rows = []
     for r in reports:
-        found = r.reduction
+        reduction = r.reduction
         rows.append(
             [
-                found.name,
-                number(found.kinetic.coupling),
-                number(found.slack),
-                number(min(t.min_acceleration for t in found.tracking)),
-                number(min(t.min_singular_value for t in found.tracking)),
-                number(max(found.taut)),
+                reduction.name,
+                number(reduction.kinetic.coupling),
+                number(reduction.slack),
+                number(min(t.min_acceleration for t in reduction.tracking)),
+                number(min(t.min_singular_value for t in reduction.tracking)),
+                number(max(reduction.taut)),
             ]
         )
     return Table(

@@ -37,8 +37,8 @@ class Measurements:
 
     Attributes:
         comparisons: (b) both models with exact tracking.
-        catches: (b) the first catch of a toss, with heavier and heavier drives.
-        tracking: (c) drives of larger and larger bandwidth.
+        catches: (b) the first catch of a toss, with increasingly heavy drives.
+        tracking: (c) drives of increasing bandwidth.
         heavy_strings: (c) a string with mass, on such drives.
     """
 
@@ -72,12 +72,12 @@ def draw(
     prefix: str = "",
     chosen: Container[str] = frozenset(PICTURES),
 ) -> list[Path]:
-    """Writes the plots of what was measured into a folder.
+    """Writes the plots of the measurements into a folder.
 
     Args:
         measured: the data.
         folder: an existing one.
-        prefix: of the files' names.
+        prefix: prefix of the files' names.
         chosen: titles of sections, keys of ``PICTURES``.
 
     Returns:

@@ -25,9 +25,9 @@ class _Moves:
     Attributes:
         max_length: largest move of a length or position, relative to the mean string length.
         max_angle: largest rotation [rad].
-        duration: relative to sqrt(l/g).
-        rise_time: for which a tossed puppet rises, relative to sqrt(l/g).
-        max_halvings: of the moves until nothing catches.
+        duration: duration, relative to sqrt(l/g).
+        rise_time: time for which a tossed puppet rises, relative to sqrt(l/g).
+        max_halvings: largest number of halvings of the moves until nothing catches.
     """
 
     max_length: float = 0.03
@@ -46,7 +46,7 @@ class Reference:
 
     Attributes:
         x0: start state.
-        inputs: of the driven coordinates.
+        inputs: inputs of the driven coordinates.
         run: the motion.
         first_impact: time of the first jump of a velocity, or the end [s].
     """
@@ -63,7 +63,7 @@ class Reference:
 
 
 def smooth_reference(mechanism: Mechanism, x0: State, seed: int = 0) -> Reference:
-    """Every driven coordinate makes a small smooth move, from rest to rest.
+    """A motion with a small smooth move of every driven coordinate, from rest to rest.
 
     If strings or limits catch, smaller moves are tried; the result is that with the latest catch.
 
@@ -74,12 +74,12 @@ def smooth_reference(mechanism: Mechanism, x0: State, seed: int = 0) -> Referenc
     failure: SimulationError | None = None
     for k in range(_MOVES.max_halvings):
         try:
-            found = simulate_reference(mechanism, x0, random_moves(mechanism, x0, 0.5**k, seed))
+            motion = simulate_reference(mechanism, x0, random_moves(mechanism, x0, 0.5**k, seed))
         except SimulationError as error:
             failure = error
             continue
-        if best is None or found.first_impact > best.first_impact:
-            best = found
+        if best is None or motion.first_impact > best.first_impact:
+            best = motion
         if best.smooth:
             break
     if best is None:
@@ -89,7 +89,7 @@ def smooth_reference(mechanism: Mechanism, x0: State, seed: int = 0) -> Referenc
 
 
 def toss(mechanism: Mechanism, x0: State, inputs: Input) -> Reference | None:
-    """The puppet is thrown upwards with slack strings and falls into them.
+    """A motion of the puppet thrown upwards with slack strings, into which it falls.
 
     None if nothing catches, for example without gravity or strings.
     """
@@ -97,29 +97,29 @@ def toss(mechanism: Mechanism, x0: State, inputs: Input) -> Reference | None:
     at = Evaluation.of(mixed, x0)
     thrown = x0.replace(v_D=-_MOVES.rise_time * mechanism.time_scale * at.back(at.w0))
     try:
-        found = simulate_reference(mechanism, mixed.project(thrown), inputs)
+        motion = simulate_reference(mechanism, mixed.project(thrown), inputs)
     except SimulationError:
         return None
-    return None if found.smooth else found
+    return None if motion.smooth else motion
 
 
 def random_moves(mechanism: Mechanism, x0: State, size: float, seed: int = 0) -> Input:
-    """Each driven coordinate moves to a random place near its start, and on to another.
+    """Inputs that move each driven coordinate to two random places near its start.
 
     Args:
         mechanism: the puppet.
         x0: start state.
-        size: of the moves, 0 to 1.
-        seed: of the places.
+        size: size of the moves, 0 to 1.
+        seed: seed of the places.
     """
     table, rng = mechanism.mixed.coordinates, np.random.default_rng(seed)
     times = _MOVES.duration * mechanism.time_scale * np.array([0.0, 0.5, 1.0])
     points = {}
     for q, v in table.scalars_K:
         in_metres = mechanism.in_metres[v]
-        most = _MOVES.max_length * mechanism.length_scale if in_metres else _MOVES.max_angle
+        bounds = _MOVES.max_length * mechanism.length_scale if in_metres else _MOVES.max_angle
         way = np.array([0.0, *rng.uniform(-1.0, 1.0, 2)])
-        points[table.q_K[q]] = list(zip(times, x0.q_K[q] + size * most * way, strict=True))
+        points[table.q_K[q]] = list(zip(times, x0.q_K[q] + size * bounds * way, strict=True))
     for name, (q, _) in table.rotations.items():
         start = x0.q_K[q : q + 4]
         turns = size * _MOVES.max_angle * rng.uniform(-1.0, 1.0, (2, 3))

@@ -29,9 +29,9 @@ class Table:
     """A table with its heading.
 
     Attributes:
-        title: of the section.
+        title: title of the section.
         text: paragraph before it.
-        header: of the columns; those that end in ``>`` are set flush right.
+        header: headings of the columns; those that end in ``>`` are aligned right.
         lines: cells as text.
     """
 
@@ -56,9 +56,9 @@ class SectionReport(plots.Measurements):
     Attributes:
         reduction: (a) the kinetic energy, symmetric products, taut strings; the claims.
         symbolic: (a) the blocks of the kinetic energy as expressions; None for a large puppet.
-        mass: of the puppet, and of each drive unless stated otherwise [kg].
-        duration, first_impact: of the motion that is compared, and up to its first catch [s].
-        missing: what could not be measured, and why.
+        mass: mass of the puppet, and of each drive unless stated otherwise [kg].
+        duration, first_impact: duration of the compared motion, and time of its first catch [s].
+        missing: impossible measurements, with reasons.
         file_drives: (c) the drives of the puppet's file; None if it has none.
     """
 
@@ -160,7 +160,7 @@ class SectionReport(plots.Measurements):
         return lines + [f"not measured: {line}" for line in self.missing]
 
     def tables(self) -> list[Table]:
-        """The tables in order, of what was measured."""
+        """The tables of the measurements, in order."""
         claims = tuple((c.text, HOLDS[c.holds], c.evidence) for c in self.reduction.claims)
         tables = [Table(STRUCTURE, "", ("claim", "", "evidence"), claims)]
         if self.comparisons:
@@ -274,7 +274,7 @@ def _both(first: float, second: float) -> tuple[str, str]:
 
 
 def number(value: float, digits: int = 2) -> str:
-    """A number in few characters."""
+    """A number as a short text."""
     if not np.isfinite(value):
         return "-"
     return f"{value:.{digits}g}" if 1e-3 <= abs(value) < 1e5 or value == 0 else f"{value:.1e}"

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Size:
-    """What is still small enough to read.
+    """Largest readable sizes.
 
     Attributes:
-        inverted: dynamic velocities up to which M_DD is inverted symbolically.
-        operations: of all blocks together.
-        characters: of a printed expression.
+        inverted: largest number of dynamic velocities for a symbolic inverse of M_DD.
+        operations: number of operations of all blocks together.
+        characters: length of a printed expression.
     """
 
     inverted: int = 3
@@ -37,7 +37,7 @@ class Symbolic:
     """A small puppet's kinetic energy in [q_D, q_K].
 
     Attributes:
-        names: symbol -> name in the puppet file, of the symbols that occur.
+        names: symbol -> name in the puppet file, for the symbols that occur.
         M_DD, M_DK, M_KK: the blocks; M_KK without the drives' own inertia.
         effective: M_KK - M_KD M_DD^-1 M_DK, the inertia that a drive moves while the puppet's
             momentum is zero; its inverse, with the drives' inertia, must not depend on q_D. None if

@@ -1,6 +1,6 @@
 """The measured report on speed: ``python -m benchmarks.speed`` writes docs/benchmarks.md.
 
-The same puppet goes to every peer, and before anything is timed its motion is compared with ours.
-What is compared is timed in turns, so that a busy neighbour slows both sides, and ratios are taken
+Every peer simulates the same puppet; its motion is compared with ours before anything is timed.
+Compared programs are timed in turns, so that other load slows both sides, and ratios are taken
 turn by turn.
 """

@@ -16,8 +16,8 @@ from .programs import compiled, lane_source
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Writes docs/benchmarks.md.")
-    parser.add_argument("--quick", action="store_true", help="two turns, for a look; no page")
-    parser.add_argument("--turns", type=int, default=15, help="of what is compared (default 15)")
+    parser.add_argument("--quick", action="store_true", help="two turns and no page")
+    parser.add_argument("--turns", type=int, default=15, help="turns per comparison (default 15)")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "benchmarks.md")
     parser.add_argument(
         "--older-mujoco", type=Path, default=peers.OLDER, help="interpreter that has MuJoCo 3.17"
@@ -25,12 +25,14 @@ def main() -> None:
     options = parser.parse_args()
     quick = options.quick
     turns = 2 if quick else max(1, options.turns)
-    few = max(2, turns // 3)
+    n_long_turns = max(2, turns // 3)
     began, everyone = time.perf_counter(), peers.gather(options.older_mujoco)
     measures = {
         "steps": lambda: steps.chapters(everyone, scalar, turns, 500 if quick else 5000),
         "batches": lambda: [batches.chapter(everyone, turns, 64 if quick else 1024)],
-        "error and cost": lambda: [accuracy.chapter(everyone, min(few, 3), 0.5 if quick else 10.0)],
+        "error and cost": lambda: [
+            accuracy.chapter(everyone, min(n_long_turns, 3), 0.5 if quick else 10.0)
+        ],
         "real time": lambda: [real_time.chapter(turns)],
         "pipeline": lambda: [pipeline.chapter(2 if quick else 7)],
         "bounds": lambda: [bounds.chapter(scalar, lanes, turns)],

@@ -1,7 +1,7 @@
-"""Section 5: what an accurate motion with catches costs, MuJoCo's and ours.
+"""Section 5: cost of an accurate motion with catches, for MuJoCo and ours.
 
-The arm of ``benchmarks.strings`` is dropped from a slack pose. Its string's end stands still, since
-MuJoCo's limits do not see the speed of an end that is moved.
+The arm of ``benchmarks.strings`` is dropped from a slack pose. Its string's end is at rest, since
+MuJoCo's limits ignore the speed of a driven end.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ SECONDS = 2.0
 """Length of the motion [s]."""
 
 GOAL, MARK = 1e-6, 100.0
-"""The error to be reached, and how many times as long MuJoCo is to take for it at least."""
+"""Target error, and target ratio of MuJoCo's time to ours."""
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 INTEGRATORS = ("Euler", "RK4")
 STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
 FINER = (3e-6, 1e-6, 3e-7, 1e-7)
-"""Steps that only the best settings so far are given [s]."""
+"""Steps for only the best settings so far [s]."""
 
 KEPT = 2
 DAMPINGS = (None, 1.0, 5.0, 30.0, 200.0, 1000.0)
-"""How strings are made hard: not at all, or with the shortest time constant that MuJoCo's safeguard
-allows, two steps, the highest impedance, and a damping ratio. The more it is damped, the less a
-catch gives back; with 1, a seventh of the speed however short the step."""
+"""Hardness of strings: the default, or the shortest time constant that MuJoCo's safeguard
+allows, two steps, the highest impedance, and a damping ratio. With more damping a
+catch rebounds less; with 1, by a seventh of the speed at any step."""
 
 MODEL = "arm"
 
@@ -55,11 +55,11 @@ class Run:
     """One run of MuJoCo.
 
     Attributes:
-        integrator: its name.
+        integrator: name of the integrator.
         damping: one of ``DAMPINGS``.
         dt: [s].
-        seconds: of the processor.
-        error: the largest of coordinates and velocities at the end; infinite where it failed.
+        seconds: processor time [s].
+        error: largest error of coordinates and velocities at the end; infinite if it failed.
     """
 
     integrator: str
@@ -75,19 +75,19 @@ class Run:
 
     @property
     def setting(self) -> tuple[str, float | None, float]:
-        """What makes it again."""
+        """The setting that reproduces it."""
         return self.integrator, self.damping, self.dt
 
 
 @dataclass(frozen=True)
 class Problem:
-    """The motion and where it ends.
+    """The motion and its final state.
 
     Attributes:
         x0: the slack pose.
         end: (4,) coordinates and velocities, by SciPy.
-        doubt: how far ``end`` moves when its tolerance is ten times as large.
-        catches: how many there are.
+        doubt: change of ``end`` with a tolerance ten times as large.
+        catches: number of catches.
     """
 
     x0: State
@@ -97,7 +97,7 @@ class Problem:
 
     @classmethod
     def fall(cls) -> Problem:
-        """The arm that is dropped on its slack string."""
+        """The arm dropped on its slack string."""
         x0 = start(arm(), FALL, {})
         hook = [(t, FALL["hand.x"]) for t in (0, SECONDS)]
         length = [(t, FALL["hand.length"]) for t in (0, SECONDS)]
@@ -111,12 +111,12 @@ class Problem:
         return cls(x0, known.state, doubt, catches)
 
     def error(self, q: Array, v: Array) -> float:
-        """The largest of coordinates [rad] and velocities [rad/s]."""
+        """The largest error of coordinates [rad] and velocities [rad/s]."""
         apart = float(np.max(np.abs(np.concatenate([q, v]) - self.end)))
         return apart if math.isfinite(apart) else math.inf
 
     def ours(self, tolerance: float) -> tuple[float, float]:
-        """Seconds of the processor and the error of an event-driven run."""
+        """Processor time [s] and error of an event-driven run."""
         began = time.thread_time()
         run = fan.simulate(
             arm(),
@@ -147,19 +147,19 @@ class Problem:
         q, v = ({n: getattr(j, part) for n, j in joints.items()} for part in "qv")
         steps = round(SECONDS / dt)
         try:
-            found = peer.ask("step", model=MODEL, settings=settings, q=q, v=v, steps=steps)
+            answer = peer.ask("step", model=MODEL, settings=settings, q=q, v=v, steps=steps)
         except PeerError:
             return Run(integrator, damping, dt, math.inf, math.inf)
-        end = [by_joint.packed(arm().tree, found[part]) for part in "qv"]
-        return Run(integrator, damping, dt, found["seconds"] * steps, self.error(*end))
+        end = [by_joint.packed(arm().tree, answer[part]) for part in "qv"]
+        return Run(integrator, damping, dt, answer["seconds"] * steps, self.error(*end))
 
 
 def sweep(run: Callable[[str, float | None, float], Run], budget: float) -> list[Run]:
     """All settings at the coarse steps, the best at finer ones until they reach the goal.
 
     Args:
-        run: makes one.
-        budget: a run that is expected to take longer is not made [s].
+        run: function that makes a run.
+        budget: largest expected time of a run [s].
     """
     settings = list(itertools.product(INTEGRATORS, DAMPINGS))
     tried = [run(*setting, dt) for setting in settings for dt in STEPS]
@@ -192,7 +192,7 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
     )
     parts: list = [text]
     reached = False
-    least: Samples | str = peers.no_mujoco
+    smallest_ratio: Samples | str = peers.no_mujoco
     for peer in peers.mujoco.values():
         peer.load(mjcf(arm(), problem.x0.q_K), MODEL)
         tried = sweep(functools.partial(problem.theirs, peer), budget)
@@ -206,8 +206,8 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
             turns,
         )
         ratio = taken["theirs"].over(taken["ours"])
-        if isinstance(least, str) or ratio.median < least.median:
-            least = ratio
+        if isinstance(smallest_ratio, str) or ratio.median < smallest_ratio.median:
+            smallest_ratio = ratio
         parts.append(_words(peer, best, taken, tolerance))
         rows += [
             [f"MuJoCo {peer.version}, {r.name}", number(r.dt), shown(r.seconds), number(r.error)]
@@ -217,22 +217,22 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
     what = f"time to {number(GOAL)} on {SECONDS:g} s with catches: MuJoCo's best / ours"
     if peers.mujoco and not reached:
         what += f" (not reached within {number(budget)} s: the time of its smallest error)"
-    return Chapter(Section("5. Error and cost", parts), [Goal(what, least, MARK)])
+    return Chapter(Section("5. Error and cost", parts), [Goal(what, smallest_ratio, MARK)])
 
 
 def chosen(tried: list[Run]) -> Run:
-    """The cheapest run that reaches the goal; where none does, the most exact one."""
+    """The cheapest run that reaches the goal; if there is none, the most exact one."""
     there = [run for run in tried if run.error <= GOAL]
     return min(there, key=lambda r: r.seconds) if there else min(tried, key=lambda r: r.error)
 
 
 def _least(tried: list[Run], setting: tuple) -> float:
-    """The smallest error that a setting has come to."""
+    """The smallest error of a setting."""
     return min(run.error for run in tried if run.setting[:2] == setting)
 
 
 def _worth_showing(tried: list[Run]) -> list[Run]:
-    """Of every integrator and step the most exact run."""
+    """The most exact run of every integrator and step."""
     keys = dict.fromkeys((run.integrator, run.dt) for run in tried)
     return [
         min((r for r in tried if (r.integrator, r.dt) == key), key=lambda r: r.error)
@@ -241,7 +241,7 @@ def _worth_showing(tried: list[Run]) -> list[Run]:
 
 
 def _words(peer: MuJoCo, best: Run, taken: dict[str, Samples], tolerance: float) -> str:
-    """What a version came to."""
+    """The result of a version, as text."""
     ours, theirs = shown(taken["ours"].median), shown(taken["theirs"].median)
     ratio = times(taken["theirs"].over(taken["ours"]).median)
     run = f"{best.name}, steps of {number(best.dt)} s"

@@ -19,7 +19,7 @@ RATE_MARK, LANES_MARK = 30.0, 4000.0
 
 
 def batch_rate(states: list, steps: int, threads: int) -> float:
-    """Trajectories a second of time-stepping from some states, their inputs holding still."""
+    """Trajectories per second of time-stepping from several states, with constant inputs."""
     start = time.perf_counter()
     fan.simulate_batch(
         marionette(),

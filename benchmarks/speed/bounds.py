@@ -1,4 +1,4 @@
-"""Section 8: what the figures that are missed consist of."""
+"""Section 8: contributions to the figures that miss their targets."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ BY_HAND = (
 
 def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
     """The generated equations alone, compared with the work that contains them."""
-    programs, given = {"scalar": scalar, "lanes": lanes}, words([swinging()])
+    programs, start_words = {"scalar": scalar, "lanes": lanes}, words([swinging()])
 
     def timed(work: str) -> float:
-        return programs[WORKS[work][0]].run(given, work.split()[-1], 1, CALLS).seconds[0]
+        return programs[WORKS[work][0]].run(start_words, work.split()[-1], 1, CALLS).seconds[0]
 
     taken = in_turns({work: lambda work=work: timed(work) for work in WORKS}, turns)
     counts = operations(marionette().equations)

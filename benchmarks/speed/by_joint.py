@@ -1,4 +1,4 @@
-"""States joint by joint, as MuJoCo, Pinocchio and Drake take them, and strings for Drake."""
+"""States joint by joint, for MuJoCo, Pinocchio and Drake, and strings for Drake."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Anchored:
     """A string between a point of a body and a place in the world.
 
     Attributes:
-        name: the string's.
-        body: the body's name.
-        at: (3,) place in the body's frame [m].
-        world: (3,) where its upper end stands [m].
-        length: [m].
+        name: name of the string.
+        body: name of the body.
+        at: (3,) point in the body's frame [m].
+        world: (3,) position of its upper end [m].
+        length: length [m].
     """
 
     name: str
@@ -66,13 +66,13 @@ def packed(tree: Tree, rates: dict[str, list[float]]) -> Array:
 
 
 def strings(marionette: Marionette, x: State) -> list[Anchored]:
-    """All strings of a puppet, each from one body to one place that does not move."""
-    found = []
+    """All strings of a puppet, each from one body to one fixed place."""
+    anchored = []
     places = marionette.string_points(x.q_D, x.q_K).values()
     lengths = marionette.string_lengths(x.q_D, x.q_K)
     for row, points, length in zip(marionette.tree.strings, places, lengths, strict=True):
         first, _ = row.points
         link, at = marionette.tree.links[first.link], tuple(map(marionette.number, first.at))
         end = tuple(map(float, points[-1]))
-        found.append(Anchored(row.name, link.name, at, end, float(length)))
-    return found
+        anchored.append(Anchored(row.name, link.name, at, end, float(length)))
+    return anchored

@@ -1,6 +1,6 @@
 """Drake as a peer: unconstrained derivatives, and steps of a discrete plant with seven distances.
 
-Distance constraints exist in discrete plants with the SAP solver alone, pull and push, and need two
+Distance constraints exist only in discrete plants with the SAP solver, pull and push, and need two
 bodies: the strings' upper ends are points of a body welded to the world.
 """
 
@@ -27,11 +27,11 @@ class Drake:
     """A continuous plant without strings and a discrete one with them.
 
     Attributes:
-        version: of the wheel.
+        version: version of the wheel.
     """
 
     def __init__(self, text: str, hung: list[Anchored]):
-        """From MJCF text without tendons, and the strings.
+        """Creates both from MJCF text without tendons, and the strings.
 
         Raises:
             PeerError: it is not installed.
@@ -51,29 +51,29 @@ class Drake:
         self._place(self.free, self.context, q_D, v_D)
         rates = self.free.EvalTimeDerivatives(self.context).CopyToVector()
         acc = rates[self.free.num_positions() :]
-        found = {}
+        by_name = {}
         for name, joint in joints(still_tree(), q_D, v_D).items():
             start, count = _velocities(self.free, name)
             part = acc[start : start + count]
             if joint.kind == "free":
-                found[name] = np.concatenate([part[3:], _rotation(joint.q).T @ part[:3]])
+                by_name[name] = np.concatenate([part[3:], _rotation(joint.q).T @ part[:3]])
             else:
-                found[name] = _rotation(joint.q).T @ part if joint.kind == "ball" else part
-        return packed(still_tree(), found)
+                by_name[name] = _rotation(joint.q).T @ part if joint.kind == "ball" else part
+        return packed(still_tree(), by_name)
 
     def derivative(self, q_D: Array, v_D: Array) -> float:
-        """Seconds of an unconstrained derivative."""
+        """Time of an unconstrained derivative [s]."""
         plant, context = self.free, self.context
         self._place(plant, context, q_D, v_D)
         v = plant.GetVelocities(context)
         start = time.thread_time()
         for _ in range(CALLS):
-            plant.SetVelocities(context, v)  # or it would answer from its cache
+            plant.SetVelocities(context, v)  # otherwise it answers from its cache
             plant.EvalTimeDerivatives(context)
         return (time.thread_time() - start) / CALLS
 
     def stretch(self, q_D: Array, v_D: Array) -> float:
-        """How far a string is from its length after some steps from a state [m]."""
+        """Largest length error of a string after several steps from a state [m]."""
         self._begin(q_D, v_D)
         self.simulator.AdvanceTo(STEPS * DT)
         context, world = self.simulator.get_context(), self.hung.world_frame()
@@ -85,14 +85,14 @@ class Drake:
         return apart
 
     def step(self, q_D: Array, v_D: Array) -> float:
-        """Seconds of a step with strings."""
+        """Time of a step with strings [s]."""
         self._begin(q_D, v_D)
         start = time.thread_time()
         self.simulator.AdvanceTo(STEPS * DT)
         return (time.thread_time() - start) / STEPS
 
     def _begin(self, q_D: Array, v_D: Array) -> None:
-        """Time 0 and a state."""
+        """Sets time 0 and a state."""
         context = self.simulator.get_mutable_context()
         context.SetTime(0.0)
         self._place(self.hung, context, q_D, v_D)
@@ -130,7 +130,7 @@ def _plant(text: str, dt: float, hung: list[Anchored]):
     from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
     from pydrake.multibody.tree import SpatialInertia, UnitInertia
 
-    logging.getLogger("drake").setLevel(logging.ERROR)  # it names the elements it leaves out
+    logging.getLogger("drake").setLevel(logging.ERROR)  # it warns of omitted elements
     plant = MultibodyPlant(dt)
     Parser(plant).AddModelsFromString(text, "xml")
     if dt > 0.0:
@@ -146,7 +146,7 @@ def _plant(text: str, dt: float, hung: list[Anchored]):
 
 
 def _velocities(plant, name: str) -> tuple[int, int]:
-    """Where a joint's velocities begin among v, and how many there are."""
+    """Index of a joint's first velocity among v, and their number."""
     body = _body_of(name)
     if _is_free(name):
         start = plant.GetBodyByName(body).floating_velocities_start_in_v()

@@ -1,4 +1,4 @@
-"""Samples, their ratios, and the marks they are held against."""
+"""Samples, their ratios, and their targets."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ..strings.report import Section, Table
 
 @dataclass(frozen=True)
 class Samples:
-    """One number a turn.
+    """One number per turn.
 
     Attributes:
-        values: in the order in which they were measured.
+        values: values in the order of measurement.
     """
 
     values: tuple[float, ...]
@@ -24,16 +24,16 @@ class Samples:
         return statistics.median(self.values)
 
     def over(self, other: Samples) -> Samples:
-        """The ratio in every turn: what slowed a whole turn does not count."""
+        """The ratio in every turn: load that slows a whole turn cancels."""
         return Samples(tuple(a / b for a, b in zip(self.values, other.values, strict=True)))
 
     def per(self, amount: float) -> Samples:
-        """``amount`` over every value: a rate from seconds."""
+        """``amount`` over every value: rates from times."""
         return Samples(tuple(amount / x for x in self.values))
 
 
 def in_turns(actions: Mapping[str, Callable[[], float]], turns: int) -> dict[str, Samples]:
-    """Every action once, then every action again: what is compared is measured side by side."""
+    """Samples of actions that run in turns, so that compared ones are measured side by side."""
     taken: dict[str, list[float]] = {name: [] for name in actions}
     for _ in range(turns):
         for name, action in actions.items():
@@ -43,13 +43,13 @@ def in_turns(actions: Mapping[str, Callable[[], float]], turns: int) -> dict[str
 
 @dataclass(frozen=True)
 class Goal:
-    """A figure that is to stay below a bound, or above it.
+    """A figure with an upper or a lower bound as its target.
 
     Attributes:
-        what: in words.
-        measured: the samples; or why there are none.
-        bound: [s], or a ratio.
-        at_least: whether the median is to reach the bound, and not to stay below it.
+        what: description.
+        measured: the samples, or the reason why there are none.
+        bound: target [s], or a ratio.
+        at_least: whether the bound is a minimum of the median; otherwise it is a maximum.
     """
 
     what: str
@@ -59,7 +59,7 @@ class Goal:
 
     @property
     def met(self) -> bool | None:
-        """None when it was not measured."""
+        """Whether the target is met; None if it was not measured."""
         if isinstance(self.measured, str):
             return None
         median = self.measured.median
@@ -75,7 +75,7 @@ class Chapter:
 
 
 def shown(seconds: float) -> str:
-    """Seconds with a fitting unit."""
+    """A time in a suitable unit."""
     for unit, factor in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
         if abs(seconds) >= factor:
             return f"{seconds / factor:.3g} {unit}"
@@ -88,12 +88,12 @@ def times(ratio: float) -> str:
 
 
 def spread(samples: Samples, write: Callable[[float], str] = shown) -> list[str]:
-    """Median, least and greatest."""
+    """Median, minimum and maximum."""
     return [write(x) for x in (samples.median, min(samples.values), max(samples.values))]
 
 
 def goals_table(chapters: list[Chapter]) -> Table:
-    """All marks of the page; those that are missed in bold."""
+    """All targets of the page; missed ones in bold."""
     rows = []
     for goal in (goal for chapter in chapters for goal in chapter.goals):
         write = times if goal.at_least else shown

@@ -1,5 +1,5 @@
-// What scalar.cpp and lanes.cpp are given on stdin: q_D, v_D, p, winches, dt, recovery speed,
-// tension cap, the input (n_segments, breaks, coef, base). Included after the model.
+// Input of scalar.cpp and lanes.cpp on stdin: q_D, v_D, p, winches, dt, recovery speed, tension
+// cap, the input (n_segments, breaks, coef, base). Included after the model.
 #pragma once
 
 #include <cstdio>

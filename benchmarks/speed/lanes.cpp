@@ -1,11 +1,11 @@
 // Time of a bundle of lanes, each the same swing from the same state:
 //
-//   step            a time step with complementarity, without what a batch does around it
-//   step_dynamics   the generated function alone
+//   step            a time step with complementarity, without the work of a batch around it
+//   step_dynamics   only its generated function
 //
-// argv and stdin are those of scalar.cpp. stdout: one line a time, seconds of the processor for one
-// lane; then the sum of the tensions [N] and the largest |h| of a string [m] where the last one
-// ended.
+// argv and stdin are those of scalar.cpp. stdout: for each repetition, the processor time of one
+// lane [s]; then the sum of the tensions [N] and the largest |h| of a string [m] at the end of the
+// last one.
 #include "main.cpp"
 #include "given.hpp"
 
@@ -22,7 +22,7 @@ constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model
 
 fan::TimeSteppingTrajectory<Model, Wide> led;
 
-// Inputs that hold still.
+// Constant inputs.
 struct Still {
   void start(const Wide&, decltype(led)::Inputs& in) const {
     for (int i = 0; i < Model::n_qK; ++i) in.q_K[i] = Wide(base[i]);
@@ -64,7 +64,7 @@ int main(int, char** argv) {
   const bool stepping = !std::strcmp(argv[1], "step");
   const int times = std::atoi(argv[2]), n = std::atoi(argv[3]);
   take_all();
-  // The inputs hold still: the constant terms say where.
+  // Constant inputs: the polynomials' constant terms.
   for (int i = 0; i < Model::Driven::n_scalars; ++i)
     base[Model::Driven::scalar_q[i]] = coef[6 * Model::Driven::scalar_v[i]];
   for (int i = 0; i <= times; ++i) {  // the first is a warm-up

@@ -1,4 +1,4 @@
-"""MuJoCo as a peer: the installed versions, their fastest settings, their bursts."""
+"""MuJoCo as a peer: the installed versions, their fastest settings, timed bursts."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ JACOBIANS = ("dense", "sparse")
 MODEL = "marionette"
 
 CLOSE = 1e-3
-"""How far [m or rad] settings may lie apart after a burst: one that lies farther is wrong."""
+"""Largest difference [m or rad] of a right setting from the reference after a burst."""
 
 
 class PeerError(Exception):
-    """A peer that is not there, or gave no answer."""
+    """A peer that is not installed, or gave no answer."""
 
 
 @dataclass
@@ -33,9 +33,9 @@ class MuJoCo:
     """One version of MuJoCo, running.
 
     Attributes:
-        version: as it says itself.
-        fastest: integrator -> the settings that were found fastest.
-        tried: all settings that were timed.
+        version: version that it reports.
+        fastest: integrator -> the fastest settings.
+        tried: all timed settings.
     """
 
     process: subprocess.Popen
@@ -45,7 +45,7 @@ class MuJoCo:
 
     @classmethod
     def start(cls, python: str) -> MuJoCo:
-        """The version that belongs to an interpreter.
+        """The version of an interpreter.
 
         Raises:
             PeerError: it has none.
@@ -70,7 +70,7 @@ class MuJoCo:
         """The worker's answer to a request.
 
         Raises:
-            PeerError: it is not there any more, or says that something failed.
+            PeerError: it has ended, or reports a failure.
         """
         try:
             self.process.stdin.write(json.dumps({"task": task, **request}) + "\n")
@@ -96,12 +96,12 @@ class MuJoCo:
         return packed(still_tree(), self.ask("accelerate", model=MODEL, q=q, v=v)["acc"])
 
     def burst(self, settings: dict, q_D: Array, v_D: Array, steps: int) -> dict:
-        """Some steps from a state; ``seconds`` is what one takes."""
+        """Steps from a state; ``seconds`` is the time of one step."""
         q, v = state(q_D, v_D)
         return self.ask("step", model=MODEL, settings=settings, q=q, v=v, steps=steps)
 
     def trajectories(self, settings: dict, starts: list, steps: int, threads: int) -> float:
-        """Seconds of a rollout from some (q_D, v_D)."""
+        """Time of a rollout from several (q_D, v_D) [s]."""
         states = [state(q_D, v_D) for q_D, v_D in starts]
         answer = self.ask(
             "rollout", model=MODEL, settings=settings, states=states, steps=steps, threads=threads
@@ -113,36 +113,41 @@ class MuJoCo:
     def find_fastest(self, q_D: Array, v_D: Array, steps: int, tries: int) -> None:
         """Times every solver and Jacobian, with and without islands; keeps the fastest right one.
 
-        Dense Newton without islands is taken to be right; a setting that ends elsewhere is not.
+        Dense Newton without islands is the reference; a setting with another end is wrong.
         """
         for integrator in ("Euler", "RK4"):
-            found = [Tried(settings) for settings in choices(integrator)]
+            candidates = [Tried(settings) for settings in choices(integrator)]
             for _ in range(tries):
-                for one in found:
-                    if one.wrong:
+                for candidate in candidates:
+                    if candidate.wrong:
                         continue
                     try:
-                        answer = self.burst(one.settings, q_D, v_D, steps)
-                        one.wrong = _apart(one.answer or found[0].answer or answer, answer)
-                        one.answer, one.seconds = answer, min(one.seconds, answer["seconds"])
+                        answer = self.burst(candidate.settings, q_D, v_D, steps)
+                        candidate.wrong = _apart(
+                            candidate.answer or candidates[0].answer or answer, answer
+                        )
+                        candidate.answer, candidate.seconds = (
+                            answer,
+                            min(candidate.seconds, answer["seconds"]),
+                        )
                     except PeerError as error:
-                        one.wrong = str(error)
-            right = [one for one in found if not one.wrong]
+                        candidate.wrong = str(error)
+            right = [candidate for candidate in candidates if not candidate.wrong]
             if not right:
-                raise PeerError(f"no setting of {integrator} works: {found[0].wrong}")
-            self.fastest[integrator] = min(right, key=lambda one: one.seconds).settings
-            self.tried += found
+                raise PeerError(f"no setting of {integrator} works: {candidates[0].wrong}")
+            self.fastest[integrator] = min(right, key=lambda candidate: candidate.seconds).settings
+            self.tried += candidates
 
 
 @dataclass
 class Tried:
-    """A setting that was tried.
+    """A timed setting.
 
     Attributes:
-        settings: as the worker takes them.
-        seconds: the fewest a step took.
-        answer: to the last burst.
-        wrong: what is wrong with it, or nothing.
+        settings: settings in the worker's format.
+        seconds: shortest time of a step [s].
+        answer: answer to the last burst.
+        wrong: its fault, or nothing.
     """
 
     settings: dict
@@ -158,7 +163,7 @@ class Tried:
 
 
 def choices(integrator: str) -> list[dict]:
-    """All settings that may be the fastest, the one that is taken to be right first."""
+    """All settings that may be the fastest, the reference first."""
     return [
         {
             "integrator": integrator,
@@ -173,12 +178,12 @@ def choices(integrator: str) -> list[dict]:
 
 def state(q_D: Array, v_D: Array) -> tuple[dict, dict]:
     """Positions and velocities by joint; MuJoCo's conventions are ours."""
-    found: dict[str, Joint] = joints(still_tree(), q_D, v_D)
-    return {n: j.q for n, j in found.items()}, {n: j.v for n, j in found.items()}
+    by_name: dict[str, Joint] = joints(still_tree(), q_D, v_D)
+    return {n: j.q for n, j in by_name.items()}, {n: j.v for n, j in by_name.items()}
 
 
 def _apart(right: dict, other: dict) -> str:
-    """What is wrong with the end of a burst, next to one that is right."""
+    """The fault of a burst's end, compared with the reference; "" if there is none."""
     pairs = ((a, b) for n in right["q"] for a, b in zip(right["q"][n], other["q"][n], strict=True))
     apart = max(abs(a - b) for a, b in pairs)
     if not apart <= CLOSE:

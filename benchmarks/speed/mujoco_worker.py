@@ -1,6 +1,6 @@
-"""MuJoCo in a process of its own, so that two versions can be timed in turns.
+"""MuJoCo in a separate process, so that two versions can be timed in turns.
 
-It needs nothing but the mujoco wheel. Every line of stdin is a request in JSON, ``{"task": name,
+It needs only the mujoco wheel. Every line of stdin is a request in JSON, ``{"task": name,
 ...}``; every line of stdout its answer. States are given and returned joint by joint:
 ``{joint: [numbers]}`` in MuJoCo's own order and axes.
 """
@@ -16,14 +16,14 @@ import numpy as np
 from mujoco import rollout
 
 WARM_UP = 200
-"""Steps before a clock is started."""
+"""Number of steps before the timed ones."""
 
 SOLREF, SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 """MuJoCo's default softness of a limit."""
 
 
 class Bench:
-    """The models that were loaded, and the tasks."""
+    """The loaded models, and the tasks."""
 
     def __init__(self):
         self.models: dict[str, mujoco.MjModel] = {}
@@ -42,7 +42,7 @@ class Bench:
         return {"acc": {name: d.joint(name).qacc.tolist() for name in q}}
 
     def step(self, model: str, settings: dict, q: dict, v: dict, steps: int) -> dict:
-        """Seconds a step, where it led, and the tension of every tendon there."""
+        """Time of a step [s], the final state, and the tension of every tendon there."""
         m, d = self._put(model, settings, q, v)
         mujoco.mj_step(m, d, WARM_UP)
         self._place(m, d, q, v)
@@ -58,7 +58,7 @@ class Bench:
         return {"seconds": took / steps, "q": end, "v": speed, "tension": tension}
 
     def rollout(self, model: str, settings: dict, states: list, steps: int, threads: int) -> dict:
-        """Seconds for all trajectories from some states, on a pool of threads."""
+        """Time of all trajectories from several states [s], on a pool of threads."""
         m, d = self._put(model, settings, *states[0])
         full = mujoco.mjtState.mjSTATE_FULLPHYSICS
         start = np.empty((len(states), mujoco.mj_stateSize(m, full)))
@@ -68,7 +68,7 @@ class Bench:
         data = [mujoco.MjData(m) for _ in range(threads)]
         pool = self.pools.setdefault(threads, rollout.Rollout(nthread=threads))
         out = np.empty((len(states), steps, start.shape[1]))
-        out.fill(0.0)  # so that its memory is there when the clock starts
+        out.fill(0.0)  # allocates its memory before the clock starts
         began = time.perf_counter()
         pool.rollout(m, data, start, nstep=steps, state=out)
         took = time.perf_counter() - began

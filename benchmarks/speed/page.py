@@ -1,4 +1,4 @@
-"""The page: what was measured where, under one table of all marks."""
+"""The page: one table of all targets, then the measurements by section."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OPENING = (
 
 
 def page(chapters: list[Chapter], peers: Peers, flags: str) -> str:
-    """All of it as Markdown."""
+    """The page as Markdown."""
     computer = machine(("numpy", "scipy", "casadi"))
     versions = [["compiler's flags", flags]]
     versions += [[name, peer.version] for name, peer in peers.mujoco.items()]

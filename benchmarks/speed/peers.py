@@ -1,4 +1,4 @@
-"""All peers that are there, each given the same puppet, and the proof that it is the same."""
+"""All installed peers, each with the same puppet, and the proof that it is the same."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from .pinocchio_peer import Pinocchio
 from .subject import DT, KNEES, hanging, marionette, still_air, swinging
 
 OLDER = ROOT / ".venv-mujoco317" / "bin" / "python"
-"""Where ``make bench`` puts the older MuJoCo."""
+"""Interpreter with the older MuJoCo of ``make bench``."""
 
 SAME = 1e-9
-"""Accelerations that lie farther apart, relative to the largest, make a comparison void."""
+"""Difference of accelerations, relative to the largest, that makes a comparison void."""
 
 CLOSE = 1e-3
 """The same for tensions at rest, relative to the weight, and for the lengths of strings [m]."""
 
 SETTLED = 100
-"""Steps in which strings find their tensions and nothing else moves yet."""
+"""Number of steps after which strings have their tensions and little has moved."""
 
 STIFF = {
     "integrator": "Euler",
@@ -49,13 +49,13 @@ STIFF = {
 
 @dataclass
 class Peers:
-    """What can be compared with.
+    """The installed peers.
 
     Attributes:
-        mujoco: name -> version that runs.
-        pinocchio, drake: None when they are not there.
-        missing: name -> why.
-        checks: rows of the table that shows that all simulate the same puppet.
+        mujoco: name -> running version.
+        pinocchio, drake: None if not installed.
+        missing: name -> reason.
+        checks: rows of the table that proves that all simulate the same puppet.
     """
 
     mujoco: dict[str, MuJoCo] = field(default_factory=dict)
@@ -66,20 +66,20 @@ class Peers:
 
     @property
     def no_mujoco(self) -> str:
-        """Why there is none, where there is none."""
+        """Reason why there is no MuJoCo."""
         return self.missing.get("MuJoCo", "not installed")
 
     def stop(self) -> None:
         """Ends the processes."""
-        for one in self.mujoco.values():
-            one.stop()
+        for peer in self.mujoco.values():
+            peer.stop()
 
 
 def gather(older: Path) -> Peers:
     """Starts and checks all of them.
 
     Args:
-        older: interpreter that has the older MuJoCo.
+        older: interpreter with the older MuJoCo.
     """
     peers, hung = Peers(), strings(marionette(), hanging())
     whole, bare = text(strung=True), text(strung=False)
@@ -106,16 +106,16 @@ def gather(older: Path) -> Peers:
         return peer if right else None
 
     for name, python in (("MuJoCo", sys.executable), ("MuJoCo 3.17", str(older))):
-        found = admit(name, functools.partial(_mujoco, python, whole), _tension_apart)
-        if found:
-            peers.mujoco[name] = found
+        version = admit(name, functools.partial(_mujoco, python, whole), _tension_apart)
+        if version:
+            peers.mujoco[name] = version
     peers.pinocchio = admit("Pinocchio", lambda: Pinocchio(bare))
     peers.drake = admit("Drake", lambda: Drake(bare, hung), _stretch)
     return peers
 
 
 def chapter(peers: Peers) -> Chapter:
-    """The proof."""
+    """The section with the proof."""
     rows = [*peers.checks, *([name, why, "-", "-", "-"] for name, why in peers.missing.items())]
     header = ["peer", "version", "accelerations apart", "strings apart", "same puppet"]
     speed, limits = float(np.abs(swinging().v_D).max()), len(marionette().tree.limits)
@@ -139,7 +139,7 @@ def chapter(peers: Peers) -> Chapter:
 
 
 def text(strung: bool) -> str:
-    """MJCF of the puppet that the peers are given, whose strings' ends stand still.
+    """MJCF of the peers' puppet, with fixed ends of the strings.
 
     Args:
         strung: whether it has its strings.
@@ -156,13 +156,13 @@ def _mujoco(python: str, text: str) -> MuJoCo:
 
 @functools.cache
 def _still() -> tuple[fan.Marionette, State]:
-    """What the peers simulate, as a marionette of ours, at rest."""
+    """The peers' puppet as our marionette, at rest."""
     puppet = fan.Marionette(still_air())
     return puppet, puppet.rest(KNEES)
 
 
 def _acceleration_apart(peer) -> float:
-    """The largest difference at some states, relative to the largest acceleration."""
+    """The largest difference at several states, relative to the largest acceleration."""
     puppet, rest = _still()
     worst = 0.0
     for seed in range(5):
@@ -182,10 +182,10 @@ def _acceleration_apart(peer) -> float:
 
 def _tension_apart(peer: MuJoCo) -> float:
     puppet, x = _still()
-    found = peer.burst(STIFF, x.q_D, x.v_D, SETTLED)["tension"]
+    tension = peer.burst(STIFF, x.q_D, x.v_D, SETTLED)["tension"]
     _, ours = puppet.forward_dynamics(x)
     names = [s.name for s in puppet.tree.strings]
-    apart = max(abs(found[n] - t) for n, t in zip(names, ours, strict=False))
+    apart = max(abs(tension[n] - t) for n, t in zip(names, ours, strict=False))
     return float(apart) / puppet.weight
 
 

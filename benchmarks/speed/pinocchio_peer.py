@@ -1,6 +1,6 @@
 """Pinocchio as a peer, from its Python wheel: the articulated-body algorithm, without strings.
 
-Its constraints are points and frames that meet. A string's length is neither, so its constrained
+Its constraints are coincident points and frames. A string's length is neither, so its constrained
 dynamics cannot hold the puppet up.
 """
 
@@ -26,12 +26,12 @@ class Pinocchio:
     """A model, and calls of it.
 
     Attributes:
-        version: of the wheel.
-        constraints: kinds of contact its constrained dynamics knows.
+        version: version of the wheel.
+        constraints: kinds of contact of its constrained dynamics.
     """
 
     def __init__(self, text: str):
-        """From MJCF text.
+        """Creates the model from MJCF text.
 
         Raises:
             PeerError: it is not installed.
@@ -63,7 +63,7 @@ class Pinocchio:
         return packed(still_tree(), rates)
 
     def burst(self, q_D: Array, v_D: Array) -> float:
-        """Seconds of a call."""
+        """Time of a call [s]."""
         aba, model, data = self.pin.aba, self.model, self.data
         q, v, tau = self._state(q_D, v_D)
         start = time.thread_time()

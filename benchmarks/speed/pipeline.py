@@ -38,7 +38,7 @@ print(time.perf_counter() - start)
 
 
 def timed(action: Callable[[], object], runs: int) -> Samples:
-    """Seconds that each of some runs takes."""
+    """Times of several runs [s]."""
     took = []
     for _ in range(runs):
         start = time.perf_counter()
@@ -48,7 +48,7 @@ def timed(action: Callable[[], object], runs: int) -> Samples:
 
 
 def fresh(code: str, runs: int) -> Samples:
-    """What a program prints that runs in a new interpreter every time."""
+    """Numbers printed by a program that runs in a new interpreter every time."""
     command = [sys.executable, "-c", code]
     return Samples(
         tuple(
@@ -65,8 +65,8 @@ def derivation(runs: int) -> Samples:
 
 
 def compilation(runs: int) -> Samples:
-    """Source text -> shared library, in a cache folder of its own."""
-    text, kept = source(), os.environ.get("FANTOCCINI_CACHE")
+    """Source text -> shared library, in a separate cache folder."""
+    text, cache = source(), os.environ.get("FANTOCCINI_CACHE")
     with tempfile.TemporaryDirectory() as folder:
         os.environ["FANTOCCINI_CACHE"] = folder
         try:
@@ -74,8 +74,8 @@ def compilation(runs: int) -> Samples:
             return timed(lambda: build.obtain(next(keys), lambda: text), runs)
         finally:
             del os.environ["FANTOCCINI_CACHE"]
-            if kept is not None:
-                os.environ["FANTOCCINI_CACHE"] = kept
+            if cache is not None:
+                os.environ["FANTOCCINI_CACHE"] = cache
 
 
 def performance(method: str, runs: int) -> Samples:

@@ -1,4 +1,4 @@
-"""The runtime in programs of its own, compiled as the puppet's library is."""
+"""The runtime in separate programs, compiled like the puppet's library."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ HERE = Path(__file__).resolve().parent
 
 @dataclass(frozen=True)
 class Burst:
-    """What a program printed.
+    """Output of a program.
 
     Attributes:
-        seconds: of the processor for one evaluation or step, one number a time.
+        seconds: processor time of one evaluation or step, for each repetition [s].
         tension: sum over the strings at the end [N].
         apart: the largest |h| of a string at the end [m].
     """
@@ -46,7 +46,7 @@ class Program:
 
         Args:
             words: arrays and numbers for its stdin.
-            arguments: of its command line.
+            arguments: arguments of its command line.
         """
         text = "\n".join(repr(float(x)) for part in words for x in np.ravel(part))
         command = [str(self.path), *map(str, arguments)]
@@ -56,7 +56,7 @@ class Program:
 
 
 def flags() -> list[str]:
-    """Those of the library, without what makes it one."""
+    """The library's compiler flags, without those for a shared library."""
     return [f for f in (*BASE_FLAGS, *build.default_flags(source())) if f != "-shared"]
 
 
@@ -64,9 +64,9 @@ def compiled(name: str, folder: Path, text_of: build.Source | None = None) -> Pr
     """A program of this folder with the bundled marionette in it.
 
     Args:
-        name: of the program.
-        folder: where it is made.
-        text_of: the marionette; that of its library when not given.
+        name: name of the program.
+        folder: folder of the program.
+        text_of: source of the marionette; that of its library by default.
     """
     for file, text in (text_of or source()).files.items():
         Path(folder, file).write_text(text, encoding="utf-8")
@@ -78,7 +78,7 @@ def compiled(name: str, folder: Path, text_of: build.Source | None = None) -> Pr
 
 
 def words(states: Sequence[State]) -> list:
-    """What a program reads: the starts, then what they have in common, inputs that hold still."""
+    """Input of a program: the starts, then common data with constant inputs."""
     puppet = marionette()
     bound = Input.hold(puppet).bound(hanging().q_K, 0.0)
     options = puppet.run_options()
@@ -88,7 +88,7 @@ def words(states: Sequence[State]) -> list:
 
 
 def lane_source() -> build.Source:
-    """Likewise as the library of its lanes is made of it."""
+    """The bundled marionette's source, as for the library of its lanes."""
     generated = generate(marionette().equations, "lanes")
     return build.Source(
         generated.files,
@@ -100,5 +100,5 @@ def lane_source() -> build.Source:
 
 
 def source() -> build.Source:
-    """The bundled marionette as text to be compiled, just as the library is made of it."""
+    """The bundled marionette's source, as for its library."""
     return marionette().libraries.source_files()

@@ -17,7 +17,7 @@ SECONDS, TOLERANCE, MARK = 10.0, 1e-8, 100.0
 
 
 def gentle() -> Input:
-    """The upper ends sway by 5 cm to one side and to the other; a hand is lifted by 4 cm."""
+    """Inputs that sway the upper ends by 5 cm to both sides and lift a hand by 4 cm."""
     puppet = marionette()
     start = dict(zip(puppet.coordinates.q_K, hanging().q_K, strict=True))
     points = {
@@ -31,7 +31,7 @@ def gentle() -> Input:
 
 
 def chapter(turns: int) -> Chapter:
-    """How many times faster than the motion itself."""
+    """Speed relative to real time."""
     inputs = gentle()
 
     def run(tolerance: float) -> Trajectory:
@@ -50,14 +50,14 @@ def chapter(turns: int) -> Chapter:
 
     timed()
     taken = in_turns({"event": timed}, turns)["event"]
-    found, right = run(TOLERANCE), run(1e-13)
-    q = float(np.max(np.abs(found.q_D[-1] - right.q_D[-1])))
-    v = float(np.max(np.abs(found.v_D[-1] - right.v_D[-1])))
+    run_, right = run(TOLERANCE), run(1e-13)
+    q = float(np.max(np.abs(run_.q_D[-1] - right.q_D[-1])))
+    v = float(np.max(np.abs(run_.v_D[-1] - right.v_D[-1])))
     rate: Samples = taken.per(SECONDS)
     text = (
         f"A performance of {SECONDS:g} s in which the upper ends of the marionette's strings sway "
         "by 5 cm to both sides and a hand is lifted by 4 cm; the strings stay taut "
-        f'({len(found.events)} events). `fan.simulate` with `method="event"` and tolerances of '
+        f'({len(run_.events)} events). `fan.simulate` with `method="event"` and tolerances of '
         f"{number(TOLERANCE)} takes {shown(taken.median)} ({times(rate.median)} real "
         f"time) and ends {number(q)} (coordinates) and {number(v)} (velocities) from the end of a "
         "run with a tolerance of 1e-13."

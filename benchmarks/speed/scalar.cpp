@@ -1,16 +1,16 @@
-// Time of the scalar runtime's works from a state with all strings taut:
+// Time of the scalar runtime's work from a state with all strings taut:
 //
 //   evaluate        accelerations and all tensions
 //   rk4             a step of the classical Runge-Kutta method, four evaluations with tensions
-//   step            a time step with complementarity, as a run makes it
-//   dynamics        of an evaluation the generated function alone
+//   step            a time step with complementarity, as in a run
+//   dynamics        only the generated function of an evaluation
 //   step_dynamics   likewise of a step
 //
-// argv: the work, how often it is timed, how many in each.
+// argv: the work, the number of repetitions, the number of calls in each.
 // stdin: q_D, v_D, p, winches, dt, recovery speed, tension cap, the input (n_segments, breaks,
 // coef, base).
-// stdout: one line a time, seconds of the processor for one; then the sum of the tensions [N] and
-// the largest |h| of a string [m] where the last one ended.
+// stdout: for each repetition, the processor time of one call [s]; then the sum of the tensions [N]
+// and the largest |h| of a string [m] at the end of the last one.
 #include "main.cpp"
 #include "given.hpp"
 
@@ -29,13 +29,13 @@ fan::Flow<Model> flow;
 fan::GridRun<fan::TimeSteppingTrajectory<Model, double>> run;
 
 template <class Drive>
-void give(Drive& drive) {
+void set_input(Drive& drive) {
   drive.set({n_segments, breaks.data(), coef.data(), base.data(), nullptr});
   drive.start_at(0.0);
 }
 
 void hold_all_strings() {
-  give(flow.drive);
+  set_input(flow.drive);
   for (int i = 0; i < Model::n_p; ++i) flow.p[i] = p[i];
   for (int i = 0; i < NQ; ++i) flow.y[i] = q_D[i];
   for (int k = 0; k < N; ++k) flow.y[NQ + k] = v_D[k];
@@ -71,7 +71,7 @@ void rk4(int n) {
   }
 }
 
-// The generated functions at the state: their inputs are those of its latest evaluation.
+// Calls the generated functions at the state, with the inputs of its latest evaluation.
 void dynamics(int n) {
   for (int i = 0; i < n; ++i)
     flow.eval.at(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.u_D, flow.p);
@@ -84,13 +84,13 @@ void step_dynamics(int n) {
         flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.u_D, flow.y + NQ, dt, flow.p);
 }
 
-constexpr int rows_kept = 4, some_events = 4 * (M + S + 1);
-double row[fan::Record<Model>::Layout::width * rows_kept];
+constexpr int row_capacity = 4, some_events = 4 * (M + S + 1);
+double row[fan::Record<Model>::Layout::width * row_capacity];
 double event[fan::EventLayout::width * some_events];
 
 fan::Record<Model> record() {
   fan::Record<Model> out{};
-  out.samples = row, out.sample_capacity = rows_kept;
+  out.samples = row, out.sample_capacity = row_capacity;
   out.events = event, out.event_capacity = some_events;
   return out;
 }

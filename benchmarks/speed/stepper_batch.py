@@ -1,8 +1,8 @@
-"""Prints how many pieces of 20 ms a second the batched stepper makes of the bundled marionette.
+"""Prints the rate of pieces of 20 ms of the bundled marionette's batched stepper.
 
     python -m benchmarks.speed.stepper_batch [--runs 1024] [--calls 50] [--threads 2] [--turns 7]
 
-A call of ``stepper_batch.advance`` makes one piece of every run, as a control loop asks for it: it
+A call of ``stepper_batch.advance`` makes one piece of every run, as in a control loop: it
 gets the accelerations of all driven coordinates (runs, 21) and leaves the states in arrays. Runs
 begin at different times of the bundled performance and follow its accelerations. Pieces are made
 of time steps of 2 ms, the default, and of one step of 20 ms. Figures are the median and the best of
@@ -23,16 +23,16 @@ from fantoccini.theatre.perform.demo import performance
 PIECE = 0.02
 """[s]"""
 MARK = 400_000
-"""Fewest wanted pieces a second, each one step."""
+"""Target rate of pieces of one step [1/s]."""
 
 
 def begun(runs: int, dt: float, threads: int) -> tuple[StepperBatch, np.ndarray]:
-    """Runs of the performance that begin at different times, and its accelerations from there.
+    """Runs of the performance from different times, and its accelerations from there.
 
     Args:
-        runs: how many.
+        runs: number of runs.
         dt: time step [s].
-        threads: that share the work.
+        threads: number of threads.
 
     Returns:
         The batch, and (200, runs, n_vK) accelerations of pieces.
@@ -50,18 +50,18 @@ def begun(runs: int, dt: float, threads: int) -> tuple[StepperBatch, np.ndarray]
 
 
 def rates(runs: int, calls: int, dt: float, threads: int, turns: int) -> list[float]:
-    """Pieces a second of each turn; every turn begins anew."""
+    """Pieces per second of each turn; every turn restarts."""
     batch, acc_K = begun(runs, dt, threads)
-    found = []
+    rate_list = []
     for _ in range(turns):
         batch.reset()
         start = time.perf_counter()
         for k in range(calls):
             batch.advance(PIECE, acc_K[k])
-        found.append(calls * runs / (time.perf_counter() - start))
+        rate_list.append(calls * runs / (time.perf_counter() - start))
         if not np.all(batch.arrived):
             raise RuntimeError("runs of the performance ended early")
-    return found
+    return rate_list
 
 
 def main() -> None:
@@ -73,12 +73,12 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=7)
     a = parser.parse_args()
     for dt in (0.002, PIECE):
-        found = rates(a.runs, a.calls, dt, a.threads, a.turns)
+        rate_list = rates(a.runs, a.calls, dt, a.threads, a.turns)
         mark = f" (at least {MARK:,})" if dt == PIECE else ""
         print(
             f"{a.runs} runs, {a.threads} threads, steps of {1e3 * dt:g} ms: "
-            f"{np.median(found):,.0f} pieces of {1e3 * PIECE:g} ms a second, at best "
-            f"{max(found):,.0f}{mark}"
+            f"{np.median(rate_list):,.0f} pieces of {1e3 * PIECE:g} ms a second, at best "
+            f"{max(rate_list):,.0f}{mark}"
         )
 
 

@@ -19,7 +19,7 @@ OURS = {
 """Work of the scalar program -> its name on the page."""
 
 MARKS = (("Euler", "evaluate", 8.0), ("Euler", "step", 6.0), ("RK4", "rk4", 6.0))
-"""(Integrator of mj_step, our work to compare, least ratio of their times)."""
+"""(Integrator of mj_step, compared work of ours, target ratio of their times)."""
 
 FINER = 8
 """Turns for one of the others', each so many times as short: this machine's clock changes within
@@ -29,11 +29,11 @@ EVALUATIONS = 20_000 // FINER
 EVALUATION_MARK = 2e-6
 
 APART = 1e-6
-"""The farthest that a string of ours may be from its length at the end of a burst [m]."""
+"""Largest length error of our strings at the end of a burst [m]."""
 
 
 def chapters(peers: Peers, scalar: Program, turns: int, steps: int) -> list[Chapter]:
-    """Times, ratios, and which settings of MuJoCo are the fastest."""
+    """Times, ratios, and the fastest settings of MuJoCo."""
     x = swinging()
     for peer in peers.mujoco.values():
         peer.find_fastest(x.q_D, x.v_D, steps // 5, max(3, turns // 2))
@@ -87,7 +87,7 @@ def _actions(peers: Peers, scalar: Program, steps: int) -> dict[str, Callable[[]
 
 
 def _other_engines(peers: Peers) -> dict[str, Callable[[], float]]:
-    """Likewise for the engines that no ratio is taken of."""
+    """Likewise for the engines without ratios."""
     x, actions = swinging(), {}
     if peers.pinocchio:
         name = f"Pinocchio {peers.pinocchio.version}, ABA from Python, unconstrained"
@@ -118,25 +118,25 @@ def _ratios(peers: Peers, taken: dict[str, Samples]) -> tuple[list[list[str]], l
     rows, goals = [], []
     for integrator, work, bound in MARKS:
         what = f"mj_step ({integrator}) / {OURS[work].removeprefix('fantoccini, ')}"
-        least: Samples | str = peers.no_mujoco
+        smallest_ratio: Samples | str = peers.no_mujoco
         for peer in peers.mujoco.values():
             ratio = taken[_name(peer, integrator)].over(taken[OURS[work]])
             rows.append([f"{what}, MuJoCo {peer.version}", *spread(ratio, times)])
-            if isinstance(least, str) or ratio.median < least.median:
-                least = ratio
-        goals.append(Goal(what, least, bound))
+            if isinstance(smallest_ratio, str) or ratio.median < smallest_ratio.median:
+                smallest_ratio = ratio
+        goals.append(Goal(what, smallest_ratio, bound))
     return rows, goals
 
 
 def _settings(peers: Peers) -> Chapter:
-    """What was tried."""
+    """The timed settings."""
     versions = list(peers.mujoco.values())
     rows = []
     for settings in zip(*(peer.tried for peer in versions), strict=True):
         cells = [settings[0].settings["integrator"], settings[0].name]
-        for peer, one in zip(versions, settings, strict=True):
-            text = one.wrong or shown(one.seconds)
-            best = peer.fastest[one.settings["integrator"]] is one.settings
+        for peer, tried in zip(versions, settings, strict=True):
+            text = tried.wrong or shown(tried.seconds)
+            best = peer.fastest[tried.settings["integrator"]] is tried.settings
             cells.append(f"**{text}**" if best else text)
         rows.append(cells)
     versions_text = [f"MuJoCo {peer.version}" for peer in versions]

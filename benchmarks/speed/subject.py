@@ -1,4 +1,4 @@
-"""What is simulated: the bundled marionette hanging on all seven strings, swinging gently."""
+"""Simulated scene: the bundled marionette on all seven strings, swinging gently."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from fantoccini.model.puppet import Puppet
 from fantoccini.motion import State
 
 DT = 0.002
-"""Step of everything that has a fixed one [s]."""
+"""Step of all methods with a fixed one [s]."""
 
 KNEES = {"knee_left.length": 1.04, "knee_right.length": 1.04}
-"""Two centimetres less than the file's: the thighs hang on their strings as well [m]."""
+"""Length of the knees' strings, 2 cm shorter than in the file, so that the thighs hang [m]."""
 
 _SWING = 0.05
-"""Size of the velocities of a gentle swing [m/s or rad/s]."""
+"""Magnitude of the velocities of a gentle swing [m/s or rad/s]."""
 
 
 @functools.cache
@@ -39,13 +39,13 @@ def hanging() -> State:
 
 def tensions(x: State) -> dict[str, float]:
     """Tension of every string at a state [N]."""
-    _, found = marionette().forward_dynamics(x)
+    _, forces = marionette().forward_dynamics(x)
     names = [s.name for s in marionette().tree.strings]
-    return dict(zip(names, map(float, found), strict=False))
+    return dict(zip(names, map(float, forces), strict=False))
 
 
 def swinging(seed: int = 0) -> State:
-    """The same pose with small velocities that leave every string its length."""
+    """The same pose with small velocities that keep every string's length."""
     x = hanging()
     v = _SWING * np.random.default_rng(seed).normal(size=len(x.v_D))
     A = marionette().A_D(x)[: len(marionette().tree.strings)]
@@ -54,9 +54,9 @@ def swinging(seed: int = 0) -> State:
 
 @functools.cache
 def still_air() -> Puppet:
-    """The puppet without what not all peers have in the same form: drag, the neck's spring, limits.
+    """The puppet without features that peers lack or define otherwise: drag, neck spring, limits.
 
-    The peers get this puppet; our own timings are of the whole puppet.
+    The peers get this puppet; our own timings are of the full puppet.
     """
     puppet = marionette().puppet.expanded()
     spared = dict.fromkeys(("spring", "limits", "cone", "twist"))

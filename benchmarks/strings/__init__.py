@@ -1,6 +1,6 @@
 """The measured report on strings: ``python -m benchmarks.strings`` writes docs/strings.md.
 
-The references are the tests' own oracles, so that what the report shows is what the tests guard.
+The references are the tests' oracles, so that the tests guard the report's figures.
 """
 
 import sys

@@ -33,18 +33,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Writes docs/strings.md and its pictures.")
     parser.add_argument("--only", choices=SECTIONS, help="measure one section, print it")
     chosen = parser.parse_args().only
-    made = []
+    sections = []
     for name, section in SECTIONS.items():
         if chosen in (None, name):
             began = time.perf_counter()
-            made.append(section())
+            sections.append(section())
             print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)
     if chosen:
-        print(made[0].markdown())
-        for mark in made[0].marks:
+        print(sections[0].markdown())
+        for mark in sections[0].marks:
             print(mark.what, mark.value, mark.bound, mark.met)
     else:
-        write(ROOT / "docs" / "strings.md", OPENING, made)
+        write(ROOT / "docs" / "strings.md", OPENING, sections)
 
 
 if __name__ == "__main__":

@@ -16,11 +16,11 @@ TIGHT = 1e-13
 LAUNCHES = (2.05, 2.2, 2.5, 3.0, 3.5, 4.0, 4.5, 4.8, 4.95)
 """v0^2 / (g L); between 2 and 5 the string goes slack above the middle."""
 DROPS = ((0.6, 0.0), (0.1, 0.0), (0.95, 0.0), (0.3, -0.4), (0.0, -0.3))
-"""Where the mass is dropped (x, z) [m]; the pivot is at (0, 0)."""
+"""Start (x, z) of the dropped mass [m]; the pivot is at (0, 0)."""
 REELING_PIECES = 250
-"""Quintic pieces that stand for the reeling pendulum's sines."""
+"""Number of quintic pieces that approximate the reeling pendulum's sines."""
 TRANSVERSE = 0.1
-"""A catch is transverse when this part of the speed at least is lost in it."""
+"""Smallest relative loss of speed in a transverse catch."""
 
 
 def launches() -> Section:
@@ -124,6 +124,6 @@ def _first(run: fan.Trajectory, kind: str) -> EventRecord:
 
 
 def _angle(place, polar: float) -> float:
-    """Polar angle of a place less a given one, in (-pi, pi] [rad]."""
+    """Polar angle of a place relative to ``polar``, in (-pi, pi] [rad]."""
     turn = np.arctan2(place[1], place[0]) - polar
     return float((turn + np.pi) % (2.0 * np.pi) - np.pi)

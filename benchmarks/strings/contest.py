@@ -22,7 +22,7 @@ LOOKS = {
     rivals.CLIPPED: "v-",
     rivals.IMPULSE: "v--",
 }
-"""Lines of the methods in the picture."""
+"""Line styles of the methods in the picture."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Entry:
     """One run.
 
     Attributes:
-        method, setting: what was run.
-        dt: step [s]; nan where it is adaptive.
-        cost: evaluations of the model.
-        error: largest of coordinates and velocities at the end.
-        stretch: longest the string was beyond its length [m].
+        method, setting: method and its setting.
+        dt: step [s]; NaN for adaptive ones.
+        cost: number of evaluations of the model.
+        error: largest error of coordinates and velocities at the end.
+        stretch: largest extension of the string beyond its length [m].
         lowest: lowest tension [N].
     """
 
@@ -64,7 +64,7 @@ def ours() -> list[Entry]:
 
 
 def theirs() -> list[Entry]:
-    """All rivals with all settings and steps."""
+    """Runs of all rivals with all settings and steps."""
     pairs = [(rivals.PENALTY, k) for k in STIFFNESS]
     pairs += [(method, a) for method in rivals.METHODS[1:] for a in RATES]
     method, setting = (np.array(column) for column in zip(*pairs, strict=True))
@@ -83,13 +83,15 @@ def theirs() -> list[Entry]:
 
 
 def best(entries: list[Entry]) -> list[Entry]:
-    """Of every method, step and cost the setting with the smallest error."""
-    kept: dict[tuple, Entry] = {}
+    """The setting with the smallest error, for every method, step and cost."""
+    smallest: dict[tuple, Entry] = {}
     for entry in entries:
         key = (entry.method, entry.cost)
-        if entry.error == entry.error and (key not in kept or entry.error < kept[key].error):
-            kept[key] = entry
-    return list(kept.values())
+        if entry.error == entry.error and (
+            key not in smallest or entry.error < smallest[key].error
+        ):
+            smallest[key] = entry
+    return list(smallest.values())
 
 
 def section() -> Section:

@@ -1,4 +1,4 @@
-"""Section 1: how the error shrinks through many slack and taut phases."""
+"""Section 1: convergence of the error through many slack and taut phases."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Point:
 
 
 def ours(scenario: Scenario, settings, options: Callable[[float], dict]) -> list[Point]:
-    """Our runs over some settings."""
+    """Our runs with several settings."""
     points = []
     for setting in settings:
         run = scenario.run(**options(setting))
@@ -43,7 +43,7 @@ def ours(scenario: Scenario, settings, options: Callable[[float], dict]) -> list
 
 
 def theirs(scenario: Scenario, make, setting: str, integrator: str = "RK4") -> list[Point]:
-    """MuJoCo's runs over its steps."""
+    """MuJoCo's runs with all steps."""
     points = []
     for dt in TIME_STEPS:
         peer = make(dt, setting, integrator).put(scenario.x0.q_D, scenario.x0.v_D)
@@ -54,7 +54,7 @@ def theirs(scenario: Scenario, make, setting: str, integrator: str = "RK4") -> l
 
 
 def measure(scenario: Scenario, make) -> dict[str, list[Point]]:
-    """Every method on one scenario."""
+    """Runs of every method on one scenario."""
     fixed = {"tolerance": LOOSE}
     return {
         "event": ours(scenario, TOLERANCES, lambda tol: {"tolerance": tol}),
@@ -77,10 +77,10 @@ def section() -> Section:
         "ratio of 2 (not 1). Evaluations count evaluations of the model: for `event` 14 per step "
         "and about 150 to locate an event; 1 per time step; 4 per step of RK4."
     )
-    found = {scenario.name: measure(scenario, make) for scenario, make in cases}
+    results = {scenario.name: measure(scenario, make) for scenario, make in cases}
     for scenario, _ in cases:
-        out.parts += _tables(scenario, found[scenario.name])
-    _draw(found)
+        out.parts += _tables(scenario, results[scenario.name])
+    _draw(results)
     out.parts.append(Picture("strings_convergence.png", "Error after 5 s against evaluations"))
     return out
 
@@ -120,7 +120,7 @@ def _how(scenario: Scenario) -> str:
 
 
 def _seen(found: dict[str, list[Point]]) -> str:
-    """What the last steps of each method show, from the numbers."""
+    """Conclusions from the last steps of each method, as text."""
     sentences = [
         f"`event` reaches {number(min(p.error for p in found['event']))}, `timestepping` "
         f"{number(min(p.error for p in found['timestepping']))}."

@@ -17,7 +17,7 @@ from .report import Mark, Picture, Section, Table, number
 SECONDS = 1000.0
 STEPS = (2e-3, 1e-3)
 SAVED = 0.1
-"""Time between the rows kept of a time-stepping run [s]."""
+"""Interval of the samples of a time-stepping run [s]."""
 
 DOUBLE = """
 puppet: two_masses
@@ -37,7 +37,7 @@ class Swing:
     """An undamped swing on taut strings.
 
     Attributes:
-        name: in tables.
+        name: name in tables.
         marionette: the puppet.
         x0: its start.
         stretch: (n, n_qD) q_D -> (n, strings) relative errors of the lengths, of either sign.
@@ -138,7 +138,7 @@ def section() -> Section:
 
 
 def _depth(swing: Swing) -> float:
-    """Energy of the start above the hanging rest [J]."""
+    """Energy of the start relative to the hanging rest [J]."""
     m = swing.marionette
     return float(m.potential_energy(swing.x0) - m.potential_energy(m.rest(swing.x0)))
 

@@ -1,4 +1,4 @@
-"""Section 7: what time-stepping misses, against its step."""
+"""Section 7: errors of time-stepping, by step."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LED_SECONDS = 2.0
 
 
 def section() -> Section:
-    """Violation, ledger residual and error of a pendulum and of the led arm."""
+    """Violation, ledger residual and error of a pendulum and of the guided arm."""
     out = Section("7. Time-stepping against its step")
     out.parts.append(
         "The violation is the largest excess of a string's length, the residual the largest of "

@@ -1,7 +1,7 @@
 """The same mechanisms in MuJoCo: strings are spatial tendons with a limited length.
 
-Its limits are soft. ``default`` leaves solreflimit and solimplimit as MuJoCo has them; ``stiffest``
-is the shortest time constant that its own safeguard allows, two steps, with the highest impedance;
+Its limits are soft. ``default`` keeps MuJoCo's `solreflimit` and `solimplimit`; ``stiffest``
+is the shortest time constant that its safeguard allows, two steps, with the highest impedance;
 ``overdamped`` is the same with twice the damping. Resetting after a NaN is switched off.
 """
 
@@ -17,7 +17,7 @@ from fantoccini.base.arrays import Array
 from .scenarios import ARM, FALL, GRAVITY, LENGTH, MASS
 
 COST = {"Euler": 1, "RK4": 4}
-"""Evaluations of the model a step."""
+"""Evaluations of the model per step."""
 
 DAMPING = {"default": None, "stiffest": 1, "overdamped": 2}
 """Settings, and their damping ratios."""
@@ -36,7 +36,7 @@ class Peer:
 
     @classmethod
     def of(cls, body: str, tendon: str, dt: float, setting: str, integrator: str) -> Peer:
-        """A model from the inside of its world and the sites of its tendon.
+        """A model from the content of its world and the sites of its tendon.
 
         Args:
             body: MJCF of bodies and sites.
@@ -62,12 +62,12 @@ class Peer:
         return cls(model, mujoco.MjData(model))
 
     def put(self, q: Array, v: Array) -> Peer:
-        """At a state."""
+        """Sets the state."""
         self.data.qpos[:], self.data.qvel[:] = q, v
         return self
 
     def advance(self, steps: int) -> tuple[Array, Array]:
-        """Positions and velocities after some steps."""
+        """Positions and velocities after these steps."""
         mujoco.mj_step(self.model, self.data, steps)
         return self.data.qpos.copy(), self.data.qvel.copy()
 
@@ -75,7 +75,7 @@ class Peer:
         """Step by step: (n, nq) positions, (n, nv) velocities, (n,) tension [N] at each."""
         q, v, pull = [], [], []
         for _ in range(steps):
-            # The forces that a step leaves behind may be those of its last stage.
+            # After a step the forces may be those of its last stage.
             mujoco.mj_forward(self.model, self.data)
             q.append(self.data.qpos.copy())
             v.append(self.data.qvel.copy())

@@ -1,4 +1,4 @@
-"""One look for all pictures of the report."""
+"""Common style of the report's pictures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COLOUR = {
     "Baumgarte": "#8a8a8a",
     "Baumgarte with impulse": "#202020",
 }
-"""One colour a method, in every picture."""
+"""One colour for each method, in every picture."""
 
 STYLE = {
     "figure.dpi": 150,
@@ -51,7 +51,7 @@ def picture(name: str, columns: int = 1, height: float = 3.6) -> Iterator:
     """Axes to draw on; the file appears at the end of the block.
 
     Args:
-        name: of the file in docs/pictures.
+        name: name of the file in docs/pictures.
         columns: panels side by side.
         height: [inch].
     """

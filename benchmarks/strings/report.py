@@ -20,7 +20,7 @@ PACKAGES = ("numpy", "scipy", "casadi", "mujoco")
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under a header; numbers as they come from :func:`number`."""
+    """Rows under a header; numbers are written by :func:`number`."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -44,7 +44,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Mark:
-    """A figure that is to stay at or below a bound."""
+    """A figure with an upper bound as its target."""
 
     what: str
     value: float
@@ -57,7 +57,7 @@ class Mark:
 
 @dataclass
 class Section:
-    """A heading, what stands under it, and its marks."""
+    """A heading, the content below it, and its marks."""
 
     title: str
     parts: list[str | Table | Picture] = field(default_factory=list)
@@ -98,7 +98,7 @@ def marks_table(sections: Sequence[Section]) -> Table:
 
 
 def machine(packages: Sequence[str] = PACKAGES) -> Table:
-    """Where the figures were measured, and the versions of some packages."""
+    """The machine on which the figures were measured, and versions of packages."""
     names = [platform.machine()]
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()

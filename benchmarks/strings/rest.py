@@ -16,7 +16,7 @@ from .report import Mark, Picture, Section, Table, number
 from .scenarios import DROP_X, GRAVITY, LENGTH, MASS
 
 STEP = 0.002
-"""Of every method with a fixed step [s]."""
+"""Step of every method with a fixed one [s]."""
 
 REST_SECONDS, DROP_SECONDS = 5.0, 1.0
 WEIGHT = MASS * GRAVITY
@@ -46,18 +46,18 @@ class Course:
 
     @property
     def over(self) -> Array:
-        """(n,) how much longer than its length the string is; negative while slack [m]."""
+        """(n,) extension of the string beyond its length; negative while slack [m]."""
         return np.hypot(*self.q.T) - LENGTH
 
     @property
     def outward(self) -> Array:
-        """(n,) radial speed [m/s]."""
+        """(n,) outward radial speed [m/s]."""
         return np.sum(self.q * self.v, axis=1) / np.hypot(*self.q.T)
 
 
 def courses(x: float, z: float, seconds: float) -> dict[str, Course]:
-    """The mass let go at rest, by every method."""
-    x0, found = scenarios.pendulum_start(x, z), {}
+    """The mass released at rest, by every method."""
+    x0, by_method = scenarios.pendulum_start(x, z), {}
     grid = STEP * np.arange(round(seconds / STEP) + 1)
     for method in ("event", "timestepping"):
         exact = method == "event"
@@ -68,13 +68,13 @@ def courses(x: float, z: float, seconds: float) -> dict[str, Course]:
             save_at=grid[1:] if exact else None,
             method=fan.Event() if exact else fan.TimeStepping(dt=STEP),
         )
-        found[method] = Course(run.t, run.q_D, run.v_D, run.tension["line"])
+        by_method[method] = Course(run.t, run.q_D, run.v_D, run.tension["line"])
     for setting in mujoco_peer.DAMPING:
         for integrator in ("Euler", "RK4"):
             peer = mujoco_peer.pendulum(STEP, setting, integrator).put([x, z], [0.0, 0.0])
             course = Course(grid, *peer.course(len(grid)))
-            found[f"MuJoCo, {setting}, {integrator}"] = course
-    return found
+            by_method[f"MuJoCo, {setting}, {integrator}"] = course
+    return by_method
 
 
 def section() -> Section:

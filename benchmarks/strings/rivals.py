@@ -8,9 +8,9 @@ Baumgarte: the tension makes the length obey hddot + 2 a hdot + a^2 h = 0 while 
 
     tension = m (hddot of the free mass + 2 a hdot + a^2 h)  where h >= 0
 
-clipped at 0 or not. With an impulse, the radial speed is taken at the step in which the length is
+clipped at 0 or not. With an impulse, the radial speed is removed at the step in which the length is
 reached, and the string then holds until its tension falls to 0. All are stepped by RK4; lanes of
-different settings go side by side.
+different settings run side by side.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ IMPULSE = "Baumgarte with impulse"
 METHODS = (PENALTY, CLIPPED, UNCLIPPED, IMPULSE)
 
 STAGES = 4
-"""Evaluations of the model a step."""
+"""Evaluations of the model per step."""
 
 
 @dataclass(frozen=True)
 class Ends:
-    """What lanes came to.
+    """Results of lanes.
 
     Attributes:
-        state: (n, 4) x, z, vx, vz at the end; nan where it blew up [m], [m/s].
-        stretch: (n,) the longest the string was beyond its length [m].
+        state: (n, 4) x, z, vx, vz at the end; NaN if it diverged [m], [m/s].
+        stretch: (n,) largest extension of the string beyond its length [m].
         lowest: (n,) lowest tension [N].
     """
 
@@ -105,8 +105,8 @@ class Lanes:
         free = (square - hdot**2) / r - self.gravity * x[:, 1] / r
         a = self.setting
         spring = a * h + 2.0 * np.sqrt(a * self.mass) * hdot
-        kept = self.mass * (free + 2.0 * a * hdot + a**2 * h)
-        pull = np.where(self.method == PENALTY, spring, kept)
+        stabilised = self.mass * (free + 2.0 * a * hdot + a**2 * h)
+        pull = np.where(self.method == PENALTY, spring, stabilised)
         acts = np.where(self.method == IMPULSE, held, h >= 0.0)
         pull = np.where(acts & ((pull > 0.0) | (self.method == UNCLIPPED)), pull, 0.0)
         rate = np.empty_like(y)

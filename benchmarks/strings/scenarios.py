@@ -1,4 +1,4 @@
-"""The problems: a puppet, a start, inputs, and the state it must reach by an independent way."""
+"""The problems: a puppet, a start, inputs, and an independent reference of the final state."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from oracles.pendulum_chain import Chain
 from oracles.reeling_pendulum import PUPPET, Reeling
 
 SECONDS = 5.0
-"""Length of every run whose error is given [s]."""
+"""Duration of every run whose error is reported [s]."""
 
 GRAVITY, LENGTH, MASS = 9.81, 1.0, 0.5
 """Gravity, string length and mass of the bundled string pendulum [m/s^2], [m], [kg]."""
 
 CHAIN_K = 2.4
-"""v0^2 / (g L) of the pendulum that is thrown again and again."""
+"""v0^2 / (g L) of the pendulum that is thrown repeatedly."""
 
 DROP_X = 0.6
 """Horizontal distance from the pivot at which the mass is dropped, at the same height [m]."""
 
 ARM = Arm(m1=0.12, m2=0.08, I1=9e-4, I2=6e-4, L1=0.3, L2=0.3, height=0.9, gravity=GRAVITY)
-"""The numbers of the bundled arm2d."""
+"""The parameters of the bundled arm2d."""
 
 FALL = {"shoulder": 0.5, "elbow": -0.5, "hand.x": 0.45, "hand.length": 1.02}
-"""The slack pose that the arm is dropped from [rad], [m]."""
+"""The slack pose from which the arm is dropped [rad], [m]."""
 
 LED_X = [
     (0, 0.41),
@@ -59,14 +59,14 @@ class Scenario:
     """A motion with a known end.
 
     Attributes:
-        name: in tables.
+        name: name in tables.
         marionette: the puppet.
-        x0: where it starts.
-        inputs: what drives it; None when everything holds still.
+        x0: its start state.
+        inputs: its inputs; None for constant ones.
         reference: (n_qD + n_vD,) q_D and v_D after 5 s [m or rad, and per s].
-        exact: how the reference was found.
+        exact: method of the reference.
         events: (time [s], kind, impulse [N s]) of the reference.
-        doubt: how far the reference moves when it is made at ten times its tolerance.
+        doubt: change of the reference with ten times its tolerance.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Scenario:
         save_at: Array | None = None,
         **options,
     ) -> Trajectory:
-        """Our motion; options of the method, ``tolerance`` for both of its."""
+        """Our motion; options of the method, ``tolerance`` for rtol and atol."""
         if "tolerance" in options:
             options["rtol"] = options["atol"] = options.pop("tolerance")
         return fan.simulate(
@@ -103,7 +103,7 @@ class Scenario:
         return self.apart(run.q_D[-1], run.v_D[-1])
 
     def apart(self, q: Array, v: Array) -> tuple[float, float]:
-        """Largest distance of coordinates and of velocities from the reference."""
+        """Largest difference of coordinates and of velocities from the reference."""
         n = len(q)
         return (
             float(np.max(np.abs(q - self.reference[:n]))),
@@ -111,10 +111,10 @@ class Scenario:
         )
 
     def growth(self, size: float = 1e-8) -> float:
-        """How much a small change of the start has grown at the end: the problem's own condition.
+        """Growth of a small change of the start until the end: the problem's condition number.
 
         Args:
-            size: of the change of every start coordinate and velocity [m or rad, and per s].
+            size: change of every start coordinate and velocity [m or rad, and per s].
         """
         starts, ends = [], []
         for sign in (-0.5, 0.5):
@@ -134,10 +134,10 @@ class Scenario:
 
 
 def evaluations(run: Trajectory) -> int:
-    """Evaluations of the model, by a rule: the runtime does not tell how many it made.
+    """Estimated evaluations of the model, which the runtime does not count.
 
-    An accepted step takes 14 (11 stages, the end, and two for the projection). Looking for an event
-    took 90 to 150 when they were counted once, rejected steps among them. A time step takes one.
+    An accepted step takes 14 (11 stages, the end, and two for the projection). Locating an event
+    took 90 to 150 when counted once, including rejected steps. A time step takes one.
     """
     steps = len(np.unique(run.t)) - 1
     return steps if run.method == "timestepping" else 14 * steps + 150 * len(run.events)
@@ -150,13 +150,13 @@ def pendulum() -> fan.Marionette:
 
 
 def pendulum_start(x: float, z: float, vx: float = 0.0) -> State:
-    """The pendulum at a place [m], moving sideways [m/s]."""
+    """The pendulum at a place [m], with a horizontal velocity [m/s]."""
     return pendulum().state({"bob.x": x, "bob.z": z, "v:bob.x": vx})
 
 
 @functools.cache
 def chain() -> Scenario:
-    """Thrown up and caught again and again, in closed form."""
+    """A pendulum thrown up and caught repeatedly, in closed form."""
     known = Chain.until(SECONDS, CHAIN_K, LENGTH, MASS, GRAVITY)
     x0 = pendulum_start(0.0, -LENGTH, float(np.sqrt(CHAIN_K * GRAVITY * LENGTH)))
     return Scenario(
@@ -171,7 +171,7 @@ def chain() -> Scenario:
 
 
 def launched(k: float) -> Scenario:
-    """Launched once from the bottom with v0^2 = k g L."""
+    """A pendulum launched once from the bottom with v0^2 = k g L."""
     speed = float(np.sqrt(k * GRAVITY * LENGTH))
     known = point_mass_events.simulate([0.0, -LENGTH, speed, 0.0], SECONDS, LENGTH, GRAVITY)
     events = tuple((t, kind, MASS * lost) for t, kind, lost in known.events)
@@ -181,7 +181,7 @@ def launched(k: float) -> Scenario:
 
 
 def dropped(x: float, z: float, name: str) -> Scenario:
-    """Dropped from rest on a slack string."""
+    """A mass dropped from rest on a slack string."""
     known = point_mass_events.simulate([x, z, 0.0, 0.0], SECONDS, LENGTH, GRAVITY)
     events = tuple((t, kind, MASS * lost) for t, kind, lost in known.events)
     x0 = pendulum_start(x, z)
@@ -190,13 +190,13 @@ def dropped(x: float, z: float, name: str) -> Scenario:
 
 @functools.cache
 def drop() -> Scenario:
-    """Dropped next to the pivot, caught, then swinging."""
+    """A mass dropped next to the pivot, caught, then swinging."""
     return dropped(DROP_X, 0.0, "mass, dropped beside its pivot")
 
 
 @functools.cache
 def drop_below() -> Scenario:
-    """Dropped straight below the pivot, caught, then hanging."""
+    """A mass dropped straight below the pivot, caught, then hanging."""
     return dropped(0.0, -0.3, "mass, dropped below its pivot")
 
 
@@ -225,26 +225,26 @@ def arm_led() -> Scenario:
     values = {"shoulder": pose[0], "elbow": pose[1], "hand.x": x, "hand.length": taut}
     x0 = start(arm(), values, {})
     coef = {"hand.x": drive.coef[:, 0], "hand.length": drive.coef[:, 1]}
-    given = polynomial_input(arm(), drive.breaks, coef, x0.q_K)
-    return _arm("arm, led by a moving string", x0, given, drive)
+    inputs = polynomial_input(arm(), drive.breaks, coef, x0.q_K)
+    return _arm("arm, led by a moving string", x0, inputs, drive)
 
 
-def _arm(name: str, x0: State, given: Input | None, drive: arm2d_events.Polynomials) -> Scenario:
+def _arm(name: str, x0: State, inputs: Input | None, drive: arm2d_events.Polynomials) -> Scenario:
     known, other = (
         arm2d_events.simulate(ARM, x0.q_D, x0.v_D, drive, SECONDS, tolerance=tolerance)
         for tolerance in (1e-13, 1e-12)
     )
     doubt = float(np.max(np.abs(known.state - other.state)))
     events = tuple((t, kind, impulse) for t, kind, impulse, _ in known.events)
-    return Scenario(name, arm(), x0, given, known.state, "SciPy", events, doubt)
+    return Scenario(name, arm(), x0, inputs, known.state, "SciPy", events, doubt)
 
 
 @functools.cache
 def reeling(pieces: int) -> tuple[Scenario, Callable[[Array], tuple[Array, Array]]]:
-    """The reeled pendulum with a moving pivot, and its states and tensions at given breaks.
+    """The reeled pendulum with a moving pivot, and a function for its states and tensions.
 
     Args:
-        pieces: quintic ones that stand for the sines; the reference is given the same.
+        pieces: number of quintic pieces that approximate the sines, also in the reference.
     """
     oracle, marionette = Reeling(), fan.loads(PUPPET)
     drive = oracle.polynomials(SECONDS, pieces)
@@ -257,7 +257,7 @@ def reeling(pieces: int) -> tuple[Scenario, Callable[[Array], tuple[Array, Array
         {"bob.x": vx, "bob.z": vz, "line.x": dX, "line.length": dL},
     )
     coef = {"line.x": drive.coef[:, 0], "line.length": drive.coef[:, 1]}
-    given = polynomial_input(marionette, drive.breaks, coef, x0.q_K)
+    inputs = polynomial_input(marionette, drive.breaks, coef, x0.q_K)
     name = "pendulum, reeled, its pivot moving"
-    made = Scenario(name, marionette, x0, given, states[-1], "SciPy")
-    return made, lambda times: oracle.solve(drive, times)
+    scenario = Scenario(name, marionette, x0, inputs, states[-1], "SciPy")
+    return scenario, lambda times: oracle.solve(drive, times)

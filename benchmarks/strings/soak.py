@@ -1,4 +1,4 @@
-"""Section 10: what the soak run left behind."""
+"""Section 10: results of the soak run."""
 
 from __future__ import annotations
 

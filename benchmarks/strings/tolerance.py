@@ -1,4 +1,4 @@
-"""Sections 4 and 8: the error at default tolerance, and how the event ledger closes."""
+"""Sections 4 and 8: the error at default tolerance, and the residual of the event ledger."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 BOUND = 1e-8
 DEFAULT = fan.Event().rtol
 STARTS = 40
-"""Random slack poses that the arm is dropped from."""
+"""Number of random slack poses from which the arm is dropped."""
 
 
 def problems() -> list[Scenario]:
@@ -31,7 +31,7 @@ def problems() -> list[Scenario]:
 
 
 def defaults() -> Section:
-    """The error after 5 s with nothing chosen."""
+    """The error after 5 s with default options."""
     out = Section("4. The error at default tolerance")
     rows = []
     for scenario in problems():
@@ -119,7 +119,7 @@ def _dropped(x0: fan.State, tolerance: float) -> fan.Trajectory:
 
 
 def ledger() -> Section:
-    """What the books miss against the tolerance."""
+    """The ledger's residual by tolerance."""
     cases = [scenarios.chain(), scenarios.drop(), scenarios.arm_fall(), scenarios.arm_led()]
     rows, worst = [], []
     for tolerance in TOLERANCES:

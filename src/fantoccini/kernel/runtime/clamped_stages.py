@@ -91,9 +91,9 @@ class ClampedStages:
             MemoryError: no memory for it.
         """
         u = np.zeros(arrays["acc"].shape)
-        numbers: Any = packed("StageClampArrays", **numbers, **arrays, driven=driven, u=u)
-        if self._dll.fan_clamped_stages_solve(self._handle, ctypes.byref(numbers)):
+        program: Any = packed("StageClampArrays", **numbers, **arrays, driven=driven, u=u)
+        if self._dll.fan_clamped_stages_solve(self._handle, ctypes.byref(program)):
             raise MemoryError("no memory for a program of stages")
         return ClampedOutcome(
-            u, numbers.decrease, numbers.iterations, numbers.stages, bool(numbers.solved)
+            u, program.decrease, program.iterations, program.stages, bool(program.solved)
         )

@@ -79,7 +79,7 @@ struct FaceClip {
 
 // Direction in which a core that meets a box about the origin leaves it.
 struct WayOut {
-  double normal[3], gap = -DistanceTolerances::far;
+  double normal[3], gap = -DistanceTolerances::max_distance;
   int axis = 0;
   bool by_edge = false;
 

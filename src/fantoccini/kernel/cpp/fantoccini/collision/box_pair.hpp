@@ -20,7 +20,7 @@ namespace fan {
 
 // A separating axis: the unit normal from the second box to the first, and the gap along it.
 struct BoxAxis {
-  double normal[3], gap = -DistanceTolerances::far;
+  double normal[3], gap = -DistanceTolerances::max_distance;
   int x_axis = -1, y_axis = -1;  // of a face, or of both edges
 
   FAN_FN void take(const double* n, double centre, double reach, double scale, int i, int j) {
@@ -159,7 +159,7 @@ class NearestOfBoxes {
     take(point, y, false);
   }
 
-  double least_ = DistanceTolerances::far;
+  double least_ = DistanceTolerances::max_distance;
 };
 
 // The edge of a placed box along axis k that lies farthest in a direction, times `side`.
@@ -231,7 +231,7 @@ FAN_FN bool touch_faces(
   into_axes(other.R, inward, local);
   const BoxFace lower(owner, k, outward), upper(other, largest_of(local), inward);
   const SharedPolygon shared(lower, upper, of_x);
-  double least = DistanceTolerances::far;
+  double least = DistanceTolerances::max_distance;
   for (int i = 0; i < shared.n; ++i) least = fmin(least, shared.spots[i].height);
   if (shared.n == 0 || (widest > 0.0 && least > widest + shared.tolerance)) return false;
   for (int i = 0; i < shared.n; ++i) {

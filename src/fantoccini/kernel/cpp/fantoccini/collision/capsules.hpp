@@ -109,7 +109,7 @@ FAN_FN bool lines_nearest(const Core& x, const Core& y, PointPair& out, bool ins
 // Also finds the parts on which they lie.
 FAN_FN PointPair nearest_points(const Core& x, const Core& y, CorePart* x_part, CorePart* y_part) {
   PointPair best{}, tried;
-  double least = DistanceTolerances::far;
+  double least = DistanceTolerances::max_distance;
   const auto take = [&](CorePart of_x, CorePart of_y) {
     double apart[3];
     difference3(tried.p, tried.q, apart);

@@ -12,7 +12,7 @@ namespace fan {
 struct ClearanceTolerances {
   static constexpr double rounding = 1e-9;  // m: margin of bounds; depth of solids that touch
   static constexpr double min_slack = 1.0 + 1e-6;  // length over span above which a string sags
-  static constexpr double far = 1e30;              // m: no distance measured
+  static constexpr double max_distance = 1e30;     // m: no distance measured
 };
 
 // Loads lanes first, first + 1, ... of rows (n, width). Lanes beyond the last row repeat it.
@@ -70,8 +70,8 @@ class Clearance {
   // those of meshes in lanes that do not count, are lower bounds. With motion (`moving`), `lower`
   // is the least distance less the paths of both solids.
   FAN_FN void measure(
-      const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts, double enough = Tol::far,
-      bool moving = false) {
+      const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts,
+      double enough = Tol::max_distance, bool moving = false) {
     enough_ = enough + Tol::rounding;
     exact_ = in.exact;
     Call<Model, Real>::poses(q_D, q_K, p, poses_);
@@ -79,7 +79,7 @@ class Clearance {
       place(in.moving[m], placed[m]);
       placed[m].moved = moving ? path(in, in.moving[m], placed[m]) : Real(0.0);
     }
-    least = lower = Real(Tol::far);
+    least = lower = Real(Tol::max_distance);
     which = Real(-1.0);
     double number = 0.0;
     const auto take = [&](const Real& distance) {
@@ -94,7 +94,7 @@ class Clearance {
       for (long long o = 0; o < in.n_standing; ++o)
         take(
             in.left_out[m * in.n_standing + o]
-                ? Real(Tol::far)
+                ? Real(Tol::max_distance)
                 : measured(placed[m], in.standing[o], counts, most()));
     }
     for (long long k = 0; k < in.n_pairs; ++k) {
@@ -144,12 +144,15 @@ class Clearance {
         curve.span = span[k];
         curve.length = own;
         // Wires also push, and stay straight.
-        curve.slack = own > (Model::wire[i] ? Real(Tol::far) : Real(span[k] * Tol::min_slack));
+        curve.slack =
+            own > (Model::wire[i] ? Real(Tol::max_distance) : Real(span[k] * Tol::min_slack));
         spread_ = maximum(carried[k], carried[k + 1]);
         const Mask sags = curve.slack || (moving ? moves.loose[i] : Real(0.0)) > Real(0.5);
         if (moving && any(sags)) spread_ += select(sags, moves.sag(own, span[k], x), Real(0.0));
         for (long long o = 0; o < in.n_standing; ++o)
-          take(segment.radius < 0.0 ? Real(Tol::far) : from_string(curve, in.standing[o], counts));
+          take(
+              segment.radius < 0.0 ? Real(Tol::max_distance)
+                                   : from_string(curve, in.standing[o], counts));
       }
     }
   }
@@ -176,7 +179,7 @@ class Clearance {
     if (!any(needed)) return chord;
     if (!curve.known) hang(curve);
     Placed<Real> piece = curve.straight;
-    Real nearest = Real(Tol::far);
+    Real nearest = Real(Tol::max_distance);
     for (int k = 0; k < n_chords; ++k) {
       const Real limit = select(nearest < most(), nearest, most());
       for (int c = 0; c < 3; ++c) {
@@ -391,7 +394,7 @@ class Clearance {
     return first - reach;
   }
 
-  double enough_ = Tol::far;
+  double enough_ = Tol::max_distance;
   Real spread_ = Real(0.0);  // path of both solids of the current pair
   double (*exact_)(const Solid*, const Solid*) = nullptr;
   Real poses_[room(12 * Model::n_links)], points_[room(3 * Model::n_points)];

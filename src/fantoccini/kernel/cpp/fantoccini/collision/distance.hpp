@@ -13,7 +13,7 @@ struct DistanceTolerances {
   static constexpr double min_length = 1e-12;       // m: shorter segments count as points
   static constexpr double min_determinant = 1e-12;  // sin^2 of an angle: parallel below it
   static constexpr double min_axis_square = 1e-8;   // sin^2 of two edges' angle: no axis below it
-  static constexpr double far = 1e30;               // m or m^2: larger than every distance
+  static constexpr double max_distance = 1e30;      // m or m^2: larger than every distance
 };
 
 template <class Real>
@@ -120,7 +120,7 @@ FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, co
   using std::sqrt;
   Real size[9];
   for (int i = 0; i < 9; ++i) size[i] = abs(R[i]);
-  Real widest = Real(-DistanceTolerances::far);
+  Real widest = Real(-DistanceTolerances::max_distance);
   const auto gap = [&](const Real& apart, const Real& reach) {
     const Real axis_gap = abs(apart) - reach;
     widest = select(axis_gap > widest, axis_gap, widest);
@@ -155,7 +155,7 @@ FAN_FN Real
 between_boxes(const Real* centre, const Real* R, const double* half, const double* other) {
   using std::abs;
   using std::sqrt;
-  Real least = Real(DistanceTolerances::far);
+  Real least = Real(DistanceTolerances::max_distance);
   const auto nearer = [&](const Real& candidate) {
     least = select(candidate < least, candidate, least);
   };

@@ -19,7 +19,7 @@ namespace fan {
 struct FollowTolerances {
   // Tolerance relative to a solid's size, and to a unit vector: a point of two hulls, or of a round
   // solid whose gap continues with its slope, may be this far outside its features.
-  static constexpr double far = HullTolerances::rounding, turn = 1e-12;
+  static constexpr double outside = HullTolerances::rounding, turn = 1e-12;
 };
 
 namespace following {
@@ -106,7 +106,7 @@ FAN_FN bool is_in_facet(const PlacedHull& hull, int f, const double* point, doub
 // `holds`: whether the point lies within its features.
 FAN_FN bool follow_hulls(
     const PlacedHull& x, const PlacedHull& y, int feature, Touches& to, bool* holds) {
-  const double rounding = FollowTolerances::far * fmin(x.hull.outer, y.hull.outer);
+  const double rounding = FollowTolerances::outside * fmin(x.hull.outer, y.hull.outer);
   if (feature >= HullFeatures::nearest) return false;
   if (feature >= HullFeatures::edges) {
     const int e = (feature - HullFeatures::edges) / max_hull_edges;
@@ -114,8 +114,8 @@ FAN_FN bool follow_hulls(
     double at[2], n[3], back[3], length[2];
     if (!follow_edges(line_of(x, e), line_of(y, g), feature, at, n, to)) return false;
     for (int k = 0; k < 3; ++k) back[k] = -n[k];
-    *holds = is_normal_of_edge(x, e, back, FollowTolerances::far, length) &&
-             is_normal_of_edge(y, g, n, FollowTolerances::far, length + 1);
+    *holds = is_normal_of_edge(x, e, back, FollowTolerances::outside, length) &&
+             is_normal_of_edge(y, g, n, FollowTolerances::outside, length + 1);
     for (int k = 0; k < 2; ++k)
       *holds = *holds && at[k] >= -rounding && at[k] <= length[k] + rounding;
     return true;
@@ -206,13 +206,13 @@ FAN_FN EdgeLine line_of(const PlacedSolid& box, int number) {
 // Whether n is among the normals of a box at an edge.
 FAN_FN bool is_normal_of_edge(const PlacedSolid& box, int number, const double* n) {
   const int k = number / 4, j = (k + 1) % 3, i = (k + 2) % 3;
-  return (number & 1 ? 1.0 : -1.0) * dot3(n, box.R + 3 * j) >= -FollowTolerances::far &&
-         (number & 2 ? 1.0 : -1.0) * dot3(n, box.R + 3 * i) >= -FollowTolerances::far;
+  return (number & 1 ? 1.0 : -1.0) * dot3(n, box.R + 3 * j) >= -FollowTolerances::outside &&
+         (number & 2 ? 1.0 : -1.0) * dot3(n, box.R + 3 * i) >= -FollowTolerances::outside;
 }
 
 FAN_FN bool follow_boxes(
     const PlacedSolid& x, const PlacedSolid& y, int feature, Touches& to, bool* holds) {
-  const double rounding = FollowTolerances::far * fmin(length3(x.half), length3(y.half));
+  const double rounding = FollowTolerances::outside * fmin(length3(x.half), length3(y.half));
   if (feature >= BoxFeatures::nearest) return false;
   if (feature >= BoxFeatures::edges) {
     const int e = (feature - BoxFeatures::edges) / 12, g = (feature - BoxFeatures::edges) % 12;
@@ -345,7 +345,7 @@ FAN_TOUCH_FN bool follow_touch(
     const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touch* out, bool* holds) {
   const bool turned = touching::out_of_order(x, y);
   const PlacedSolid &first = turned ? y : x, &second = turned ? x : y;
-  Touches to{out, DistanceTolerances::far, inflation(first), inflation(second)};
+  Touches to{out, DistanceTolerances::max_distance, inflation(first), inflation(second)};
   *holds = false;
   if (!following::in_order(first, second, feature, region, to, holds)) return false;
   for (int k = 0; turned && k < 3; ++k) out->normal[k] = -out->normal[k];

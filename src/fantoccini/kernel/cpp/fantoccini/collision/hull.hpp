@@ -38,7 +38,7 @@ struct PlacedHull {
   // The vertex farthest in a direction in the hull's axes, and its height along it.
   FAN_FN int farthest_local(const double* n, double& reach) const {
     int best = 0;
-    reach = -DistanceTolerances::far;
+    reach = -DistanceTolerances::max_distance;
     for (int i = 0; i < hull.n_vertices; ++i) {
       const double projection = dot3(hull.vertices + 3 * i, n);
       if (projection > reach) {
@@ -147,11 +147,11 @@ FAN_FN int pick_spots(Spot* spots, int n, int room, double size) {
   // Directions of a regular polygon, rotated so that few are perpendicular to an edge.
   constexpr double begin = 0.2345, turn = 6.283185307179586;
   bool kept[2 * max_hull_vertices] = {};
-  double least = DistanceTolerances::far;
+  double least = DistanceTolerances::max_distance;
   for (int d = 0; d < room - 1; ++d) {
     const double u = cos(begin + turn * d / (room - 1)), v = sin(begin + turn * d / (room - 1));
     int best = 0;
-    double reach = -DistanceTolerances::far;
+    double reach = -DistanceTolerances::max_distance;
     for (int i = 0; i < n; ++i) {
       const double projection = u * spots[i].at[0] + v * spots[i].at[1];
       if (!(projection > reach + HullTolerances::above * size)) continue;

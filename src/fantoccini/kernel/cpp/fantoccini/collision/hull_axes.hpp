@@ -11,7 +11,7 @@ namespace fan {
 // A separating axis: the unit normal from the second hull to the first, the gap along it, and its
 // features.
 struct HullAxis {
-  double normal[3], gap = -DistanceTolerances::far;
+  double normal[3], gap = -DistanceTolerances::max_distance;
   int first = -1, second = -1;  // a facet, or an edge of each
 };
 

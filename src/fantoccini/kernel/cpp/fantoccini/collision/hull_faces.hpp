@@ -54,7 +54,7 @@ struct HullFacetIn {
   // Distance of x to the left of the line through side k, as seen from above; large for a side
   // without length.
   FAN_FN double left_of(int k, const double* x) const {
-    if (!has_length(k)) return DistanceTolerances::far;
+    if (!has_length(k)) return DistanceTolerances::max_distance;
     return along[k][0] * (x[1] - corners[k][1]) - along[k][1] * (x[0] - corners[k][0]);
   }
 

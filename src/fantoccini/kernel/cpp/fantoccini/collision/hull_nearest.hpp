@@ -143,7 +143,7 @@ class NearestOfClouds {
   // A part of the simplex and its point nearest to the origin.
   struct Part {
     int n = 0, which[3];
-    double weight[3], v[3], square = DistanceTolerances::far;
+    double weight[3], v[3], square = DistanceTolerances::max_distance;
   };
 
   FAN_FN void try_point(int a, Part& best) const {

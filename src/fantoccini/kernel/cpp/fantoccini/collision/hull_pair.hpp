@@ -54,7 +54,7 @@ FAN_FN bool touch_facets(
   into_axes(other.R, inward, local);
   const int facet = other.facet_towards_local(other.farthest_local(local, reach), local);
   const HullPolygon shared(owner, axis.first, other, facet, of_x);
-  double least = DistanceTolerances::far;
+  double least = DistanceTolerances::max_distance;
   for (int i = 0; i < shared.n; ++i) least = fmin(least, shared.spots[i].height);
   if (shared.n == 0 || (widest > 0.0 && least > widest + shared.tolerance)) return false;
   for (int i = 0; i < shared.n; ++i) {

@@ -60,7 +60,7 @@ struct FacetClip {
 
 // Direction in which a core that meets a hull leaves it; see WayOut.
 struct WayOutOfHull {
-  double normal[3], gap = -DistanceTolerances::far;
+  double normal[3], gap = -DistanceTolerances::max_distance;
   int facet = 0, edge = -1;
 
   FAN_FN WayOutOfHull(const PlacedHull& hull, const Core& core) {
@@ -217,7 +217,7 @@ FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull,
 // The widest gap between an ellipsoid and a hull, in the hull's axes.
 class EllipsoidHullGap {
  public:
-  double normal[3], gap = -DistanceTolerances::far;
+  double normal[3], gap = -DistanceTolerances::max_distance;
   HullFeature of;  // feature of the hull's point
 
   // Ends early where the gap is certainly `enough`.
@@ -284,7 +284,7 @@ class EllipsoidHullGap {
       for (int j = 0; j < 3; ++j)
         first.M[3 * i + j] = axes[3 * i] * M_axes[j] + axes[3 * i + 1] * M_axes[3 + j] +
                              axes[3 * i + 2] * M_axes[6 + j];
-    const GapClimb climb(first, nullptr, half, turned, DistanceTolerances::far);
+    const GapClimb climb(first, nullptr, half, turned, DistanceTolerances::max_distance);
     out_of_axes(axes, climb.n, n);
     double height;
     const int farthest = hull_.farthest_local(n, height);

@@ -25,8 +25,8 @@ class GroundFeet {
     // part because of that.
     Mask would_pull, dropped;
     Real at[3], gap;
-    Real asked;   // m/s: parting speed required after the step
-    Mask rested;  // as in ContactPush; this and the following ones from the last completed step
+    Real required;  // m/s: parting speed required after the step
+    Mask rested;    // as in ContactPush; this and the following ones from the last completed step
     Real steps, impulse[3];
     Mask rests;  // likewise, of this step
     Real next_impulse[3];
@@ -94,7 +94,7 @@ class GroundFeet {
       to.rested.set(l, push[i].rested);
       lane_of(to.steps, l) = push[i].steps;
       lane_of(to.gap, l) = push[i].gap;
-      lane_of(to.asked, l) = dot3(push[i].velocity, push[i].normal);
+      lane_of(to.required, l) = dot3(push[i].velocity, push[i].normal);
       for (int c = 0; c < 3; ++c) {
         lane_of(to.at[c], l) = push[i].at[c];
         lane_of(to.impulse[c], l) = push[i].impulse[c];
@@ -123,7 +123,7 @@ class GroundFeet {
         out.at[c] = lane_of(p.at[c], l);
         out.normal[c] = frame[c];
         out.impulse[c] = lane_of(p.impulse[c], l);
-        out.velocity[c] = lane_of(p.asked, l) * frame[c];
+        out.velocity[c] = lane_of(p.required, l) * frame[c];
       }
     });
     return n_push;
@@ -191,7 +191,7 @@ class GroundFeet {
 
   // Lanes in which a point that pushes ends the step with the speed that closes its gap.
   FAN_FN static Mask closes(const Point& p) {
-    return -p.asked > Real(ContactStepTolerances::closing_speed);
+    return -p.required > Real(ContactStepTolerances::closing_speed);
   }
 
   Foot foot[B];

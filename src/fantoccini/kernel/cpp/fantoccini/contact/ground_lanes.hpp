@@ -60,7 +60,7 @@ class GroundLanes {
         depth = select(p.here && lanes, maximum(Real(-p.gap), depth), depth);
         const Real h = -p.gap, hdot = rate(twist, p.at);
         const Real back = h / select(h > Real(0.0), Real(whole > dt ? whole : dt), Real(dt));
-        p.asked = minimum(back, Real(recovery_speed));
+        p.required = minimum(back, Real(recovery_speed));
         const Mask may_bounce = hdot > Real(own.restitution > 0.0 ? 0.0 : unbounded);
         lanes = lanes && (!p.here || p.joins || !may_bounce);
       }
@@ -130,7 +130,7 @@ class GroundLanes {
       for (int i = 0; i < own.n; ++i) {
         Point& p = own.point[own.listed[i]];
         const Mask closes = p.here && !p.joins && lanes &&
-                            rate(twist, p.at) + p.asked > Real(StepTolerance::passing_speed);
+                            rate(twist, p.at) + p.required > Real(StepTolerance::passing_speed);
         if (!any(closes)) continue;
         more = true;
         // A point that may rebound is struck at a time of its own.

@@ -30,7 +30,7 @@ class GroundPatch {
   int rank;                  // rows: three of F, then those of T in the lane that has the most
   Real middle[3], frame[9];  // normal and tangents
   Real size;                 // m: rows of T are this times an angular velocity
-  Real asked[6];             // of the rows, to meet those of the points' normals
+  Real required[6];          // of the rows, to meet those of the points' normals
   Real misfit;               // m/s: between the two
 
   // Lanes in which row k is held.
@@ -92,10 +92,10 @@ class GroundPatch {
   // have to be pulled, it marks the points that are not on that edge.
   FAN_FN Mask share(const Real* x, const double* ground) {
     using std::sqrt;
-    const Real N = x[0], zero = Real(0.0), one = Real(1.0);
+    const Real N = x[0], zero = Real(0.0), unity = Real(1.0);
     const Mask presses = N > zero;
     Mask good = presses;
-    const Real by = one / select(good, N, one);
+    const Real by = unity / select(good, N, unity);
     const Real c[2] = {
         select(many, Real(-size * by * x[5]), zero), select(several, Real(size * by * x[4]), zero)};
     good = good && weigh(c);
@@ -110,7 +110,7 @@ class GroundPatch {
       inertia += weight_[j] * (p * p + q * q);
     }
     const Real turning = size * by * x[3] - (c[0] * F[1] - c[1] * F[0]);
-    const Real alpha = select(several, Real(turning / select(several, inertia, one)), zero);
+    const Real alpha = select(several, Real(turning / select(several, inertia, unity)), zero);
     const double square = foot->friction * foot->friction;
     for (int j = 0; j < n_; ++j) {
       Point& to = foot->point[which_[j]];
@@ -137,10 +137,10 @@ class GroundPatch {
   FAN_FN Mask turn(const double* ground) {
     using std::abs;
     using std::sqrt;
-    const Real zero = Real(0.0), one = Real(1.0);
+    const Real zero = Real(0.0), unity = Real(1.0);
     Real along[features][3], s11 = zero, s12 = zero, s22 = zero, z1 = zero, z2 = zero;
     Real first[3] = {zero, zero, zero};
-    Mask has_first = zero > one;
+    Mask has_first = zero > unity;
     for (int j = 0; j < n_; ++j) {
       const Point& p = foot->point[which_[j]];
       Real d[3];
@@ -160,15 +160,16 @@ class GroundPatch {
     }
     const Real det = s11 * s22 - s12 * s12;
     const Mask plane = many && det > Tolerance::line * (s11 + s22) * (s11 + s22);
-    const Real by = one / select(plane, det, one);
+    const Real by = unity / select(plane, det, unity);
     const Real a = select(plane, Real((z1 * s22 - z2 * s12) * by), zero);
     const Real b = select(plane, Real((z2 * s11 - z1 * s12) * by), zero);
     // Of three or more points: n' ~ (1, -a, -b), t1' ~ (a, 1, 0); of two: t2' along their line.
     const Mask pair = several && !many;
     const Real length = dot3(first, first), flat = first[1] * first[1] + first[2] * first[2];
     const Mask line = pair && flat > zero;
-    const Real p = one / sqrt(select(line, length, one)), q = one / sqrt(select(line, flat, one));
-    const Real r = one / sqrt(one + a * a), s = one / sqrt(one + a * a + b * b);
+    const Real p = unity / sqrt(select(line, length, unity)),
+               q = unity / sqrt(select(line, flat, unity));
+    const Real r = unity / sqrt(unity + a * a), s = unity / sqrt(unity + a * a + b * b);
     Real n[3], t[3];
     const Real e[3] = {p * first[0], p * first[1], p * first[2]};
     t[0] = select(line, zero, Real(r * a));
@@ -193,7 +194,7 @@ class GroundPatch {
       square = maximum(Real(d_[j][0] * d_[j][0] + d_[j][1] * d_[j][1]), square);
       off = maximum(Real(abs(dot3(n, along[j]))), off);
     }
-    size = select(several, Real(sqrt(square)), one);
+    size = select(several, Real(sqrt(square)), unity);
     return !here || (off <= Tolerance::flat * size && (!pair || line) && (!many || plane));
   }
 
@@ -204,7 +205,7 @@ class GroundPatch {
     Real mean = zero, first = zero, second = zero, s11 = zero, s12 = zero, s22 = zero;
     for (int j = 0; j < n_; ++j) {
       const Point& p = foot->point[which_[j]];
-      const Real own = select(p.joins, p.asked, zero), *d = d_[j];
+      const Real own = select(p.joins, p.required, zero), *d = d_[j];
       mean += own * share_;
       first += d[1] * own;
       second -= d[0] * own;
@@ -212,20 +213,20 @@ class GroundPatch {
       s12 += d[0] * d[1];
       s22 += d[1] * d[1];
     }
-    const Real det = s11 * s22 - s12 * s12, one = Real(1.0);
-    const Real line = select(several, Real(first / select(several, s22, one)), zero);
-    const Real by = one / select(many, det, one);
+    const Real det = s11 * s22 - s12 * s12, unity = Real(1.0);
+    const Real line = select(several, Real(first / select(several, s22, unity)), zero);
+    const Real by = unity / select(many, det, unity);
     const Real theta[2] = {
         select(many, Real((s11 * first + s12 * second) * by), line),
         select(many, Real((s12 * first + s22 * second) * by), zero)};
-    for (int k = 0; k < 3; ++k) asked[k] = mean * turn_[3 * k];
-    asked[3] = zero;
-    asked[4] = size * turn_[0] * theta[0];
-    asked[5] = size * turn_[0] * theta[1];
+    for (int k = 0; k < 3; ++k) required[k] = mean * turn_[3 * k];
+    required[3] = zero;
+    required[4] = size * turn_[0] * theta[0];
+    required[5] = size * turn_[0] * theta[1];
     misfit = zero;
     for (int j = 0; j < n_; ++j) {
       const Point& p = foot->point[which_[j]];
-      const Real beyond = p.asked - mean, *d = d_[j];
+      const Real beyond = p.required - mean, *d = d_[j];
       const Real left = turn_[0] * (beyond - (d[1] * theta[0] - d[0] * theta[1]));
       const Real worst = maximum(
           Real(abs(left)), maximum(Real(abs(turn_[3] * beyond)), Real(abs(turn_[6] * beyond))));
@@ -237,9 +238,9 @@ class GroundPatch {
   // The points' shares of the normal impulse with its centre at c (Wachspress). Returns the lanes
   // in which c lies inside.
   FAN_FN Mask weigh(const Real* c) {
-    const Real zero = Real(0.0), one = Real(1.0);
+    const Real zero = Real(0.0), unity = Real(1.0);
     const Mask pair = several && !many;
-    Mask good = here, begun = zero > one;
+    Mask good = here, begun = zero > unity;
     Real e[features][2], before[features][2], after[features][2], next[2] = {zero, zero},
                                                                   round = zero;
     for (int j = 0; j < n_; ++j)
@@ -258,32 +259,32 @@ class GroundPatch {
       for (int j = n_ - 1; j >= 0; --j) walk(j, after);
     for (int j = 0; j < n_; ++j)
       round += select(foot->point[which_[j]].joins, area(before[j], e[j]), zero);
-    const Real sense = select(round < zero, Real(-1.0), one);
+    const Real sense = select(round < zero, Real(-1.0), unity);
     Real sum = zero;
-    Mask beyond = zero > one;
+    Mask beyond = zero > unity;
     for (int j = 0; j < n_; ++j) {
       const Mask& own = foot->point[which_[j]].joins;
       const Real one_side = sense * area(before[j], e[j]), other = sense * area(e[j], after[j]);
       const Mask inside = one_side > zero && other > zero;
       const Real whole = (one_side + other) - sense * area(before[j], after[j]);
-      Real weight = whole / select(inside, Real(one_side * other), one);
+      Real weight = whole / select(inside, Real(one_side * other), unity);
       good = good && (!own || !many || (inside && weight >= zero));
       outside_[j] = own && many && one_side > zero && other > zero;
       beyond = beyond || (own && many && !inside);
       // Of two points the first lies at d, the other at -d.
       const Mask first = own && !begun;
       begun = begun || own;
-      const Real of_first = 0.5 + 0.5 * c[1] / select(first && pair, d_[j][1], one);
+      const Real of_first = 0.5 + 0.5 * c[1] / select(first && pair, d_[j][1], unity);
       if (j == 0 || any(first)) first_ = select(first, of_first, first_);
-      weight = select(pair, select(first, of_first, Real(one - first_)), weight);
-      weight = select(several, weight, one);
+      weight = select(pair, select(first, of_first, Real(unity - first_)), weight);
+      weight = select(several, weight, unity);
       weight_[j] = select(own, weight, zero);
       good = good && weight_[j] >= zero;
       outside_[j] = (pair && own && !(weight_[j] >= zero)) || (!pair && outside_[j]);
       sum += weight_[j];
     }
     for (int j = 0; j < n_; ++j) outside_[j] = outside_[j] && (beyond || pair);
-    const Real scaled = one / select(sum > zero, sum, one);
+    const Real scaled = unity / select(sum > zero, sum, unity);
     for (int j = 0; j < n_; ++j) weight_[j] *= scaled;
     return good;
   }

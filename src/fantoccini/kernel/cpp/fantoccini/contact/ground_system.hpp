@@ -143,7 +143,7 @@ class GroundSystem {
     Real sum = Real(0.0);
     for (int p = 0; p < n_feet; ++p)
       for (int k = 0; k < patch[p].rank; ++k)
-        sum += y[first[p] + k] * (at_start[p][k] - patch[p].asked[k]);
+        sum += y[first[p] + k] * (at_start[p][k] - patch[p].required[k]);
     return 0.5 * sum;
   }
 
@@ -182,7 +182,7 @@ class GroundSystem {
     }
     for (int k = 0; k < own.rank; ++k) {
       has[first[p] + k] = own.has(k);
-      b_[first[p] + k] = start[k] + by_forces[p][k] + own.asked[k];
+      b_[first[p] + k] = start[k] + by_forces[p][k] + own.required[k];
     }
     for (int k = own.rank; k < 6; ++k) by_forces[p][k] = Real(0.0);
   }

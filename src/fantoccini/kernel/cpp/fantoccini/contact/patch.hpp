@@ -44,7 +44,7 @@ class ContactPatch {
   // Loads the listed points, with their hdot (three numbers each, by point) and the required rates
   // of their normals. Returns whether they are flat, and at most two where they lie on a line.
   template <class Point>
-  FAN_FN bool make(const Point* at, const double* hdot, const double* asked) {
+  FAN_FN bool make(const Point* at, const double* hdot, const double* required) {
     const double* own = at[point[0]].frame;
     for (int k = 0; k < 9; ++k) frame[k] = own[k];
     for (int c = 0; c < 3; ++c) middle[c] = 0.0;
@@ -57,10 +57,10 @@ class ContactPatch {
       d_[0][0] = d_[0][1] = sine_[0] = 0.0;
       cosine_[0] = 1.0;
       for (int k = 0; k < 3; ++k) b[k] = hdot[3 * point[0] + k];
-      b[0] += asked[point[0]];
+      b[0] += required[point[0]];
       return true;
     }
-    return is_flat(at) && fit(hdot, asked);
+    return is_flat(at) && fit(hdot, required);
   }
 
   // Adds up F and T from the impulses of the step's points, three each.
@@ -164,12 +164,12 @@ class ContactPatch {
   // Finds b, the least-squares fit to all points. Returns false if more than two lie on a line. The
   // rates of the points:
   //   h_n + (d_2 theta_1 - d_1 theta_2, - d_2 theta_n, d_1 theta_n)
-  FAN_FN bool fit(const double* hdot, const double* asked) {
+  FAN_FN bool fit(const double* hdot, const double* required) {
     double own[max_touches][3], mean[3] = {}, turn = 0.0, first = 0.0, second = 0.0;
     double s11 = 0.0, s12 = 0.0, s22 = 0.0;
     for (int i = 0; i < n; ++i) {
       const double *w = hdot + 3 * point[i], *d = d_[i];
-      own[i][0] = w[0] + asked[point[i]];
+      own[i][0] = w[0] + required[point[i]];
       own[i][1] = cosine_[i] * w[1] - sine_[i] * w[2];
       own[i][2] = sine_[i] * w[1] + cosine_[i] * w[2];
       for (int k = 0; k < 3; ++k) mean[k] += own[i][k] * (1.0 / n);

@@ -150,7 +150,7 @@ class ContactPatches {
     }
     bool all = true;
     for (int p = 0; p < n_ && all; ++p)
-      all = patch_[p].make(state.points.point[0], state.hdot, state.asked);
+      all = patch_[p].make(state.points.point[0], state.hdot, state.required);
     return all;
   }
 

@@ -178,11 +178,11 @@ class ContactProblem {
       const Real* row_impulses) const {
     constexpr int stride = Complementarity<Real, M>::N;
     double lost = 0.0, exchanged = 0.0, impulse = 0.0, fastest = 0.0;
-    const auto add = [&](double x, double own, double asked) {
+    const auto add = [&](double x, double own, double required) {
       lost += x * own;
       exchanged += fabs(x * own);
       impulse += fabs(x);
-      fastest = fabs(asked) > fastest ? fabs(asked) : fastest;
+      fastest = fabs(required) > fastest ? fabs(required) : fastest;
     };
     for (int a = 0; a < rows.n; ++a) {
       if (lane_of(row_impulses[a], l) == 0.0) continue;
@@ -295,7 +295,7 @@ class ContactProblem {
       for (int i = 0; i < n_triple_; ++i) {
         const int own = 3 * triple_[i], to = n_single_ + 3 * i;
         lane_of(state.b[own], l) = problem.b[to] = lane_of(state.before[own], l);
-        lane_of(state.asked[triple_[i]], l) = 0.0;
+        lane_of(state.required[triple_[i]], l) = 0.0;
       }
       for (int i = 0; i < n_single_ + 3 * n_triple_; ++i) problem.x[i] = 0.0;
       solved = has_solution();

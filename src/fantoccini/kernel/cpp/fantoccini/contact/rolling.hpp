@@ -32,7 +32,7 @@ class RollingPoints {
 
   // Changes the required rates of the points of a step dt from (q_D, v_D, q_K, v_K).
   template <class State>
-  FAN_FN void ask(
+  FAN_FN void require(
       State& state, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, double dt) {
     any_rolls = false;
@@ -57,7 +57,7 @@ class RollingPoints {
           for (int c = 0; c < 3; ++c) u[c] += rate[d] * then.frame[3 * d + c];
         for (int d = 1; d < 3; ++d)
           state.drift[3 * i + d] = dot3(u, own.frame + 3 * d) - state.hdot[3 * i + d];
-        state.asked[i] += of_normals * (rate[0] - state.hdot[3 * i]);
+        state.required[i] += of_normals * (rate[0] - state.hdot[3 * i]);
       }
     }
   }

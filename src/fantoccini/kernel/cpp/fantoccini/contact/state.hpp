@@ -41,7 +41,7 @@ struct ContactState {
   Real x[room(3 * C)], s[room(3 * C)], b[room(3 * C)];
   // hdot after the step without impulses; at its start; b - before of the normals. is_before_known
   // is false until `before` or b is first needed.
-  Real before[room(3 * C)], hdot[room(3 * C)], asked[room(C)];
+  Real before[room(3 * C)], hdot[room(3 * C)], required[room(C)];
   bool is_before_known = true;
   Real drift[room(3 * C)] = {};  // b - before of tangents: see rolling.hpp
 
@@ -70,7 +70,7 @@ struct ContactState {
   // Computes b of all points.
   FAN_FN void compute_required() {
     for (int i = 0; i < points.most; ++i) {
-      b[3 * i] = before[3 * i] + asked[i];
+      b[3 * i] = before[3 * i] + required[i];
       for (int d = 1; d < 3; ++d) b[3 * i + d] = before[3 * i + d] + drift[3 * i + d];
     }
   }
@@ -98,11 +98,11 @@ struct ContactState {
 
   // Required parting speed of a point: minus its gap over the step or, for a new one, over the rest
   // of it.
-  FAN_FN void ask(int l, int i, double recovery_speed) {
+  FAN_FN void require(int l, int i, double recovery_speed) {
     const double h = -points.point[l][i].gap;
     const double ahead = steps[l][i] == 0 ? left : dt;
     const double back = h / (h > 0.0 ? (whole > dt ? whole : dt) : ahead);
-    parting[l][i] = lane_of(asked[i], l) = back < recovery_speed ? back : recovery_speed;
+    parting[l][i] = lane_of(required[i], l) = back < recovery_speed ? back : recovery_speed;
     rebound[l][i] = 0.0;
     withheld[l][i] = false;
   }
@@ -126,11 +126,11 @@ struct ContactState {
     const double back = is_new ? rebound_of(l, i, closing) : 0.0;
     withheld[l][i] = holds_back && back > 0.0 && back > parting[l][i];
     const bool springs = !holds_back && back > 0.0 && back > parting[l][i];
-    if (springs) rebound[l][i] = lane_of(asked[i], l) = back;
+    if (springs) rebound[l][i] = lane_of(required[i], l) = back;
     bounces[l] = bounces[l] || springs;
     // Points of the pair that pushed before are tried first; see ContactStep::watch().
     const bool waits = is_carried[l][i] && !springs;
-    near[l][i] = near[l][i] || (!waits && free + lane_of(asked[i], l) > 0.0);
+    near[l][i] = near[l][i] || (!waits && free + lane_of(required[i], l) > 0.0);
     chosen[l] += near[l][i];
   }
 
@@ -139,8 +139,8 @@ struct ContactState {
     for (int i = 0; i < points.n[l]; ++i) {
       if (rebound[l][i] == 0.0) continue;
       const double back = scale[l] * rebound[l][i], least = parting[l][i];
-      lane_of(asked[i], l) = back > least ? back : least;
-      lane_of(b[3 * i], l) = lane_of(before[3 * i], l) + lane_of(asked[i], l);
+      lane_of(required[i], l) = back > least ? back : least;
+      lane_of(b[3 * i], l) = lane_of(before[3 * i], l) + lane_of(required[i], l);
     }
   }
 
@@ -180,7 +180,7 @@ struct ContactState {
 
   // hdot of row i after the step.
   FAN_FN double after(int l, int i) const {
-    return -lane_of(s[i], l) - (i % 3 == 0 ? lane_of(asked[i / 3], l) : 0.0);
+    return -lane_of(s[i], l) - (i % 3 == 0 ? lane_of(required[i / 3], l) : 0.0);
   }
 
   // Whether the forces of one step alone give point i its closing speed at the start.

@@ -131,8 +131,8 @@ class ContactStep {
       }
     }
     for (int l = 0; l < width; ++l) state_.recall(l, push[l]);
-    for (int i = 0; i < state_.points.n[0]; ++i) state_.ask(0, i, recovery_speed);
-    if (looks_ahead) rolling_.ask(state_, q_D, v_D, q_K, v_K, p, dt);
+    for (int i = 0; i < state_.points.n[0]; ++i) state_.require(0, i, recovery_speed);
+    if (looks_ahead) rolling_.require(state_, q_D, v_D, q_K, v_K, p, dt);
     state_.is_before_known = !state_.all_pushed();
     if (state_.is_before_known) state_.compute_before(eval);
     for (int i = 0; i < state_.points.n[0]; ++i) state_.aim(0, i);
@@ -221,9 +221,9 @@ class ContactStep {
         state_.steps[l][i] = state_.wait[l][i] = 0;
         state_.near[l][i] = true;
         state_.is_carried[l][i] = false;
-        state_.ask(l, i, recovery_speed);
+        state_.require(l, i, recovery_speed);
         state_.aim(l, i);
-        lane_of(state_.b[3 * i], l) += lane_of(state_.asked[i], l);
+        lane_of(state_.b[3 * i], l) += lane_of(state_.required[i], l);
         record_strike(l, i, lane_of(then(i)[0], l));
       }
     return true;
@@ -244,7 +244,7 @@ class ContactStep {
       const Real now = rates(i)[0];
       for (int l = 0; l < width; ++l) {
         if (!state_.points.has(l, i) || state_.near[l][i]) continue;
-        const double closing = lane_of(now, l) + lane_of(state_.asked[i], l);
+        const double closing = lane_of(now, l) + lane_of(state_.required[i], l);
         if (!(closing > Tolerance::passing_speed)) continue;
         state_.near[l][i] = more = true;
         record_strike(l, i, lane_of(now, l));

@@ -136,8 +136,8 @@ class ContactInstants {
     for (int r = 0; r < M; ++r) next[r] = SLACK;
     Rest rest;
     rest.n_single = rest.n_points = 0;
-    double asked[room(R)];  // hddot with the tensions of the winches that slip
-    for (int i = 0; i < held.rows.n; ++i) asked[i] = held.rows.hddot[i];
+    double free_hddot[room(R)];  // hddot with the tensions of the winches that slip
+    for (int i = 0; i < held.rows.n; ++i) free_hddot[i] = held.rows.hddot[i];
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
       if (fabs(f.rows.hdot[a]) <= still || f.rows.two_sided[a]) {
@@ -145,7 +145,7 @@ class ContactInstants {
       } else if (f.winches.slips(r) && f.rows.hdot[a] > 0.0) {
         next[r] = SLIPPING;
         for (int i = 0; i < held.rows.n; ++i)
-          asked[i] -= held.rows.G[i * held.rows.n + a] * f.winches.largest(r);
+          free_hddot[i] -= held.rows.G[i * held.rows.n + a] * f.winches.largest(r);
       }
     }
     for (int c = 0; c < held.points.n; ++c)
@@ -154,7 +154,7 @@ class ContactInstants {
     begin(f, rest.single, rest.n_single, rest.point, rest.n_points);
     for (int i = 0; i < rest.n_single; ++i) {
       const int r = f.rows.row[rest.single[i]];
-      cone.b[i] = asked[rest.single[i]];
+      cone.b[i] = free_hddot[rest.single[i]];
       cone.x[i] = f.tension[r];
       cone.upper[i] = f.winches.largest(r);
     }
@@ -166,7 +166,7 @@ class ContactInstants {
       double along[3] = {0.0, 0.0, 0.0};
       if (slides_[i]) held.points.direction(c, along);
       for (int d = 0; d < 3; ++d) {
-        cone.b[to + d] = asked[held.rows.first_of(c) + d];
+        cone.b[to + d] = free_hddot[held.rows.first_of(c) + d];
         cone.x[to + d] = held.points.at[c].mode == PARTED ? 0.0 : held.points.x[3 * c + d];
         along_[i][d] = along[d];
         if (d > 0) given_[2 * i + d - 1] = dot3(held.points.frame[c] + 3 * d, along);
@@ -282,13 +282,13 @@ class ContactInstants {
       const double restitution = held.points.in->restitution[held.points.at[c].pair];
       if (hdot > 0.0) cone.b[held.rows.first_of(c)] += share * restitution * hdot;
     }
-    double asked[room(R)];
-    for (int i = 0; i < n; ++i) asked[i] = cone.b[i];
+    double right[room(R)];
+    for (int i = 0; i < n; ++i) right[i] = cone.b[i];
     if (!cone.solve()) return NOT_SETTLED;
     lost = 0.0;
     double gross = 0.0;
     for (int i = 0; i < n; ++i) {
-      const double hdot = held.rows.hdot[i], after = hdot - cone.s[i] - asked[i];
+      const double hdot = held.rows.hdot[i], after = hdot - cone.s[i] - right[i];
       lost += 0.5 * cone.x[i] * (hdot + after);
       gross += fabs(cone.x[i] * hdot);
     }

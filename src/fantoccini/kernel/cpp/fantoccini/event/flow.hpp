@@ -132,7 +132,8 @@ struct Flow {
   // Magnitude of the terms of the gathered rows' hddot, at least 1 m/s^2.
   double hddot_scale() const {
     double top = 1.0;
-    for (int a = 0; a < rows.n; ++a) top = larger_of(top, fabs(rows.hddot[a]) + fabs(rows.kick[a]));
+    for (int a = 0; a < rows.n; ++a)
+      top = larger_of(top, fabs(rows.hddot[a]) + fabs(rows.free_acc[a]));
     return top;
   }
 

@@ -72,9 +72,9 @@ class HeldContacts {
     for (int c = 0; c < points.n; ++c)
       for (int d = 0; d < 3; ++d)
         reference[rows.n_single + 3 * c + d] = dot3(points.frame[c] + 3 * d, points.at[c].force);
-    double known[room(R)], asked[room(R)];
-    find_slipping(f, known, asked);
-    rows.find_forces(points, f, asked, reference);
+    double known[room(R)], free_hddot[room(R)];
+    find_slipping(f, known, free_hddot);
+    rows.find_forces(points, f, free_hddot, reference);
     for (int a = 0; a < rows.n_single; ++a) rows.y[a] += known[a];
     friction = 0.0;
     for (int a = 0; a < rows.n_single; ++a) {
@@ -292,8 +292,8 @@ class HeldContacts {
                           (rows.y[a] < 0.0 || rows.y[a] > f.winches.largest(r)));
     }
     if (!needed) return;
-    double known[room(R)], asked[room(R)];
-    find_slipping(f, known, asked);
+    double known[room(R)], free_hddot[room(R)];
+    find_slipping(f, known, free_hddot);
     int of[room(R)], n_own = 0, n_points = 0;
     bool slides[room(C)];
     double along[2 * room(C)];
@@ -313,7 +313,7 @@ class HeldContacts {
     cone.along = along;
     for (int i = 0; i < n_own; ++i) {
       for (int j = 0; j < n_own; ++j) cone.G[i * cone.stride + j] = rows.G[of[i] * rows.n + of[j]];
-      cone.b[i] = asked[of[i]];
+      cone.b[i] = free_hddot[of[i]];
       cone.x[i] = rows.y[of[i]];
       cone.lower[i] = i < cone.n_single && f.rows.two_sided[of[i]] ? -unbounded : 0.0;
       cone.upper[i] = i < cone.n_single ? f.winches.largest(f.rows.row[of[i]]) : unbounded;

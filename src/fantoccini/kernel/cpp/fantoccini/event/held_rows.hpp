@@ -146,9 +146,10 @@ class HeldRows {
     }
   }
 
-  // The forces y with the modes frozen, nearest to `reference`; `asked` is hddot without them.
+  // The forces y with the modes frozen, nearest to `reference`; `free_hddot` is hddot without them.
   template <class F>
-  void find_forces(const Points& points, const F& f, const double* asked, const double* reference) {
+  void find_forces(
+      const Points& points, const F& f, const double* free_hddot, const double* reference) {
     bool turns = false;
     for (int c = 0; c < points.n; ++c) {
       if (points.at[c].mode != SLIDING) continue;
@@ -157,18 +158,18 @@ class HeldRows {
       find_direction(points, c, !ahead && points.along(c) > Tolerance::stopped);
     }
     list_unknowns(points, f, true, true);
-    directed.solve(G, n, asked, reference, y);
+    directed.solve(G, n, free_hddot, reference, y);
     if (!turns) return;
     Turn turn = CONTINUE;
     for (int k = 0; turn == CONTINUE && k < Slow::turns; ++k)
-      turn = turn_slow(points, f, asked, reference);
+      turn = turn_slow(points, f, free_hddot, reference);
     if (turn == CONVERGED) return;
     // No such directions: those of the present velocities.
     for (int c = 0; c < points.n; ++c)
       if (points.at[c].mode == SLIDING)
         find_direction(points, c, points.along(c) > Tolerance::stopped);
     list_unknowns(points, f, true, true);
-    directed.solve(G, n, asked, reference, y);
+    directed.solve(G, n, free_hddot, reference, y);
   }
 
  private:
@@ -210,7 +211,8 @@ class HeldRows {
 
   // One Newton step on the directions of slow points and all forces.
   template <class F>
-  Turn turn_slow(const Points& points, const F& f, const double* asked, const double* reference) {
+  Turn turn_slow(
+      const Points& points, const F& f, const double* free_hddot, const double* reference) {
     int slow[room(C)], n_slow = 0;
     double firm[room(C)], goal[room(C)];
     for (int c = 0; c < points.n; ++c) {
@@ -221,7 +223,7 @@ class HeldRows {
       if (!(push > 0.0)) continue;  // it lifts
       double onward = 0.0;
       for (int k = 0; k < 2; ++k) {
-        double then = points.hdot[3 * c + 1 + k] * rate + asked[i + 1 + k];
+        double then = points.hdot[3 * c + 1 + k] * rate + free_hddot[i + 1 + k];
         for (int j = 0; j < n; ++j) then -= G[(i + 1 + k) * n + j] * y[j];
         onward += d[k] * then;
       }
@@ -237,7 +239,7 @@ class HeldRows {
       const double* d = direction[slow[s]];
       directed.add_across(first_of(slow[s]), -d[1], d[0], firm[s], goal[s]);
     }
-    directed.solve(G, n, asked, reference, y);
+    directed.solve(G, n, free_hddot, reference, y);
     double most = 0.0;
     for (int s = 0; s < n_slow; ++s) {
       const int c = slow[s];

@@ -55,9 +55,10 @@ struct EventWriter {
     }
     double friction = 0.0;
     if constexpr (F::touches) friction = y[F::FRICTION];
-    const double books[] = {y[F::WORK], y[F::LOSS], impact, y[F::SLIP_LOSS], friction};
+    const double energy_terms[] = {y[F::WORK], y[F::LOSS], impact, y[F::SLIP_LOSS], friction};
     out.row(
-        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, books, slip);
+        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, energy_terms,
+        slip);
     if constexpr (F::touches) {
       ContactPush push[room(C)];
       const int n = followed() ? flow.contacts.pushing(push) : 0;

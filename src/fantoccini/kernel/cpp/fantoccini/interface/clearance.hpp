@@ -33,7 +33,8 @@ FAN_EXPORT int fan_clearance(
       }
       Wide counts(0.0);
       for (int l = 0; l < width && first + l < n; ++l) fan::lane_of(counts, l) = 1.0;
-      at.measure(*in, placed.data(), counts > Wide(0.5), fan::ClearanceTolerances::far, slide);
+      at.measure(
+          *in, placed.data(), counts > Wide(0.5), fan::ClearanceTolerances::max_distance, slide);
       for (int l = 0; l < width && first + l < n; ++l) {
         clearance[first + l] = fan::lane_of(at.least, l);
         lower[first + l] = fan::lane_of(at.lower, l);

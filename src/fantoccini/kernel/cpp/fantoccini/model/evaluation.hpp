@@ -105,9 +105,9 @@ struct RowSystem {
   int row[room(M)];
   const Real* column[room(M)];  // W's column of each row
   Real own[room(N * Model::n_limits)] = {};
-  Real hdot[room(M)];   // at the velocity of the evaluation
-  Real hddot[room(M)];  // at zero multipliers
-  Real kick[room(M)];   // A_D acc_free: change of hdot per unit time without gamma
+  Real hdot[room(M)];      // at the velocity of the evaluation
+  Real hddot[room(M)];     // at zero multipliers
+  Real free_acc[room(M)];  // A_D acc_free: change of hdot per unit time without gamma
   Real hdot_K[room(M)];
   bool two_sided[room(M)];
   // Straight-line code is used for few strings: it grows with the third power of their number.
@@ -137,7 +137,7 @@ struct RowSystem {
     });
     each<leading>([&](int r) FAN_INLINE {
       hdot[r] = e.hdot[r];
-      kick[r] = e.a0[r];
+      free_acc[r] = e.a0[r];
       hdot_K[r] = e.hdot_K[r];
     });
     problem.use(e.G, S);
@@ -214,7 +214,7 @@ struct RowSystem {
         column[a] = e.W + N * r;
         hdot[a] = e.hdot[r];
         hddot[a] = e.gamma[r] + e.a0[r];
-        kick[a] = e.a0[r];
+        free_acc[a] = e.a0[r];
         hdot_K[a] = e.hdot_K[r];
       } else {
         limit(e, v_D, a, r - S);
@@ -289,7 +289,7 @@ struct RowSystem {
     hdot[a] = e.limit_rate(i, v_D);
     Real free_rate = Real(0.0);
     for (int j = 0; j < of.n; ++j) free_rate += w[of[j]] * e.w0[of[j]];
-    kick[a] = free_rate;
+    free_acc[a] = free_rate;
     hddot[a] = e.gamma_limit[i] + free_rate;
     hdot_K[a] = Real(0.0);
   }

@@ -45,11 +45,11 @@ class GridRun {
   // Writes the present state.
   void emit(Record<Model>& out) {
     const auto& in = trajectory_.inputs();
-    double books[5];
-    trajectory_.books(books);
+    double energy_terms[5];
+    trajectory_.energy_terms(energy_terms);
     out.row(
         trajectory_.t, trajectory_.q_D(), trajectory_.v_D(), trajectory_.acc(), in.q_K, in.v_K,
-        in.acc_K, trajectory_.tension(), trajectory_.taut(), trajectory_.p(), books,
+        in.acc_K, trajectory_.tension(), trajectory_.taut(), trajectory_.p(), energy_terms,
         trajectory_.slip());
     if constexpr (touches) {
       auto& at = trajectory_.at;

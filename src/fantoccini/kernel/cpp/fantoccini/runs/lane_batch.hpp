@@ -239,14 +239,14 @@ class LaneBatch {
     const Real residual = bundle_.contact_residual();
     put_lanes(in, Part::contact_residual, row, &residual);
     if (!in.parts[Part::books]) return;
-    Real books[7];
+    Real energy_terms[7];
     struct {
       Real *T, *V;
-    } energy{books, books + 1};
+    } energy{energy_terms, energy_terms + 1};
     Call<Model, Real>::energy(
         bundle_.q_D(), bundle_.v_D(), inputs.q_K, inputs.v_K, bundle_.p(), energy);
-    bundle_.books(books + 2);
-    put_lanes(in, Part::books, row, books);
+    bundle_.energy_terms(energy_terms + 2);
+    put_lanes(in, Part::books, row, energy_terms);
   }
 
   template <class Number>

@@ -39,11 +39,11 @@ struct Record : RecordArrays {
     out[EventLayout::speed] = speed;
   }
 
-  // `books`: work, damping, impact, slip loss and friction [J].
+  // `energy_terms`: work, damping, impact, slip loss and friction [J].
   void row(
       double t, const double* q_D, const double* v_D, const double* acc_D, const double* q_K,
       const double* v_K, const double* acc_K, const double* tension, const bool* taut,
-      const double* p, const double* books, const double* slip) {
+      const double* p, const double* energy_terms, const double* slip) {
     double* out = samples + Layout::width * n_samples++;
     constexpr int N = Model::n_vD, M = Model::n_rows;
     out[Layout::t] = t;
@@ -59,11 +59,11 @@ struct Record : RecordArrays {
       double *T, *V;
     } energy{out + Layout::kinetic, out + Layout::potential};
     Call<Model, double>::energy(q_D, v_D, q_K, v_K, p, energy);
-    out[Layout::work] = books[0];
-    out[Layout::damping] = books[1];
-    out[Layout::impact] = books[2];
-    out[Layout::slip_loss] = books[3];
-    out[Layout::friction] = books[4];
+    out[Layout::work] = energy_terms[0];
+    out[Layout::damping] = energy_terms[1];
+    out[Layout::impact] = energy_terms[2];
+    out[Layout::slip_loss] = energy_terms[3];
+    out[Layout::friction] = energy_terms[4];
     put(out + Layout::slip, slip, Model::n_strings);
     out[Layout::contact_residual] = 0.0;
   }

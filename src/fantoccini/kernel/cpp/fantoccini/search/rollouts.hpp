@@ -54,7 +54,7 @@ class Rollouts {
   // Simulates rollouts until none is left.
   void work(const RolloutArrays& in, RolloutProgress& progress) {
     placed_.resize(in.solids->n_moving);
-    for (int i = 0; i < Model::n_p; ++i) clearance_.p[i] = led_.p()[i] = Real(in.p[i]);
+    for (int i = 0; i < Model::n_p; ++i) clearance_.p[i] = lanes_.p()[i] = Real(in.p[i]);
     for (int l = 0; l < width; ++l) rollout_[l] = -1;
     while (fill(in, progress)) segment(in, progress);
   }
@@ -108,22 +108,22 @@ class Rollouts {
       caught_[l] = 0;
       slackened_[l] = strayed_[l] = false;
     }
-    held_.set(led_.inputs(), acc_K);
+    held_.set(lanes_.inputs(), acc_K);
     Inputs inputs{held_};
-    led_.set(0.0, in.options, in.winches);
-    led_.begin(inputs);
+    lanes_.set(0.0, in.options, in.winches);
+    lanes_.begin(inputs);
     StepCount count{0.0, dt};
     Watch watch{*this, in, progress};
-    int look = 0;
+    int check_index = 0;
     bool running = true;
-    while (running && look < in.looks) {
+    while (running && check_index < in.looks) {
       way_.clear();
       record_configuration();
       clearance_.moves.clear();
-      ++look;
-      make_steps(led_, inputs, EvenSteps{dt, (long long)look * in.steps}, count, watch);
+      ++check_index;
+      make_steps(lanes_, inputs, EvenSteps{dt, (long long)check_index * in.steps}, count, watch);
       if (reached(progress) < 0) return;
-      running = any(led_.runs()) ? check(in, progress, look) : release_all();
+      running = any(lanes_.runs()) ? check(in, progress, check_index) : release_all();
     }
   }
 
@@ -132,10 +132,10 @@ class Rollouts {
     double acc[room(NK)] = {};
     if (rollout_[l] >= 0) {
       double q_D[room(NQ)], v_D[room(N)], q_K[room(QK)], v_K[room(NK)];
-      take_lane(led_.state().q_D, NQ, l, q_D);
-      take_lane(led_.state().v_D, N, l, v_D);
-      take_lane(led_.inputs().q_K, QK, l, q_K);
-      take_lane(led_.inputs().v_K, NK, l, v_K);
+      take_lane(lanes_.state().q_D, NQ, l, q_D);
+      take_lane(lanes_.state().v_D, N, l, v_D);
+      take_lane(lanes_.inputs().q_K, QK, l, q_K);
+      take_lane(lanes_.inputs().v_K, NK, l, v_K);
       const long long i = rollout_[l];
       double* acc_K = in.acc_K + (i * in.segments + segment_[l]) * NK;
       if (segment_[l] >= in.n_given[i])
@@ -182,7 +182,7 @@ class Rollouts {
 
   void count_catches() {
     for (int r = 0; r < M; ++r) {
-      const Mask caught = led_.caught(r), released = led_.released(r);
+      const Mask caught = lanes_.caught(r), released = lanes_.released(r);
       if (!any(caught || released)) continue;
       for (int l = 0; l < width; ++l) {
         caught_[l] += active_[l] && lane_of(caught, l);
@@ -198,7 +198,7 @@ class Rollouts {
 
   // Whether strings are violated, as strings that pull against touched solids are.
   bool jammed(int lane) {
-    return led_.opt.contacts && lane_of(led_.worst_violation, lane) > RolloutTolerances::jam;
+    return lanes_.opt.contacts && lane_of(lanes_.worst_violation, lane) > RolloutTolerances::jam;
   }
 
   // Whether all touches that the goal requires push in a lane.
@@ -216,13 +216,13 @@ class Rollouts {
   // Calls `f` with the lane and the pair of every point that pushes.
   template <class F>
   void each_push(const F& f) {
-    if constexpr (TimeStep<Model, Real>::touches) led_.at.contacts.each_push(f);
+    if constexpr (TimeStep<Model, Real>::touches) lanes_.at.contacts.each_push(f);
   }
 
   // Checks every lane. Returns whether any is still in its segment.
-  bool check(const RolloutArrays& in, RolloutProgress& progress, int look) {
-    auto& state = led_.state();
-    auto& inputs = led_.inputs();
+  bool check(const RolloutArrays& in, RolloutProgress& progress, int check_index) {
+    auto& state = lanes_.state();
+    auto& inputs = lanes_.inputs();
     for (int i = 0; i < NQ; ++i) clearance_.q_D[i] = state.q_D[i];
     for (int i = 0; i < QK; ++i) clearance_.q_K[i] = inputs.q_K[i];
     Real counts = Real(0.0);
@@ -251,9 +251,9 @@ class Rollouts {
       take_lane(inputs.v_K, NK, l, v_K);
       const double clear = lane_of(least, l);
       const bool slack = slackened_[l] && !in.may_slacken;
-      const bool weak = led_.motors.verdict(l) != DONE;
+      const bool weak = lanes_.motors.verdict(l) != DONE;
       const bool touches_wrongly = strayed_[l] || jammed(l);
-      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || weak || touches_wrongly ||
+      if (lane_of(lanes_.status, l) > RUNNING + 0.5 || slack || weak || touches_wrongly ||
           !(clear >= in.margin) || passed_[l] || !within_bounds(in, l)) {
         release(l);
         continue;
@@ -265,11 +265,11 @@ class Rollouts {
         if (in.goal.n_touches && !touching(in.goal, l)) distance += in.goal.open;
       }
       const bool there = distance <= in.goal.tolerance;
-      if (!there && look < in.looks) {
+      if (!there && check_index < in.looks) {
         running = true;
         continue;
       }
-      write(in, l, look, distance);
+      write(in, l, check_index, distance);
       if (there) reach(progress, rollout_[l]);
       if (there || ++segment_[l] == in.n_segments[rollout_[l]]) release(l);
     }
@@ -279,7 +279,8 @@ class Rollouts {
   // Marks the lanes among those requested (1.0) that may come nearer than the margin on the linear
   // path between two configurations.
   void check_between(
-      const RolloutArrays& in, const Real* from, const Real* to, const Real& asked, int halvings) {
+      const RolloutArrays& in, const Real* from, const Real* to, const Real& requested,
+      int halvings) {
     Real middle[room(NQ + QK)];
     mean<typename Model::Dynamic>(from, to, middle);
     mean<typename Model::Driven>(from + NQ, to + NQ, middle + NQ);
@@ -289,11 +290,11 @@ class Rollouts {
     clearance_.moves.add(*in.solids, from, from + NQ, to, to + NQ, 0.5);
     clearance_.include_excess(from, from + NQ);
     clearance_.include_excess(to, to + NQ);
-    clearance_.measure(*in.solids, placed_.data(), asked > Real(0.5), in.margin, true);
+    clearance_.measure(*in.solids, placed_.data(), requested > Real(0.5), in.margin, true);
     Real unsure = Real(0.0);
     bool any_uncertain = false;
     for (int l = 0; l < width; ++l) {
-      if (lane_of(asked, l) < 0.5 || passed_[l]) continue;
+      if (lane_of(requested, l) < 0.5 || passed_[l]) continue;
       const double least = lane_of(clearance_.least, l), lower = lane_of(clearance_.lower, l);
       if (lower >= in.margin) continue;
       using Tol = RolloutTolerances;
@@ -328,14 +329,14 @@ class Rollouts {
 
   // Records the present configuration for the check of the path.
   void record_configuration() {
-    for (int i = 0; i < NQ; ++i) way_.push_back(led_.state().q_D[i]);
-    for (int i = 0; i < QK; ++i) way_.push_back(led_.inputs().q_K[i]);
+    for (int i = 0; i < NQ; ++i) way_.push_back(lanes_.state().q_D[i]);
+    for (int i = 0; i < QK; ++i) way_.push_back(lanes_.inputs().q_K[i]);
   }
 
   const Real* place(int step) const { return way_.data() + std::size_t(step) * (NQ + QK); }
 
   bool within_bounds(const RolloutArrays& in, int l) {
-    const auto& at = led_.inputs();
+    const auto& at = lanes_.inputs();
     constexpr double fastest = 1.0 + RolloutTolerances::speed_slack;
     bool inside = true;
     for (int k = 0; k < QK; ++k) {
@@ -351,7 +352,7 @@ class Rollouts {
   void release(int l) {
     rollout_[l] = -1;
     active_[l] = false;
-    lane_of(led_.status, l) = STOPPED;
+    lane_of(lanes_.status, l) = STOPPED;
   }
 
   // Frees all lanes. None of them runs or remains in its segment.
@@ -361,27 +362,27 @@ class Rollouts {
     return false;
   }
 
-  void write(const RolloutArrays& in, int l, int look, double distance) {
+  void write(const RolloutArrays& in, int l, int check_index, double distance) {
     const long long at = rollout_[l] * in.segments + segment_[l];
     each_part(
         [&](const Real* x, int n, const double*, double* to) { take_lane(x, n, l, to + at * n); },
         in);
     in.out.distance[at] = distance;
-    in.out.looks[at] = look;
+    in.out.looks[at] = check_index;
     in.out.catches[at] = caught_[l];
   }
 
   // Calls `f` with every part of the state: its values, width, starts and output.
   template <class F>
   void each_part(const F& f, const RolloutArrays& in) {
-    f(led_.state().q_D, NQ, in.q_D, in.out.q_D);
-    f(led_.state().v_D, N, in.v_D, in.out.v_D);
-    f(led_.at.slip, S, in.slip, in.out.slip);
-    f(led_.inputs().q_K, QK, in.q_K, in.out.q_K);
-    f(led_.inputs().v_K, NK, in.v_K, in.out.v_K);
+    f(lanes_.state().q_D, NQ, in.q_D, in.out.q_D);
+    f(lanes_.state().v_D, N, in.v_D, in.out.v_D);
+    f(lanes_.at.slip, S, in.slip, in.out.slip);
+    f(lanes_.inputs().q_K, QK, in.q_K, in.out.q_K);
+    f(lanes_.inputs().v_K, NK, in.v_K, in.out.v_K);
   }
 
-  TimeSteppingTrajectory<Model, Real> led_;
+  TimeSteppingTrajectory<Model, Real> lanes_;
   Clearance<Model, Real> clearance_;
   std::vector<Placed<Real>> placed_;
   std::vector<Real> way_;  // configurations since the last check: q_D and q_K after every step

@@ -54,15 +54,15 @@ class DirectedRows {
     for (int u = 0; u < n; ++u) {
       const double* row = G + lead_[u] * size;
       double* factor = lu_.A + u * lu_.stride;
-      double asked = b[lead_[u]];
+      double target = b[lead_[u]];
       if (const Unknown& own = unknown_[u]; own.across) {
         const double *second = G + (own.row + 1) * size, *third = second + size;
         for (int j = 0; j < size; ++j)
           image_of[j] = own.part[1] * second[j] + own.part[2] * third[j];
         row = image_of;
-        asked = own.part[1] * b[own.row + 1] + own.part[2] * b[own.row + 2] + own.goal;
+        target = own.part[1] * b[own.row + 1] + own.part[2] * b[own.row + 2] + own.goal;
       }
-      left[u] = scale_[u] * (asked - sum_of_products(row, y, size));
+      left[u] = scale_[u] * (target - sum_of_products(row, y, size));
       for (int v = n; v < lu_.stride; ++v) factor[v] = 0.0;
       for (int v = 0; v < n; ++v) {
         const Unknown& other = unknown_[v];

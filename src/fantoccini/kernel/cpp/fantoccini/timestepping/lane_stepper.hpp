@@ -130,8 +130,8 @@ class LaneStepper {
   void write(TimeSteppingTrajectory<Model, Real>& bundle, long long first, int n) {
     const StepperArrays& in = arrays_;
     const auto& inputs = bundle.inputs();
-    Real books[5];
-    bundle.books(books);
+    Real energy_terms[5];
+    bundle.energy_terms(energy_terms);
     for (int l = 0; l < n; ++l) {
       const long long index = first + l;
       take_lane(bundle.q_D(), NQ, l, in.q_D + index * NQ);
@@ -144,7 +144,7 @@ class LaneStepper {
       }
       take_lane(bundle.tension(), M, l, in.tension + index * M);
       take_lane(bundle.taut(), M, l, in.taut + index * M);
-      take_lane(books, 5, l, in.books + index * 5);
+      take_lane(energy_terms, 5, l, in.books + index * 5);
       in.violation[index] = lane_of(bundle.worst_violation, l);
       in.advanced[index] = lane_of(bundle.t, l);
       in.status[index] = verdict(bundle, l);

@@ -113,7 +113,7 @@ struct TimeStep {
 
   // Whether gathered row a closes faster than the forces of a step dt move it.
   FAN_FN Mask closes_fast(int a, double dt) const {
-    const Real forced = dt * rows.kick[a];
+    const Real forced = dt * rows.free_acc[a];
     return rows.hdot[a] > maximum(forced, Real(0.0)) + Real(Tolerance::catching_speed);
   }
 
@@ -343,7 +343,7 @@ struct TimeStep {
     const auto pose = [&](auto a) FAN_INLINE {
       const int r = a < Rows::leading ? int(a) : rows.row[a];
       const Mask takes_part = near_[r] && here;
-      before_[a] = rows.hdot[a] + dt * rows.kick[a];
+      before_[a] = rows.hdot[a] + dt * rows.free_acc[a];
       const Real h = eval.height(r);
       const Real closing = before_[a] + (is_wire(r) ? term.of_wire(h) : term(h));
       const bool winch = winches.slips(r) && winches.max_tension[r] < cap;

@@ -72,7 +72,7 @@ struct TimeSteppingTrajectory {
   }
 
   // Work, damping, impact, slip loss and friction.
-  void books(Real* out) const {
+  void energy_terms(Real* out) const {
     out[0] = work;
     out[1] = damping;
     out[2] = impact;

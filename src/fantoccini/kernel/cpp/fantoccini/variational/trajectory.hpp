@@ -67,7 +67,7 @@ struct VariationalTrajectory {
   Inputs& inputs() { return node().now; }
 
   // Work, damping, impact, slip loss and friction.
-  void books(Real* out) const {
+  void energy_terms(Real* out) const {
     out[0] = work;
     out[1] = damping;
     out[2] = impact;
