@@ -266,6 +266,6 @@ def test_searches_for_nearest_names_are_bounded(monkeypatch):
     for module in (parts, located):
         monkeypatch.setattr(module, "nearest", lambda *names: asked.append(1) or real(*names))
     bodies = "".join(f"  - {{name: a{i}, parent: b{i}, kolour: 1}}\n" for i in range(300))
-    found = mistakes(f"puppet: p\nbodies:\n{bodies}")
-    assert found[-1][2] == "and 500 more"
+    reported = mistakes(f"puppet: p\nbodies:\n{bodies}")
+    assert reported[-1][2] == "and 500 more"
     assert len(asked) <= 200

@@ -53,10 +53,10 @@ def test_a_finished_sweep_is_read_back_to_the_same_bits(study, tmp_path):
     store = tmp_path / "deep" / "kept"
     first = fan.sweep(study, {"n": range(6)}, store=store, seeds=2)
     assert len(files(store)) == 12 and len(_ran) == 12
-    two = fan.sweep(study, {"n": range(6)}, store=store, seeds=2)
+    second = fan.sweep(study, {"n": range(6)}, store=store, seeds=2)
     assert len(_ran) == 12
-    assert np.array_equal(first["x"], two["x"]) and np.array_equal(first["name"], two["name"])
-    assert np.array_equal(first.seconds, two.seconds)
+    assert np.array_equal(first["x"], second["x"]) and np.array_equal(first["name"], second["name"])
+    assert np.array_equal(first.seconds, second.seconds)
 
 
 def test_a_larger_sweep_runs_only_new_cases(study, tmp_path):

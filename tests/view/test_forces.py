@@ -54,8 +54,8 @@ def test_strips_and_films_draw_them(block, tmp_path):
         )
         sizes.append(path.read_text().count("<path"))
     assert sizes[1] > sizes[0]
-    made = film(marionette, run, tmp_path / "block.mp4", fps=10, size=(160, 120), forces=True)
-    assert made.stat().st_size > 0
+    video = film(marionette, run, tmp_path / "block.mp4", fps=10, size=(160, 120), forces=True)
+    assert video.stat().st_size > 0
 
 
 def test_the_command_line_draws_them(tmp_path, monkeypatch):

@@ -104,9 +104,9 @@ def test_the_page_has_the_measured_figures(page, verification):
 def test_the_least_clearances_are_those_of_the_run(verification, page):
     run = verification.run
     nearest = {
-        frozenset(one.owners): one
-        for one in clearances(verification.play.cast, run)
-        if not one.of_strings
+        frozenset(approach.owners): approach
+        for approach in clearances(verification.play.cast, run)
+        if not approach.of_strings
     }
     first, second = (
         run.q_D[:, [run.coordinates.q_D.index(f"{name}.ball.{x}") for x in "xyz"]]
