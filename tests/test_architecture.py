@@ -385,9 +385,7 @@ def test_every_name_a_package_exports_exists(file):
 
 @pytest.mark.parametrize("file", [f for f in modules() if f.name == "__init__.py"], ids=package_of)
 def test_no_exported_name_hides_a_module(file):
-    """Otherwise `fantoccini.plan` would be a package or a function, depending on earlier
-    imports.
-    """
+    """Otherwise `fantoccini.plan` would be a package or a function, by earlier imports."""
     package = importlib.import_module(".".join(file.relative_to(PACKAGE.parent).parent.parts))
     beside = {path.stem for path in file.parent.iterdir() if path.suffix in ("", ".py")}
     hidden = [

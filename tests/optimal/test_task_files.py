@@ -78,7 +78,7 @@ def test_bundled_tasks_are_as_they_say():
     }
 
 
-def test_a_file_says_what_python_says(tmp_path):
+def test_a_file_equals_a_gesture_in_python(tmp_path):
     read = fan.control.load_task(written(tmp_path, TRACK))
     arm = fan.puppets.arm2d()
     x0 = arm.rest({"hand.length": 0.8})

@@ -353,7 +353,7 @@ interval: 0.05
 """
 
 
-def test_a_file_says_what_python_says(tmp_path, arm: fan.Marionette):
+def test_a_file_equals_a_gesture_in_python(tmp_path, arm: fan.Marionette):
     path = tmp_path / "dab.yaml"
     path.write_text(FILE, encoding="utf-8")
     first, second = fan.control.load_task(path).touches

@@ -156,7 +156,7 @@ def test_a_goal_that_is_met_needs_no_motion():
     assert met.trajectory.status is fan.Status.DONE
 
 
-def test_a_start_in_collision_is_told():
+def test_a_start_in_collision_is_reported():
     inside = [{"name": "stone", "type": "sphere", "radius": 0.2, "at": [0, 0, -0.3]}]
     found = fan.plan(ARM, HANGING, RAISED, inside)
     assert not found and found.status is fan.control.AnswerStatus.INFEASIBLE_START

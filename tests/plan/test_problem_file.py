@@ -44,7 +44,7 @@ def test_bundled_problems_are_as_they_say():
     assert fan.control.load_problem("arm3d_boxes", tolerance=0.1).tolerance == 0.1
 
 
-def test_a_file_says_what_python_says(tmp_path):
+def test_a_file_equals_a_gesture_in_python(tmp_path):
     read = fan.control.load_problem(written(tmp_path, GOOD))
     arm = fan.puppets.arm3d()
     made = fan.control.Problem(
