@@ -42,7 +42,7 @@ def test_a_mesh_named_like_another_is_another(tmp_path):
     assert np.allclose(volumes, [around * 0.1**2 * 0.4, 2 / 6, 3 / 6, 4 / 6], rtol=1e-6)
 
 
-JOINT_OF_SEVERAL_LINES = """<mujoco><worldbody><body name="true"><joint name="a_joint_with_a_long_name" damping="1"
+JOINT = """<mujoco><worldbody><body name="true"><joint name="a_joint_with_a_long_name" damping="1"
   axis="0.1 0.2 0.3" pos="0.1 0.2 0.3" armature="0.5" frictionloss="1" stiffness="3" springref="7"/>
   <geom size="0.1"/><body name="b"><joint frictionloss="1"/><geom size="0.1"/></body></body>
   </worldbody></mujoco>"""
@@ -50,9 +50,7 @@ JOINT_OF_SEVERAL_LINES = """<mujoco><worldbody><body name="true"><joint name="a_
 
 def test_every_note_stands_in_the_puppet_file(tmp_path):
     """This includes notes on joints of several lines, and on names in quotes."""
-    puppet_import = imported(
-        JOINT_OF_SEVERAL_LINES.replace('"0.1"/><body', '"1e7" mass="1"/><body'), tmp_path
-    )
+    puppet_import = imported(JOINT.replace('"0.1"/><body', '"1e7" mass="1"/><body'), tmp_path)
     assert "joint:\n" in puppet_import.text and len(puppet_import.report) == 4
     for note in puppet_import.report:
         assert puppet_import.text.count(f"{note.what}: {note.message}\n") == 1
