@@ -1,4 +1,4 @@
-"""Damage to npz files, seeded: what disks, networks and attackers do to them."""
+"""Seeded damage to npz files, as by disks, networks and attackers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ODD = (
     np.array(["x"]),
     np.frombuffer(b'{"format": 1}', dtype=np.uint8),
 )
-"""Arrays that have no business where they are put."""
+"""Arrays that do not belong into such a file."""
 _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
 
 
@@ -57,24 +57,24 @@ def _flipped(data: bytes, rng: random.Random, first: int = 0, last: int | None =
 
 
 def damaged(raw: bytes, rng: random.Random) -> bytes:
-    """An npz file with bytes flipped, its end cut off, or entries swapped, lost or changed."""
+    """An npz file with bytes flipped, its end cut off, or entries swapped, removed or changed."""
     kind = rng.randrange(8)
     if kind == 0:
         return _flipped(raw, rng)
     if kind == 1:
         return raw[: rng.randrange(len(raw))]
     content = entries(raw)
-    one, other = rng.choice(list(content)), rng.choice(list(content))
+    name, other = rng.choice(list(content)), rng.choice(list(content))
     if kind == 2:
-        content[one], content[other] = content[other], content[one]
+        content[name], content[other] = content[other], content[name]
     elif kind == 3:
-        content[one] = _flipped(content[one], rng, 10, 128)
+        content[name] = _flipped(content[name], rng, 10, 128)
     elif kind == 4:
-        content[one] = _flipped(content[one], rng)
+        content[name] = _flipped(content[name], rng)
     elif kind == 5:
-        del content[one]
+        del content[name]
     elif kind == 6:
-        content[one] = stored(rng.choice(_ODD))
+        content[name] = stored(rng.choice(_ODD))
     else:
         text = bytearray(content["about.npy"]) if "about.npy" in content else bytearray(129)
         for old, new in ((b"0", b"9"), (b"[", b"{"), (b'"', b"'"), (b"null", b"true")):
@@ -86,10 +86,10 @@ def damaged(raw: bytes, rng: random.Random) -> bytes:
 
 
 def fuzz(load: Callable[[Path], object], whole: Path, n: int, seed: int) -> int:
-    """Loads a file with ``n`` kinds of damage; it is read or refused with its name.
+    """Load a file with `n` kinds of damage; each is either read or refused by the file's name.
 
     Returns:
-        How many were refused.
+        Number of refused files.
     """
     raw, rng, refused = whole.read_bytes(), random.Random(seed), 0
     place = whole.with_name("damaged" + whole.suffix)

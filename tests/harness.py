@@ -45,11 +45,11 @@ class Model:
 
     @classmethod
     def of(cls, puppet: Puppet) -> Model:
-        """Of a puppet that is loaded already."""
+        """Model of a loaded puppet."""
         return cls({}, puppet)
 
     def call(self, name: str, state: State, **more) -> dict[str, np.ndarray]:
-        """All outputs of a function, without needless axes."""
+        """All outputs of a function, without axes of length 1."""
         function = self.equations[name]
         zero = {"u_D": np.zeros(self.table.n_vD), "dt": 0.0}
         more = zero | {"v_ahead": state.v_D, "p": self.p} | more
@@ -80,9 +80,9 @@ class Model:
         )
 
     def acceleration(self, state: State) -> np.ndarray:
-        """acc_D of the puppet without strings, from what the compiled model returns (Eq. 8)."""
-        found = self.call("dynamics", state)
-        return np.array(self.equations["back"](found["L"], found["w0"])).ravel()
+        """acc_D of the puppet without strings, from results of the compiled model (Eq. 8)."""
+        dynamics = self.call("dynamics", state)
+        return np.array(self.equations["back"](dynamics["L"], dynamics["w0"])).ravel()
 
     def moved(self, state: State, s: float, acc_D: np.ndarray | None = None) -> State:
         """A state s seconds on along a smooth curve with the motion's tangent.
@@ -141,7 +141,7 @@ def polynomial_input(model, breaks, coef: dict[str, np.ndarray], q_K: np.ndarray
         model: a marionette, or anything with ``.coordinates``.
         breaks: (n + 1,) [s].
         coef: name of a driven scalar -> (n, 6) ascending powers of the time since the piece began.
-        q_K: (n_qK,) what the coordinates hold that are not named.
+        q_K: (n_qK,) values of the other coordinates.
     """
     table, n = model.coordinates, len(breaks) - 1
     rows, base = np.zeros((n, table.n_vK, 6)), np.tile(np.asarray(q_K, float), (n, 1))
@@ -156,7 +156,7 @@ def polynomial_input(model, breaks, coef: dict[str, np.ndarray], q_K: np.ndarray
 
 
 def start(model, pose: dict[str, float], rates: dict[str, float]) -> motion.State:
-    """A state from values by name; what is not named is the file's pose, at rest."""
+    """State from values by name; other coordinates have the file's pose, at rest."""
     table = model.coordinates
     q_D, q_K = np.array(table.start_D), np.array(table.start_K)
     v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
@@ -172,7 +172,7 @@ def start(model, pose: dict[str, float], rates: dict[str, float]) -> motion.Stat
 
 
 def bulge() -> tuple[fan.Marionette, Input]:
-    """A bob whose string, released at 1 s, closes and opens again within one long step."""
+    """A bob whose string is released at 1 s, opens and closes within one long step."""
     bob = fan.loads("""
 puppet: bob
 bodies:
@@ -191,6 +191,6 @@ pose: {line.length: 1.0}
 
 
 def method_of(name: str, **options) -> fan.dynamics.Method:
-    """A method by its name, with those of the options that it has."""
+    """A method by its name, with the options that apply to it."""
     known = METHODS[name].__dataclass_fields__
     return METHODS[name](**{key: value for key, value in options.items() if key in known})

@@ -30,10 +30,10 @@ PACKAGE = ROOT / "src" / "fantoccini"
 
 ORDER = tuple(architecture.PACKAGES)
 DRAWING = "base/drawing.py"
-"""The one module that imports a later package, by name, when it is called."""
+"""The only module that imports a later package, by name, when a method is called."""
 
-MOST_FILES = 28
-"""In a folder, sub-packages not counted."""
+MAX_FILES = 28
+"""Files in a folder, without sub-packages."""
 
 ONLY_IN = {
     # the compiler; sounds; the film encoder
@@ -55,7 +55,7 @@ ONLY_IN = {
 """Libraries and the packages that may use them."""
 
 
-MOST_LINES = 450
+MAX_LINES = 450
 
 KINDS = {
     "app.pages.loop.PageLoop": "a thread of a page, which starts and ends it",
@@ -82,13 +82,13 @@ GENERATED = {"kernel/cpp/fantoccini/contract.hpp"}
 
 @dataclass(frozen=True)
 class Import:
-    """One imported name: by which file, from which package, on which line."""
+    """One imported name: importing file, package and line."""
 
     file: Path
     package: str
     name: str
     line: int
-    module: str  # that must be imported for it
+    module: str  # module that must be imported for it
 
     def __str__(self) -> str:
         return f"{self.file.relative_to(ROOT)}:{self.line} imports {self.name}"
@@ -110,7 +110,7 @@ def room_of(name: str) -> str:
 
 @cache
 def imports_of(file: Path) -> list[Import]:
-    """Every name that a file imports, at the top and inside functions; of a face also its stub."""
+    """Every name that a file imports, at the top and inside functions, and in a package's stub."""
     text = file.read_text(encoding="utf-8")
     stub = file.with_suffix(".pyi")
     if stub.exists():
@@ -124,7 +124,7 @@ def imports_of(file: Path) -> list[Import]:
 
 
 def names_of(node: ast.AST, file: Path) -> list[str]:
-    """The dotted names an import statement asks for; relative ones resolved."""
+    """The dotted names of an import statement; relative ones are resolved."""
     match node:
         case ast.Import():
             return [alias.name for alias in node.names]
@@ -153,49 +153,51 @@ def test_every_folder_is_a_room_of_the_order():
 
 
 def test_a_room_imports_only_from_those_above_it():
-    order = {room: k for k, room in enumerate(ORDER)}
+    order = {package: k for k, package in enumerate(ORDER)}
     wrong = [
-        str(found)
-        for found in internal_imports()
-        if found.package
-        and order.get(room_of(found.name), len(ORDER)) > order[found.package.split(".")[0]]
+        str(item)
+        for item in internal_imports()
+        if item.package
+        and order.get(room_of(item.name), len(ORDER)) > order[item.package.split(".")[0]]
     ]
     assert len(internal_imports()) > 2000
     assert wrong == []
 
 
 def test_other_packages_import_from_faces():
-    """From the ``__init__`` of another package, or a module that it holds, never from inside it."""
+    """Names come from the `__init__` of another package or from one of its modules."""
     wrong = []
-    for found in internal_imports():
-        file = PACKAGE.parent.joinpath(*found.module.split("."))
-        other = ".".join(found.module.split(".")[1:-1])
-        reaches = file.with_suffix(".py").exists() and other != found.package
-        if reaches and found.file.name != "__init__.py":
-            wrong.append(str(found))
+    for item in internal_imports():
+        file = PACKAGE.parent.joinpath(*item.module.split("."))
+        other = ".".join(item.module.split(".")[1:-1])
+        reaches = file.with_suffix(".py").exists() and other != item.package
+        if reaches and item.file.name != "__init__.py":
+            wrong.append(str(item))
     assert wrong == []
 
 
 def test_an_init_exports_only_names_from_its_own_package():
     wrong = [
-        str(found)
-        for found in internal_imports()
-        if found.file.name == "__init__.py"
-        and not f"{found.name}.".startswith(f"fantoccini.{found.package}".rstrip(".") + ".")
+        str(item)
+        for item in internal_imports()
+        if item.file.name == "__init__.py"
+        and not f"{item.name}.".startswith(f"fantoccini.{item.package}".rstrip(".") + ".")
     ]
     assert wrong == []
 
 
 def imported_by_name(text: str) -> list[str]:
-    """What a file gives ``import_module`` or ``__import__``; "?" where that is no text."""
+    """Arguments of `import_module` and `__import__`; "?" for those that are not strings."""
     names = []
     for node in ast.walk(ast.parse(text)):
         match node:
             case ast.Call(func=ast.Name(id=called) | ast.Attribute(attr=called)):
                 if called in ("import_module", "__import__"):
-                    given = node.args[0]
-                    given = given.values[0] if isinstance(given, ast.JoinedStr) else given
-                    names.append(given.value if isinstance(given, ast.Constant) else "?")
+                    argument = node.args[0]
+                    argument = (
+                        argument.values[0] if isinstance(argument, ast.JoinedStr) else argument
+                    )
+                    names.append(argument.value if isinstance(argument, ast.Constant) else "?")
     return names
 
 
@@ -227,7 +229,7 @@ def test_rooms_above_output_do_not_import_it(room):
 
 @cache
 def file_of(name: str) -> Path | None:
-    """The file that defines a dotted name; names that a package passes on are followed."""
+    """The file that defines a dotted name; re-exported names are followed."""
     place = PACKAGE.parent.joinpath(*name.split("."))
     if (place / "__init__.py").exists():
         return place / "__init__.py"
@@ -238,14 +240,14 @@ def file_of(name: str) -> Path | None:
     package, last = name.rsplit(".", 1)
     file = file_of(package)
     if file is not None and file.name == "__init__.py":
-        passed_on = {found.name.rsplit(".", 1)[1]: found.name for found in imports_of(file)}
+        passed_on = {item.name.rsplit(".", 1)[1]: item.name for item in imports_of(file)}
         if passed_on.get(last, name) != name:
             return file_of(passed_on[last])
     return file
 
 
 def circle(graph: dict[object, set[object]]) -> list[object]:
-    """Nodes of a graph that depend on one another in a circle; empty where there is none."""
+    """Nodes of a graph that depend on one another in a circle; empty if there are none."""
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
@@ -256,21 +258,21 @@ def circle(graph: dict[object, set[object]]) -> list[object]:
 def test_no_file_imports_itself_in_a_circle():
     """Imports for type checking and inside functions count."""
     graph: dict[Path, set[Path]] = {}
-    for found in internal_imports():
-        target = file_of(found.name)
-        if found.file.name != "__init__.py" and target not in (None, found.file):
-            graph.setdefault(found.file, set()).add(target)
+    for item in internal_imports():
+        target = file_of(item.name)
+        if item.file.name != "__init__.py" and target not in (None, item.file):
+            graph.setdefault(item.file, set()).add(target)
     assert circle(graph) == []
-    one, other = modules()[-2:]
-    assert circle({**graph, one: {other}, other: {one}}) != []
+    module, other = modules()[-2:]
+    assert circle({**graph, module: {other}, other: {module}}) != []
 
 
 def test_no_sub_package_imports_itself_in_a_circle():
     graph: dict[str, set[str]] = {}
-    for found in internal_imports():
-        target = file_of(found.name)
-        if found.file.name != "__init__.py" and target is not None:
-            graph.setdefault(found.package, set()).add(package_of(target))
+    for item in internal_imports():
+        target = file_of(item.name)
+        if item.file.name != "__init__.py" and target is not None:
+            graph.setdefault(item.package, set()).add(package_of(target))
     graph = {package: targets - {package} for package, targets in graph.items()}
     assert len(graph) > 40
     assert circle(graph) == []
@@ -279,15 +281,15 @@ def test_no_sub_package_imports_itself_in_a_circle():
 def test_folders_are_small():
     folders = {file.parent for file in modules()}
     counts = {folder: len(list(folder.glob("*.py"))) - 1 for folder in folders}
-    assert {str(f.relative_to(ROOT)): n for f, n in counts.items() if n > MOST_FILES} == {}
+    assert {str(f.relative_to(ROOT)): n for f, n in counts.items() if n > MAX_FILES} == {}
 
 
 def test_external_libraries_are_imported_only_by_listed_packages():
-    """``subprocess`` and ``ctypes`` included."""
+    """This includes `subprocess` and `ctypes`."""
     wrong = [
-        str(found)
-        for found in all_imports()
-        if found.package not in ONLY_IN.get(found.name.split(".")[0], {found.package})
+        str(item)
+        for item in all_imports()
+        if item.package not in ONLY_IN.get(item.name.split(".")[0], {item.package})
     ]
     assert wrong == []
 
@@ -304,7 +306,7 @@ def length(file: Path) -> int:
 def test_modules_are_short():
     files = [*modules(), *PACKAGE.rglob("*.hpp"), *PACKAGE.rglob("*.h")]
     lengths = {f: length(f) for f in files}
-    long = {str(f.relative_to(PACKAGE)): n for f, n in lengths.items() if n >= MOST_LINES}
+    long = {str(f.relative_to(PACKAGE)): n for f, n in lengths.items() if n >= MAX_LINES}
     assert {name: n for name, n in long.items() if name not in GENERATED} == {}
 
 
@@ -383,7 +385,7 @@ def test_every_name_a_package_exports_exists(file):
 
 @pytest.mark.parametrize("file", [f for f in modules() if f.name == "__init__.py"], ids=package_of)
 def test_no_exported_name_hides_a_module(file):
-    """Otherwise ``fantoccini.plan`` is a package or a function, depending on what was imported."""
+    """Otherwise `fantoccini.plan` would be a package or a function, by earlier imports."""
     package = importlib.import_module(".".join(file.relative_to(PACKAGE.parent).parent.parts))
     beside = {path.stem for path in file.parent.iterdir() if path.suffix in ("", ".py")}
     hidden = [
@@ -395,7 +397,7 @@ def test_no_exported_name_hides_a_module(file):
 
 
 def test_importing_fantoccini_imports_no_library():
-    """Slow libraries are imported when first needed."""
+    """Slow libraries are imported at first use."""
     code = "import sys, fantoccini; print(*{name.split('.')[0] for name in sys.modules})"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
     heavy = {"numpy", "scipy", "casadi", "matplotlib", "pydantic", "coal", "viser", "sympy", "rich"}
@@ -410,7 +412,7 @@ def test_the_version_is_written_the_same_everywhere():
 
 
 def symbols() -> list[str]:
-    """The first column of the table in docs/symbols.md; a cell may hold several."""
+    """The first column of the table in docs/symbols.md; a cell may contain several symbols."""
     rows = (ROOT / "docs" / "symbols.md").read_text(encoding="utf-8").splitlines()
     first = [row.split("|")[1] for row in rows if row.startswith("| `")]
     return [symbol for cell in first for symbol in re.findall(r"`([^`]+)`", cell)]

@@ -1,4 +1,4 @@
-"""How benchmarks/contact compares: MuJoCo gets our scene, and problems survive being written."""
+"""Comparison of benchmarks/contact: MuJoCo's scene equals ours, and problems are stored exactly."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_mujoco_gets_our_scene(cube):
 
 
 def test_a_cube_slides_and_is_pushed_in_both(cube):
-    """v^2 / (2 mu g) to a stop; a push below the threshold moves nothing in ours."""
+    """It stops after v^2 / (2 mu g); a push below the threshold moves nothing in our method."""
     for run in (scenarios.ours, lambda *a, **k: scenarios.theirs(*a, hard=False, **k)):
         assert scenarios.stopping_error(run) < 2e-3
     assert scenarios.dragged_way(scenarios.ours) < 1e-12
@@ -52,15 +52,15 @@ def test_other_engines_get_our_scene(cube, engine):
     if engine not in runs:
         pytest.skip(f"without {engine}")
     assert scenarios.stopping_error(runs[engine]) < 2e-3
-    # A rolled cube thrown up turns and moves as ours does before it lands.
+    # A cube thrown up with a spin moves as ours until it lands.
     start = cube.state({"cube.z": 1.0})
     rate = np.array([0.1, 0.2, 3.0, 1.0, -2.0, 0.5])
     q = start.q_D.copy()
     q[3:] = np.array([0.8, 0.2, -0.4, 0.4])
     start = start.replace(q_D=q / np.r_[1, 1, 1, np.full(4, np.linalg.norm(q[3:]))], v_D=rate)
-    made, wanted = runs[engine](cube, start, 0.2), scenarios.ours(cube, start, 0.2)
-    assert made.q[-1] == pytest.approx(wanted.q[-1], abs=2e-3)
-    assert made.v[-1] == pytest.approx(wanted.v[-1], abs=2e-3)
+    result, wanted = runs[engine](cube, start, 0.2), scenarios.ours(cube, start, 0.2)
+    assert result.q[-1] == pytest.approx(wanted.q[-1], abs=2e-3)
+    assert result.v[-1] == pytest.approx(wanted.v[-1], abs=2e-3)
 
 
 def test_engines_without_strings_say_so():
@@ -71,15 +71,15 @@ def test_engines_without_strings_say_so():
 
 
 def test_impacts_at_the_ends_of_variational_steps_leave_the_angle_at_first_order():
-    """So they are not worth having: event-driven runs have angle and energy at a tolerance."""
+    """They are not worth an option: event-driven runs have angle and energy at a tolerance."""
     free = fan.loads(methods.KNOCKER)
     walled = fan.loads(methods.KNOCKER + methods.WALL)
     angle, energy, knocks, _ = methods.whole_run(walled, free, fan.Event())
-    found = [methods.variational_run(free, dt) for dt in (0.004, 0.001)]
+    runs = [methods.variational_run(free, dt) for dt in (0.004, 0.001)]
     assert knocks == 14
-    assert abs(found[1][0] - angle) > 1e-3
-    assert abs(found[0][0] - angle) < 8 * abs(found[1][0] - angle)  # order 2 has 16
-    assert abs(found[1][1] - energy) < 1e-5
+    assert abs(runs[1][0] - angle) > 1e-3
+    assert abs(runs[0][0] - angle) < 8 * abs(runs[1][0] - angle)  # order 2 has 16
+    assert abs(runs[1][1] - energy) < 1e-5
 
 
 def test_the_timed_program_makes_our_steps(cube):
@@ -131,7 +131,7 @@ def test_without_problems_the_page_says_so(tmp_path):
 
 
 def test_problems_in_fclibs_files(tmp_path):
-    """By contacts in rows, and by bodies in triplets: W = H^T M^-1 H, q = w + H^T M^-1 f."""
+    """Contacts in rows and bodies in triplets: W = H^T M^-1 H, q = w + H^T M^-1 f."""
     h5py = pytest.importorskip("h5py")
     rng = np.random.default_rng(0)
     H, mass = rng.standard_normal((4, 3)), np.array([1.0, 2.0, 0.5, 3.0])
@@ -155,6 +155,6 @@ def test_problems_in_fclibs_files(tmp_path):
         own["spacedim"], own["vectors/f"], own["vectors/w"] = [3], f, w
         own["vectors/mu"] = [0.4]
     for name in ("local", "global"):
-        found = problems.parsed(tmp_path / f"{name}.hdf5")
-        assert np.allclose(found.M, W, atol=1e-13) and np.allclose(found.q, q, atol=1e-13)
-        assert found.mu == [0.4] and problems.ours(found).residual < 1e-10
+        parsed = problems.parsed(tmp_path / f"{name}.hdf5")
+        assert np.allclose(parsed.M, W, atol=1e-13) and np.allclose(parsed.q, q, atol=1e-13)
+        assert parsed.mu == [0.4] and problems.ours(parsed).residual < 1e-10

@@ -1,4 +1,4 @@
-"""Exceptions travel: to another process, and into copies."""
+"""Exceptions survive copies and transport to another process."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ FACTS = {
     CannotBegin: (Stop(("columbine",), 0.0, "a string is too short"),),
     Unreadable: (4, ("bodies", 0), "a tab"),
 }
-"""What exceptions are made from that take more than a sentence."""
+"""Arguments of exceptions that take more than a sentence."""
 
 
 def exceptions() -> list[type[Exception]]:
     """Every exception class of the package."""
     names = [m.name for m in pkgutil.walk_packages(fan.__path__, "fantoccini.")]
     modules = [importlib.import_module(n) for n in names if not n.endswith("__main__")]
-    found = {
+    kinds = {
         x
         for module in modules
         for x in vars(module).values()
         if inspect.isclass(x) and issubclass(x, Exception) and x.__module__ == module.__name__
     }
-    return sorted(found, key=lambda x: x.__qualname__)
+    return sorted(kinds, key=lambda x: x.__qualname__)
 
 
 def example(kind: type[Exception]) -> Exception:
@@ -58,7 +58,7 @@ def test_all_are_found():
 
 @pytest.mark.parametrize("kind", exceptions(), ids=lambda kind: kind.__qualname__)
 def test_a_copy_and_a_pickle_are_the_exception(kind):
-    """17.24: class, sentence, arguments and facts come back."""
+    """17.24: class, sentence, arguments and facts are restored."""
     error = example(kind)
     error.add_note("while the puppet hung")
     for again in (pickle.loads(pickle.dumps(error)), copy.copy(error), copy.deepcopy(error)):
@@ -71,21 +71,21 @@ def _stops(string: str) -> None:
     raise errors.UnknownNameError("string", string, ["hand", "foot"])
 
 
-def test_a_worker_hands_over_its_exception():
-    """17.24: a pool does not wait for ever for what a worker raised."""
+def test_an_exception_of_a_worker_is_raised_in_the_caller():
+    """17.24: a pool does not wait for ever for a worker that raised an exception."""
     with (
         multiprocessing.get_context("spawn").Pool(1) as pool,
-        pytest.raises(errors.UnknownNameError, match="did you mean 'hand'") as found,
+        pytest.raises(errors.UnknownNameError, match="did you mean 'hand'") as caught,
     ):
         pool.map_async(_stops, ["hnd"]).get(timeout=60)
-    assert found.value.allowed == ("hand", "foot")
+    assert caught.value.allowed == ("hand", "foot")
 
 
 BIG = 10**400
-"""A whole number that no float can be."""
+"""An integer beyond the range of floats."""
 
 
-def test_a_time_or_number_that_no_float_can_be_is_refused_by_name(tmp_path):
+def test_times_and_numbers_beyond_floats_are_refused_by_name(tmp_path):
     arm = fan.puppets.arm2d()
     x0 = arm.rest({"hand.length": 0.8})
     lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1, 0.7)]})
@@ -111,6 +111,6 @@ def test_a_time_or_number_that_no_float_can_be_is_refused_by_name(tmp_path):
         lambda x: fan.Task(arm, x0, x, []),
         lambda x: fan.theatre.Recording(arm, x0, [zeros], x, 1),
     ):
-        for given in (BIG, float("inf"), float("nan")):
+        for number in (BIG, float("inf"), float("nan")):
             with pytest.raises((ValueError, errors.InputError)):
-                wrong(given)
+                wrong(number)

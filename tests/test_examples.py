@@ -1,4 +1,4 @@
-"""Every example runs as it stands, in an empty folder, and leaves what it says it leaves."""
+"""Every example runs unchanged in an empty folder, and writes the files that it announces."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_there_are_examples():
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda e: e.stem)
 def test_an_example_runs(example, tmp_path, monkeypatch, capsys):
-    """In this process: a Python of its own would spend most of its time on imports."""
+    """The example runs in this process: another Python would spend most of its time on imports."""
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(example), run_name="__main__")
     assert 2 <= len(capsys.readouterr().out.splitlines()) <= 20

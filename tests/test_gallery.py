@@ -12,12 +12,12 @@ import fantoccini as fan
 pytestmark = pytest.mark.medium
 
 
-def test_every_bundled_puppet_and_scene_has_its_piece():
+def test_every_bundled_puppet_and_scene_is_shown():
     bundled = (*fan.puppets.names(), *fan.puppets.scenes())
     assert sorted(piece.puppet for piece in PIECES) == sorted(bundled)
 
 
-def test_the_pictures_are_there_and_not_too_large():
+def test_the_pictures_exist_and_are_not_too_large():
     shown = re.findall(r"!\[[^]]+\]\(([^)]+)\)", page())
     assert {PAGE.parent / name for name in shown} == set(PICTURES.iterdir())
     assert sum(file.stat().st_size for file in PICTURES.iterdir()) < 6_000_000

@@ -1,6 +1,6 @@
-"""Pages that a command writes name it, and hold nothing of the machine they were made on.
+"""Generated pages name their command, and contain nothing specific to a machine.
 
-``tests/test_site.py`` follows their links and pictures.
+`tests/test_site.py` checks their links and pictures.
 """
 
 from __future__ import annotations

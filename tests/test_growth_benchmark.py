@@ -1,4 +1,4 @@
-"""The puppets that benchmarks/growth measures have the sizes that its page says."""
+"""The puppets of benchmarks/growth have the sizes that its page states."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from benchmarks.growth.report import exponent
 
 
 @pytest.mark.parametrize("kind", ["chain", "bushy"])
-def test_a_puppet_has_the_size_asked_for(kind):
+def test_a_puppet_has_the_requested_size(kind):
     for dof, strings in [*((n, 3) for n in DOF), *((BODY, n) for n in STRINGS)]:
         puppet = marionette(kind, dof, strings)
         assert (puppet.coordinates.n_vD, len(puppet.tree.strings)) == (dof, strings)

@@ -1,4 +1,4 @@
-"""The lint of language reports fragments, fillers and unknown words, and nothing in plain text."""
+"""The lint of language reports fragments, fillers and unknown words, and passes plain text."""
 
 from __future__ import annotations
 

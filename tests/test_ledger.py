@@ -1,4 +1,4 @@
-"""docs/equations.md tells the truth: every equation has its row, function and test."""
+"""docs/equations.md is complete and correct: every equation has a row, a function and a test."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Row:
 
 def rows() -> list[Row]:
     """The rows of the table; functions and tests stand in backticks, several to a cell."""
-    found = []
+    rows = []
     for line in (ROOT / "docs" / "equations.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
         if line.startswith("| ") and len(cells) == 4 and cells[0] != "Paper":
             functions, tests = (tuple(re.findall(r"`([^`]+)`", cell)) for cell in cells[2:])
-            found.append(Row(cells[0], functions, tests))
-    return found
+            rows.append(Row(cells[0], functions, tests))
+    return rows
 
 
 def resolve(path: str) -> object:

@@ -1,4 +1,4 @@
-"""One of each: a second class or function that does the same would fail here."""
+"""No class or function is duplicated: a second one with the same task would fail here."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ PACKAGES = ("control", "dynamics", "lab", "model", "motion", "output", "stand", 
 
 def _classes() -> Iterator[type]:
     """Every class of the package, from the module that defines it."""
-    for found in pkgutil.walk_packages(fantoccini.__path__, "fantoccini."):
-        if found.name.endswith("__main__"):
+    for info in pkgutil.walk_packages(fantoccini.__path__, "fantoccini."):
+        if info.name.endswith("__main__"):
             continue
-        module = importlib.import_module(found.name)
+        module = importlib.import_module(info.name)
         for _, kind in inspect.getmembers(module, inspect.isclass):
             if kind.__module__ == module.__name__:
                 yield kind
@@ -38,14 +38,14 @@ def test_one_class_is_the_model():
 
 
 def test_a_marionette_is_the_object_that_algorithms_take(arm):
-    """``with_`` methods return marionettes, and nothing is wrapped."""
+    """`with_` methods return marionettes, and there are no wrappers."""
     others = (arm.with_p(arm.p + 0.0), arm.with_winches(arm.winches), arm.with_obstacles(()))
     assert all(type(other) is Marionette for other in others)
     assert not any(isinstance(part, CompiledPuppet) for part in vars(arm).values())
 
 
 def test_the_public_face_is_small():
-    """Some 30 names and the packages; every other name is in its package."""
+    """About 30 names and the packages; every other name is in its package."""
     names = [n for n in fantoccini.__all__ if not inspect.ismodule(getattr(fantoccini, n))]
     assert len(names) <= 36
 

@@ -1,4 +1,4 @@
-"""What control needs stands once: a second one of a kind fails here."""
+"""Parts of control exist once: a second one of a kind fails here."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def functions(folder: Path = PACKAGE) -> dict[str, ast.FunctionDef]:
 
 
 def factors_a_stage(function: ast.FunctionDef) -> bool:
-    """Whether it solves with a sum R + B'P B, also by a name for it, or asks SciPy to."""
+    """Whether it solves with a sum R + B'P B, also through a variable or a function of SciPy."""
     named = {
         target.id: node.value
         for node in ast.walk(function)
@@ -65,15 +65,15 @@ def operands(matrix: ast.BinOp) -> tuple[ast.expr, ast.expr]:
 
 def test_one_function_factors_a_stage_of_riccatis_recursion():
     """``stationary_gain`` solves with a sum as well, but factors no stage."""
-    found = {name for name, function in functions().items() if factors_a_stage(function)}
-    assert found == {"base/riccati.py: step", "base/riccati.py: stationary_gain"}
+    solvers = {name for name, function in functions().items() if factors_a_stage(function)}
+    assert solvers == {"base/riccati.py: step", "base/riccati.py: stationary_gain"}
     second = "def gain(A, B, Q, R, P):\n    M = R + B.T @ P @ B\n    return np.linalg.solve(M, A)"
     (function,) = ast.parse(second).body
     assert isinstance(function, ast.FunctionDef) and factors_a_stage(function)
 
 
 def test_compiled_stages_are_factored_in_one_file():
-    """Programs and clamped motions have their stages eliminated by ``StageRiccati``."""
+    """Programs and clamped motions use `StageRiccati` to eliminate their stages."""
     folder = PACKAGE / "kernel" / "cpp" / "fantoccini"
     headers = {p.name: p.read_text(encoding="utf-8") for p in folder.rglob("*.hpp")}
     assert [name for name, text in headers.items() if "bool eliminate(int" in text] == [
@@ -83,8 +83,8 @@ def test_compiled_stages_are_factored_in_one_file():
         assert "StageRiccati riccati_;" in headers[name]
 
 
-def test_one_function_lets_a_puppet_go_until_it_rests():
-    """Relaxation and settling differ in what touches the puppet, and in when they stop it."""
+def test_one_function_relaxes_a_puppet_to_rest():
+    """Relaxation and settling differ in the acting forces, and in the condition to stop."""
     folder = PACKAGE / "dynamics" / "equilibrium"
     runs = [
         name
@@ -95,8 +95,8 @@ def test_one_function_lets_a_puppet_go_until_it_rests():
     assert runs == ["letting_go.py: let_go"]
 
 
-def test_one_newtons_method_ends_the_searches_for_hanging_puppets():
-    """Relaxation and descent bring a puppet there; whether it is stable is decided in one place."""
+def test_one_newton_method_ends_the_searches_for_rests():
+    """Relaxation and descent approach a rest; its stability is decided in one place."""
     folder = PACKAGE / "dynamics" / "equilibrium"
     stable = {
         name
@@ -115,8 +115,8 @@ def test_one_newtons_method_ends_the_searches_for_hanging_puppets():
     assert using == {"descent.py: descended", "newton.py: as_asked", "relaxation.py: relaxed"}
 
 
-def test_all_searches_for_equilibria_end_alike():
-    """Compiled poses of ``reach``, and where rollouts of plans are led, are rests."""
+def test_all_searches_for_equilibria_end_in_one_function():
+    """Poses of `reach`, and targets of the rollouts of plans, are rests."""
     arm = fan.puppets.arm2d()
     x = arm.rest()
     bent = float(x.q_D[1]) + 0.3
@@ -130,12 +130,12 @@ def test_all_searches_for_equilibria_end_alike():
 
 
 def test_one_outer_loop_iterates_quadratic_programs():
-    """Methods give it steps, and say whether they are taken; when it ends is decided once."""
+    """Methods compute its steps and accept them; its end is decided in one place."""
     folder = PACKAGE / "control"
     loops = {
         name
         for name, function in functions(folder).items()
-        if not name.startswith("problems/")  # whose least squares have no bounds
+        if not name.startswith("problems/")  # their least squares have no bounds
         for node in ast.walk(function)
         if isinstance(node, ast.For) and "iterations" in ast.unparse(node.iter)
     }
@@ -154,7 +154,7 @@ def test_one_outer_loop_iterates_quadratic_programs():
         if isinstance(node, ast.Call)
         and ast.unparse(node.func) in ("self._solver.solve", "ca.conic")
     }
-    one_step = {"optimal/clamped.py"}  # an update of MPC makes no more than one
+    one_step = {"optimal/clamped.py"}  # an update of MPC makes only one iteration
     assert programs == methods - {"optimal/iterations.py"} | one_step
 
 
@@ -210,7 +210,7 @@ def test_a_file_of_the_other_kind_is_named(load, text: str, message: str, tmp_pa
 
 
 def test_options_are_a_few_objects():
-    """No function takes them one by one: at most 13 arguments, ``self`` included."""
+    """Options are objects: no function has more than 13 arguments, `self` included."""
     folder = PACKAGE / "control"
     longest = {
         name: len([*(a := function.args).posonlyargs, *a.args, *a.kwonlyargs])
@@ -220,7 +220,7 @@ def test_options_are_a_few_objects():
 
 
 def test_a_task_serves_plans_and_optimisations():
-    """A problem is a task prepared for a search; nothing else says what is asked for."""
+    """A problem is a task prepared for a search; there is no other description of a task."""
     folder = PACKAGE / "control"
     text = {str(p.relative_to(folder)): p.read_text("utf-8") for p in folder.rglob("*.py")}
     assert [name for name in text if "class Task:" in text[name]] == ["tasks/task.py"]
@@ -242,7 +242,7 @@ def test_plans_and_optimisations_have_the_same_bounds():
     assert sum("class Bounds:" in p.read_text("utf-8") for p in folder.rglob("*.py")) == 1
 
 
-def test_answers_have_one_truth():
+def test_answers_have_one_boolean_value():
     """Only ``Answer`` defines ``__bool__``; ``ReachedPoses`` is true if all of its poses are."""
     folder = PACKAGE / "control"
     own = [
@@ -258,7 +258,7 @@ def test_answers_have_one_truth():
 
 
 def test_answers_have_statuses_of_one_enumeration():
-    """Others are of an update of MPC, and of polishing, whose outcome is no answer."""
+    """Other statuses are those of MPC updates and of polishing, which return no answer."""
     folder = PACKAGE / "control"
     own = [
         node.name
@@ -273,7 +273,7 @@ def test_answers_have_statuses_of_one_enumeration():
 
 
 def test_a_status_says_whether_an_answer_holds():
-    """Whoever reports one name reports one truth: ``holds`` is the status', but of one status."""
+    """An answer `holds` if its status does, except for one status."""
     folder = PACKAGE / "control"
     own = [
         f"{name}: {prop}"
@@ -292,12 +292,12 @@ def test_a_status_says_whether_an_answer_holds():
 
 
 def test_one_function_carries_changes_across_impulses():
-    """Catches and impacts find who takes part; the saltation matrix is computed in one place."""
+    """Catches and impacts select their rows; the saltation matrix is computed in one place."""
     parts = ("force_change", "restitution_change")
-    found = {
+    users = {
         name
         for name, function in functions().items()
         for node in ast.walk(function)
         if isinstance(node, ast.Call) and ast.unparse(node.func) in parts
     }
-    assert found == {"dynamics/simulation/saltation.py: _carried"}
+    assert users == {"dynamics/simulation/saltation.py: _carried"}

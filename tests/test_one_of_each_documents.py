@@ -1,4 +1,4 @@
-"""Files that users write are read in one way."""
+"""Files of users are read in one way."""
 
 from __future__ import annotations
 
@@ -58,8 +58,12 @@ def models() -> set[type]:
 
 def test_yaml_is_parsed_in_one_place():
     readers = re.compile(r"^\s*(import|from) (ruamel|yaml)\b", re.MULTILINE)
-    found = {p for p in SOURCE.rglob("*.py") if readers.search(p.read_text(encoding="utf-8"))}
-    assert found and all(path.is_relative_to(LAYER) for path in found), found
+    readers_found = {
+        p for p in SOURCE.rglob("*.py") if readers.search(p.read_text(encoding="utf-8"))
+    }
+    assert readers_found and all(path.is_relative_to(LAYER) for path in readers_found), (
+        readers_found
+    )
 
 
 def trees() -> Iterator[tuple[str, ast.Module]]:
@@ -69,7 +73,7 @@ def trees() -> Iterator[tuple[str, ast.Module]]:
 
 
 def test_mistakes_are_collected_by_one_class():
-    """Other classes do not raise errors from lists of their own."""
+    """No other class raises errors from its own list."""
     collectors = {
         name
         for name, tree in trees()
@@ -90,10 +94,12 @@ def test_mistakes_are_collected_by_one_class():
 
 
 def test_units_are_read_in_one_place():
-    """Patterns of texts with units."""
+    """One module has the patterns of texts with units."""
     pattern = re.compile(r"\bmm\|cm|\(deg\|rad|deg\|rad\)|radians\(float|\bcm.?: *1e-2")
-    found = {p for p in SOURCE.rglob("*.py") if pattern.search(p.read_text(encoding="utf-8"))}
-    assert {path.relative_to(LAYER).as_posix() for path in found} == {"units.py"}
+    readers_found = {
+        p for p in SOURCE.rglob("*.py") if pattern.search(p.read_text(encoding="utf-8"))
+    }
+    assert {path.relative_to(LAYER).as_posix() for path in readers_found} == {"units.py"}
     assert without_unit("-1.5e1 cm", LENGTHS) == -0.15
     assert without_unit(" 30deg", ANGLES) == pytest.approx(math.pi / 6)
     for other in ("30 deg", "3 mm2", "mm", "3", 3.0, None, "3 km"):
@@ -103,7 +109,7 @@ def test_units_are_read_in_one_place():
 
 
 def test_checks_of_a_puppet_know_its_parts():
-    """Only plain data, as written, is of any type."""
+    """Only plain data, as written in the file, has any type."""
     untyped = {
         f"{name}: {argument.arg}"
         for name, tree in trees()

@@ -1,4 +1,4 @@
-"""One stepping engine: its loop, the lane record, verdicts and linearised steps stand once each."""
+"""One stepping engine: its loop, the lane record, statuses and linearised steps exist once."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ HEADERS = {
 }
 
 
-def test_one_loop_makes_the_steps_of_trajectories():
-    """Batches, steppers, runs, rollouts and their gradients call it; pools count what is done."""
+def test_one_loop_steps_trajectories():
+    """Batches, steppers, runs, rollouts and their gradients call it; pools count finished runs."""
     advanced = {
         (path, name)
         for path, text in HEADERS.items()
@@ -45,7 +45,7 @@ def test_one_loop_makes_the_steps_of_trajectories():
     }
     assert advanced == {
         ("runs/stepping.hpp", "trajectory"),
-        ("interface/derivatives.hpp", "flow"),  # a smooth piece's derivatives, by adaptive steps
+        ("interface/derivatives.hpp", "flow"),  # derivatives of a smooth piece, by adaptive steps
     }
     calling = {path for path, text in HEADERS.items() if re.search(r"\bmake_steps\(", text)}
     assert calling == {
@@ -81,8 +81,8 @@ def test_inputs_of_runs_are_evaluated_by_one_function():
 
 
 def functions(text: str) -> list[str]:
-    """The bodies of a header's functions, with arguments numbered and one name for numbers."""
-    found = []
+    """Bodies of a header's functions, with numbered arguments and one name for numbers."""
+    bodies = []
     for match in re.finditer(r"\b(\w+)\(([^(){};]*)\)\s*(?:const\s*)?(?:FAN_INLINE\s*)?\{", text):
         if match[1] in ("if", "for", "while", "switch"):
             continue
@@ -94,19 +94,19 @@ def functions(text: str) -> list[str]:
         arguments = [part.split()[-1].strip("*&") for part in match[2].split(",") if part.strip()]
         for i, argument in enumerate(arguments):
             body = re.sub(rf"\b{re.escape(argument)}\b", f"${i}", body)
-        found.append(re.sub(r"\b(double|Real)\b", "T", body))
-    return found
+        bodies.append(re.sub(r"\b(double|Real)\b", "T", body))
+    return bodies
 
 
-def test_no_function_of_the_headers_stands_twice():
-    """Bodies of more than a line, whatever their arguments are called."""
+def test_no_function_of_the_headers_is_duplicated():
+    """Bodies of more than one line are compared without the names of their arguments."""
     bodies = Counter(body for text in HEADERS.values() for body in functions(text))
     assert len(bodies) > 1000
     assert [body for body, n in bodies.items() if n > 1 and len(body) > 100] == []
 
 
-def test_structures_are_packed_and_their_arrays_made_in_one_place():
-    """No other module fills a structure, or makes arrays with the sizes of a puppet."""
+def test_structures_and_their_arrays_are_built_in_one_place():
+    """No other module fills a structure, or allocates arrays by the sizes of a puppet."""
     filling, making = set(), set()
     for path, tree in SOURCES.items():
         for node in ast.walk(tree):
@@ -115,8 +115,8 @@ def test_structures_are_packed_and_their_arrays_made_in_one_place():
             kind = node.func.value if isinstance(node.func, ast.Subscript) else None
             if kind and ast.unparse(kind) == "structures" and (node.args or node.keywords):
                 filling.add(path)
-            made = ast.unparse(node.func) in ("np.zeros", "np.empty", "np.full")
-            if made and path.startswith("kernel/runtime/") and "sizes[" in ast.unparse(node):
+            allocates = ast.unparse(node.func) in ("np.zeros", "np.empty", "np.full")
+            if allocates and path.startswith("kernel/runtime/") and "sizes[" in ast.unparse(node):
                 making.add(path)
     assert filling == {"kernel/runtime/packing.py"}
     assert making == {"kernel/runtime/compiled.py", "kernel/runtime/frozen_flow.py"}
@@ -136,7 +136,7 @@ def test_the_lane_record_is_declared_once():
 
 
 def test_one_place_decides_the_status_of_a_run():
-    """Others report what stopped a run, and check it; only ``decide`` sets what follows."""
+    """Other functions report and check the cause; only `decide` sets the status."""
     deciding = {
         path
         for path, tree in SOURCES.items()
@@ -166,7 +166,7 @@ def test_one_place_decides_the_status_of_a_run():
 
 
 def test_one_discrete_linearisation():
-    """``linearise_step`` is ``linearise_steps`` of one state, to the last bit."""
+    """`linearise_step` equals `linearise_steps` of one state, to the last bit."""
     calling = {
         path
         for path, tree in SOURCES.items()
@@ -183,16 +183,16 @@ def test_one_discrete_linearisation():
     assert named == ["marionette", "given", "options", "room"], "not one argument for each array"
     arm = fan.puppets.arm2d()
     x = arm.rest({"hand.length": 0.8}).replace(v_D=[0.3, -0.2])
-    one = arm.linearise_step(x, [0.4, -0.7], [0.01, -0.02])
+    single = arm.linearise_step(x, [0.4, -0.7], [0.01, -0.02])
     many = arm.linearise_steps(
         *([a, a] for a in (x.q_D, x.v_D, x.q_K, x.v_K)), [0.4, -0.7], [0.01, -0.02], forces=True
     )
-    assert np.array_equal(one.A, many.A[0]) and np.array_equal(one.B, many.B[1])
-    assert np.array_equal(one.tension, many.tension[0])
+    assert np.array_equal(single.A, many.A[0]) and np.array_equal(single.B, many.B[1])
+    assert np.array_equal(single.tension, many.tension[0])
 
 
 def test_the_classes_that_step_by_held_accelerations():
-    """A run and many of them; below, the lanes and what makes a batch of single runs."""
+    """A run and a batch; below them, the lanes and the class that builds a batch of single runs."""
     stepping = {
         node.name
         for tree in SOURCES.values()
@@ -207,7 +207,7 @@ def test_the_classes_that_step_by_held_accelerations():
 
 
 def test_progress_has_one_callback():
-    """Parameters called ``progress`` are of one kind."""
+    """Parameters called `progress` have one type."""
     kinds = {
         (path, ast.unparse(argument.annotation or ast.Constant(None)))
         for path, tree in SOURCES.items()

@@ -1,4 +1,4 @@
-"""One builder of pages and one place for each formula: a second one fails here."""
+"""Pages have one builder and formulas one place: a second one fails here."""
 
 from __future__ import annotations
 
@@ -19,14 +19,18 @@ MARKUP = re.compile(r"<(html|body|h[1-6]|p|div|span|table|tr|td|th|ul|li|img|svg
 
 
 def constants(tree: ast.AST) -> Iterator[str]:
-    """The texts of a module, docstrings left out."""
-    told = {
+    """The texts of a module, without docstrings."""
+    documented = {
         id(node.value)
         for node in ast.walk(tree)
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
     }
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in told:
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and id(node) not in documented
+        ):
             yield node.value
 
 
@@ -60,7 +64,7 @@ def test_empty_texts_are_left_out(add):
     assert not {"<p", "<ul"} & set(re.findall(r"<\w+", page.to_html()))
 
 
-# One line of each formula that a second implementation would hardly do without.
+# A line of each formula that a second implementation would probably contain.
 FORMULAS = {
     "catenary: ln(sinh(u) / u) and its slope": (r"log1p\(-np\.exp\(|tanh\(u\)", {"hanging"}),
     "minimum jerk": (r"10(\.0)? - 15(\.0)? \* |10(\.0)?, -15(\.0)?, 6|1\.875", {"polynomial"}),
@@ -75,7 +79,7 @@ FORMULAS = {
 
 
 @pytest.mark.parametrize("formula", FORMULAS)
-def test_a_formula_stands_once(formula):
+def test_a_formula_is_implemented_once(formula):
     pattern, home = FORMULAS[formula]
     places = {
         file.relative_to(SOURCE).as_posix()

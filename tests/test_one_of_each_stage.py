@@ -36,8 +36,8 @@ pytestmark = pytest.mark.medium
 
 def models() -> Iterator[type[Model]]:
     """Every part of a file of the theatre."""
-    for found in pkgutil.walk_packages(theatre.__path__, f"{theatre.__name__}."):
-        module = importlib.import_module(found.name)
+    for info in pkgutil.walk_packages(theatre.__path__, f"{theatre.__name__}."):
+        module = importlib.import_module(info.name)
         own = [part for part in vars(module).values() if isinstance(part, type)]
         yield from (
             part for part in own if issubclass(part, Model) and part.__module__ == module.__name__
@@ -54,7 +54,7 @@ def members(annotation: object) -> Iterator[type[CueFile]]:
 
 
 def test_each_verb_is_a_key_of_one_kind_of_cue():
-    """Of files besides, only a gesture file has such a key, for its name."""
+    """Among other files, only a gesture file has such a key, for its name."""
     parts = {key: [part for part in models() if key in part.model_fields] for key in VERBS}
     parts["gesture"] = [part for part in parts["gesture"] if part.__name__ != "GestureFile"]
     assert parts == {key: [verb.cue] for key, verb in VERBS.items()}
@@ -74,12 +74,12 @@ def test_scores_and_plays_take_the_verbs_of_the_table():
     (lanes,) = [ScoreFile.model_fields["lanes"].annotation]
     acts = PlayFile.model_fields["acts"].annotation
     (act,) = [part for part in get_args(acts) if isinstance(part, type)]
-    found = [*members(lanes), *members(act.model_fields["cues"].annotation)]
-    assert sorted(part.verb for part in found if part.verb) == sorted(VERBS)
+    cues = [*members(lanes), *members(act.model_fields["cues"].annotation)]
+    assert sorted(part.verb for part in cues if part.verb) == sorted(VERBS)
 
 
 @pytest.mark.parametrize("key", VERBS)
-def test_what_a_verb_names_are_keys_of_its_cues(key: str):
+def test_names_of_a_verb_are_keys_of_its_cues(key: str):
     verb = VERBS[key]
     assert {*verb.names} <= {*verb.cue.model_fields}
     assert verb.cue.verb == key and spelled(key) not in HOW
@@ -122,12 +122,12 @@ def test_there_is_one_timeline_and_one_order_of_placing():
 
 
 def test_scores_and_plays_have_one_performer():
-    """Only it places cues one after the other, and it alone makes the cues that are placed."""
+    """Only the performer places cues one after the other and creates placed cues."""
     used = {name for name, tree in sources() if calls(tree, "Performer")}
     assert used == {"gestures/placing.py", "plays/placing.py"}
     for name in ("Turn", "Placed", "Performed"):
-        made = {name for name, tree in sources() if calls(tree, name)}
-        assert made <= {"gestures/performing.py", "gestures/placing.py", "plays/placing.py"}
+        callers = {name for name, tree in sources() if calls(tree, name)}
+        assert callers <= {"gestures/performing.py", "gestures/placing.py", "plays/placing.py"}
     placing = [
         (name, call)
         for name, tree in sources()
@@ -139,25 +139,25 @@ def test_scores_and_plays_have_one_performer():
 
 
 def test_late_cues_are_judged_by_policies():
-    """A score reports them and a play refuses them: nothing else differs."""
-    made = {name: calls(tree, "Policy") for name, tree in sources() if calls(tree, "Policy")}
-    assert {name: len(policies) for name, policies in made.items()} == {
+    """A score reports them and a play refuses them; there is no other difference."""
+    users = {name: calls(tree, "Policy") for name, tree in sources() if calls(tree, "Policy")}
+    assert {name: len(policies) for name, policies in users.items()} == {
         "gestures/placing.py": 1,
         "plays/placing.py": 1,
     }
 
 
-def test_lines_are_led_to_motions_in_one_place():
-    """The duration of the way to a motion sets its start: `Line.add`, and free lanes."""
+def test_transitions_are_timed_in_one_place():
+    """The duration of a transition sets the start of a motion: `Line.add`, and free lanes."""
     led = {name for name, tree in sources() if calls(tree, "lead_time")}
     assert {name for name in led if name.startswith(("plays/", "cast/", "gestures/"))} == {
         "gestures/performing.py"
     }
 
 
-def test_the_other_side_is_told_in_one_place():
-    """Constants that hold both sides, of players and their props."""
-    told = [
+def test_the_other_side_is_named_in_one_place():
+    """Both sides, of players and of props, are named in one module."""
+    modules = [
         name
         for name, tree in sources()
         if name.startswith(("cast/", "plays/"))
@@ -166,14 +166,14 @@ def test_the_other_side_is_told_in_one_place():
         and {part.value for part in ast.walk(node.value) if isinstance(part, ast.Constant)}
         == {"left", "right"}
     ]
-    assert told == ["cast/contacts.py"]
+    assert modules == ["cast/contacts.py"]
 
 
 VALUES = (Actor, Hands, Results, Line, OnStage, Part, Performed, Performer, Placed, Placement)
 
 
 @pytest.mark.parametrize("kind", [*VALUES, Policy, Round, Timeline, Turn, Corrections])
-def test_what_rounds_know_and_what_is_placed_is_not_changed(kind: type):
+def test_values_of_placing_are_immutable(kind: type):
     assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen
     for field in dataclasses.fields(kind):
         assert not re.match(r"(list|dict|set)", str(field.type)), field

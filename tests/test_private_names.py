@@ -1,4 +1,4 @@
-"""Private names stay private: nothing outside a module uses them."""
+"""Private names stay private: no other module uses them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ OF_OTHERS = {
     "_fields_",  # of ctypes
     "_replace",  # of named tuples
     "_repr_html_",  # of IPython
-    # Of viser, without a public way: tests/show/test_viser_private.py
+    # Of viser, which has no public way: tests/show/test_viser_private.py
     "_background_event_loop",
     "_broadcast_buffer",
     "_client_state_from_id",
@@ -27,7 +27,7 @@ OF_OTHERS = {
 
 
 ATTRIBUTES = {"getattr", "setattr", "delattr", "hasattr", "attrgetter"}
-"""Functions that are given attributes by name."""
+"""Functions with attribute names as arguments."""
 
 
 def private(name: str) -> bool:
@@ -41,7 +41,7 @@ def private_uses(text: str) -> set[str]:
     Imports; attributes of anything but ``self``, ``cls`` and ``super()``; and names in strings:
     dotted ones, and those given to functions that read or set attributes.
     """
-    found: set[tuple[int, str]] = set()
+    uses: set[tuple[int, str]] = set()
     for node in ast.walk(ast.parse(text)):
         names: list[str] = []
         match node:
@@ -56,17 +56,19 @@ def private_uses(text: str) -> set[str]:
             case ast.Attribute():
                 names = [node.attr]
             case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)) if name in ATTRIBUTES:
-                given = (one.value for one in node.args if isinstance(one, ast.Constant))
-                names = [one.rsplit(".", 1)[-1] for one in given if isinstance(one, str)]
+                texts = (
+                    argument.value for argument in node.args if isinstance(argument, ast.Constant)
+                )
+                names = [text.rsplit(".", 1)[-1] for text in texts if isinstance(text, str)]
             case ast.Constant(value=str() as value) if re.fullmatch(r"fantoccini[\w.]+", value):
                 names = value.split(".")
-        found |= {(node.lineno, name) for name in names if private(name)}
-    return {f"{line}: {name}" for line, name in found if name not in OF_OTHERS}
+        uses |= {(node.lineno, name) for name in names if private(name)}
+    return {f"{line}: {name}" for line, name in uses if name not in OF_OTHERS}
 
 
 @pytest.mark.parametrize("folder", ["tests", "benchmarks", "docs", "examples"])
 def test_nothing_outside_touches_private_names(folder):
-    """Other modules' private names may change without anybody else."""
+    """Private names of a module may change without changes elsewhere."""
     files = sorted((ROOT / folder).rglob("*.py"))
     assert files
     uses = {

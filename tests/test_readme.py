@@ -1,9 +1,9 @@
-"""The Python and YAML of the README and the docs do what they say.
+"""Python and YAML blocks of the README and the docs work.
 
-The ``python`` blocks of a page run one after the other, as a reader would type them, in an empty
-folder. A ``yaml`` block that names a file in its first line (``# arm.yaml``, or for inputs
-``# lift.yaml for marionette_bar``) is that file, a problem or a task where it says so; any other is
-a part that may be added to the first puppet file of the page.
+The `python` blocks of a page run one after the other, as a reader would type them, in an empty
+folder. A `yaml` block that names a file in its first line (`# arm.yaml`, or for inputs `# lift.yaml
+for marionette_bar`) is that file, such as a problem or a task; any other is a part to add to the
+first puppet file of the page.
 """
 
 from __future__ import annotations
@@ -93,15 +93,15 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
             fan.simulate(marionette, marionette.rest(), inputs)
         else:
             first = scene.loads(block, title[1])
-            made = fan.Marionette(first)
+            puppet_of_page = fan.Marionette(first)
             if block.startswith(f"# {title[1]}\nscene:"):
-                made.state()  # a ball in the air has no rest
+                puppet_of_page.state()  # a ball in the air has no rest
             else:
-                made.rest()
+                puppet_of_page.rest()
 
 
 def joined(whole: dict, part: str) -> dict:
-    """A puppet's data with a part of a file added: lists and mappings grow, the rest is new."""
+    """A puppet's data with a part of a file added: lists and mappings are extended."""
     for key, value in read_text(part).data.items():
         old = whole.get(key)
         if isinstance(value, list):
@@ -121,8 +121,8 @@ def test_the_readmes_commands_run(folder):
     for command in commands:
         done = fantoccini(*command)
         assert done.exit_code == 0, (command, done.stderr)
-    made = {path.name for path in folder.iterdir()}
-    assert made == {
+    written = {path.name for path in folder.iterdir()}
+    assert written == {
         "pendulum.yaml",
         "pendulum.npz",
         "pendulum.png",

@@ -1,4 +1,4 @@
-"""18.7: the site: its navigation, its links, its reference, and that it builds."""
+"""18.7: the site: navigation, links, reference, and its build."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WRITTEN = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 
 
 def navigation(entries: list | dict | str) -> Iterator[str]:
-    """The pages that a navigation lists."""
+    """Pages of a navigation."""
     if isinstance(entries, str):
         yield entries
     elif isinstance(entries, dict):
@@ -102,14 +102,14 @@ def test_a_docstring_becomes_markdown():
 
 
 def test_an_examples_key_follows_its_source(tmp_path):
-    one, other = tmp_path / "one.py", tmp_path / "other.py"
-    one.write_text("print(1)\n")
-    other.write_text("print(2)\n")
-    assert examples.key(one) == examples.key(one) != examples.key(other)
+    first, second = tmp_path / "one.py", tmp_path / "other.py"
+    first.write_text("print(1)\n")
+    second.write_text("print(2)\n")
+    assert examples.key(first) == examples.key(first) != examples.key(second)
 
 
 def test_the_architecture_page_is_the_one_that_is_written():
-    """`make architecture` writes both anew."""
+    """`make architecture` writes both."""
     assert architecture.PAGE.read_text(encoding="utf-8") == architecture.page()
     assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.drawing()
 

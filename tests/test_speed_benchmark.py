@@ -1,4 +1,4 @@
-"""How benchmarks/speed takes and reports ratios; its peers simulate the same puppet."""
+"""Ratios of benchmarks/speed and their reports; peers simulate the same puppet."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_ratios_are_taken_turn_by_turn():
     assert order == ["a", "b", "a", "b"]
 
 
-def test_marks_that_are_missed_or_not_measured_stand_out():
+def test_missed_and_unmeasured_goals_are_marked():
     goals = [
         Goal("a", Samples((9.0, 7.0, 8.0)), 8.0),
         Goal("b", Samples((3e-6,)), 2e-6, at_least=False),
@@ -35,7 +35,7 @@ def test_marks_that_are_missed_or_not_measured_stand_out():
     assert table.rows[0][1:5] == ["8x", "7x", "9x", "at least 8x"]
 
 
-def test_a_peer_that_is_not_there_is_an_error_with_that_name():
+def test_a_missing_peer_is_an_error_with_its_name():
     with pytest.raises(PeerError, match="not installed"):
         MuJoCo.start(str(ROOT / "no such python"))
     with pytest.raises(PeerError, match="not installed"):

@@ -1,4 +1,4 @@
-"""What the table of chains and massless strings measures is what it says."""
+"""The table of chains and massless strings measures the stated figures."""
 
 import dataclasses
 

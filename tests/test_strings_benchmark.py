@@ -1,4 +1,4 @@
-"""How the reports of benchmarks/strings write numbers, marks and the soak."""
+"""Formats of numbers, goals and the soak in the reports of benchmarks/strings."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def test_orders_between_neighbours():
     assert order([4e-3, 1e-3, 5e-4], [0.2, 0.1, 0.05]) == ["", "2.0", "1.0"]
 
 
-def test_marks_that_are_missed_stand_out():
+def test_missed_goals_are_marked():
     section = Section("one", marks=[Mark("a", 1e-9, 1e-8), Mark("b", 1e-7, 1e-8)])
     assert [row[-1] for row in marks_table([section]).rows] == ["yes", "**no**"]
     assert Table(["x", "y"], [["1", "2"]]).markdown() == "| x | y |\n| --- | ---: |\n| 1 | 2 |"
 
 
 def test_a_soak_is_shown(tmp_path, monkeypatch):
-    """Whatever entries its file has; without one the page says how to make it."""
+    """The soak is shown for any entries of its file; without a file the page names the command."""
     monkeypatch.setattr(soak, "RESULT", tmp_path / "soak.json")
     assert "make soak" in soak.section().markdown()
     entries = {"runs": 10, "worst_violation": 1.5e-13, "failures": [], "kinds": {"catch": 3}}

@@ -1,4 +1,4 @@
-"""What an editor knows about a user's script: results of the public functions have their types."""
+"""Editors know the types of a user's script: results of the public functions are typed."""
 
 from pathlib import Path
 
@@ -70,7 +70,7 @@ fan.TimeStepping(rtol=1e-9)
 
 
 def check(script: str, folder: Path) -> list[str]:
-    """mypy's strict errors in a script that uses the package as it is."""
+    """Errors of `mypy --strict` in a script that uses the package."""
     api = pytest.importorskip("mypy.api")
     file = folder / "script.py"
     file.write_text(script, encoding="utf-8")

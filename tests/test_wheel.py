@@ -25,7 +25,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_holds_the_runtime_and_the_puppets(wheel):
-    """Everything in the source folder but what Python writes there, and nothing beside it."""
+    """The wheel has all source files, except those that Python writes, and no others."""
     source = ROOT / "src"
     wanted = {
         file.relative_to(source).as_posix()

@@ -1,4 +1,4 @@
-"""A player of glTF, written from its specification: pygltflib reads the file, this runs it."""
+"""A player of glTF, written from its specification; `pygltflib` parses the file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pygltflib
 _TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""From our axes, z up, to glTF's, y up."""
+"""Rotation from our axes, z up, to glTF's, y up."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Sampler:
     quaternion: bool
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """(T, n) values, as the specification's appendix C has them."""
+        """(T, n) values, by appendix C of the specification."""
         times = np.clip(times, self.t[0], self.t[-1])
         k = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)
         d = (self.t[k + 1] - self.t[k])[:, None]
@@ -58,11 +58,11 @@ class Sampler:
 
 
 class Player:
-    """A file that is played.
+    """Player of a file.
 
     Attributes:
-        gltf: as pygltflib reads it.
-        samplers: by (name of the node, property).
+        gltf: the file, read by `pygltflib`.
+        samplers: (name of the node, property) -> sampler.
     """
 
     def __init__(self, path: Path):

@@ -1,4 +1,4 @@
-"""BVH files, read again by pybvh, bvhio and our own reader; angles beside SciPy's."""
+"""BVH files, read by pybvh, bvhio and our own reader; angles compared with SciPy's."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from fantoccini.theatre.capture import Capture
 pytestmark = pytest.mark.slow
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
-"""From z up to y up."""
+"""Rotation from z up to y up."""
 EXACT = 1e-8
-"""Ten digits after the point, of metres and degrees, along a limb of some joints [m]."""
+"""Ten decimal places of metres and degrees, along a limb of several joints [m]."""
 
 SIDES = ("upper_arm", "forearm", "thigh", "shin")
 BODIES = {"torso", "skull", *(f"{x}_{side}" for x in SIDES for side in ("left", "right"))}
-"""Of the marionette."""
+"""Bodies of the marionette."""
 
 
 def placed(run: fan.Trajectory, fps: float) -> dict[str, np.ndarray]:
-    """(T, 3, 4) of all links at frames, turned to y up."""
+    """(T, 3, 4) poses of all links at the frames, turned to y up."""
     t = run.t[0] + np.arange(int(run.duration * fps * (1 + 1e-12)) + 1) / fps
     still, even = still_of(run), run.resample(np.minimum(t, run.t[-1]))
     poses = UPRIGHT @ still.poses(even.q_D, even.q_K)
@@ -36,9 +36,9 @@ def placed(run: fan.Trajectory, fps: float) -> dict[str, np.ndarray]:
 
 
 def check(clip: Capture, run: fan.Trajectory, fps: float) -> set[str]:
-    """Joints are where the bodies are and turn as they do; returns the names of the bodies."""
-    poses, found = placed(run, fps), set(clip.skeleton.names)
-    bodies = found & {link.name for link in still_of(run).tree.links}
+    """Joints have the places and orientations of the bodies; returns the names of the bodies."""
+    poses, joints = placed(run, fps), set(clip.skeleton.names)
+    bodies = joints & {link.name for link in still_of(run).tree.links}
     for name in bodies:
         k = clip.skeleton.index(name)
         assert np.abs(clip.positions[:, k] - poses[name][..., 3]).max() < EXACT, name
@@ -49,14 +49,12 @@ def check(clip: Capture, run: fan.Trajectory, fps: float) -> set[str]:
 
 
 def channels(path: Path) -> np.ndarray:
-    """(T, n) numbers under the header."""
+    """(T, n) numbers after the header."""
     return np.loadtxt(path.read_text().split("Frame Time:")[1].splitlines()[1:], ndmin=2)
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_pybvh_finds_the_bodies_where_the_run_has_them(
-    greeting: fan.Trajectory, tmp_path: Path
-) -> None:
+def test_pybvh_places_the_bodies_as_the_run_does(greeting: fan.Trajectory, tmp_path: Path) -> None:
     pybvh = pytest.importorskip("pybvh")
     path = fan.export(greeting, tmp_path / "greeting.bvh", fps=24)
     clip = pybvh.read_bvh_file(path, world_up="+y")
@@ -65,11 +63,11 @@ def test_pybvh_finds_the_bodies_where_the_run_has_them(
     assert clip.frame_time == pytest.approx(1 / 24, abs=1e-12)
     assert set(names) >= BODIES and clip.root.name == "torso"
     for name in BODIES:
-        found = theirs[:, names.index(name)]
-        assert np.abs(found - poses[name][..., 3]).max() < EXACT, name
+        places = theirs[:, names.index(name)]
+        assert np.abs(places - poses[name][..., 3]).max() < EXACT, name
 
 
-def test_our_reader_finds_them_too_in_metres(greeting: fan.Trajectory, tmp_path: Path) -> None:
+def test_our_reader_returns_metres(greeting: fan.Trajectory, tmp_path: Path) -> None:
     clip = fan.theatre.load_bvh(fan.export(greeting, tmp_path / "greeting.bvh"))
     assert check(clip, greeting, 60) == BODIES
     assert clip.t == pytest.approx(np.arange(601) / 60, abs=1e-8)
@@ -96,7 +94,7 @@ def test_the_skeleton_is_the_puppet_with_joints_at_zero(
         if not name.endswith(".end"):
             wanted = rest[links.index(name)] - rest[links.index(clip.skeleton.names[0])]
             assert np.abs(place - wanted).max() < EXACT, name
-    # Tips of limbs: a bone's length beyond, and no shorter than it can be seen.
+    # Tips of limbs: beyond a bone's length, and long enough to be visible.
     tips = [k for k, name in enumerate(clip.skeleton.names) if name.endswith(".end")]
     assert np.all(np.linalg.norm(clip.skeleton.offsets[tips], axis=1) > 5e-3)
 
@@ -107,7 +105,7 @@ def test_angles_do_not_jump(greeting: fan.Trajectory, tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_members_and_whatever_slides_have_places_under_one_root(tmp_path: Path) -> None:
+def test_members_and_sliding_bodies_have_places_under_one_root(tmp_path: Path) -> None:
     bvhio = pytest.importorskip("bvhio")
     two = fan.theatre.verify_play(fan.load_play(write_play(tmp_path))).run
     crane = fan.puppets.crane()
@@ -158,7 +156,7 @@ def test_angles_are_those_of_the_orientation(seed: int, axes: list[str]) -> None
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_a_hinge_turns_round_and_round_about_one_axis(axis: int) -> None:
+def test_a_hinge_turns_repeatedly_about_one_axis(axis: int) -> None:
     about = np.linspace(0.1, 20.0, 500)
     q = np.zeros((500, 4))
     q[:, 0], q[:, 1 + axis] = np.cos(about / 2), np.sin(about / 2)
@@ -169,8 +167,8 @@ def test_a_hinge_turns_round_and_round_about_one_axis(axis: int) -> None:
     assert angles == pytest.approx(wanted, abs=1e-7)
 
 
-def test_another_order_is_taken_beside_gimbal_lock() -> None:
-    # The arm is held out at 89.9 deg about x, and swings about what was y.
+def test_another_order_is_used_near_gimbal_lock() -> None:
+    # The arm is held out at 89.9 deg about x, and swings about the former y.
     swing = np.linspace(-1.0, 1.0, 81)
     turned = Rotation.from_euler("XZ", np.column_stack([np.full(81, np.radians(89.9)), 0 * swing]))
     turned = Rotation.from_rotvec(np.column_stack([0.3 * swing, 0.3 * swing, 0 * swing])) * turned

@@ -1,4 +1,4 @@
-"""What can be exported, from Python and from the command line, and what is refused."""
+"""Exports from Python and from the command line, and refused exports."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_an_unknown_ending_lists_the_known_ones(thrown: fan.Trajectory, tmp_path
         fan.export(thrown, tmp_path / "run")
 
 
-def test_an_unknown_body_is_told_the_nearest(thrown: fan.Trajectory, tmp_path: Path) -> None:
+def test_an_unknown_body_gets_the_nearest_name(thrown: fan.Trajectory, tmp_path: Path) -> None:
     with pytest.raises(
         fan.errors.UnknownNameError, match="no body is called 'bop'; did you mean 'bob'"
     ):
@@ -38,17 +38,17 @@ def test_a_mirrored_twin_is_a_body(greeting: fan.Trajectory, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("fps", [0.0, -1.0, np.nan, np.inf, 1e4])
-def test_a_rate_that_is_none_is_refused(thrown: fan.Trajectory, tmp_path: Path, fps: float) -> None:
+def test_an_impossible_rate_is_refused(thrown: fan.Trajectory, tmp_path: Path, fps: float) -> None:
     with pytest.raises(ValueError, match="fps is"):
         fan.export(thrown, tmp_path / "run.glb", fps=fps)
 
 
-def test_what_has_no_motion_is_refused(tmp_path: Path) -> None:
+def test_an_object_without_motion_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="found Marionette; expected a run"):
         fan.export(fan.puppets.arm2d(), tmp_path / "run.glb")
 
 
-def test_a_folder_that_is_not_there_is_named(thrown: fan.Trajectory, tmp_path: Path) -> None:
+def test_a_missing_folder_is_named(thrown: fan.Trajectory, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="there is no folder"):
         fan.export(thrown, tmp_path / "none" / "run.glb")
 
@@ -81,9 +81,9 @@ def test_a_recording_is_exported_as_its_run(tmp_path: Path) -> None:
 
 def test_a_plan_is_exported_among_its_obstacles(tmp_path: Path) -> None:
     problem = fan.control.load_problem("arm3d_boxes")
-    found = fan.control.solve(problem, time_limit=20.0, confirm=False)
-    path = fan.export(found, tmp_path / "plan.glb")
-    run, player = found.trajectory, Player(path)
+    plan = fan.control.solve(problem, time_limit=20.0, confirm=False)
+    path = fan.export(plan, tmp_path / "plan.glb")
+    run, player = plan.trajectory, Player(path)
     assert max(errors(path, run).values()) < TOLERANCE
     boxes = [name for name in player.names if name.startswith("world_shape")]
     assert len(boxes) >= len(problem.rollouts.clearance.obstacles) > 0
@@ -133,7 +133,7 @@ def test_export_writes_the_other_formats_of_a_run(tmp_path: Path) -> None:
     assert table.read_text().startswith("t,")
 
 
-def test_a_run_that_stopped_early_is_told(tmp_path: Path) -> None:
+def test_a_run_that_stopped_early_is_reported(tmp_path: Path) -> None:
     arm = fan.puppets.arm2d()
     pull = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (2.0, 0.05)]})
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), pull, 2.0, throw=False)

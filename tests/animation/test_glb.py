@@ -1,4 +1,4 @@
-"""Files of glTF: a player written from the specification finds the run in them again."""
+"""Files of glTF: a player written from the specification reproduces the run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from fantoccini.output.view.still import Still
 pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 TOLERANCE = 1e-5 + 1e-6
-"""What the format promises, and single precision of a metre and of ten seconds at 1 m/s [m]."""
+"""Tolerance of the format, and single precision of a metre and of ten seconds at 1 m/s [m]."""
 
 RNG = np.random.default_rng(7)
 
@@ -34,17 +34,17 @@ def still_of(run: fan.Trajectory) -> Still:
 
 
 def times_of(run: fan.Trajectory) -> np.ndarray:
-    """At 240 Hz, and in between."""
+    """Times at 240 Hz, and between them."""
     even = np.arange(int(240 * run.duration) + 1) / 240
     return np.sort(np.concatenate([even, RNG.uniform(0.0, run.duration, 400)]))
 
 
 def errors(path: Path, run: fan.Trajectory) -> dict[str, float]:
-    """By link, the largest distance of its corners from where the run's own interpolation is."""
+    """Largest distance of a link's corners from the run's own interpolation, for each link."""
     still, player, t = still_of(run), Player(path), times_of(run)
     moved = run.resample(run.t[0] + t)
     poses = still.poses(moved.q_D, moved.q_K)
-    found = {}
+    distances = {}
     for k, link in enumerate(still.tree.links):
         corners = [np.zeros(3)]
         for solid in link_solids(still.tree):
@@ -55,17 +55,17 @@ def errors(path: Path, run: fan.Trajectory) -> dict[str, float]:
         wanted = at @ poses[:, k, :, :3].swapaxes(1, 2) + poses[:, k, None, :, 3]
         shown = player.matrices(link.name, t)
         there = at @ shown[:, :3, :3].swapaxes(1, 2) + shown[:, None, :3, 3]
-        found[link.name] = float(np.linalg.norm(there - wanted @ UP.T, axis=-1).max())
-    return found
+        distances[link.name] = float(np.linalg.norm(there - wanted @ UP.T, axis=-1).max())
+    return distances
 
 
-def test_ten_seconds_of_the_marionette_hold_within_a_hundredth_of_a_millimetre(
+def test_ten_seconds_of_the_marionette_are_exact_to_a_hundredth_of_a_millimetre(
     greeting: fan.Trajectory, greeting_glb: Path
 ) -> None:
     off = errors(greeting_glb, greeting)
     assert len(off) == 17
     assert max(off.values()) < TOLERANCE, off
-    # No better than needed: fewer keys are the point.
+    # Not much better than needed, because fewer keys are the purpose.
     assert max(off.values()) > 0.5 * TOLERANCE
 
 
@@ -76,10 +76,10 @@ def test_ten_seconds_of_the_marionette_stay_below_300_kB(greeting_glb: Path) -> 
 @pytest.mark.parametrize(
     "name", ["arm2d", "arm3d", "crane", "marionette_bar", "stand6", "string_pendulum"]
 )
-def test_every_kind_of_joint_holds(name: str, tmp_path: Path) -> None:
+def test_every_kind_of_joint_is_exact(name: str, tmp_path: Path) -> None:
     marionette = getattr(fan.puppets, name)()
     table, x0 = marionette.coordinates, marionette.rest()
-    # Everything swings: the hands stay, the rest is pushed.
+    # Everything swings: the hands are at rest, the other coordinates get a velocity.
     x0 = x0.replace(v_D=0.3 * RNG.standard_normal(table.n_vD))
     x0 = marionette.project(x0)
     run = fan.simulate(marionette, x0, t_end=0.6, method="timestepping", throw=False)
@@ -100,7 +100,7 @@ def test_a_driven_bar_turns(tmp_path: Path) -> None:
 
 
 def test_velocities_jump_at_catches(greeting: fan.Trajectory, greeting_glb: Path) -> None:
-    """Just before and after the hardest catches the spline has the run's two rates."""
+    """Just before and after the hardest catches, the spline has the run's two rates."""
     player, run = Player(greeting_glb), greeting
     table = run.coordinates
     twice = np.flatnonzero(np.diff(run.t) <= 0.0)
@@ -139,14 +139,12 @@ def test_taut_strings_are_straight_and_end_where_they_hang(
         share = np.linspace(0.0, 1.0, n)[:, None]
         straight = points[:, :1] + share * (points[:, 1:] - points[:, :1])
         off = np.linalg.norm(rings - straight @ UP.T, axis=2)[taut]
-        # A string that is about to catch is almost straight; its keys are 1 mm apart from it.
+        # A string close to a catch is almost straight; its keys are 1 mm away from it.
         assert off.max() < 2e-3 * size, name
     assert not run.taut.flags("head").all()
 
 
-def test_slack_strings_sag_as_threads_of_their_length(
-    greeting: fan.Trajectory, greeting_glb: Path
-) -> None:
+def test_slack_strings_sag_by_their_length(greeting: fan.Trajectory, greeting_glb: Path) -> None:
     player, still = Player(greeting_glb), still_of(greeting)
     t = np.arange(7.3, 8.3, 0.05)
     run = greeting.resample(t)
@@ -159,7 +157,7 @@ def test_slack_strings_sag_as_threads_of_their_length(
     for k in np.flatnonzero(slack):
         curve = rope.hanging(*points[k], lengths[k], 400) @ UP.T
         gaps = np.linalg.norm(rings[k][:, None] - curve[None], axis=2).min(axis=1)
-        # 1 mm for a scene of 1 m, for shapes and for keys; and the curve's own points.
+        # 1 mm for a scene of 1 m, for shapes and for keys, and the curve's own points.
         assert gaps.max() < 3.5e-3
         drawn = np.linalg.norm(np.diff(rings[k], axis=0), axis=1).sum()
         assert drawn == pytest.approx(lengths[k], rel=0.01)
@@ -201,7 +199,7 @@ def test_keys_at_a_rate_are_exact_at_its_frames(thrown: fan.Trajectory, tmp_path
     assert np.abs(sampler.values - wanted).max() < 1e-6
 
 
-def test_named_bodies_leave_alone(greeting: fan.Trajectory, tmp_path: Path) -> None:
+def test_only_named_bodies_are_exported(greeting: fan.Trajectory, tmp_path: Path) -> None:
     path = fan.export(greeting, tmp_path / "run.glb", bodies=["forearm_right", "skull"])
     player = Player(path)
     still, t = still_of(greeting), np.linspace(0.0, 10.0, 50)
@@ -230,7 +228,7 @@ def test_a_run_that_stopped_early_says_so(tmp_path: Path) -> None:
     assert max(s.t[-1] for s in player.samplers.values()) == pytest.approx(run.duration, abs=1e-6)
 
 
-def test_what_looks_the_same_is_kept_once(greeting_glb: Path) -> None:
+def test_equal_shapes_are_stored_once(greeting_glb: Path) -> None:
     gltf = Player(greeting_glb).gltf
     shapes = [node for node in gltf.nodes if "_shape" in node.name]
     assert len(shapes) > 30
@@ -254,7 +252,7 @@ validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))
 
 
 def validated(path: Path) -> dict:
-    """What Khronos's validator says."""
+    """Report of Khronos's validator."""
     modules = Path(sys.prefix) / "node_modules"
     if shutil.which("node") is None or not (modules / "gltf-validator").is_dir():
         pytest.skip("gltf-validator is not installed (make installs it with npm)")
@@ -292,7 +290,7 @@ def test_the_validator_would_find_a_fault(greeting_glb: Path, tmp_path: Path) ->
 
 
 def test_every_body_is_a_joint_of_a_skin(thrown: fan.Trajectory, tmp_path: Path) -> None:
-    """Blender makes bones only of skin joints and their ancestors; shins have no string below."""
+    """Blender makes bones only of skin joints and their ancestors; no string is below the shins."""
     marionette = fan.puppets.marionette()
     run = fan.simulate(marionette, marionette.rest(), t_end=0.05, method="timestepping")
     every = [body.name for body in marionette.puppet.expanded().bodies]
@@ -301,8 +299,8 @@ def test_every_body_is_a_joint_of_a_skin(thrown: fan.Trajectory, tmp_path: Path)
         (run, ["torso", "shin_left"], ["torso", "shin_left"]),
         (thrown, None, ["bob"]),
     ):
-        made = fan.export(motion, tmp_path / "a.glb", bodies=bodies)
-        gltf = pygltflib.GLTF2().load(str(made))
+        path = fan.export(motion, tmp_path / "a.glb", bodies=bodies)
+        gltf = pygltflib.GLTF2().load(str(path))
         joints = {gltf.nodes[k].name for skin in gltf.skins for k in skin.joints}
         assert joints.issuperset(names)
         assert all(len(set(skin.joints)) == len(skin.joints) for skin in gltf.skins)

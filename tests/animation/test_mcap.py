@@ -1,4 +1,4 @@
-"""MCAP, read by its own library with the schemas in the file, and compared with the table."""
+"""MCAP, read by its own library with the schemas in the file, compared with the table."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ TOPICS = {
 
 
 def messages(path: Path) -> dict[str, list[tuple[float, Any]]]:
-    """Of every topic: times [s] and messages, whose classes are made from the file's schemas."""
-    found: dict[str, list[tuple[float, Any]]] = defaultdict(list)
+    """Times [s] and messages of every topic; the messages' classes come from the file's schemas."""
+    series: dict[str, list[tuple[float, Any]]] = defaultdict(list)
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
         for schema, channel, message, decoded in reader.iter_decoded_messages():
             assert schema.encoding == channel.message_encoding == "protobuf"
             assert schema.name == TOPICS[channel.topic]
             assert message.log_time == message.publish_time
-            found[channel.topic].append((1e-9 * message.log_time, decoded))
-    return found
+            series[channel.topic].append((1e-9 * message.log_time, decoded))
+    return series
 
 
 def xyz(x: Any) -> list[float]:
@@ -50,7 +50,7 @@ def xyz(x: Any) -> list[float]:
 
 
 def poses(message: Any) -> dict[str, tuple[np.ndarray, Rotation]]:
-    """Places and orientations of all frames in the world, as a viewer chains them."""
+    """Places and orientations of all frames in the world, composed as a viewer does."""
     own = {
         tf.child_frame_id: (
             tf.parent_frame_id,
@@ -104,10 +104,10 @@ def test_frames_are_where_the_bodies_are(
     read: dict[str, list[tuple[float, Any]]], table: pd.DataFrame
 ) -> None:
     for k, (_, message) in enumerate(read["/tf"]):
-        found = poses(message)
-        assert set(found) >= BODIES
+        frames = poses(message)
+        assert set(frames) >= BODIES
         for name in BODIES:
-            r, turn = found[name]
+            r, turn = frames[name]
             row = table.iloc[k]
             assert np.abs(r - [row[f"pose:{name}.{x}"] for x in "xyz"]).max() < 1e-12
             q = Rotation.from_quat([row[f"pose:{name}.q{x}"] for x in "xyzw"])
@@ -163,7 +163,7 @@ def test_numbers_are_those_of_the_table(
 def test_shapes_are_those_of_the_glb(
     greeting: fan.Trajectory, greeting_glb: Path, read: dict[str, list[tuple[float, Any]]]
 ) -> None:
-    """Single precision there: 1e-6 m."""
+    """The file is in single precision: 1e-6 m."""
     scene = trimesh.load(greeting_glb)
     ((_, message),) = read["/bodies"]
     frames = {name for _, m in read["/tf"][:1] for name in poses(m)} | {"world"}
@@ -177,7 +177,7 @@ def test_shapes_are_those_of_the_glb(
             if node not in scene.graph.nodes_geometry:
                 assert name == "world"
                 continue
-            # From the body's node: what trimesh has is in the root's frame.
+            # From the body's node, because trimesh uses the root's frame.
             transform, geometry = scene.graph.get(node, frame_from=name)
             mesh = scene.geometry[geometry]
             wanted = trimesh.transform_points(mesh.vertices, transform)
@@ -207,9 +207,9 @@ def test_tensions_that_the_motion_does_not_determine_are_marked(
         assert message.hand_left == (t > 4.9) and message.head == 0.0
 
 
-def test_named_bodies_alone(greeting: fan.Trajectory, tmp_path: Path) -> None:
+def test_only_named_bodies_have_frames(greeting: fan.Trajectory, tmp_path: Path) -> None:
     read = messages(fan.export(greeting, tmp_path / "skull.mcap", fps=5, bodies=["skull"]))
-    assert set(poses(read["/tf"][0][1])) == {"skull", "head.end"}  # and what holds its string
+    assert set(poses(read["/tf"][0][1])) == {"skull", "head.end"}  # and the end of its string
     assert {e.id for e in read["/bodies"][0][1].entities} & BODIES == {"skull"}
     assert [e.id for e in read["/strings"][0][1].entities] == ["head"]
     fields = [f.name for f in read["/tension"][0][1].DESCRIPTOR.fields]
@@ -259,19 +259,19 @@ def test_the_command_line_writes_the_same(tmp_path: Path) -> None:
 def test_a_run_that_begins_before_0_begins_with_the_clock(tmp_path: Path) -> None:
     arm = fan.puppets.arm2d()
     moves = {"hand.length": [(-0.5, 0.8), (0.2, 0.7)]}
-    given = fan.Input.waypoints(arm, moves)
+    inputs = fan.Input.waypoints(arm, moves)
     x0 = dataclasses.replace(arm.rest({"hand.length": 0.8}), t=-0.5)
-    run = fan.simulate(arm, x0, given, 0.1)
+    run = fan.simulate(arm, x0, inputs, 0.1)
     fan.export(run, tmp_path / "early.mcap", fps=10)
-    found = messages(tmp_path / "early.mcap")["/joints"]
-    np.testing.assert_allclose([t for t, _ in found], np.arange(7) / 10, atol=1e-9)
+    joint_messages = messages(tmp_path / "early.mcap")["/joints"]
+    np.testing.assert_allclose([t for t, _ in joint_messages], np.arange(7) / 10, atol=1e-9)
     lengths = [
         joint.position
-        for _, message in found
+        for _, message in joint_messages
         for joint in message.joints
         if joint.name == "hand.length"
     ]
     column = run.coordinates.q_K.index("hand.length")
     at = run.resample(np.arange(7) / 10 - 0.5)
     np.testing.assert_allclose(lengths, at.q_K[:, column], atol=1e-9)
-    assert found[0][1].timestamp.seconds == found[0][1].timestamp.nanos == 0
+    assert joint_messages[0][1].timestamp.seconds == joint_messages[0][1].timestamp.nanos == 0

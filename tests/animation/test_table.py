@@ -1,4 +1,4 @@
-"""CSV at a rate, with places; read again by pandas and NumPy."""
+"""CSV at a rate, with places, read by pandas and NumPy."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ import fantoccini as fan
 
 
 def read(path: Path) -> pd.DataFrame:
-    """With the same bits: by themselves, older versions of pandas round the last."""
+    """Table with exact numbers; older versions of pandas round the last bit by default."""
     return pd.read_csv(path, dtype=str).astype(float)
 
 
-def test_without_more_it_is_what_to_csv_writes(thrown: fan.Trajectory, tmp_path: Path) -> None:
+def test_by_default_the_table_equals_to_csv(thrown: fan.Trajectory, tmp_path: Path) -> None:
     thrown.to_csv(tmp_path / "own.csv")
     path = fan.export(thrown, tmp_path / "run.csv")
     assert path.read_bytes() == (tmp_path / "own.csv").read_bytes()
@@ -57,7 +57,7 @@ def test_poses_and_ends_of_strings_follow(greeting: fan.Trajectory, tmp_path: Pa
     assert {name[5:].split(".")[0] for name in table if name.startswith("pose:")} == BODIES
 
 
-def test_named_bodies_bring_their_strings(greeting: fan.Trajectory, tmp_path: Path) -> None:
+def test_named_bodies_include_their_strings(greeting: fan.Trajectory, tmp_path: Path) -> None:
     table = read(fan.export(greeting, tmp_path / "run.csv", fps=5, bodies=["skull"]))
     posed = {name.split(".")[0] for name in table if name.startswith("pose:")}
     strung = {name.split(".")[0] for name in table if name.startswith(("start:", "end:"))}

@@ -1,4 +1,4 @@
-"""three.js plays the files as the run was, and shows them."""
+"""three.js plays the files with the motion of the run, and draws them."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ def test_three_js_shows_the_run(greeting: fan.Trajectory, greeting_glb: Path) ->
     still = still_of(greeting)
     rng = np.random.default_rng(3)
     t = np.sort(np.concatenate([np.arange(2401) / 240, rng.uniform(0.0, 10.0, 300)]))
-    # three.js has its clock in doubles, and the times of the keys in single precision.
+    # three.js has a clock of doubles, and keys in single precision.
     run = greeting.resample(t)
     poses = still.poses(run.q_D, run.q_K)
     names = [link.name for link in still.tree.links]
     with three(greeting_glb) as page:
-        found = page.matrices(names, t)
-        off = np.linalg.norm(found[..., :3, 3] - poses[..., 3] @ UP.T, axis=2)
+        transforms = page.matrices(names, t)
+        off = np.linalg.norm(transforms[..., :3, 3] - poses[..., 3] @ UP.T, axis=2)
         assert off.max() < TOLERANCE
-        turned = np.linalg.norm(found[..., :3, :3] - UP @ poses[..., :3], axis=(2, 3))
-        # A hand's breadth from a joint that is 0.01 mm.
+        turned = np.linalg.norm(transforms[..., :3, :3] - UP @ poses[..., :3], axis=(2, 3))
+        # A hand's breadth from a joint, that is 0.01 mm.
         assert turned.max() < 2e-4
 
-        # A slack string is where the other player, written from the specification, has it.
-        some = np.linspace(0.0, 9.9, 12)
+        # A slack string agrees with the other player, written from the specification.
+        sample_times = np.linspace(0.0, 9.9, 12)
         other = Player(greeting_glb)
         for string in ("head", "hand_right"):
-            apart = page.vertices(string, some) - other.vertices(string, some)
+            apart = page.vertices(string, sample_times) - other.vertices(string, sample_times)
             assert np.abs(apart).max() < 1e-5
 
         drawn = page.draw(8.0, (2.6, 0.9, 1.2), (0.0, 0.55, 0.0))
@@ -45,7 +45,7 @@ def test_three_js_shows_the_run(greeting: fan.Trajectory, greeting_glb: Path) ->
 
 
 def test_three_js_keeps_the_jump_of_a_catch(thrown: fan.Trajectory, tmp_path: Path) -> None:
-    """Rates by differences on both sides of the catch are the run's two velocities."""
+    """One-sided differences at the catch give the run's two velocities."""
     path = fan.export(thrown, tmp_path / "thrown.glb")
     table = thrown.coordinates
     twice = np.flatnonzero(np.diff(thrown.t) <= 0.0)

@@ -1,4 +1,4 @@
-"""Files of OpenUSD, read again by usd-core."""
+"""Files of OpenUSD, read by usd-core."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def opened(path: Path) -> Usd.Stage:
 
 
 def pose(stage: Usd.Stage, name: str, code: float) -> np.ndarray:
-    """(3, 4) of a prim in the world."""
+    """(3, 4) pose of a prim in the world."""
     prim = next(prim for prim in stage.Traverse() if prim.GetName() == name)
     moved = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(code)
     return np.array(moved).T[:3]
@@ -41,9 +41,9 @@ def test_frames_are_exact(greeting: fan.Trajectory, tmp_path: Path, ending: str)
     poses = still.poses(run.q_D, run.q_K)
     for k, link in enumerate(still.tree.links):
         name = link.name.replace(".", "_")
-        found = np.array([pose(stage, name, 24 * time) for time in t])
+        poses_in_file = np.array([pose(stage, name, 24 * time) for time in t])
         # USD takes the arc cosine of a quaternion's w: half of a double's digits.
-        assert np.abs(found - poses[:, k]).max() < 1e-7, link.name
+        assert np.abs(poses_in_file - poses[:, k]).max() < 1e-7, link.name
 
 
 def test_between_frames_the_error_falls_with_the_square_of_the_rate(
@@ -56,8 +56,8 @@ def test_between_frames_the_error_falls_with_the_square_of_the_rate(
     off = []
     for fps in (30, 120):
         stage = opened(fan.export(greeting, tmp_path / f"{fps}.usdc", fps=fps))
-        found = np.array([pose(stage, "shin_left", fps * time)[:, 3] for time in t])
-        off.append(np.percentile(np.linalg.norm(found - wanted, axis=1), 90))
+        places = np.array([pose(stage, "shin_left", fps * time)[:, 3] for time in t])
+        off.append(np.percentile(np.linalg.norm(places - wanted, axis=1), 90))
     assert off[0] < 1e-3
     assert 8.0 < off[0] / off[1] < 24.0
 
@@ -73,7 +73,7 @@ def test_strings_end_on_their_bodies_and_sag(greeting: fan.Trajectory, tmp_path:
         ends = list(still.string_points(run.q_D, run.q_K).values())[k]
         assert np.abs(points[:, [0, -1]] - ends[:, [0, -1]]).max() < 1e-6
         drawn = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
-        # A polyline of 16 pieces is a little shorter than its curve, most at a fold.
+        # A polyline of 16 pieces is slightly shorter than its curve, most at a fold.
         assert drawn == pytest.approx(lengths[:, k], rel=0.02)
 
 
@@ -91,16 +91,14 @@ def test_bodies_have_shapes_and_materials(thrown: fan.Trajectory, tmp_path: Path
     assert colour == pytest.approx([0.4342, 0.0423, 0.0273], abs=1e-4)
 
 
-def test_names_that_usd_cannot_have_are_shown_to_people(
-    greeting: fan.Trajectory, tmp_path: Path
-) -> None:
+def test_names_that_usd_refuses_are_display_names(greeting: fan.Trajectory, tmp_path: Path) -> None:
     stage = opened(fan.export(greeting, tmp_path / "greeting.usdc", fps=1, bodies=["skull"]))
     prim = stage.GetPrimAtPath("/marionette/head_end")
     assert prim.GetDisplayName() == "head.end"
     assert not stage.GetPrimAtPath("/marionette/torso")
 
 
-def test_without_the_library_it_is_told_how_to_install_it(
+def test_a_missing_library_has_an_install_command(
     thrown: fan.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(formats, "find_spec", lambda name: None)
@@ -114,8 +112,10 @@ def test_materials_are_called_after_their_colours(thrown: fan.Trajectory, tmp_pa
     stage = opened(fan.export(thrown, tmp_path / "thrown.usda"))
     ball = stage.GetPrimAtPath("/string_pendulum/bob/bob_shape1")
     string = stage.GetPrimAtPath("/string_pendulum/line")
-    found = [UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0] for prim in (ball, string)]
-    assert [m.GetPath().name for m in found] == ["colour_b03a2e", "colour_6e6a62"]
+    materials = [
+        UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0] for prim in (ball, string)
+    ]
+    assert [m.GetPath().name for m in materials] == ["colour_b03a2e", "colour_6e6a62"]
 
 
 def test_a_body_may_be_called_materials(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A file in three.js, in a headless Chromium: where its nodes are, and what it looks like."""
+"""A file in three.js, in a headless Chromium: matrices of its nodes, and its picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 from tests.show.browser import chrome, until
 
 MODULES = Path(sys.prefix) / "node_modules"
-"""Where `make` puts what it installs with npm."""
+"""Folder of the packages that `make` installs with npm."""
 
 
 class _Handler(SimpleHTTPRequestHandler):
@@ -41,7 +41,7 @@ class Three:
     """A loaded file.
 
     Attributes:
-        names: of all nodes.
+        names: names of all nodes.
     """
 
     def __init__(self, browser: Any, url: str):
@@ -52,15 +52,15 @@ class Three:
 
     def matrices(self, names: Sequence[str], times: Sequence[float]) -> np.ndarray:
         """(T, n, 4, 4) world matrices of nodes."""
-        found = self._ask("return window.matrices(...arguments)", list(names), list(times))
-        return np.array(found).reshape(len(times), len(names), 4, 4).swapaxes(-1, -2)
+        numbers = self._ask("return window.matrices(...arguments)", list(names), list(times))
+        return np.array(numbers).reshape(len(times), len(names), 4, 4).swapaxes(-1, -2)
 
     def vertices(self, name: str, times: Sequence[float]) -> np.ndarray:
         """(T, n, 3) vertices of a skinned mesh [m]."""
         return np.array(self._ask("return window.vertices(...arguments)", name, list(times)))
 
     def draw(self, t: float, eye: Sequence[float], target: Sequence[float]) -> int:
-        """Draws a time; returns the number of triangles."""
+        """Draw the scene at a time; returns the number of triangles."""
         return self._ask("return window.draw(...arguments)", t, list(eye), list(target))
 
     def _ask(self, script: str, *arguments: Any) -> Any:
@@ -69,7 +69,7 @@ class Three:
 
 @contextmanager
 def three(glb: Path) -> Iterator[Three]:
-    """Opens a file; the test is skipped where there is no three.js or no browser."""
+    """Open a file; the test is skipped without three.js or a browser."""
     if not (MODULES / "three").is_dir():
         pytest.skip("three.js is not installed (make installs it with npm)")
     handler = functools.partial(_Handler, glb=glb)

@@ -1,4 +1,4 @@
-"""A cache folder of its own for every test, and small sources to put into it."""
+"""A cache folder for every test, and small sources for it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def source():
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty cache folder, the environment's compilers forgotten, temporary files kept apart."""
+    """An empty cache folder, no remembered compilers, and separate temporary files."""
     folder = tmp_path / "cache"
     refuge = tmp_path / "temporary"
     refuge.mkdir()

@@ -1,4 +1,4 @@
-"""The cache: made once, whole or absent, private, and never in the way."""
+"""The cache: entries are compiled once, complete or absent, and private."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ pytestmark = pytest.mark.medium
 
 
 def test_an_entry_holds_the_library_the_info_and_the_sources(cache, key, source):
-    told = []
+    messages = []
     entry = build.obtain(
-        key, lambda: source(42, n_operations=3), progress=lambda at: told.append(at.what)
+        key, lambda: source(42, n_operations=3), progress=lambda at: messages.append(at.what)
     )
     assert entry == cache / key[:2] / key
     assert answer(entry) == 42
     assert json.loads((entry / build.INFO).read_text()) == {"n_operations": 3}
     assert (entry / "model.cpp").is_file()
     assert not list(cache.glob("*/tmp-*"))
-    assert told[0].startswith("deriving")
-    assert told[1].startswith("compiling")
+    assert messages[0].startswith("deriving")
+    assert messages[1].startswith("compiling")
 
 
 def test_a_second_call_neither_derives_nor_compiles(key, source, monkeypatch):
@@ -39,7 +39,7 @@ def test_a_second_call_neither_derives_nor_compiles(key, source, monkeypatch):
 
 
 def test_flags_may_be_chosen_by_the_source(key):
-    """The number comes from a flag that the function read off the source's info."""
+    """The number comes from a flag that the function reads from the source's info."""
     text = 'extern "C" __attribute__((visibility("default"))) int answer() { return VALUE; }\n'
     wanted = build.Source({"model.cpp": text}, "model.cpp", {"value": 11})
     entry = build.obtain(key, lambda: wanted, flags=lambda s: (f"-DVALUE={s.info['value']}",))
@@ -148,7 +148,7 @@ print(build.obtain({key!r}, produce), flush=True)
 
 @pytest.mark.parametrize("unlocked", [False, True])
 def test_processes_that_build_the_same_at_once(tmp_path, cache, key, unlocked):
-    """With locks one derives and the others wait; without, all do and one result is kept."""
+    """Locks let one process derive while the others wait; without, one of the results remains."""
     log, start = tmp_path / "log", tmp_path / "start"
     script = RACE.format(unlocked=unlocked, log=str(log), start=str(start), key=key)
     racers = [
@@ -171,16 +171,16 @@ def test_processes_that_build_the_same_at_once(tmp_path, cache, key, unlocked):
 
 
 def test_the_wait_for_another_process_ends(key, source, monkeypatch, cache):
-    """A lock that is never given back delays a build and does not prevent it."""
+    """A lock that is never released delays a build and does not prevent it."""
     group = cache / key[:2]
     cache.mkdir(mode=0o700)
     group.mkdir(mode=0o700)
     monkeypatch.setattr(cache_module, "LOCK_SECONDS", 0.2)
     with open(group / f"{key}.lock", "w") as held:
         cache_module.fcntl.flock(held, cache_module.fcntl.LOCK_EX)
-        told = []
-        assert answer(build.obtain(key, source, progress=lambda at: told.append(at.what))) == 7
-    assert told[0].startswith("waiting")
+        progress = []
+        assert answer(build.obtain(key, source, progress=lambda at: progress.append(at.what))) == 7
+    assert progress[0].startswith("waiting")
 
 
 def test_the_default_folder_is_the_users_cache(monkeypatch):
@@ -190,8 +190,8 @@ def test_the_default_folder_is_the_users_cache(monkeypatch):
     assert build.cache_folder() == Path.home() / "elsewhere"
 
 
-def test_clear_removes_what_is_ours_and_nothing_else(cache, key, source):
-    """A user may have named a folder that holds other things."""
+def test_clear_removes_only_cache_entries(cache, key, source):
+    """A user may have named a folder with other files."""
     build.obtain(key, source)
     other = cache / "ad" / "advertisement.txt"
     other.parent.mkdir()
@@ -202,7 +202,7 @@ def test_clear_removes_what_is_ours_and_nothing_else(cache, key, source):
     assert build.clear() == 0
 
 
-def test_describe_tells_the_compiler_and_the_cache(cache, key, source):
+def test_describe_names_the_compiler_and_the_cache(cache, key, source):
     build.obtain(key, source)
     facts = build.describe()
     assert facts["compiler"].startswith(build.find_compiler().version)
@@ -211,7 +211,7 @@ def test_describe_tells_the_compiler_and_the_cache(cache, key, source):
     assert "problem" not in facts
 
 
-def test_describe_tells_what_is_wrong(tmp_path, monkeypatch):
+def test_describe_names_the_failure(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path / "file" / "cache"))
     monkeypatch.setenv("FANTOCCINI_CXX", "no-such-compiler")
@@ -240,17 +240,17 @@ def test_a_shared_unit_is_compiled_once_for_several_libraries(cache, damaged):
     """Contact geometry is linked into each library; a damaged object file is compiled again."""
 
     def compiled_units(value: int) -> int:
-        files, told = {"main.cpp": SHARED.replace("VALUE", str(value))}, []
+        files, messages = {"main.cpp": SHARED.replace("VALUE", str(value))}, []
         source = build.Source(files, "main.cpp", shared_units=("collision/touch_unit",))
         entry = build.obtain(
             str(value) * 64,
             lambda: source,
             flags=("-O0",),
-            progress=lambda at: told.append(at.what),
+            progress=lambda at: messages.append(at.what),
         )
         assert answer(entry) == 10 + value
         assert {file.suffix for file in entry.iterdir()} == {".cpp", ".json", ".so"}
-        return sum("touch_unit" in text for text in told)
+        return sum("touch_unit" in text for text in messages)
 
     assert compiled_units(1) == 1
     if damaged:

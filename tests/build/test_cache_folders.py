@@ -1,4 +1,4 @@
-"""The cache's folders: private, and replaced by a private folder where they cannot be written."""
+"""Folders of the cache: private, and replaced by a private folder if they are not writable."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_cache_that_cannot_be_made_has_a_private_stand_in(tmp_path, key, sourc
 def test_a_read_only_or_full_disk_has_a_private_stand_in(
     cache, key, source, monkeypatch, code, call
 ):
-    """The disk fails at making a folder, at writing a file, at the last rename."""
+    """The disk fails when a folder is created, a file written, or at the last rename."""
     where = {"mkdir": "mkdir", "write": "write_text", "rename": "rename"}[call]
     real = getattr(Path, where)
 
@@ -62,7 +62,7 @@ def test_a_read_only_or_full_disk_has_a_private_stand_in(
 def test_a_disk_that_fills_while_compiling_has_a_private_stand_in(
     cache, key, source, monkeypatch, program
 ):
-    """The compiler itself meets the full disk, and only in the cache folder."""
+    """The compiler itself meets the full disk, only in the cache folder."""
     full = program(
         "full",
         f'case "$PWD" in {cache}*) [ "$1" = --version ] || '
@@ -76,7 +76,7 @@ def test_a_disk_that_fills_while_compiling_has_a_private_stand_in(
     assert not list(cache.glob("*/tmp-*"))
 
 
-def test_no_place_at_all_is_an_error(tmp_path, key, source, monkeypatch):
+def test_without_a_writable_folder_there_is_an_error(tmp_path, key, source, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path / "file" / "cache"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "file" / "temporary"))
@@ -84,7 +84,7 @@ def test_no_place_at_all_is_an_error(tmp_path, key, source, monkeypatch):
         build.obtain(key, source)
 
 
-def test_an_error_while_deriving_is_not_taken_for_a_full_disk(key):
+def test_an_error_of_the_derivation_is_not_mistaken_for_a_full_disk(key):
     def produce():
         raise OSError(errno.ENOSPC, "in the derivation")
 
@@ -115,7 +115,7 @@ def test_a_folder_of_another_user_is_refused(cache, key, source, monkeypatch):
 
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o1777])
 def test_a_group_that_others_can_write_is_refused(cache, key, source, mode):
-    """17.33: also where its entries are there already and nothing would be written."""
+    """17.33: this holds even if its entries exist already and nothing would be written."""
     build.obtain(key, source)
     (cache / key[:2]).chmod(mode)
     with pytest.warns(RuntimeWarning, match="written by other users"):
@@ -125,10 +125,10 @@ def test_a_group_that_others_can_write_is_refused(cache, key, source, mode):
 
 @pytest.mark.parametrize("what", ["", build.LIBRARY, build.INFO, "complete.json"])
 @pytest.mark.parametrize("trouble", ["writable", "foreign", "link"])
-def test_an_entry_that_is_not_ours_alone_is_compiled_again(
+def test_an_entry_that_others_may_have_written_is_compiled_again(
     tmp_path, cache, key, source, what, trouble
 ):
-    """17.33: an entry, or a file of it that is read, that somebody else may have written."""
+    """17.33: an entry, or one of its files, that another user may have written."""
     path = build.obtain(key, lambda: source(1)) / what
     match trouble:
         case "writable":
@@ -153,7 +153,7 @@ def test_an_entry_that_is_not_ours_alone_is_compiled_again(
         assert build.obtain(key, never) == entry
 
 
-def test_what_an_entry_holds_is_private_whatever_the_umask(key, source):
+def test_files_of_an_entry_are_private_whatever_the_umask(key, source):
     """17.33: a umask of 002 makes files that a group can write."""
     old = os.umask(0)
     try:
@@ -167,7 +167,7 @@ def test_what_an_entry_holds_is_private_whatever_the_umask(key, source):
 
 @pytest.mark.parametrize("what", ["link", "pipe"])
 def test_a_lock_is_a_file_and_no_link(tmp_path, cache, key, source, what):
-    """17.33: what a link leads to is not emptied; a pipe is not waited for."""
+    """17.33: the target of a link is not emptied; a pipe is not waited for."""
     lock = cache / key[:2] / f"{key}.lock"
     cache.mkdir(mode=0o700)
     lock.parent.mkdir(mode=0o700)
@@ -181,8 +181,8 @@ def test_a_lock_is_a_file_and_no_link(tmp_path, cache, key, source, what):
 
 
 @pytest.mark.parametrize("squatter", ["open folder", "link", "file"])
-def test_a_stand_in_that_somebody_prepared_is_refused(tmp_path, squatter):
-    """Anybody may make a folder under the known name; then a fresh one is made."""
+def test_a_stand_in_prepared_by_another_user_is_refused(tmp_path, squatter):
+    """Anybody may create a folder of the known name; then a fresh one is created."""
     place = tmp_path / "temporary" / f"fantoccini-{os.geteuid()}"
     match squatter:
         case "open folder":

@@ -1,4 +1,4 @@
-"""What shapes a library is found by a rule: a module, and all that it imports."""
+"""The sources of a library follow a rule: a module, and all its imports."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PACKAGE = Path(fantoccini.__file__).parent
 
 
 def test_imports_are_found_wherever_they_stand():
-    """18.1: they are found as text; Python's own parser finds no others."""
+    """18.1: they are read from the text; Python's own parser finds no others."""
     for file in PACKAGE.rglob("*.py"):
         wanted = set()
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
@@ -24,12 +24,12 @@ def test_imports_are_found_wherever_they_stand():
                 wanted |= {(node.module, alias.name) for alias in node.names}
             elif isinstance(node, ast.Import):
                 wanted |= {(alias.name, None) for alias in node.names}
-        found = {asked for asked, _ in closure.imports_of(file)}
-        assert wanted <= found, file
+        imported = {asked for asked, _ in closure.imports_of(file)}
+        assert wanted <= imported, file
 
 
-def test_what_shapes_numbers_counts_and_what_shows_them_does_not():
-    """18.1: inertia of shapes is folded into compiled code, but the list of before left it out."""
+def test_modules_that_compute_numbers_count_and_views_do_not():
+    """18.1: compiled code contains the inertia of shapes; the former list omitted their module."""
     files = {f.relative_to(PACKAGE).as_posix() for f in closure.closure(compiled.SOURCE_MODULES)}
     assert {
         "model/puppet/shapes.py",
@@ -45,8 +45,8 @@ def test_what_shapes_numbers_counts_and_what_shows_them_does_not():
     assert not unused & files
 
 
-def test_names_that_a_face_imports_when_asked_are_followed():
-    """Faces of rooms have a stub: without it the cache would keep what has become stale."""
+def test_lazy_imports_are_followed():
+    """Packages with lazy names have a stub: without it, stale entries would stay in the cache."""
     imported = dict(closure.imports_of(PACKAGE / "model" / "__init__.py"))
     assert imported["fantoccini.model.puppet", "Puppet"] == "Puppet"
     assert imported["fantoccini.model", "tree"] == "tree"
@@ -78,8 +78,8 @@ def package(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("file", "counts"), [("late.py", True), ("two/b.py", False)])
-def test_the_hash_changes_with_what_is_imported_alone(package, file, counts):
-    """18.1: of a package, the names that are asked of it."""
+def test_the_hash_changes_only_with_imported_names(package, file, counts):
+    """18.1: only the imported names of a package count."""
     before = closure.code_fingerprint("fantoccini.one")
     (package / file).write_text("x = 1\n", encoding="utf-8")
     closure.code_fingerprint.cache_clear()
@@ -87,7 +87,7 @@ def test_the_hash_changes_with_what_is_imported_alone(package, file, counts):
 
 
 def test_a_package_counts_where_it_defines_a_name_itself(package):
-    """18.1: then all that it imports counts too."""
+    """18.1: then all its imports count too."""
     files = {f.relative_to(package).as_posix() for f in closure.closure(["fantoccini.asks"])}
     assert files == {"asks.py", "two/__init__.py", "own.py", "two/a.py", "two/b.py", "late.py"}
 
@@ -99,8 +99,8 @@ def test_a_package_counts_where_it_defines_a_name_itself(package):
         ('"""One."""\nfrom fantoccini.two import a\nx = 1\n', True),
     ],
 )
-def test_words_do_not_change_the_hash(package, text, counts):
-    """18.1: an edit of comments and docstrings compiles nothing again."""
+def test_comments_and_docstrings_do_not_change_the_hash(package, text, counts):
+    """18.1: an edit of comments and docstrings compiles nothing."""
     hashes = []
     for written in ('"""One."""\nfrom fantoccini.two import a\n', text):
         (package / "one.py").write_text(written, encoding="utf-8")
@@ -110,7 +110,7 @@ def test_words_do_not_change_the_hash(package, text, counts):
 
 
 def bare(text: str) -> str:
-    """What Python's parser makes of a module, without strings that stand alone."""
+    """Syntax tree of a module, without strings as statements."""
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
@@ -118,14 +118,14 @@ def bare(text: str) -> str:
     return ast.dump(tree)
 
 
-def test_nothing_but_words_is_left_out():
-    """18.1: Python's own parser reads the same program from what is hashed."""
+def test_only_comments_and_docstrings_are_left_out():
+    """18.1: Python's own parser reads the same program from the hashed text."""
     for file in closure.closure(compiled.SOURCE_MODULES):
         text = file.read_text(encoding="utf-8")
         assert bare(significant_python(text)) == bare(text), file
 
 
-def test_strings_keep_what_looks_like_words():
-    kept = 'x = [\n    """a""",\n    """# b"""\n]\ny = "# c"\n\nz = """\n\n# d\n"""'
-    assert significant_python(kept) == kept.replace("\n\nz", "\nz")
+def test_strings_keep_text_that_looks_like_comments():
+    text = 'x = [\n    """a""",\n    """# b"""\n]\ny = "# c"\n\nz = """\n\n# d\n"""'
+    assert significant_python(text) == text.replace("\n\nz", "\nz")
     assert significant_cpp('a("// b");  // c\n\n/* d\n */ e(\'"\');\n') == 'a("// b");\n  e(\'"\');'

@@ -1,4 +1,4 @@
-"""The compiler is found, or its absence has a remedy; its failures can be read."""
+"""Search for the compiler, the remedy for its absence, and the text of its failures."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ VERSION = 'if [ "$1" = --version ]; then echo "fake g++ 1.0"; exit 0; fi\n'
 
 
 def test_the_systems_compiler_is_found():
-    found = build.find_compiler()
-    assert found.kind in ("gcc", "clang", "zig")
-    assert found.version
-    assert shutil.which(found.command[0])
+    compiler = build.find_compiler()
+    assert compiler.kind in ("gcc", "clang", "zig")
+    assert compiler.version
+    assert shutil.which(compiler.command[0])
 
 
 def test_no_compiler_names_the_command_that_installs_one(monkeypatch, tmp_path, program):
-    """With apt-get alone on the path, and a Python without ziglang."""
+    """Only apt-get is on the path, and Python has no ziglang."""
     program("apt-get", "exit 0")
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
     monkeypatch.setattr(sys, "executable", str(program("python", "exit 1")))
@@ -42,7 +42,7 @@ def test_no_compiler_names_the_command_that_installs_one(monkeypatch, tmp_path, 
 
 
 def test_the_first_build_with_zig_is_announced(monkeypatch, tmp_path):
-    """Only while zig's cache, which holds the C++ standard library, is missing."""
+    """It is announced only while zig's cache, with the C++ standard library, is missing."""
     zig = build.Compiler(("python", "-m", "ziglang", "c++"), "zig", "clang version 20")
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path / "zig"))
     assert "zig first builds its C++ standard library" in first_build_notice(zig)
@@ -61,7 +61,7 @@ def test_a_compiler_installed_after_a_failure_is_found(monkeypatch, tmp_path, pr
 
 
 def test_the_order_of_search(monkeypatch, tmp_path, program):
-    """FANTOCCINI_CXX before CXX before g++ before c++ before clang++; a broken one is passed."""
+    """FANTOCCINI_CXX, CXX, g++, c++, clang++, in this order; one that does not run is skipped."""
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
     program("clang++", 'echo "fake clang version 3"')
     assert build.find_compiler().kind == "clang"
@@ -79,14 +79,14 @@ def test_the_order_of_search(monkeypatch, tmp_path, program):
 
 @pytest.mark.parametrize("value", ["no-such-compiler", "no-such-compiler; touch x", "'unclosed"])
 def test_a_named_compiler_that_does_not_run_is_an_error(monkeypatch, value):
-    """The user's choice is not replaced by another compiler in silence."""
+    """The user's choice is not silently replaced by another compiler."""
     monkeypatch.setenv("FANTOCCINI_CXX", value)
     with pytest.raises(BuildError, match="FANTOCCINI_CXX"):
         build.find_compiler()
 
 
 def test_a_failing_compiler_is_quoted(monkeypatch, program, source, cache, key):
-    """Command, exit code, the first 20 lines of its words, and where the sources are."""
+    """Command, exit code, the first 20 lines of its output, and the folder of the sources."""
     body = VERSION + "i=0; while [ $i -lt 50 ]; do echo line $i >&2; i=$((i+1)); done; exit 3"
     monkeypatch.setenv("FANTOCCINI_CXX", str(program("failing", body)))
     with pytest.raises(BuildError) as caught:
@@ -97,13 +97,13 @@ def test_a_failing_compiler_is_quoted(monkeypatch, program, source, cache, key):
     assert "line 19\n" in message
     assert "line 20" not in message
     assert "30 lines more" in message
-    kept = Path(message.rsplit("the sources are in ", 1)[1])
-    assert (kept / "model.cpp").read_text() == source().files["model.cpp"]
+    sources = Path(message.rsplit("the sources are in ", 1)[1])
+    assert (sources / "model.cpp").read_text() == source().files["model.cpp"]
     assert not (cache / key[:2] / key).exists()
     assert not list(cache.glob("*/tmp-*"))
 
 
-def test_a_failure_is_mended_by_the_next_build(monkeypatch, program, source, key):
+def test_the_next_build_replaces_a_failure(monkeypatch, program, source, key):
     monkeypatch.setenv("FANTOCCINI_CXX", str(program("failing", VERSION + "exit 1")))
     with pytest.raises(BuildError, match="it printed nothing"):
         build.obtain(key, source)
@@ -128,14 +128,14 @@ def test_a_compiler_that_hangs_is_stopped_with_its_children(tmp_path, program):
 
 
 def test_a_library_without_output_is_an_error(monkeypatch, program, source, key):
-    """A compiler that says it worked and wrote nothing."""
+    """The compiler reports success and writes no library."""
     monkeypatch.setenv("FANTOCCINI_CXX", str(program("lazy", VERSION + "exit 0")))
     with pytest.raises(BuildError, match=r"has not written model\.so"):
         build.obtain(key, source)
 
 
 def parts(second: str) -> build.Source:
-    """A main file that calls what two units define."""
+    """A main file that calls functions of two units."""
     main = "int one(); int two();\n"
     main += 'extern "C" __attribute__((visibility("default"))) int answer();\n'
     main += "int answer() { return one() + two(); }\n"
@@ -144,7 +144,7 @@ def parts(second: str) -> build.Source:
     return build.Source(files, "main.cpp", units=("one.cpp", "two.cpp"))
 
 
-def test_units_are_compiled_apart_and_linked(key):
+def test_units_are_compiled_separately_and_linked(key):
     entry = build.obtain(key, lambda: parts("int two() { return 4; }\n"))
     assert ctypes.CDLL(str(entry / build.LIBRARY)).answer() == 7
     commands = json.loads((entry / "complete.json").read_text())["commands"]
@@ -154,7 +154,7 @@ def test_units_are_compiled_apart_and_linked(key):
 
 
 def test_the_main_file_is_compiled_once_for_libraries_whose_units_differ(key):
-    """A puppet with other numbers compiles its numbers alone."""
+    """A puppet with other numbers compiles only its numbers."""
 
     def compiled(number: int) -> list[str]:
         entry = build.obtain(f"{number:064x}", lambda: parts(f"int two() {{ return {number}; }}\n"))
@@ -172,7 +172,7 @@ def test_a_unit_that_does_not_compile_shows_its_line(key, cache):
     assert not (cache / key[:2] / key).exists()
 
 
-def test_compilers_beside_one_that_fails_are_ended(tmp_path, program):
+def test_a_failing_compiler_ends_the_others(tmp_path, program):
     failing, late = program("failing", "exit 1"), tmp_path / "late"
     hanging = program("hanging", f"(sleep 3; touch {late}) & wait")
     with pytest.raises(BuildError, match="exit code 1"):
@@ -197,7 +197,7 @@ def test_no_flag_lets_the_compiler_break_arithmetic(kind, machine, monkeypatch):
 
 
 def test_the_users_flags_come_last(monkeypatch):
-    """17.E: code for another processor than this one, with its own place in the cache."""
+    """17.E: code for another processor than this machine's has its own place in the cache."""
     compiler = build.Compiler(("g++",), "gcc", "g++ 12")
     monkeypatch.delenv("FANTOCCINI_CXXFLAGS", raising=False)
     plain, key = build.compile_flags(compiler), build.fingerprint("puppet", "1")

@@ -1,4 +1,4 @@
-"""The key changes with everything that can change the library, and with nothing else."""
+"""The key changes with everything that can change the library, and only with that."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_the_key_changes_with_each_argument(runtime):
 
 
 def test_the_key_changes_with_the_runtime(runtime):
-    """A header's code but not its comments, its name, its place, a new header."""
+    """A header's code, name, folder and presence count; its comments do not."""
     keys = [build.fingerprint(*ARGUMENTS)]
     header = runtime / "fantoccini" / "strings.hpp"
     header.write_text("int strings;  // in other words\n")
@@ -90,10 +90,10 @@ def test_the_key_changes_with_the_standard_flags(runtime, monkeypatch):
 
 def test_the_processors_features_are_a_set(tmp_path):
     """Their order, the clock rate and the other cores do not matter."""
-    one, two = tmp_path / "one", tmp_path / "two"
-    one.write_text("cpu MHz\t: 2600\nflags\t\t: avx2 fma sse2\n\nflags\t\t: none\n")
-    two.write_text("cpu MHz\t: 1200\nflags\t\t: sse2 avx2 fma\n")
-    assert key_module.processor(one) == key_module.processor(two) == "avx2 fma sse2"
+    first, second = tmp_path / "one", tmp_path / "two"
+    first.write_text("cpu MHz\t: 2600\nflags\t\t: avx2 fma sse2\n\nflags\t\t: none\n")
+    second.write_text("cpu MHz\t: 1200\nflags\t\t: sse2 avx2 fma\n")
+    assert key_module.processor(first) == key_module.processor(second) == "avx2 fma sse2"
 
 
 def test_the_runtime_is_hashed_where_the_package_lies():

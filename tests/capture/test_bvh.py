@@ -1,4 +1,4 @@
-"""BVH files: closed forms, random trees beside SciPy, units and axes, mistakes with their lines."""
+"""BVH files: closed forms, random trees compared with SciPy, units, axes, mistakes with lines."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_joints_are_where_their_channels_put_them(tmp_path):
     assert clip.skeleton.names == ("hips", "upper arm", "hand", "hand.end")
     assert clip.skeleton.parents == (-1, 0, 1, 2) and clip.name == "clip"
     assert clip.t == pytest.approx([0.0, 0.025])
-    # The arm turned up by its own joint, then the whole by the root and the hand back.
+    # The arm's own joint turned it up, then the root turned everything, and the hand turned back.
     np.testing.assert_allclose(
         clip.positions[0], [[1, 2, 3], [1, 12, 3], [1, 17, 3], [1, 19, 3]], atol=1e-12
     )
@@ -238,13 +238,15 @@ ROWS = ARM.splitlines(keepends=True)[-2:]
     ("said", "rows", "frames"),
     [(2, 1, 1), (2, 3, 3), (3, 2, 2), (1, 1, 1), (1, 2, 2), (0, 1, 1), (5, 4, 4)],
 )
-def test_one_frame_less_or_more_than_the_header_says_is_read_and_told(tmp_path, said, rows, frames):
+def test_another_number_of_frames_than_in_the_header_is_read_and_noted(
+    tmp_path, said, rows, frames
+):
     text = "".join([*ARM.splitlines(keepends=True)[:-2], *(2 * ROWS)[:rows]])
     clip = fan.theatre.load_bvh(written(tmp_path, text.replace("Frames: 2", f"Frames: {said}")))
     assert len(clip.t) == frames and np.all(np.diff(clip.t) == pytest.approx(0.025))
     np.testing.assert_allclose(clip.positions[0, 3], [1, 19, 3], atol=1e-12)
-    told = [f"{tmp_path / 'clip.bvh'}: has {frames} frames; its header says {said}"]
-    assert list(clip.notes) == (told if said != frames else [])
+    notes = [f"{tmp_path / 'clip.bvh'}: has {frames} frames; its header says {said}"]
+    assert list(clip.notes) == (notes if said != frames else [])
     assert clip.upright("y").notes == clip.notes
 
 
@@ -326,7 +328,7 @@ def test_joints_go_by_name(tmp_path):
 
 
 def with_fixed_root(text: str, away: tuple[float, float, float]) -> str:
-    """A clip with a joint at the origin above its hips, which walk at another place."""
+    """A clip with a joint at the origin above its hips, which walk elsewhere."""
     first, motion = text.split("MOTION")
     root = "ROOT reference\n{\nOFFSET 0 0 0\nCHANNELS 3 Xrotation Yrotation Zrotation\nJOINT"
     first = first.replace("ROOT", root)
@@ -361,7 +363,7 @@ def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, conven
 
 
 def turned(take: fan.theatre.Capture, turn: Rotation) -> fan.theatre.Capture:
-    """A clip whose motion is turned, but not its rest pose."""
+    """A clip with a turned motion and the same rest pose."""
     matrix = turn.as_matrix()
     return dataclasses.replace(
         take, positions=take.positions @ matrix.T, rotations=matrix @ take.rotations
@@ -369,7 +371,7 @@ def turned(take: fan.theatre.Capture, turn: Rotation) -> fan.theatre.Capture:
 
 
 def test_up_is_that_of_the_rest_pose_while_a_person_crawls(tmp_path):
-    """Somebody who sits on air and leans forward by 90 degrees is on hands and knees."""
+    """A person who sits in the air and leans forward by 90 degrees is on hands and knees."""
     take = fan.theatre.load_bvh(written(tmp_path, clips.clip("sit", "mixamo")))
     sits = slice(int(0.45 * len(take.t)), int(0.55 * len(take.t)))
     take = dataclasses.replace(
@@ -389,7 +391,7 @@ def test_up_is_the_axis_along_which_a_person_stands_in_a_file_with_a_turned_root
 
 
 @pytest.mark.parametrize("axes", [[2, 0, 1], [0, 2, 1], [2, 1, 0]])
-def test_arms_spread_in_the_rest_pose_are_not_taken_for_its_height(tmp_path, axes):
+def test_arms_spread_in_the_rest_pose_are_not_its_height(tmp_path, axes):
     """This holds for either facing direction, and with y or z up."""
     take = fan.theatre.load_bvh(written(tmp_path, clips.clip("wave", "mixamo")))
     skeleton = dataclasses.replace(take.skeleton, offsets=take.skeleton.offsets[:, axes])

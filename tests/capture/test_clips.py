@@ -1,4 +1,4 @@
-"""The clips of benchmarks/capture: motions that people can make, alike in all conventions."""
+"""The clips of benchmarks/capture: possible motions of people, equal in all conventions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ JOINTS = ("Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot")
 @pytest.fixture(scope="module")
 def places(tmp_path_factory):
     """(T, 3) places of joints at 30 frames a second [m], by convention, clip and joint."""
-    found: dict[tuple[str, str], dict[str, np.ndarray]] = {}
+    places: dict[tuple[str, str], dict[str, np.ndarray]] = {}
     for name, kind in CONVENTIONS.items():
         prefix, toe = ROLES[name]
         for path in write(tmp_path_factory.mktemp(name), name):
@@ -26,15 +26,15 @@ def places(tmp_path_factory):
             for side in ("Left", "Right"):
                 joints |= {side + joint: side + joint for joint in JOINTS}
                 joints[f"{side}Toe"] = side + toe
-            found[name, path.stem] = {
+            places[name, path.stem] = {
                 role: positions[:, clip.skeleton.index(prefix + joint)]
                 for role, joint in joints.items()
             }
-    return found
+    return places
 
 
 def folded(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Angles by which a limb is folded at its middle joint [deg]."""
+    """Angles between the segments of a limb at its middle joint [deg]."""
     upper, lower = b - a, c - b
     cosine = np.sum(upper * lower, axis=1)
     cosine /= np.linalg.norm(upper, axis=1) * np.linalg.norm(lower, axis=1)
@@ -45,12 +45,12 @@ def folded(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
 def test_conventions_hold_the_same_motion(places, name):
     for convention in ("cmu", "lafan1"):
         for role, path in places["mixamo", name].items():
-            # CMU's spine has one joint less.
+            # CMU's spine has one joint fewer.
             np.testing.assert_allclose(places[convention, name][role], path, atol=0.015)
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_a_person_can_move_so(places, name):
+def test_motions_are_possible_for_a_person(places, name):
     joints = places["mixamo", name]
     for role, path in joints.items():
         assert np.min(path[:, 1]) > 0.0149, role
@@ -69,7 +69,7 @@ def test_a_person_can_move_so(places, name):
         np.testing.assert_allclose(lower, 0.015, atol=1e-3)
 
 
-def test_figures_are_as_said(places):
+def test_figures_are_as_stated(places):
     walk, jack = places["mixamo", "walk"], places["mixamo", "jumping_jack"]
     assert np.max(np.gradient(walk["Hips"][:, 2], 1 / 30)) == pytest.approx(1.2, abs=0.02)
     assert np.max(jack["LeftToe"][:, 1]) == pytest.approx(0.105, abs=0.01)

@@ -1,4 +1,4 @@
-"""The kinematic baseline: swing taken out by the pendulum's inverse, bounds, vertical strings."""
+"""The kinematic baseline: swing removed by the pendulum's inverse, bounds, vertical strings."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def conduct(marionette, tmp_path_factory):
 
 
 def smooth_step(size: float, width: float, end: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times, and a path that steps at 0.5 s [m]."""
+    """Times, and a path with a step at 0.5 s [m]."""
     t = DT * np.arange(round(end / DT) + 1)
     return t, gaussian_filter1d(np.where(t < 0.5, 0.0, size), width / DT)
 
 
-def test_a_led_pendulum_goes_where_it_is_to():
+def test_feed_forward_makes_a_pendulum_follow_its_path():
     # L d2y/dt2 = g (u - y) for small swings: u = y + (L/g) d2y/dt2 makes the bob follow y.
     pendulum = fan.loads(PENDULUM)
     t, y = smooth_step(0.02, 0.1, 3.0)
@@ -85,21 +85,21 @@ def test_feed_forward_takes_a_third_of_a_hands_swing_out(marionette):
 def test_inputs_keep_their_bounds(conduct, feed_forward):
     speed, acceleration = 0.8, 10.0
     for bounds in ((SPEED, ACCELERATION), (speed, acceleration)):
-        made = kinematic_inputs(conduct, feed_forward, speed=bounds[0], acceleration=bounds[1])
-        times = np.linspace(made.inputs.start, made.inputs.end, 4000)
-        _, v, acc = made.inputs.evaluate(times)
+        baseline = kinematic_inputs(conduct, feed_forward, speed=bounds[0], acceleration=bounds[1])
+        times = np.linspace(baseline.inputs.start, baseline.inputs.end, 4000)
+        _, v, acc = baseline.inputs.evaluate(times)
         assert np.abs(v).max() <= bounds[0] * (1.0 + 1e-6)
         assert np.abs(acc).max() <= bounds[1] * (1.0 + 1e-6)
 
 
 @pytest.mark.slow
 def test_a_lag_makes_the_puppet_late(conduct):
-    made, late = (kinematic_inputs(conduct, False, lag=lag) for lag in (0.0, 0.2))
+    prompt, late = (kinematic_inputs(conduct, False, lag=lag) for lag in (0.0, 0.2))
     hand = conduct.marionette.coordinates.q_K.index("hand_left.length")
     t = np.linspace(2.0, 6.0, 400)
     path = gaussian_filter1d(late.inputs.evaluate(t)[0][:, hand], 1.0)
     delays = np.linspace(0.3, 0.9, 61)
-    off = [np.std(made.inputs.evaluate(t - delay)[0][:, hand] - path) for delay in delays]
+    off = [np.std(prompt.inputs.evaluate(t - delay)[0][:, hand] - path) for delay in delays]
     assert delays[np.argmin(off)] == pytest.approx(0.5, abs=0.15)
 
 
@@ -109,16 +109,18 @@ def test_bounds_too_tight_to_follow_are_refused(conduct):
 
 
 def test_strings_are_vertical_above_poses_near_the_clip(conduct):
-    made = kinematic_inputs(conduct, False)
-    for part, errors in made.errors.items():
+    baseline = kinematic_inputs(conduct, False)
+    for part, errors in baseline.errors.items():
         assert np.sqrt(np.mean(errors**2)) < 0.03 * conduct.figure.height, part
     table = conduct.marionette.coordinates
-    times = np.minimum(made.times[::20], made.inputs.end)
-    q_K, _, _ = made.inputs.evaluate(times)
-    points = conduct.marionette.string_points(made.q_D[::20], q_K).values()
+    times = np.minimum(baseline.times[::20], baseline.inputs.end)
+    q_K, _, _ = baseline.inputs.evaluate(times)
+    points = conduct.marionette.string_points(baseline.q_D[::20], q_K).values()
     for string, path in zip(conduct.marionette.tree.strings, points, strict=True):
         low, high = path[:, 0], path[:, -1]
         np.testing.assert_allclose(low[:, :2], high[:, :2], atol=0.01)  # of the smoothing
         column = table.q_K.index(f"{string.name}.length")
         np.testing.assert_allclose(high[:, 2] - low[:, 2], q_K[:, column], atol=0.01)
-    assert {one.name for one in hangers(conduct.figure, conduct.start)} == set(made.widths)
+    assert {hanger.name for hanger in hangers(conduct.figure, conduct.start)} == set(
+        baseline.widths
+    )

@@ -1,4 +1,4 @@
-"""Captured motion on the marionette: mappings, closed forms of places, hanging poses, runs."""
+"""Captured motion on the marionette: mappings, closed forms, hanging poses, runs."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ STANDS = np.array(
 
 
 def clip(folder: Path, convention: str, name: str) -> Path:
-    """One of the project's own clips."""
+    """Path of one of the project's own clips."""
     (folder / convention).mkdir()
     return next(path for path in write(folder / convention, convention) if path.stem == name)
 
 
 def captured(positions: np.ndarray, head: np.ndarray | None = None) -> Capture:
-    """A clip of joints at (T, 14, 3) places, with the head's orientations (T, 3, 3)."""
+    """A clip of joints at places (T, 14, 3), with the head's orientations (T, 3, 3)."""
     n = len(positions)
     rotations = np.broadcast_to(np.eye(3), (n, len(NAMES), 3, 3)).copy()
     if head is not None:
@@ -78,10 +78,10 @@ def captured(positions: np.ndarray, head: np.ndarray | None = None) -> Capture:
     return Capture(skeleton, np.arange(n) / 30.0, positions, rotations, "made")
 
 
-def placed(marionette: fan.Marionette, made: Capture, travel: float = 1.0):
+def placed(marionette: fan.Marionette, clip: Capture, travel: float = 1.0):
     figure = figure_of(marionette, marionette.rest())
-    joints = joints_of(find_mapping(made.skeleton), made.skeleton)
-    return figure, place(figure, made, joints, travel)
+    joints = joints_of(find_mapping(clip.skeleton), clip.skeleton)
+    return figure, place(figure, clip, joints, travel)
 
 
 def test_the_bundled_mappings_name_all_parts_of_the_three_conventions(tmp_path):
@@ -138,10 +138,10 @@ def test_joints_that_a_skeleton_does_not_have_are_named(tmp_path):
 
 
 def test_a_person_who_stands_straight_is_a_puppet_that_stands_straight(marionette):
-    """In closed form: every part below the one it hangs at, in the puppet's own lengths."""
-    figure, found = placed(marionette, captured(STANDS[None]))
-    x = {part: value[0] for part, value in found.parts.items()}
-    np.testing.assert_allclose(found.scale, figure.leg / 0.9, rtol=1e-12)
+    """Every part hangs below its parent at the puppet's own lengths, in closed form."""
+    figure, places = placed(marionette, captured(STANDS[None]))
+    x = {part: value[0] for part, value in places.parts.items()}
+    np.testing.assert_allclose(places.scale, figure.leg / 0.9, rtol=1e-12)
     for side, y in (("left", 1.0), ("right", -1.0)):
         np.testing.assert_allclose(x[f"hip_{side}"] - x["trunk"], [0, 0.033 * y, 0], atol=1e-12)
         down = x[f"knee_{side}"] - x[f"hip_{side}"]
@@ -155,19 +155,19 @@ def test_a_person_who_stands_straight_is_a_puppet_that_stands_straight(marionett
 
 
 def test_a_clip_turned_and_moved_is_the_same_clip(marionette):
-    """The clip begins where the puppet is, and looks as it does."""
+    """The clip begins at the puppet's place and in its direction."""
     rng = np.random.default_rng(0)
     moving = STANDS + 0.05 * np.cumsum(rng.normal(size=(20, 1, 3)), axis=0)
     moving = moving + 0.02 * rng.normal(size=(20, len(NAMES), 3))
     turn = Rotation.from_euler("z", 100, degrees=True).as_matrix()
     head = Rotation.random(20, random_state=0).as_matrix()
-    _, one = placed(marionette, captured(moving, head))
+    _, places = placed(marionette, captured(moving, head))
     shifted = moving @ turn.T + [3.0, -2.0, 0.4]
     _, two = placed(marionette, captured(shifted, turn @ head))
-    for part, path in one.parts.items():
+    for part, path in places.parts.items():
         np.testing.assert_allclose(two.parts[part], path, atol=1e-9)
     _, still = placed(marionette, captured(moving, head), travel=0.0)
-    first = one.parts["trunk"][:1, :2].repeat(20, axis=0)
+    first = places.parts["trunk"][:1, :2].repeat(20, axis=0)
     np.testing.assert_allclose(still.parts["trunk"][:, :2], first, atol=1e-12)
 
 
@@ -175,41 +175,42 @@ def test_lengths_are_the_puppets_and_directions_the_persons(marionette):
     bent = np.repeat(STANDS[None], 2, axis=0)
     bent[1, NAMES.index("LeftForeArm")] = [0.3, 0.2, 1.45]  # the upper arm points forward
     bent[1, NAMES.index("LeftHand")] = [0.3, 0.2, 1.7]  # and the forearm up
-    _, found = placed(marionette, captured(bent))
-    x = {part: value[1] for part, value in found.parts.items()}
+    _, places = placed(marionette, captured(bent))
+    x = {part: value[1] for part, value in places.parts.items()}
     np.testing.assert_allclose(x["elbow_left"] - x["shoulder_left"], [0.1, 0, 0], atol=1e-12)
     hand = x["hand_left"] - x["elbow_left"]
     np.testing.assert_allclose(hand, [0, 0, 0.09], atol=1e-12)
 
 
-def test_hanging_poses_hang_and_keep_off_the_clip_no_more_than_stated(marionette, tmp_path):
+def test_hanging_poses_hang_and_miss_the_clip_by_no_more_than_stated(marionette, tmp_path):
     path = clip(tmp_path, "lafan1", "wave")
-    found = fan.theatre.retarget_clip(marionette, path)
-    assert len(found.t) == len(found.reach) == fan.theatre.load_bvh(path).positions.shape[0]
-    for i in range(0, len(found.t), 30):
-        state = found.reach[i].state
+    follow = fan.theatre.retarget_clip(marionette, path)
+    assert len(follow.t) == len(follow.reach) == fan.theatre.load_bvh(path).positions.shape[0]
+    for i in range(0, len(follow.t), 30):
+        state = follow.reach[i].state
         force = marionette.forward_dynamics(state)
         assert np.max(np.abs(force.acc_D)) < 1e-3
-    # Where the body itself says that its point is.
-    pose = marionette.pose(found.reach[40].state, "forearm_right")
+    # Place of the point according to the body's pose.
+    pose = marionette.pose(follow.reach[40].state, "forearm_right")
     hand = pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09]
-    np.testing.assert_allclose(found.hung["hand_right"][40], hand, atol=1e-9)
-    off = np.linalg.norm(hand - found.places.parts["hand_right"][40])
-    assert found.errors["hand_right"][40] == pytest.approx(off, abs=1e-9)
-    # Up to 8 cm of 56 are beyond the strings' reach where an arm points aside; the head never is.
-    assert np.max(found.errors["head"]) < 0.02 * found.figure.height
-    assert found.settled > 0.25 * len(found.t)
+    np.testing.assert_allclose(follow.hung["hand_right"][40], hand, atol=1e-9)
+    off = np.linalg.norm(hand - follow.places.parts["hand_right"][40])
+    assert follow.errors["hand_right"][40] == pytest.approx(off, abs=1e-9)
+    # Up to 8 cm of 56 are beyond the strings' reach where an arm points to the side; the head is
+    # not.
+    assert np.max(follow.errors["head"]) < 0.02 * follow.figure.height
+    assert follow.settled > 0.25 * len(follow.t)
 
 
-def test_more_steps_bring_no_path_astray(marionette, monkeypatch):
-    """Steps along a path are not safe by themselves: they are taken back where they go wrong."""
+def test_more_steps_do_not_worsen_a_path(marionette, monkeypatch):
+    """Steps along a path alone may diverge: they are undone where they do."""
     costs = []
     for iterations in (10, 100):
         monkeypatch.setattr(retargeting, "ITERATIONS", iterations)
-        found = fan.theatre.retarget_clip(marionette, "walk_up")
-        costs.append(sum(np.mean(np.square(e)) for e in found.errors.values()))
-        for i in range(0, len(found.t), 7):
-            force = marionette.forward_dynamics(found.reach[i].state)
+        retargeted = fan.theatre.retarget_clip(marionette, "walk_up")
+        costs.append(sum(np.mean(np.square(e)) for e in retargeted.errors.values()))
+        for i in range(0, len(retargeted.t), 7):
+            force = marionette.forward_dynamics(retargeted.reach[i].state)
             assert np.max(np.abs(force.acc_D)) < 1e-3
     assert costs[1] < 1.2 * costs[0]
 
@@ -218,63 +219,63 @@ def test_more_steps_bring_no_path_astray(marionette, monkeypatch):
 def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
     path = clip(tmp_path, "cmu", "wave")
     done = []
-    found = fan.theatre.follow_clip(marionette, path, progress=lambda at: done.append(at.share))
-    assert found and found.run.t[-1] > found.t[-1]
-    assert np.max(np.abs(found.run.v_K)) <= SPEED * (1 + 1e-9)
-    assert np.max(np.abs(found.acc_K)) <= ACCELERATION * (1 + 1e-9)
+    follow = fan.theatre.follow_clip(marionette, path, progress=lambda at: done.append(at.share))
+    assert follow and follow.run.t[-1] > follow.t[-1]
+    assert np.max(np.abs(follow.run.v_K)) <= SPEED * (1 + 1e-9)
+    assert np.max(np.abs(follow.acc_K)) <= ACCELERATION * (1 + 1e-9)
     assert done[-1] == 1.0 and done == sorted(done)
-    errors = {one.name: one for one in found.report}
+    errors = {part.name: part for part in follow.report}
     assert set(errors) == set(GROUPS)
     assert errors["hands"].above < 0.02 and errors["head"].above < 0.02
-    lines = found.guides(np.array([0.0, 1.0]))
+    lines = follow.guides(np.array([0.0, 1.0]))
     assert [line.shape for line in lines] == [(2, 3, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3)]
-    again = fan.simulate(marionette, found.run.state(0), found.inputs, effort=False)
-    np.testing.assert_array_equal(again.q_D[-1], found.run.q_D[-1])
+    again = fan.simulate(marionette, follow.run.state(0), follow.inputs, effort=False)
+    np.testing.assert_array_equal(again.q_D[-1], follow.run.q_D[-1])
 
 
 @pytest.mark.slow
 def test_slow_hands_follow_worse_and_keep_their_bounds(marionette, tmp_path):
     path = clip(tmp_path, "mixamo", "wave")
-    found = fan.theatre.follow_clip(marionette, path, speed=0.2, acceleration=2.0)
-    assert np.max(np.abs(found.run.v_K)) <= 0.2 * (1 + 1e-9)
-    assert np.max(np.abs(found.acc_K)) <= 2.0 * (1 + 1e-9)
-    assert {one.name: one.above for one in found.report}["hands"] > 0.02
+    follow = fan.theatre.follow_clip(marionette, path, speed=0.2, acceleration=2.0)
+    assert np.max(np.abs(follow.run.v_K)) <= 0.2 * (1 + 1e-9)
+    assert np.max(np.abs(follow.acc_K)) <= 2.0 * (1 + 1e-9)
+    assert {part.name: part.above for part in follow.report}["hands"] > 0.02
 
 
 @pytest.mark.slow
 def test_a_run_that_begins_later_follows_as_well(marionette, tmp_path):
     path = clip(tmp_path, "lafan1", "wave")
     begun = fan.theatre.retarget_clip(marionette, path, start=marionette.rest().replace(t=5.0))
-    found = fan.theatre.follow_clip(marionette, begun)
-    assert found.run.t[0] == 5.0 == found.t[0]
-    assert all(one.above < 0.02 for one in found.report)
-    speeds = np.abs(found.run.v_K[-1])
+    follow = fan.theatre.follow_clip(marionette, begun)
+    assert follow.run.t[0] == 5.0 == follow.t[0]
+    assert all(part.above < 0.02 for part in follow.report)
+    speeds = np.abs(follow.run.v_K[-1])
     assert np.max(speeds) < 1e-9, "the hands are at rest in the end"
     with pytest.raises(StateError, match="has its mapping, start, travel, up and of already"):
         fan.theatre.follow_clip(marionette, begun, travel=0.5)
 
 
-def test_a_run_that_breaks_off_is_told(marionette, tmp_path, monkeypatch):
-    """A loop that a string stops ends there, and is no success even if its inputs run on."""
+def test_an_interrupted_run_is_reported(marionette, tmp_path, monkeypatch):
+    """A loop ends where a string stops it, and fails even if its inputs continue."""
     path = clip(tmp_path, "lafan1", "wave")
     from fantoccini.dynamics.steppers import Stepper
 
     advance = Stepper.advance
 
-    def stops(self, *given, **more):
-        made = advance(self, *given, **more)
+    def stops(self, *arguments, **more):
+        advanced = advance(self, *arguments, **more)
         if self.state.t > 1.0:
             monkeypatch.setattr(Stepper, "arrived", property(lambda self: False))
-        return made
+        return advanced
 
     monkeypatch.setattr(Stepper, "advance", stops)
-    found = fan.theatre.follow_clip(marionette, path)
-    assert found.status is FollowStatus.STOPPED and not found
-    assert len(found.acc_K) in (20, 21) and found.run.t[-1] < 1.1
+    follow = fan.theatre.follow_clip(marionette, path)
+    assert follow.status is FollowStatus.STOPPED and not follow
+    assert len(follow.acc_K) in (20, 21) and follow.run.t[-1] < 1.1
 
 
 def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
-    """Hands that hold still leave the puppet behind; smaller shares of the bounds are tried."""
+    """Hands at rest leave the puppet behind; smaller shares of the bounds are tried."""
     bounds = []
 
     def still(puppet, x0, until, tracks, speed, acceleration, progress):
@@ -301,8 +302,8 @@ def test_strings_that_pass_through_one_another_are_counted_and_avoided_where_lea
     assert followed and len(followed.crossings) < len(upright.crossings)
 
 
-def test_a_clip_of_somebody_who_crawls_is_remarked_on(marionette):
-    """A clip of a lying person cannot be told from one imported with the wrong vertical axis."""
+def test_a_clip_of_a_crawling_person_has_a_remark(marionette):
+    """A clip of a person lying down cannot be told from one with the wrong vertical axis."""
     stands = np.repeat(STANDS[None], 3, axis=0)
     assert fan.theatre.retarget_clip(marionette, captured(stands)).remarks == ()
     lies = fan.theatre.retarget_clip(
@@ -313,9 +314,9 @@ def test_a_clip_of_somebody_who_crawls_is_remarked_on(marionette):
 
 
 def test_a_single_pose_is_held(marionette):
-    found = fan.theatre.retarget_clip(marionette, captured(STANDS[None]))
-    assert found.t == pytest.approx([0.0, 1.0])
-    np.testing.assert_allclose(*found.reach.q_K, atol=1e-3)
+    retargeted = fan.theatre.retarget_clip(marionette, captured(STANDS[None]))
+    assert retargeted.t == pytest.approx([0.0, 1.0])
+    np.testing.assert_allclose(*retargeted.reach.q_K, atol=1e-3)
 
 
 SCENE = """scene: s
@@ -329,13 +330,13 @@ puppets:
 def test_a_member_of_a_scene_follows(marionette):
     scene = fan.loads(SCENE)
     for of in ("", "anna"):
-        found = fan.theatre.retarget_clip(
+        retargeted = fan.theatre.retarget_clip(
             scene, captured(np.repeat(STANDS[None], 2, axis=0)), of=of
         )
-        assert found.figure.points["trunk"][0] == "anna.torso"
+        assert retargeted.figure.points["trunk"][0] == "anna.torso"
         alone = fan.theatre.retarget_clip(marionette, captured(np.repeat(STANDS[None], 2, axis=0)))
         for part, places in alone.hung.items():
-            np.testing.assert_allclose(found.hung[part], places, atol=2e-3)
+            np.testing.assert_allclose(retargeted.hung[part], places, atol=2e-3)
     with pytest.raises(fan.errors.UnknownNameError, match="no member of a scene is called 'otta'"):
         fan.theatre.retarget_clip(scene, captured(STANDS[None]), of="otta")
     with pytest.raises(StateError, match=r"has no body 'otto\.torso'"):
@@ -373,14 +374,14 @@ def test_two_people_in_one_file_are_told_apart():
 
 def test_clip_time_begins_and_ends_at_rest():
     t = np.linspace(0.0, 3.0, 3001)
-    made = eased(t)
-    speed = np.gradient(t, made)
-    assert made[0] == 0.0 and made[-1] == pytest.approx(3.5)
-    assert np.all(np.diff(made) > 0.0) and np.max(speed) < 1.0 + 1e-6
-    inside = (made > 0.6) & (made < 2.9)
+    clip_time = eased(t)
+    speed = np.gradient(t, clip_time)
+    assert clip_time[0] == 0.0 and clip_time[-1] == pytest.approx(3.5)
+    assert np.all(np.diff(clip_time) > 0.0) and np.max(speed) < 1.0 + 1e-6
+    inside = (clip_time > 0.6) & (clip_time < 2.9)
     np.testing.assert_allclose(speed[inside], 1.0, atol=1e-6)
-    accelerating = (made > 0.1) & (made < 0.4)
-    np.testing.assert_allclose(np.gradient(speed, made)[accelerating], 2.0, atol=1e-2)
+    accelerating = (clip_time > 0.1) & (clip_time < 0.4)
+    np.testing.assert_allclose(np.gradient(speed, clip_time)[accelerating], 2.0, atol=1e-2)
     short = eased(np.linspace(0.0, 0.1, 11))
     assert short[-1] == pytest.approx(0.2) and np.all(np.diff(short) > 0.0)
 

@@ -1,4 +1,4 @@
-"""Balls on one string each, whose ends a test carries wherever it wants."""
+"""Balls on one string each, with ends at chosen places."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Least distances along motions against dense sampling: nothing is passed between samples."""
+"""Least distances along motions, compared with dense sampling, also between samples."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def chain() -> fan.Marionette:
 
 
 def wild(rng: np.random.Generator, n: int, slack: float) -> Path:
-    """n samples 0.1 s apart, with turns of up to a radian and moves of 0.3 m between them."""
+    """n samples 0.1 s apart, with turns up to one radian and moves of 0.3 m between them."""
     chained = chain()
     x = chained.state({"s.length": 2.2})
     q_D, q_K = [x.q_D], [x.q_K]
@@ -63,7 +63,7 @@ def wild(rng: np.random.Generator, n: int, slack: float) -> Path:
 
 
 def between(path: Path, per_piece: int) -> tuple[np.ndarray, np.ndarray]:
-    """q_D and q_K at many places of every piece."""
+    """q_D and q_K at several places of every piece."""
     pieces = np.repeat(np.arange(len(path) - 1), per_piece)
     s = np.tile(np.linspace(0.0, 0.1, per_piece), len(path) - 1)
     return path.at(pieces, s)
@@ -83,13 +83,13 @@ def test_no_configuration_between_samples_is_nearer_than_the_least_distance(slac
         path = wild(np.random.default_rng(seed), 4, slack)
         clear = Clearance(chain(), beads(rng, 5), self_collision=True, strings=True)
         for own in (clear, *clear.parts().values()):
-            least = own.least(path).distance
+            distance = own.least(path).distance
             dense = float(np.min(own.at(*between(path, 1001))))
             if dense < 0.0:
-                assert least < 0.0
+                assert distance < 0.0
             else:
-                assert least <= 1.02 * dense + 1e-6
-                assert least >= 0.98 * dense - 1e-6
+                assert distance <= 1.02 * dense + 1e-6
+                assert distance >= 0.98 * dense - 1e-6
 
 
 def test_moves_about_a_configuration_bound_every_distance():

@@ -1,4 +1,4 @@
-"""Distances of strings against those of every sample, and against pictures' hanging curves."""
+"""Distances of strings, compared with samples and with the hanging curves of pictures."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from fantoccini.output.view import rope
 pytestmark = pytest.mark.medium
 
 N_POINTS = 200
-"""Points along strings that stand for them."""
+"""Number of points that represent a string."""
 
 MISSED = {-0.1: 6e-3, 0.05: 8e-3}
-"""By slack, what distances of points miss, and the twelve chords of a slack string [m]."""
+"""Error of distances by points, and of the twelve chords of a slack string [m], for each slack."""
 
 CRATE, TURN = np.array([0.2, 0.1, 0.3]), [0.3, 0.2, 0.1]
 RADII = {"p.ball0": 0.01, "p.ball1": 0.01, "q.ball0": 0.01, "q.ball1": 0.01}
@@ -35,7 +35,7 @@ RADII = {"p.ball0": 0.01, "p.ball1": 0.01, "q.ball0": 0.01, "q.ball1": 0.01}
 
 @cache
 def scene() -> fan.Marionette:
-    """Two puppets of two balls, and a crate that nothing holds."""
+    """Two puppets of two balls each, and a crate without support."""
     crate = {"type": "box", "size": CRATE.tolist(), "mass": 1, "orientation": {"rpy": TURN}}
     return fan.Marionette(
         fan.Scene.model_validate(
@@ -49,13 +49,13 @@ def scene() -> fan.Marionette:
 
 
 def wandering(seed: int, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """q_D, q_K and t; strings are longer than their spans by up to a part of these."""
+    """q_D, q_K and t; strings exceed their spans by up to a part of the spans."""
     rng, stage, t = np.random.default_rng(seed), scene(), np.linspace(0.0, 4.0, 161)
     table = stage.coordinates
     q_D, q_K = (0.2 * smooth(rng, t, (n,)) for n in (table.n_qD, table.n_qK))
     for q, names in ((q_D, table.q_D), (q_K, table.q_K)):
         for name, up in (("crate.z", 0.5), (".s0.z", 1.0), (".s1.z", 1.1)):
-            q[:, [n for n, found in enumerate(names) if found.endswith(name)]] += up
+            q[:, [n for n, joint in enumerate(names) if joint.endswith(name)]] += up
     for place in table.quaternions_D:
         q_D[:, place] /= np.linalg.norm(q_D[:, place], axis=1, keepdims=True)
     paths = stage.string_points(q_D, q_K)
@@ -74,26 +74,26 @@ def expected(seed: int, slack: float) -> dict[tuple[str, str], np.ndarray]:
         string.name: np.array([rope.path(place[k], lengths[k, n], N_POINTS) for k in range(len(t))])
         for n, (string, place) in enumerate(zip(stage.tree.strings, places, strict=True))
     }
-    names, found = list(clouds), {}
+    names, distances = list(clouds), {}
     for n, name in enumerate(names):
         for other in names[n + 1 :]:
             pairs = zip(clouds[name], clouds[other], strict=True)
             gaps = [np.linalg.norm(x[:, None] - y, axis=2).min() for x, y in pairs]
-            found[name, other] = np.array(gaps)
+            distances[name, other] = np.array(gaps)
         for i, link in enumerate(stage.tree.links):
             R, r = np.split(stage.poses(q_D, q_K)[:, i], [3], axis=2)
             inside = (clouds[name] - r.swapaxes(1, 2)) @ R
             if link.name in RADII:
                 gaps = np.linalg.norm(inside, axis=2).min(axis=1)
-                found[name, link.name] = gaps - RADII[link.name]
+                distances[name, link.name] = gaps - RADII[link.name]
             elif link.name == "crate":
                 (box,) = link.shapes
                 inside = inside @ np.asarray(box.orientation.matrix)
                 out = inside - np.clip(inside, -CRATE / 2, CRATE / 2)
-                found[name, link.name] = np.linalg.norm(out, axis=2).min(axis=1)
+                distances[name, link.name] = np.linalg.norm(out, axis=2).min(axis=1)
     for name in names:
-        del found[name, name.replace(".s", ".ball")]  # tied to it
-    return found
+        del distances[name, name.replace(".s", ".ball")]  # tied to it
+    return distances
 
 
 def listed(found: fan.dynamics.clearance.Approaches) -> list[Approach]:
@@ -104,27 +104,29 @@ def listed(found: fan.dynamics.clearance.Approaches) -> list[Approach]:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_nearest_of_every_pair_is_found(seed, slack):
     q_D, q_K, t = wandering(seed, slack)
-    found = listed(StringsApart(scene()).over(q_D, q_K, t).nearest(within=10.0))
-    assert {(a.what, a.other) for a in found} == set(expected(seed, slack))
-    for one in found:
-        least = expected(seed, slack)[one.what, one.other]
-        assert one.distance == pytest.approx(least.min(), abs=MISSED[slack])
-        at_that_time = least[np.searchsorted(t, one.t)]
-        assert at_that_time == pytest.approx(least.min(), abs=2 * MISSED[slack])
+    approaches = listed(StringsApart(scene()).over(q_D, q_K, t).nearest(within=10.0))
+    assert {(a.what, a.other) for a in approaches} == set(expected(seed, slack))
+    for approach in approaches:
+        distances = expected(seed, slack)[approach.what, approach.other]
+        assert approach.distance == pytest.approx(distances.min(), abs=MISSED[slack])
+        at_that_time = distances[np.searchsorted(t, approach.t)]
+        assert at_that_time == pytest.approx(distances.min(), abs=2 * MISSED[slack])
 
 
 @pytest.mark.parametrize("slack", list(MISSED))
 def test_the_first_time_of_every_pair_is_found(slack):
     (q_D, q_K, t), missed = wandering(0, slack), MISSED[slack]
-    found = listed(StringsApart(scene()).over(q_D, q_K, t).nearer_than(0.05))
-    assert len(found) > 5
+    approaches = listed(StringsApart(scene()).over(q_D, q_K, t).nearer_than(0.05))
+    assert len(approaches) > 5
     for pair, distance in expected(0, slack).items():
-        first = [a for a in found if (a.what, a.other) == pair]
+        first = [a for a in approaches if (a.what, a.other) == pair]
         assert first or distance.min() > 0.05 - missed
-        for one in first:
-            k = int(np.searchsorted(t, one.t))
-            assert one.distance < 0.05 and distance[:k].min(initial=1.0) > 0.05 - missed
-            assert one.distance == pytest.approx(np.interp(one.t, t, distance), abs=missed)
+        for approach in first:
+            k = int(np.searchsorted(t, approach.t))
+            assert approach.distance < 0.05 and distance[:k].min(initial=1.0) > 0.05 - missed
+            assert approach.distance == pytest.approx(
+                np.interp(approach.t, t, distance), abs=missed
+            )
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -144,16 +146,16 @@ def test_distances_within_a_puppet_can_be_left_out(seed):
         approaches = listed(remaining)
         assert expected and not remaining.own
         assert [(a.what, a.other) for a in approaches] == [(a.what, a.other) for a in expected]
-        for one, other in zip(approaches, expected, strict=True):
+        for approach, other in zip(approaches, expected, strict=True):
             assert_allclose(
-                [one.distance, one.t, *one.place],
+                [approach.distance, approach.t, *approach.place],
                 [other.distance, other.t, *other.place],
                 atol=1e-9,
             )
 
 
 def test_without_pairs_of_one_puppet_its_crossings_are_still_found():
-    """Strings that lean in opposite directions swap sides."""
+    """Strings with opposite inclinations swap sides."""
     puppet, t, side = balls(2), np.linspace(0.0, 1.0, 11), np.array([-1.0, 1.0])
     low = np.zeros((len(t), 2, 3))
     low[..., 0], low[..., 1] = 0.2 * np.outer(1.0 - 2.0 * t, side), -0.01 * side
@@ -168,16 +170,18 @@ def test_without_pairs_of_one_puppet_its_crossings_are_still_found():
 
 def test_kinds_names_and_order():
     q_D, q_K, t = wandering(0, -0.1)
-    found = StringsApart(scene()).over(q_D, q_K, t).nearest(within=10.0)
-    assert len(found.strings) == 6
-    assert {(a.what, a.other) for a in found.own} == {
+    approaches = StringsApart(scene()).over(q_D, q_K, t).nearest(within=10.0)
+    assert len(approaches.strings) == 6
+    assert {(a.what, a.other) for a in approaches.own} == {
         ("p.s0", "p.ball1"),
         ("p.s1", "p.ball0"),
         ("q.s0", "q.ball1"),
         ("q.s1", "q.ball0"),
     }
-    assert {a.other for a in found.bodies} == {*RADII, "crate"}
-    assert [a.distance for a in found.strings] == sorted(a.distance for a in found.strings)
+    assert {a.other for a in approaches.bodies} == {*RADII, "crate"}
+    assert [a.distance for a in approaches.strings] == sorted(
+        a.distance for a in approaches.strings
+    )
 
 
 def test_thickness_counts_for_each_string():
@@ -191,9 +195,9 @@ def test_thickness_counts_for_each_string():
         )
         for kind, sides in (("strings", 2), ("bodies", 1), ("own", 1)):
             at = {(a.what, a.other): a.distance for a in getattr(thick, kind)}
-            for one in getattr(thin, kind):
-                if one.distance > 0.0:
-                    less = one.distance - at[one.what, one.other]
+            for approach in getattr(thin, kind):
+                if approach.distance > 0.0:
+                    less = approach.distance - at[approach.what, approach.other]
                     assert less == pytest.approx(sides * 0.004, abs=2e-5)
 
 
@@ -205,21 +209,21 @@ def test_strings_through_one_point_are_left_out():
     assert pairs.names == (("s0", "ball1"), ("s1", "ball1"))
 
 
-def test_a_time_and_a_place_are_told():
+def test_a_time_and_a_place_are_reported():
     t = np.linspace(0.0, 1.0, 101)
     low = np.zeros((101, 2, 3))
     low[:, 1, 0] = np.abs(t - 0.5) + 0.01
     motion = StringsApart(balls(2)).over(*carried(balls(2), low, low + np.array([0, 0, 1])), t)
-    (found,) = motion.nearest().strings
-    assert (found.t, found.distance) == (pytest.approx(0.5), pytest.approx(0.01))
-    assert_allclose(found.place[:2], 0.0, atol=1e-12)
-    assert str(found).startswith("string s0 is 0.01 m from s1 at t = 0.5 s")
+    (approach,) = motion.nearest().strings
+    assert (approach.t, approach.distance) == (pytest.approx(0.5), pytest.approx(0.01))
+    assert_allclose(approach.place[:2], 0.0, atol=1e-12)
+    assert str(approach).startswith("string s0 is 0.01 m from s1 at t = 0.5 s")
     (first,) = motion.nearer_than(0.055).strings
     assert first.t == pytest.approx(0.455, abs=2e-4)
 
 
 def test_a_string_that_passes_a_body_between_two_samples_is_found():
-    """A ball flies past a string that stands, 20 cm from it at both samples."""
+    """A ball flies past a string at rest, 20 cm from it at both samples."""
     t = np.array([0.0, 0.02])
     low = np.zeros((2, 2, 3))
     low[:, 0] = [0.0, 0.0, -0.5]
@@ -227,8 +231,8 @@ def test_a_string_that_passes_a_body_between_two_samples_is_found():
     high = low + np.array([0, 0, 1])
     high[:, 1] += [0.0, 0.5, 0.0]
     motion = StringsApart(balls(2)).over(*carried(balls(2), low, high), t)
-    (least,) = (a for a in motion.nearest().own if a.what == "s0")
-    assert least.distance == pytest.approx(0.004 - 0.01, abs=2e-4)
+    (approach,) = (a for a in motion.nearest().own if a.what == "s0")
+    assert approach.distance == pytest.approx(0.004 - 0.01, abs=2e-4)
     (first,) = (a for a in motion.nearer_than(0.01).own if a.what == "s0")
     assert first.t == pytest.approx(0.01 * (1.0 - np.sqrt(0.02**2 - 0.004**2) / 0.2), abs=1e-5)
 
@@ -265,14 +269,14 @@ def test_segments_against_minimisation():
         out = np.linalg.norm(line - np.clip(line, -half[n], half[n]), axis=1)
         assert of_boxes[n] == pytest.approx(out.min(), abs=1e-3)
 
-        # The distance from a point of one to the other segment is convex along the one.
+        # The distance from a point of one segment to the other is convex along the first.
         def gap(x, n=n):
             near = a[n] + x * (b - a)[n]
             t = np.clip((near - c[n]) @ (d - c)[n] / max(np.sum((d - c)[n] ** 2), 1e-9), 0, 1)
             return np.linalg.norm(near - c[n] - t * (d - c)[n])
 
-        least = minimize_scalar(gap, bounds=(0, 1), method="bounded", options={"xatol": 1e-9})
-        assert of_segments[n] == pytest.approx(min(least.fun, gap(0), gap(1)), abs=1e-7)
+        minimum = minimize_scalar(gap, bounds=(0, 1), method="bounded", options={"xatol": 1e-9})
+        assert of_segments[n] == pytest.approx(min(minimum.fun, gap(0), gap(1)), abs=1e-7)
         assert gap(s[n]) == pytest.approx(of_segments[n])
 
 

@@ -1,4 +1,4 @@
-"""Crossings and windings: known cases, and random motions against an oracle in fine steps."""
+"""Crossings and windings: known cases, and random motions compared with an oracle in fine steps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def watched(t, low, high) -> StringMotion:
 
 
 def test_a_passage_between_two_samples_is_found():
-    """Both samples are 10 cm apart: only what lies between them shows it."""
+    """Both samples are 10 cm apart: only the motion between them shows the passage."""
     low = [[[0, 0, 0], [0.1, 0.01, 0.1]], [[0, 0, 0], [-0.1, 0.01, 0.1]]]
     high = [[[0, 0.02, 1], [0.1, 0.01, 1.2]], [[0, 0.02, 1], [-0.1, 0.01, 1.2]]]
     motion = watched([3.0, 3.1], low, high)
@@ -34,16 +34,16 @@ def test_a_passage_between_two_samples_is_found():
 
 
 def test_a_string_that_passes_and_comes_back_in_one_step_crosses_twice():
-    """At both samples it is on the same side: the volume of their ends has the same sign."""
+    """It is on the same side at both samples: the volume of the ends has the same sign."""
     # s1 in the plane of x, s0 in that of y; each reaches the axis of z at a height of its own,
     # s1 evenly at 0.2 + 0.5 s. At a quarter and three quarters of the step the heights are equal.
     y = 0.2745819398, 0.0070234114
     low = [[[0, 0.1, 0], [-0.2 - 0.5 * s, 0, 0]] for s in (0, 1)]
     high = [[[0, -y[s], 1], [0.8 - 0.5 * s, 0, 1]] for s in (0, 1)]
-    found = watched([0.0, 1.0], low, high).crossings()
-    assert_allclose([c.t for c in found], [0.25, 0.75], atol=1e-6)
-    assert_allclose([c.place for c in found], [[0, 0, 0.325], [0, 0, 0.575]], atol=1e-6)
-    assert sum(c.turn for c in found) == 0
+    crossings = watched([0.0, 1.0], low, high).crossings()
+    assert_allclose([c.t for c in crossings], [0.25, 0.75], atol=1e-6)
+    assert_allclose([c.place for c in crossings], [[0, 0, 0.325], [0, 0, 0.575]], atol=1e-6)
+    assert sum(c.turn for c in crossings) == 0
 
 
 def test_strings_that_pass_above_the_end_of_another_do_not_cross():
@@ -91,7 +91,7 @@ def test_puppets_that_walk_round_each_other_with_their_hands_do_not_wind():
 def test_hands_that_circle_over_standing_puppets_cross_at_half_a_turn(sense):
     t = np.linspace(0.0, 2.0, 101)
     low = round_each_other(np.zeros(101), 0.0)
-    # A little off the middle: exactly there they meet in one plane.
+    # A little off the middle, where they would meet in one plane.
     motion = watched(t, low, round_each_other(sense * (np.pi * t + 1e-3), 1.0))
     (crossing,), (winding,) = motion.crossings(), motion.windings()
     assert crossing.t == pytest.approx(1.0, abs=1e-3)
@@ -101,10 +101,10 @@ def test_hands_that_circle_over_standing_puppets_cross_at_half_a_turn(sense):
 
 
 def crossed(before: np.ndarray, after: np.ndarray, n: int = 4000) -> np.ndarray:
-    """When (0 to 1) two segments pass through one another; ends a0, a1, b0, b1 (4, 3).
+    """Time (0 to 1) at which two segments pass through one another; ends a0, a1, b0, b1 (4, 3).
 
-    In n steps of time: where the side changes on which the other line passes, along the direction
-    square to both, while that is between the ends of both.
+    In n steps of time: the passing side changes along the direction normal to both lines, at a
+    point between the ends of both.
     """
     times = np.linspace(0.0, 1.0, n + 1)
     s = times[:, None]
@@ -134,17 +134,17 @@ def test_random_steps_against_fine_ones():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_windings_and_crossings_agree(seed):
-    """What winds without being seen is what crossings have added, in their sense."""
+    """Crossings account, with their sense, for the windings that are not observed directly."""
     rng, t = np.random.default_rng(seed), np.linspace(0.0, 6.0, 1501)
     low, high = 0.3 * smooth(rng, t, (4, 3)), 0.3 * smooth(rng, t, (4, 3))
     high[..., 2] += 1.0
     motion = watched(t, low, high)
     added = {frozenset((w.what, w.other)): 0 for w in motion.windings()}
     assert len(added) == 6
-    found = motion.crossings()
-    assert len(found) > 5
-    assert list(found) == sorted(found, key=lambda c: c.t)
-    for crossing in found:
+    crossings = motion.crossings()
+    assert len(crossings) > 5
+    assert list(crossings) == sorted(crossings, key=lambda c: c.t)
+    for crossing in crossings:
         added[frozenset((crossing.what, crossing.other))] += crossing.turn
         k = np.searchsorted(t, crossing.t) - 1
         s = (crossing.t - t[k]) / (t[k + 1] - t[k])

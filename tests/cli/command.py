@@ -10,12 +10,12 @@ from fantoccini.app.cli.app import app
 
 
 def fantoccini(*arguments: object) -> Any:
-    """What ``fantoccini ARGUMENTS`` gives: ``exit_code``, ``stdout``, ``stderr``."""
+    """Result of `fantoccini ARGUMENTS`: `exit_code`, `stdout`, `stderr`."""
     return CliRunner().invoke(app, [str(a) for a in arguments], prog_name="fantoccini")
 
 
 def mistake(*arguments: object) -> str:
-    """What stderr says of a mistake: exit code 2, nothing on stdout, no traceback."""
+    """Text of stderr for a mistake: exit code 2, nothing on stdout, no traceback."""
     result = fantoccini(*arguments)
     assert result.exit_code == 2, (result.stdout, result.stderr, result.exception)
     assert result.stdout == ""

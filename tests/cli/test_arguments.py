@@ -1,4 +1,4 @@
-"""Arguments, exit codes, and where text goes."""
+"""Arguments, exit codes, and the streams of text."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ WRONG = {
     "a file that is not there": (["info", "none.yaml"], "none.yaml: found nothing here"),
     "a folder": (["info", "."], "found a folder here"),
     "an unknown schema": (["schema", "foo"], "puppet"),
-    "a play that is none": (["perform", fan.puppets.path("arm2d")], "is not a play"),
+    "a puppet as a play": (["perform", fan.puppets.path("arm2d")], "is not a play"),
     "a play that is not there": (["perform", "none.yaml"], "none.yaml"),
     "messages without a port": (["perform", "p.yaml", "--osc-in", "host"], "needed: HOST:PORT"),
     "messages that come back": (
@@ -181,14 +181,14 @@ def test_schema_is_json(of) -> None:
     assert json.loads(fantoccini("schema", of).stdout)["type"] == "object"
 
 
-def test_doctor_tells_versions_compiler_and_cache() -> None:
+def test_doctor_reports_versions_compiler_and_cache() -> None:
     result = fantoccini("doctor")
     labels = [line.split("  ")[0] for line in result.stdout.splitlines()]
     assert {"fantoccini", "python", "casadi", "compiler", "cache", "ffmpeg"} <= set(labels)
     assert result.exit_code == (1 if result.stderr else 0)
 
 
-def test_doctor_ends_with_1_where_something_is_missing(monkeypatch) -> None:
+def test_doctor_ends_with_1_if_something_is_missing(monkeypatch) -> None:
     monkeypatch.setattr(doctor, "describe", lambda: {"compiler": "none", "problem": "no compiler"})
     monkeypatch.setattr(doctor, "required_distributions", lambda: ["numpy", "no-such-distribution"])
     result = fantoccini("doctor")
@@ -215,7 +215,7 @@ def test_no_compiler_ends_with_1(monkeypatch) -> None:
     )
 
 
-def test_a_fault_of_our_own_is_said_in_one_line(monkeypatch) -> None:
+def test_an_internal_error_is_one_line(monkeypatch) -> None:
     def broken(*_):
         raise ZeroDivisionError("[bold]\x1b")
 
@@ -251,7 +251,7 @@ def test_info_describes_a_puppet() -> None:
     assert "m1" in fantoccini("info", "arm2d").stdout
 
 
-def test_info_shows_winches_where_there_are_any(tmp_path) -> None:
+def test_info_shows_existing_winches(tmp_path) -> None:
     path = tmp_path / "p.yaml"
     path.write_text(
         "puppet: p\nbodies: [{name: b, joint: {type: translation, axes: [z]}, mass: 1}]\nstrings:\n"

@@ -1,4 +1,4 @@
-"""The printed equations: they look like a textbook's, and they are the puppet's equations."""
+"""Printed equations look like those of a textbook, and are the puppet's equations."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from fantoccini.model.puppet import loads
 pytestmark = pytest.mark.medium
 
 GOLDEN = Path(__file__).parent / "golden"
-"""What is printed of small puppets; FANTOCCINI_UPDATE=1 writes it anew, to be read by a person."""
+"""Prints of small puppets; FANTOCCINI_UPDATE=1 writes them anew, for a review."""
 
 # Two tilted hinges on a driven slide that carries mass, springs, damping, drag, a limit, a string
-# over two segments of fixed length, and parameters in places that are divided by.
+# over two segments of fixed length, and parameters as divisors.
 CART = """\
 puppet: cart
 gravity: [0, 0.3, -9.81]
@@ -67,7 +67,7 @@ def _cart() -> fan.Marionette:
     return fan.Marionette(loads(CART, "cart.yaml"))
 
 
-SMALL = {
+PUPPETS = {
     "arm2d": fan.puppets.arm2d,
     "arm3d": fan.puppets.arm3d,
     "crane": fan.puppets.crane,
@@ -77,7 +77,7 @@ SMALL = {
 
 
 def random_state(marionette: fan.Marionette, rng: np.random.Generator) -> fan.State:
-    """A state far from any symmetry; unit quaternions."""
+    """A state far from any symmetry, with unit quaternions."""
     table = marionette.coordinates
     q_D, q_K = rng.normal(size=table.n_qD), rng.normal(size=table.n_qK)
     for q, places in ((q_D, table.quaternions_D), (q_K, table.quaternions_K)):
@@ -100,14 +100,14 @@ def numbers(page: Printable, marionette: fan.Marionette, x: fan.State) -> dict[s
     return dict(zip(page.objects, map(np.asarray, values), strict=True))
 
 
-@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("name", PUPPETS)
 def test_the_printed_equations_are_the_puppets(name) -> None:
-    marionette = SMALL[name]()
+    marionette = PUPPETS[name]()
     page = printable(marionette.equations)
     rng = np.random.default_rng(7)
     for _ in range(3):
         x = random_state(marionette, rng)
-        found = numbers(page, marionette, x)
+        values = numbers(page, marionette, x)
         wanted = {
             "M": marionette.mass_matrix(x),
             "M_DK": marionette.mass_matrix_DK(x),
@@ -122,9 +122,9 @@ def test_the_printed_equations_are_the_puppets(name) -> None:
         }
         for key, value in wanted.items():
             scale = max(1.0, float(np.max(np.abs(value), initial=0.0)))
-            assert found[key].size == np.size(value), key
+            assert values[key].size == np.size(value), key
             np.testing.assert_allclose(
-                found[key].reshape(np.shape(value)), value, rtol=0, atol=1e-11 * scale, err_msg=key
+                values[key].reshape(np.shape(value)), value, rtol=0, atol=1e-11 * scale, err_msg=key
             )
 
 
@@ -132,21 +132,23 @@ def test_the_lagrangian_is_that_of_the_puppet() -> None:
     marionette = fan.puppets.arm2d()
     page = printable(marionette.equations)
     x = random_state(marionette, np.random.default_rng(1))
-    found = numbers(page, marionette, x)
-    assert found["T"] - found["V"] == pytest.approx(marionette.lagrangian(x), abs=1e-12)
+    values = numbers(page, marionette, x)
+    assert values["T"] - values["V"] == pytest.approx(marionette.lagrangian(x), abs=1e-12)
     assert page.lagrangian == page.objects["T"] - page.objects["V"]
 
 
 def test_arm2d_has_the_textbooks_form() -> None:
     page = printable(fan.puppets.arm2d().equations)
-    one, two, m1, m2 = sp.symbols("theta_1 theta_2 m1 m2", real=True)
+    theta_1, theta_2, m1, m2 = sp.symbols("theta_1 theta_2 m1 m2", real=True)
     assert page.objects["M"][1, 1] == sp.Rational("0.0225") * m2 + sp.Rational("0.0006")
     g = page.objects["g"]
-    assert g[1] == sp.Rational("1.4715") * m2 * sp.cos(one + two)
-    assert g[0].has(sp.cos(one), sp.cos(one + two), m1)
-    assert not page.objects["M"].has(one)
-    assert all(not entry.has(sp.sin(one) * sp.cos(two)) for entry in [*page.objects["A_D"], g[0]])
-    assert str(decimal(sp.Rational(1, 8) * sp.sqrt(one))) == "0.125*sqrt(theta_1)"
+    assert g[1] == sp.Rational("1.4715") * m2 * sp.cos(theta_1 + theta_2)
+    assert g[0].has(sp.cos(theta_1), sp.cos(theta_1 + theta_2), m1)
+    assert not page.objects["M"].has(theta_1)
+    assert all(
+        not entry.has(sp.sin(theta_1) * sp.cos(theta_2)) for entry in [*page.objects["A_D"], g[0]]
+    )
+    assert str(decimal(sp.Rational(1, 8) * sp.sqrt(theta_1))) == "0.125*sqrt(theta_1)"
 
 
 def test_a_parameter_with_the_name_of_a_symbol_keeps_apart() -> None:
@@ -189,7 +191,7 @@ def test_a_terminal_without_greek_gets_ascii() -> None:
     assert "\\u" not in text
 
 
-def test_a_large_puppet_is_sent_to_export() -> None:
+def test_a_large_puppet_is_referred_to_export() -> None:
     result = fantoccini("equations", "marionette")
     assert result.exit_code == 1
     assert result.stdout == ""

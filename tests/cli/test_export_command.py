@@ -1,4 +1,4 @@
-"""fantoccini export: files appear whole, and nothing is written over by accident."""
+"""fantoccini export: files are complete, and nothing is overwritten by accident."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def test_an_empty_folder_is_filled(tmp_path) -> None:
 
 
 def test_a_folder_that_is_not_empty_is_refused_without_force(tmp_path) -> None:
-    kept = tmp_path / "precious.txt"
-    kept.write_text("mine")
+    precious = tmp_path / "precious.txt"
+    precious.write_text("mine")
     assert "is not empty; use --force" in mistake("export", "string_pendulum", tmp_path)
-    assert list(tmp_path.iterdir()) == [kept]
+    assert list(tmp_path.iterdir()) == [precious]
     assert fantoccini("export", "--force", "string_pendulum", tmp_path).exit_code == 0
-    assert kept.read_text() == "mine"
+    assert precious.read_text() == "mine"
     assert list(tmp_path.glob("*.h"))
 
 
@@ -41,7 +41,7 @@ def test_a_file_is_no_folder(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("there", [True, False])
-def test_what_fails_half_way_leaves_nothing(tmp_path, monkeypatch, there) -> None:
+def test_a_failure_leaves_no_files(tmp_path, monkeypatch, there) -> None:
     monkeypatch.setattr(codegen, "c99_files", lambda _: {"a.c": "int a;", "no/b.c": "int b;"})
     folder = tmp_path / "c"
     if there:

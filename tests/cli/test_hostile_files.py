@@ -30,7 +30,7 @@ _BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
     f"{new}: &{new} [{', '.join(['*' + old] * 9)}]\n" for old, new in itertools.pairwise(_ANCHORS)
 )
 
-# What the file holds, the line of the mistake, a part of the message.
+# Content of the file, line of the mistake, a part of the message.
 PUPPETS = {
     "nothing": ("", 1, "the file is empty"),
     "no mapping": ("- a\n", 1, "needed: a mapping"),
@@ -118,7 +118,7 @@ INPUTS = {
         "hand.length",
     ),
     "a duration below zero": ("x.yaml", "duration: -1\n", 1, "positive"),
-    "forces on what is driven": ("x.yaml", "forces:\n  hand.x: [[0, 1]]\n", 2, "hand.x"),
+    "forces on a driven coordinate": ("x.yaml", "forces:\n  hand.x: [[0, 1]]\n", 2, "hand.x"),
     "bytes": ("x.yaml", b"\xff\xfe\x00", 1, "UTF-8"),
     "an alias bomb": ("x.yaml", _BOMB, 5, "aliases"),
     "an empty table": ("x.csv", "", 1, "the file is empty"),
@@ -161,7 +161,7 @@ def test_files_that_are_not_files(tmp_path) -> None:
     assert str(loop) in mistake("check", loop)
 
 
-def test_good_inputs_are_told(tmp_path) -> None:
+def test_good_inputs_are_reported(tmp_path) -> None:
     path = tmp_path / "x.yaml"
     path.write_text("coordinates: {hand.length: [[0, 0.8], [1, 0.7]]}\n")
     result = fantoccini("check", "arm2d", "--inputs", path)
@@ -169,11 +169,20 @@ def test_good_inputs_are_told(tmp_path) -> None:
     assert f"{path}: no mistakes; drives arm2d for 1 s" in result.stdout
 
 
-LONG = ("x" * 300, "x" * 300 + ".yaml", "é" * 200, "x" * 5000, "a/" * 3000 + "b", "x\0y")
+IMPOSSIBLE_NAMES = (
+    "x" * 300,
+    "x" * 300 + ".yaml",
+    "é" * 200,
+    "x" * 5000,
+    "a/" * 3000 + "b",
+    "x\0y",
+)
 """Names that no file can have."""
 
 
-@pytest.mark.parametrize("name", LONG, ids=[f"{len(n)} {n[:2]!r}" for n in LONG])
+@pytest.mark.parametrize(
+    "name", IMPOSSIBLE_NAMES, ids=[f"{len(n)} {n[:2]!r}" for n in IMPOSSIBLE_NAMES]
+)
 def test_a_name_that_no_file_can_have_is_one_mistake_for_every_reader(name, tmp_path) -> None:
     arm = fan.puppets.arm2d().coordinates
     readers = (
@@ -199,7 +208,7 @@ def test_a_name_that_no_file_can_have_is_one_mistake_for_every_reader(name, tmp_
         assert not isinstance(caught.value, OSError), read
 
 
-@pytest.mark.parametrize("name", LONG[:3], ids=["ASCII", "an ending", "two bytes each"])
+@pytest.mark.parametrize("name", IMPOSSIBLE_NAMES[:3], ids=["ASCII", "an ending", "two bytes each"])
 def test_a_name_that_is_too_long_is_a_mistake_on_the_command_line(name, tmp_path) -> None:
     for command in (
         ("check",),

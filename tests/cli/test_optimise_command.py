@@ -1,4 +1,4 @@
-"""fantoccini optimise: what it prints, what it leaves, and what it refuses."""
+"""fantoccini optimise: its output, its files, and its refusals."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def task(tmp_path, monkeypatch):
     return "ring.yaml"
 
 
-def test_touches_are_told_with_their_times(task, tmp_path) -> None:
-    """And what the command saved is a path of another task."""
+def test_touches_are_reported_with_their_times(task, tmp_path) -> None:
+    """The saved motion of the command is a path of another task."""
     touch = "touches: [{point: lower, at: [0.3, 0, 0], by: [0.03, 0, 0.03]}]\n"
     head = "task: dab\npuppet: arm2d\nduration: 0.8\ninterval: 0.05\n"
     weights = 'tracks: [{velocity: "*", value: 0, weight: 0.01}]\nsmooth: {acceleration: 0.01}\n'
@@ -84,7 +84,7 @@ def test_a_task_is_solved_drawn_and_written(task, tmp_path) -> None:
     for part in ("solved", "lower", "root mean square", "hand"):
         assert part in result.stdout
     run, inputs = fan.Trajectory.load("run.npz"), fan.theatre.Recording.load("best.npz").inputs
-    # The recording holds the inputs as they are, and simulate repeats the motion.
+    # The recording contains the same inputs, and simulate repeats the motion.
     again = fan.simulate(fan.puppets.arm2d(), run.state(0), inputs, 1.5)
     assert again.q_D[-1] == pytest.approx(run.q_D[-1], abs=1e-9)
     repeated = fantoccini(

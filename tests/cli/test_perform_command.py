@@ -57,19 +57,19 @@ def test_a_show_is_directed_by_messages_until_ctrl_c(tmp_path):
     heard_at = re.search(r"OSC messages are received at 127\.0\.0\.1:(\d+)", said)
     assert heard_at is not None, said
     ears.sendto(OscMessageBuilder("/go").build().dgram, ("127.0.0.1", int(heard_at[1])))
-    told = [OscPacket(ears.recv(65536)).messages[0].message.address for _ in range(2)]
+    addresses = [OscPacket(ears.recv(65536)).messages[0].message.address for _ in range(2)]
     process.send_signal(signal.SIGINT)
     process.communicate()
     watch.cancel()
     ears.close()
-    assert told == ["/act", "/cue/1/start"]
+    assert addresses == ["/act", "/cue/1/start"]
     assert process.returncode == 0
 
 
 def test_messages_are_not_sent_to_port_0(tmp_path):
-    """Port 0 is a free one where messages are heard."""
+    """Port 0 means any free port for incoming messages."""
     (tmp_path / "short.yaml").write_text(PLAY, encoding="utf-8")
     done = fantoccini("perform", tmp_path / "short.yaml", "--osc-in", "0", "--osc-out", "::1:0")
     assert done.exit_code == 2
-    told = " ".join(done.stderr.split())
-    assert "found port 0 in '::1:0'; needed: 1 to 65535" in told and "--osc-out" in told
+    message = " ".join(done.stderr.split())
+    assert "found port 0 in '::1:0'; needed: 1 to 65535" in message and "--osc-out" in message

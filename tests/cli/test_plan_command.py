@@ -1,4 +1,4 @@
-"""fantoccini plan: what it prints, what it leaves, and what it refuses."""
+"""fantoccini plan: its output, its files, and its refusals."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def test_a_bundled_problem_is_planned_verified_and_written(tmp_path) -> None:
     assert "exact" in result.stdout and "event-driven" in result.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(paths)
     run = fan.Trajectory.load(paths["run.npz"])
-    found = fan.control.PlanResult.load(paths["plan.npz"], fan.control.load_problem("arm3d_boxes"))
-    assert found and found.replay()
-    assert np.array_equal(run.q_D, found.trajectory.q_D)
+    plan = fan.control.PlanResult.load(paths["plan.npz"], fan.control.load_problem("arm3d_boxes"))
+    assert plan and plan.replay()
+    assert np.array_equal(run.q_D, plan.trajectory.q_D)
     for picture in (paths["run.png"], paths["tree.png"]):
         assert picture.read_bytes().startswith(b"\x89PNG")
 
@@ -78,7 +78,7 @@ def test_mistakes(arguments, message) -> None:
     assert message in " ".join(mistake("plan", *arguments).split())
 
 
-def test_a_start_in_collision_is_told(tmp_path) -> None:
+def test_a_start_in_collision_is_reported(tmp_path) -> None:
     path = tmp_path / "inside.yaml"
     path.write_text(
         "problem: inside\npuppet: arm3d\ngoal: {pose: {elbow: 1}}\n"

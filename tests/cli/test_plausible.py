@@ -1,4 +1,4 @@
-"""What is no mistake and still is hardly meant: `check` warns of it, and says how large things are.
+"""Implausible values that are no mistakes: `check` warns of them, and prints sizes.
 
 The bundled puppets, the examples and the bundled performances give no warning.
 """
@@ -69,7 +69,7 @@ def dog(tmp_path, monkeypatch):
     return check
 
 
-def test_check_says_how_large_heavy_and_high_a_puppet_is(dog):
+def test_check_prints_size_mass_and_height(dog):
     """17.11"""
     result = dog()
     assert (result.exit_code, result.stderr) == (0, "")
@@ -162,26 +162,26 @@ ABSURD = {
 
 
 @pytest.mark.parametrize(("old", "new", "said"), ABSURD.values(), ids=ABSURD)
-def test_what_is_hardly_meant_is_warned_of_with_its_place(dog, old, new, said):
+def test_implausible_values_are_warned_of_with_their_places(dog, old, new, said):
     """17.11: a dog of 509 tonnes, a limit of -60 rad and a pose of 10 rad passed in silence."""
     result = dog(old, new)
     assert result.exit_code == 0
     lines = result.stderr.splitlines()
     for place, text in said.items():
-        found = [line for line in lines if line.startswith(f"dog.yaml:{place}: warning: ")]
-        assert len(found) == 1, lines
-        assert text in found[0]
+        warned = [line for line in lines if line.startswith(f"dog.yaml:{place}: warning: ")]
+        assert len(warned) == 1, lines
+        assert text in warned[0]
     many = "1 warning" if len(lines) == 1 else f"{len(lines)} warnings"
     assert result.stdout.startswith(f"dog.yaml: no mistakes, {many}; ")
 
 
-def test_a_puppet_that_hangs_from_nothing_is_warned_of(dog, tmp_path):
+def test_a_puppet_without_a_support_is_warned_of(dog, tmp_path):
     """Its control bar is not driven: `rest` would let it fall for ever."""
     text = fan.puppets.path("marionette_bar").read_text()
-    given, free = "joint: {type: free, driven: true}", "joint: {type: free}"
-    line = text[: text.index(given)].count("\n") + 1
+    driven, free = "joint: {type: free, driven: true}", "joint: {type: free}"
+    line = text[: text.index(driven)].count("\n") + 1
     file = tmp_path / "bar.yaml"
-    file.write_text(text.replace(given, free))
+    file.write_text(text.replace(driven, free))
     result = fantoccini("check", file)
     (warned,) = result.stderr.splitlines()
     assert warned.startswith(f"{file}:{line}: bodies[") and "warning: nothing holds bar" in warned
@@ -213,24 +213,24 @@ INPUTS = {
 
 
 @pytest.mark.parametrize(("line", "text", "at"), INPUTS.values(), ids=INPUTS)
-def test_inputs_that_are_hardly_meant_are_warned_of(dog, line, text, at):
+def test_implausible_inputs_are_warned_of(dog, line, text, at):
     """17.11: a waypoint of 10.6 m, 99 m of thread in 0.3 s."""
     Path("move.yaml").write_text(f"coordinates:\n  {line}\n")
     result = dog("", "", "--inputs", "move.yaml")
     assert result.exit_code == 0
-    found = [one for one in result.stderr.splitlines() if text in one]
-    assert len(found) == 1, result.stderr
+    lines = [line_of_text for line_of_text in result.stderr.splitlines() if text in line_of_text]
+    assert len(lines) == 1, result.stderr
     name = line.split(":")[0]
-    assert found[0].startswith(f"move.yaml:{at}: coordinates.{name}[")
+    assert lines[0].startswith(f"move.yaml:{at}: coordinates.{name}[")
     assert "move.yaml: no mistakes, " in result.stdout
 
 
-def test_simulate_and_info_say_how_many_warnings_there_are(tmp_path, monkeypatch):
+def test_simulate_and_info_count_warnings(tmp_path, monkeypatch):
     """17.11"""
     monkeypatch.chdir(tmp_path)
-    made = fan.puppets.path("string_pendulum").read_text()
-    assert "gravity" not in made
-    Path("p.yaml").write_text(made + "gravity: [0, 0, -98.1]\n")
+    marionette = fan.puppets.path("string_pendulum").read_text()
+    assert "gravity" not in marionette
+    Path("p.yaml").write_text(marionette + "gravity: [0, 0, -98.1]\n")
     assert "1 warning: fantoccini check p.yaml" in fantoccini("info", "p.yaml").stderr
     said = fantoccini("simulate", "p.yaml", "--duration", 0.01)
     assert "1 warning: fantoccini check p.yaml" in said.stderr
@@ -239,16 +239,18 @@ def test_simulate_and_info_say_how_many_warnings_there_are(tmp_path, monkeypatch
 
 
 @pytest.mark.parametrize("name", [*fan.puppets.names(), *fan.puppets.scenes(), "bird"])
-def test_what_comes_with_fantoccini_gives_no_warning(name):
+def test_bundled_files_give_no_warning(name):
     """17.11"""
     bundled = name != "bird"
-    made = fan.load(fan.puppets.path(name) if bundled else ROOT / "examples" / "bird.yaml")
-    assert warnings(made) == []
+    marionette = fan.load(fan.puppets.path(name) if bundled else ROOT / "examples" / "bird.yaml")
+    assert warnings(marionette) == []
 
 
 @pytest.mark.parametrize("name", PERFORMANCES)
 def test_the_bundled_performances_give_no_warning(name):
     """17.11"""
     assert sorted(PERFORMANCES) == sorted(fan.puppets.performances())
-    made = fan.load(fan.puppets.path(PERFORMANCES[name]))
-    assert input_warnings(made, fan.Input.load(made, fan.puppets.performance(name))) == []
+    marionette = fan.load(fan.puppets.path(PERFORMANCES[name]))
+    assert (
+        input_warnings(marionette, fan.Input.load(marionette, fan.puppets.performance(name))) == []
+    )

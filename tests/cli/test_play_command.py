@@ -36,7 +36,7 @@ def played(folder):
     return fantoccini("play", path, report, *out, *look)
 
 
-def test_a_play_that_holds_ends_with_0_and_tells_its_cue_times(played):
+def test_a_valid_play_ends_with_0_and_prints_its_cue_times(played):
     assert played.exit_code == 0, played.stderr
     lines = [line.split() for line in played.stdout.splitlines()]
     assert ["First", "<act>,", "from", "0.00", "s"] in lines
@@ -48,7 +48,7 @@ def test_a_play_that_holds_ends_with_0_and_tells_its_cue_times(played):
     assert {"1 caption", "drum.wav from 0.00 s for 1.00 s"} <= set(played.stdout.splitlines())
 
 
-def test_progress_tells_what_is_done(played):
+def test_progress_names_the_present_task(played):
     said = played.stderr.splitlines()
     assert said[0] == "casting"
     for step in ("rehearsing", "looking for touches", "simulating and measuring"):
@@ -76,13 +76,13 @@ def test_a_cue_that_cannot_be_done_ends_with_1_and_its_line(tmp_path):
     assert "cannot be done: " in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
-def test_a_cue_that_may_be_left_out_is_told_and_ends_with_0(tmp_path):
+def test_an_omitted_optional_cue_is_reported_and_ends_with_0(tmp_path):
     result = fantoccini("play", write_play(tmp_path, MAY_TOUCH))
     assert result.exit_code == 0
     assert "acts[0].cues[1]: one: sway.yaml is left out" in result.stderr
 
 
-def test_the_verdict_is_told_before_the_report_and_the_film_are_made(tmp_path, monkeypatch):
+def test_the_verdict_is_printed_before_the_report_and_the_film_are_written(tmp_path, monkeypatch):
     """Regression: it was printed only after them, and not at all if one failed."""
 
     def fails(*_, **__):
@@ -106,8 +106,8 @@ def test_a_play_that_is_stopped_in_time_says_so(tmp_path):
 
 def test_check_names_the_player_who_cannot_walk(tmp_path):
     path = write_play(tmp_path, "      - {who: one, walks to: there}\n")
-    found = mistake("check", path)
-    assert f"{path}:14: acts[0].cues[0]['walks to']: one cannot do `walks to`" in found
+    message = mistake("check", path)
+    assert f"{path}:14: acts[0].cues[0]['walks to']: one cannot do `walks to`" in message
 
 
 WRONG = {
@@ -130,9 +130,9 @@ def test_wrong_arguments_are_mistakes(arguments, message, folder, monkeypatch):
 
 def test_a_mistake_of_the_file_ends_with_2(tmp_path):
     path = write_play(tmp_path, "      - {who: three, does: hopp.yaml}\n")
-    found = mistake("play", path)
-    assert f"{path}:14: acts[0].cues[0].who" in found
-    assert found.startswith("casting\n")
+    message = mistake("play", path)
+    assert f"{path}:14: acts[0].cues[0].who" in message
+    assert message.startswith("casting\n")
 
 
 def test_a_file_of_another_kind_is_named(tmp_path):

@@ -22,7 +22,7 @@ def test_prints_every_claim_with_evidence_and_an_answer():
     assert "examining" in done.stderr
 
 
-def test_winches_that_pull_against_one_another_are_named(tmp_path):
+def test_opposing_winches_are_named(tmp_path):
     (tmp_path / "held.yaml").write_text(HELD, encoding="utf-8")
     done = fantoccini("validate-reduction", tmp_path / "held.yaml", "--quiet")
     assert done.exit_code == 0 and done.stderr == ""

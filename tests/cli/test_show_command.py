@@ -1,4 +1,4 @@
-"""fantoccini show: pages, files, and what it refuses."""
+"""fantoccini show: pages, files, and its refusals."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A run's file."""
+    """File of a run."""
     path = tmp_path_factory.mktemp("run") / "run.npz"
     marionette = fan.puppets.string_pendulum()
     fan.simulate(marionette, marionette.rest(), t_end=0.5).save(path)
@@ -34,7 +34,7 @@ def run(tmp_path_factory):
 
 
 class Shown:
-    """``fantoccini show`` in a process of its own, and what it says."""
+    """`fantoccini show` in a process of its own, and its output."""
 
     def __init__(self, *arguments: object, folder: Path):
         path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
@@ -61,7 +61,7 @@ class Shown:
             self.said += line
 
     def end(self, by: int = signal.SIGINT) -> tuple[int, str]:
-        """Ctrl-C, or another signal: the exit code, and what was said on stderr."""
+        """End by Ctrl-C or another signal: the exit code, and the text on stderr."""
         self.process.send_signal(by)
         _, said = self.process.communicate()
         self.watch.cancel()
@@ -90,7 +90,7 @@ def test_a_page_is_served_until_ctrl_c(what, run, tmp_path):
 
 
 @pytest.mark.parametrize("by", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_a_recording_is_whole_however_the_program_ends(by, tmp_path):
+def test_a_recording_is_complete_after_any_end_of_the_program(by, tmp_path):
     if not hasattr(signal, by):
         pytest.skip(f"there is no {by} here")
     shown = Shown("string_pendulum", "--port", 0, folder=tmp_path)
@@ -101,7 +101,7 @@ def test_a_recording_is_whole_however_the_program_ends(by, tmp_path):
     finally:
         number = getattr(signal, by)
         code, said = shown.end(number)
-    (path,) = tmp_path.iterdir()  # nothing half-written beside it
+    (path,) = tmp_path.iterdir()  # no partial file beside it
     assert code == (0 if by == "SIGINT" else 128 + number), said
     assert "Traceback" not in said and f"wrote {path}" in said
     recording = fan.theatre.Recording.load(path)
@@ -109,7 +109,7 @@ def test_a_recording_is_whole_however_the_program_ends(by, tmp_path):
     assert np.array_equal(recording.replay().q_D, recording.trajectory.q_D)
 
 
-def test_a_port_in_use_is_said_and_the_next_free_one_taken(tmp_path):
+def test_a_port_in_use_is_reported_and_the_next_free_one_used(tmp_path):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen(1)
@@ -123,13 +123,13 @@ def test_a_port_in_use_is_said_and_the_next_free_one_taken(tmp_path):
     assert f"port {port} is in use; the page is on port {shown.url.rpartition(':')[2]}" in said
 
 
-def test_another_host_says_what_it_exposes(tmp_path):
+def test_another_host_is_warned_of(tmp_path):
     shown = Shown("string_pendulum", "--port", 0, "--host", "0.0.0.0", folder=tmp_path)
     _, said = shown.end()
     assert "anyone who can reach port" in said and "no password" in said
 
 
-def test_what_of_a_score_is_not_as_it_is_written_is_said(tmp_path):
+def test_changes_of_a_score_are_reported(tmp_path):
     score = tmp_path / "late.yaml"
     score.write_text(
         "score: late\nlanes: {head: [{gesture: nod}]}\n"
@@ -158,7 +158,7 @@ def test_a_plan_is_written_with_its_tree(tmp_path):
     assert page.stat().st_size > 0.8e6
 
 
-def test_mistakes_are_told_with_their_places(run, tmp_path):
+def test_mistakes_are_reported_with_their_places(run, tmp_path):
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("puppet: wrong\nbodies: []\nstrings: 3\n", encoding="utf-8")
     assert "wrong.yaml:" in mistake("show", wrong)
@@ -181,7 +181,7 @@ def test_an_address_that_nobody_can_listen_on_ends_the_command():
     assert "no page can be served at 192.0.2.1, port 8080" in result.stderr
 
 
-def test_a_problem_file_goes_with_a_plan_only(tmp_path):
+def test_a_problem_file_is_only_for_plans(tmp_path):
     pendulum = fan.puppets.string_pendulum()
     fan.simulate(pendulum, pendulum.rest(), t_end=0.02).save(tmp_path / "run.npz")
     for file in (tmp_path / "run.npz", "arm2d"):

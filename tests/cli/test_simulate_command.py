@@ -1,4 +1,4 @@
-"""fantoccini simulate and demo: what they print and what they leave."""
+"""fantoccini simulate and demo: their output and their files."""
 
 from __future__ import annotations
 
@@ -93,8 +93,15 @@ def test_a_driven_start_hangs_and_a_dynamic_one_swings(tmp_path) -> None:
     assert fantoccini(*common, "--start", "hand.length=0.8").exit_code == 0
     run = fan.Trajectory.load(out)
     assert run.ledger["kinetic"].max() == pytest.approx(0.0, abs=1e-9)
-    given = ("--start", "shoulder=-30 deg", "--start", "v:elbow=0.5", "--start", "hand.length=1.2")
-    assert fantoccini(*common, *given).exit_code == 0
+    options = (
+        "--start",
+        "shoulder=-30 deg",
+        "--start",
+        "v:elbow=0.5",
+        "--start",
+        "hand.length=1.2",
+    )
+    assert fantoccini(*common, *options).exit_code == 0
     run = fan.Trajectory.load(out)
     assert run.q_D[0, 0] == pytest.approx(np.radians(-30))
     assert run.v_D[0, 1] == 0.5
@@ -152,7 +159,7 @@ def told(self, t_end):
 run.Run.advance = told
 main()
 """
-"""The command, which says on stderr whenever a piece of the run is there."""
+"""The command; stderr announces every finished piece of the run."""
 
 
 def test_ctrl_c_writes_what_was_reached_and_ends_with_130(tmp_path) -> None:
@@ -176,7 +183,7 @@ def test_ctrl_c_writes_what_was_reached_and_ends_with_130(tmp_path) -> None:
     with subprocess.Popen(
         command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as run:
-        for wanted in ("simulating", "begun"):  # what is begun before is a rest to start from
+        for wanted in ("simulating", "begun"):  # the search for a rest comes first
             assert any(line.startswith(wanted) for line in run.stderr)
         run.send_signal(signal.SIGINT)
         _, said = run.communicate(timeout=60)

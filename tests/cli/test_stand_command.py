@@ -1,4 +1,4 @@
-"""``fantoccini stand check``, and what ``check`` and ``schema`` say of stands."""
+"""`fantoccini stand check`, and the output of `check` and `schema` for stands."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def files(tmp_path_factory):
     return folder
 
 
-def test_a_stand_that_can(files):
+def test_a_sufficient_stand(files):
     done = fantoccini("stand", "check", files / "good.yaml", files / "run.npz")
     assert "one_winch can do it: the least margin is 14 %, the travel of winch" in done.stdout
     assert done.stdout.splitlines()[0] == "Margins [%]"
 
 
-def test_a_stand_that_cannot(files):
+def test_an_insufficient_stand(files):
     page = files / "page.html"
     done = fantoccini(
         "stand", "check", files / "weak.yaml", files / "run.npz", "--report", page, code=1
@@ -127,7 +127,7 @@ def test_export_and_dry_run(files):
     assert sorted(files.iterdir()) == before
 
 
-def test_export_refuses_what_cannot_be(files):
+def test_export_refuses_impossible_options(files):
     weak = (files / "weak.yaml", files / "run.npz", files / "weak.csv", "--controller", "csv")
     done = fantoccini("stand", "export", *weak, code=1)
     assert "cannot do it" in done.stderr and "--anyway" in done.stderr

@@ -1,4 +1,4 @@
-"""Ctrl-C of ``fantoccini stand stream`` in a process of its own, on emulated controllers."""
+"""Ctrl-C of `fantoccini stand stream` in a process of its own, on emulated controllers."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PATIENT = (
 )
 """The command line, on a machine that may be busy."""
 PACE = 0.02
-"""Of the emulated GRBL [s per line]; 80 lines take 1.6 s."""
+"""Duration of a line of the emulated GRBL [s]; 80 lines take 1.6 s."""
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def points_of(files, kind):
 
 
 class Process:
-    """A stream that runs, and what it has said."""
+    """A running stream and its output."""
 
     def __init__(self, files, *arguments):
         path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
@@ -91,14 +91,14 @@ class Process:
         self.own.send_signal(signal.SIGINT)
 
     def until(self, words):
-        """Reads until it says something."""
+        """Read until the output contains these words."""
         while words not in self.said:
             line = self.own.stderr.readline()
             assert line, self.said
             self.said += line
 
     def end(self, given=None):
-        """Its exit code, and what it said."""
+        """Exit code and output of the process."""
         out, said = self.own.communicate(given)
         self.watch.cancel()
         return self.own.returncode, out, self.said + said
@@ -125,7 +125,7 @@ def machine_of(points):
     return GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
 
 
-def test_two_ctrl_c_stop_grbl_where_it_is_and_it_goes_on_from_the_line(files):
+def test_two_ctrl_c_stop_grbl_and_it_resumes_from_the_line(files):
     points = points_of(files, "grbl")
     lines = [line.text for line in lines_of(gcode(points))]
     with Emulator(machine_of(points), pace=PACE) as emulator:
@@ -146,7 +146,7 @@ def test_two_ctrl_c_stop_grbl_where_it_is_and_it_goes_on_from_the_line(files):
         assert code == 130
         assert emulator.resets == 1 and not emulator.held
         stopped_at = machine.positions(np.array([np.inf]))[0, 0]
-        # The controller still knows where it stands: at the end of the last move that it made.
+        # The controller still knows its position: the end of its last move.
         assert machine.position[0] == stopped_at
         p = 1e3 * points.motion.position[:, 0]
         assert np.min(p) < stopped_at < np.max(p)
@@ -161,7 +161,7 @@ def test_two_ctrl_c_stop_grbl_where_it_is_and_it_goes_on_from_the_line(files):
         assert "characters in transit" in out
     machine.finish()
     assert machine.position[0] == pytest.approx(p[-1], abs=0.02)
-    # From where it stood, without a jump, and no move was left out.
+    # It continues from its position, without a jump, and no move is missing.
     assert machine.positions(np.array([begun]))[0, 0] == stopped_at
     t = np.linspace(begun, machine.time, 5000)
     at = machine.positions(t)[:, 0]
@@ -170,7 +170,7 @@ def test_two_ctrl_c_stop_grbl_where_it_is_and_it_goes_on_from_the_line(files):
     assert np.min(at) == pytest.approx(np.min(p), abs=0.02)
 
 
-def test_enter_goes_on_as_if_nothing_had_been(files):
+def test_enter_resumes_without_loss(files):
     points = points_of(files, "grbl")
     with Emulator(machine_of(points), pace=PACE) as emulator:
         options = ("--controller", "grbl", "--port", emulator.port)
@@ -186,7 +186,7 @@ def test_enter_goes_on_as_if_nothing_had_been(files):
 
 
 @pytest.mark.parametrize("kind", ["osc", pytest.param("artnet", marks=pytest.mark.slow)])
-def test_two_ctrl_c_hold_the_last_position_and_packets_go_on_from_the_time(files, kind):
+def test_two_ctrl_c_hold_the_last_position_and_packets_resume_from_the_time(files, kind):
     points = points_of(files, kind)
     unit = points.axes[0].counts
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
@@ -196,7 +196,7 @@ def test_two_ctrl_c_hold_the_last_position_and_packets_go_on_from_the_time(files
             process.interrupt()
             process.until("Ctrl-C stops\n")
             before = len(stand)
-            wait(lambda: len(stand) > before + 10)  # the position is kept alive
+            wait(lambda: len(stand) > before + 10)  # the position is repeated
             held = stand.steps[before:, 0]
             process.interrupt()
             code, _, said = process.end()
@@ -224,7 +224,7 @@ def test_two_ctrl_c_hold_the_last_position_and_packets_go_on_from_the_time(files
     assert np.all(again[:rest] == again[0]) and np.ptp(again) > 0.05
 
 
-def test_enter_goes_on_over_the_network(files):
+def test_enter_resumes_over_the_network(files):
     points = points_of(files, "osc")
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
         options = ("--controller", "osc", "--to", "{}:{}".format(*stand.address))
@@ -241,7 +241,7 @@ def test_enter_goes_on_over_the_network(files):
 
 
 def test_a_receiver_lost_in_a_hold_ends_the_prompt(files):
-    """Nobody presses Enter; the end of the input does not come either."""
+    """Nobody presses Enter, and the input does not end."""
     points = points_of(files, "osc")
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
         options = ("--controller", "osc", "--to", "{}:{}".format(*stand.address))
@@ -260,7 +260,7 @@ def test_a_receiver_lost_in_a_hold_ends_the_prompt(files):
 
 
 def test_the_end_of_input_stops(files):
-    """As of a stream without a terminal: nobody can say that it is to go on."""
+    """A stream without a terminal stops: nobody can tell it to continue."""
     points = points_of(files, "osc")
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
         options = ("--controller", "osc", "--to", "{}:{}".format(*stand.address))
@@ -273,7 +273,7 @@ def test_the_end_of_input_stops(files):
     assert code == 130 and "--from-time" in said
 
 
-def test_nobody_there(files):
+def test_a_missing_receiver_is_reported(files):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -343,7 +343,7 @@ def test_options_of_the_other_kind_are_refused(files, kind, option, words):
 
 
 @pytest.mark.parametrize("dry", [(), ("--dry-run",)])
-def test_a_time_beyond_the_end_is_told(files, dry):
+def test_a_time_beyond_the_end_is_refused(files, dry):
     done = fantoccini(
         "stand",
         "stream",
@@ -391,7 +391,7 @@ def test_the_emulator_of_packets_has_no_rate(files, kind):
     assert f"applies to G-code, and the controller is {kind}" in " ".join(done.stderr.split())
 
 
-def test_the_emulated_stand_of_packets_writes_where_its_motors_were(files, monkeypatch):
+def test_the_emulated_stand_of_packets_writes_positions_of_its_motors(files, monkeypatch):
     monkeypatch.setattr(sending, "LATEST", 5.0)
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     emulated = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""Recordings as inputs, samples per second, and the look of pictures on the command line."""
+"""Recordings as inputs, samples per second, and styles of pictures on the command line."""
 
 import imageio_ffmpeg
 import numpy as np
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.medium
 
 @pytest.fixture(scope="module")
 def take(tmp_path_factory):
-    """A recorded performance of the arm on a weak grip, moving already when it begins."""
+    """A recorded performance of the arm on a weak grip, moving at its start."""
     live = fan.Performance(fan.puppets.arm2d(), grip=12.0)
     home, _ = live.place("hand")
     live.move("hand", home + np.array([0.05, 0.0, 0.0]))
@@ -30,9 +30,9 @@ def take(tmp_path_factory):
 def test_a_recording_is_inputs(take):
     """17.13: `t: found the shape ()`."""
     recording = fan.theatre.Recording.load(take)
-    made = fan.Input.load(fan.puppets.arm2d(), take)
-    t = np.linspace(made.start, made.end, 50)
-    for mine, theirs in zip(made.evaluate(t), recording.inputs.evaluate(t), strict=True):
+    inputs = fan.Input.load(fan.puppets.arm2d(), take)
+    t = np.linspace(inputs.start, inputs.end, 50)
+    for mine, theirs in zip(inputs.evaluate(t), recording.inputs.evaluate(t), strict=True):
         assert np.array_equal(mine, theirs)
 
 
@@ -43,7 +43,7 @@ def test_a_recording_moves_the_puppet_from_its_start_on_its_winches(take, tmp_pa
     assert result.exit_code == 0, result.stderr
     assert "another puppet" not in result.stderr
     recording, run = fan.theatre.Recording.load(take), fan.Trajectory.load(out)
-    assert recording.start.v_K.any()  # nothing that hangs at rest starts so
+    assert recording.start.v_K.any()  # a state at rest would have no velocities
     assert np.array_equal(run.q_D[0], recording.start.q_D)
     assert np.array_equal(run.v_K[0], recording.start.v_K)
     alike = fan.simulate(recording.marionette, recording.start, recording.inputs)
@@ -52,7 +52,7 @@ def test_a_recording_moves_the_puppet_from_its_start_on_its_winches(take, tmp_pa
 
 
 def test_a_recording_of_another_puppet_is_a_clear_mistake(take, tmp_path):
-    """17.13: which driven coordinates differ is said."""
+    """17.13: the message names the driven coordinates that differ."""
     result = fantoccini("simulate", "string_pendulum", "--inputs", take)
     assert result.exit_code == 2
     assert "was recorded with another puppet: driven in the recording only: hand.x" in result.stderr
@@ -64,8 +64,8 @@ def test_a_recording_of_another_puppet_is_a_clear_mistake(take, tmp_path):
     assert "the recorded hands move the puppet of FILE" in result.stderr
 
 
-def test_a_file_that_is_neither_says_what_it_is(tmp_path):
-    """17.13: a run is no input, and a damaged recording is told."""
+def test_a_file_of_another_kind_is_named(tmp_path):
+    """17.13: a run is not an input, and a damaged recording is reported."""
     m = fan.puppets.string_pendulum()
     fan.simulate(m, m.rest(), t_end=0.1).save(tmp_path / "run.npz")
     with pytest.raises(
@@ -84,7 +84,7 @@ def test_a_file_that_is_neither_says_what_it_is(tmp_path):
     [((), 31), (("--method", "timestepping"), 31), (("--method", "variational"), 31)],
 )
 def test_samples_per_second(words, samples, tmp_path):
-    """17.15: --rate keeps so many samples per second."""
+    """17.15: --rate saves this number of samples per second."""
     out = tmp_path / "run.npz"
     result = fantoccini(
         "simulate", "string_pendulum", "--duration", "0.6", "--rate", "50", *words, "--out", out
@@ -95,8 +95,8 @@ def test_samples_per_second(words, samples, tmp_path):
     assert len(run) == samples
 
 
-def test_rates_that_cannot_be_kept_are_mistakes():
-    """17.15: a step has one row; nothing fills the memory."""
+def test_impossible_rates_are_mistakes():
+    """17.15: a step has one row; impossible rates do not fill the memory."""
     words = ("simulate", "string_pendulum", "--method", "timestepping", "--dt", "0.01")
     result = fantoccini(*words, "--rate", "200")
     assert result.exit_code == 2 and "at most 100 samples per second" in result.stderr
@@ -106,7 +106,7 @@ def test_rates_that_cannot_be_kept_are_mistakes():
 
 
 def test_a_run_that_is_slower_than_real_time_says_so(capsys):
-    """17.15: and what is faster; a faster one says nothing."""
+    """17.15: it names a faster option; a run faster than real time prints nothing."""
     m = fan.puppets.string_pendulum()
     run = fan.simulate(m, m.rest(), t_end=0.5)
     assert run.seconds > 0.0 and run.summary()["seconds"] == run.seconds
@@ -119,8 +119,8 @@ def test_a_run_that_is_slower_than_real_time_says_so(capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_pictures_and_films_look_as_asked_for(tmp_path):
-    """17.16: the command line lacked what Python has."""
+def test_pictures_and_films_have_the_requested_style(tmp_path):
+    """17.16: the command line lacked options of Python."""
     film, strip = tmp_path / "a.mp4", tmp_path / "a.png"
     result = fantoccini(
         "simulate",
@@ -170,8 +170,8 @@ def test_pictures_and_films_look_as_asked_for(tmp_path):
         (("--focus", "strings", "--out", "a.png"), "bodies"),
     ],
 )
-def test_looks_that_there_are_not_are_mistakes(words, says, tmp_path, monkeypatch):
-    """17.16: each with what is allowed."""
+def test_unknown_styles_are_mistakes(words, says, tmp_path, monkeypatch):
+    """17.16: every message lists the allowed values."""
     monkeypatch.chdir(tmp_path)
     for command in ("simulate", "plan"):
         result = fantoccini(command, "string_pendulum", *words)

@@ -1,4 +1,4 @@
-"""``fantoccini take``: what it says of recordings, its edits, and wrong arguments."""
+"""`fantoccini take`: descriptions of recordings, edits, and wrong arguments."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import fantoccini as fan
 
 @pytest.fixture(scope="module")
 def take(tmp_path_factory):
-    """Two seconds of an arm whose hand goes there and back."""
+    """Two seconds of an arm with a hand that moves to and fro."""
     live = fan.Performance(fan.puppets.arm2d())
     home, _ = live.place("hand")
     live.record()
@@ -35,11 +35,11 @@ def test_edits_are_those_of_python(take, tmp_path):
     out = tmp_path / "new.npz"
     words = ("--trim", "0.5:1.5", "--smooth", "0.1", "--stretch", "2", "--out", str(out))
     assert fantoccini("take", str(take), *words).exit_code == 0
-    made = fan.theatre.Recording.load(out)
+    edited = fan.theatre.Recording.load(out)
     same = fan.theatre.Recording.load(take).trimmed(0.5, 1.5).smoothed(0.1).stretched(2.0)
-    assert made.duration == pytest.approx(2.0)
-    assert np.array_equal(made.acc_K, same.acc_K)
-    assert np.array_equal(made.trajectory.q_D, same.trajectory.q_D)
+    assert edited.duration == pytest.approx(2.0)
+    assert np.array_equal(edited.acc_K, same.acc_K)
+    assert np.array_equal(edited.trajectory.q_D, same.trajectory.q_D)
     assert fantoccini("simulate", "arm2d", "--inputs", str(out), "--quiet").exit_code == 0
 
 
@@ -47,12 +47,15 @@ def test_a_loop_goes_back_to_the_start_each_time(take, tmp_path):
     out = tmp_path / "loop.npz"
     words = ("--trim", "0.2:0.9", "--loop", "3", "--out", str(out))
     assert fantoccini("take", str(take), *words).exit_code == 0
-    made, part = fan.theatre.Recording.load(out), fan.theatre.Recording.load(take).trimmed(0.2, 0.9)
-    assert np.array_equal(made.acc_K, part.looped(3).acc_K)
-    assert made.duration > 3 * part.duration
+    edited, part = (
+        fan.theatre.Recording.load(out),
+        fan.theatre.Recording.load(take).trimmed(0.2, 0.9),
+    )
+    assert np.array_equal(edited.acc_K, part.looped(3).acc_K)
+    assert edited.duration > 3 * part.duration
 
 
-def test_the_ends_of_a_part_may_be_left_out(take, tmp_path):
+def test_the_ends_of_a_part_may_be_omitted(take, tmp_path):
     for text, duration in ((":0.5", 0.5), ("1.5:", 0.5)):
         out = tmp_path / "part.npz"
         assert fantoccini("take", str(take), "--trim", text, "--out", str(out)).exit_code == 0
@@ -81,7 +84,7 @@ def test_wrong_arguments_write_nothing(take, tmp_path, monkeypatch, words, messa
     assert not list(tmp_path.iterdir())
 
 
-def test_what_is_no_recording_is_told(tmp_path):
+def test_a_file_without_a_recording_is_refused(tmp_path):
     arm = fan.puppets.arm2d()
     fan.simulate(arm, arm.rest(), t_end=0.1).save(tmp_path / "run.npz")
     for name in ("run.npz", "none.npz"):

@@ -1,4 +1,4 @@
-"""The C99 export: a strict compiler takes it, and its numbers are those of the equations."""
+"""The C99 export compiles with strict warnings and returns the numbers of the equations."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ pytestmark = [
 
 
 def described(seed: int) -> Model:
-    """A random puppet with every kind of joint, limit, spring and drag there is."""
+    """A random puppet with every kind of joint, limit, spring and drag."""
     return Model(description(seed, 14, strings=3, limits=True, drag=True))
 
 
@@ -50,8 +50,8 @@ def wiring(functions) -> str:
         lines.append("  {")
         lines += [f"    double x{i}[{max(1, n)}] = {{0.0}};" for i, n in enumerate(sizes)]
         lines += [f"    take(x{i}, {n});" for i, n in enumerate(sizes[: f.n_in()])]
-        given = [f"x{i}" for i in range(len(names))]
-        lines.append(f"    fan_{name}({', '.join(given)});")
+        arguments = [f"x{i}" for i in range(len(names))]
+        lines.append(f"    fan_{name}({', '.join(arguments)});")
         lines += [f"    give(x{f.n_in() + i}, {n});" for i, n in enumerate(sizes[f.n_in() :])]
         lines.append("  }")
     return "\n".join([*lines, "  return 0;", "}", ""])
@@ -85,7 +85,7 @@ def write(folder: Path, model: Model) -> None:
 
 
 def arguments(model: Model, seed: int) -> dict[str, np.ndarray]:
-    """Random values for everything a function may ask for."""
+    """Random values for every argument of the functions."""
     rng, state = np.random.default_rng(seed), model.random(seed)
     n = model.table.n_vD
     functions = model.equations
@@ -97,8 +97,8 @@ def arguments(model: Model, seed: int) -> dict[str, np.ndarray]:
         "p": model.p,
     }
     dynamics = functions["dynamics"]
-    given = {name: values[name] for name in dynamics.name_in()}
-    return values | {"L": np.array(dynamics(**given)["L"])}
+    arguments = {name: values[name] for name in dynamics.name_in()}
+    return values | {"L": np.array(dynamics(**arguments)["L"])}
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,9 @@ def arguments(model: Model, seed: int) -> dict[str, np.ndarray]:
     ],
 )
 def test_the_exported_functions_return_what_the_equations_do(make, which, flag, tmp_path):
-    """Some warnings come with -O1; the longest texts, of the same make, are compiled without."""
+    """Some warnings need -O1; the longest texts, generated in the same way, are compiled without
+    it.
+    """
     model = make(which)
     functions = {name: model.equations[name] for name in EXPORTED}
     write(tmp_path, model)
@@ -127,13 +129,13 @@ def test_the_exported_functions_return_what_the_equations_do(make, which, flag, 
         words = "\n".join(repr(float(x)) for x in np.concatenate(fed))
         printed = subprocess.run([program], input=words, capture_output=True, text=True, check=True)
         assert "missing" not in printed.stdout
-        found = np.array(printed.stdout.split(), dtype=float)
+        printed_values = np.array(printed.stdout.split(), dtype=float)
         at = 0
         for block in expected:
-            part, at = found[at : at + len(block)], at + len(block)
+            part, at = printed_values[at : at + len(block)], at + len(block)
             scale = max(1.0, np.max(np.abs(block), initial=0.0))
             assert np.max(np.abs(part - block), initial=0.0) <= TOLERANCE * scale
-        assert at == len(found)
+        assert at == len(printed_values)
 
 
 @pytest.mark.parametrize("name", ["arm2d", "string_pendulum", "crane"])
@@ -198,5 +200,5 @@ def test_no_name_of_the_file_becomes_an_identifier():
     words = set(re.findall(r"[A-Za-z_][A-Za-z0-9_]*", code))
     names = {part for n in (*model.table.q_D, *model.table.q_K) for part in n.split(".")}
     names |= {"arm2d", *(link.name for link in model.tree.links), *model.tree.parameters}
-    # `hand.x` and the vector x of fan_back have nothing to do with one another.
+    # `hand.x` and the vector x of fan_back are unrelated.
     assert (names - {"x"}) & words == set()

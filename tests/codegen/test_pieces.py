@@ -1,4 +1,4 @@
-"""Functions in pieces: the same arithmetic wherever they are cut."""
+"""Functions in pieces: the same arithmetic wherever they are divided."""
 
 from __future__ import annotations
 
@@ -75,25 +75,25 @@ int main() {
 @pytest.mark.parametrize(("name", "longest"), [("arm2d", 20), ("marionette", 700)])
 @pytest.mark.parametrize("which", ["dynamics", "step_dynamics"])
 def test_a_function_in_pieces_gives_the_same_bits(name, which, longest, tmp_path):
-    """Compiled without contraction: products join sums where the compiler sees both."""
+    """Compiled without contraction, since compilers fuse products and sums only within a piece."""
     function = equations(name)[which]
-    for folder, most in (("whole", 10**9), ("cut", longest)):
+    for folder, max_length in (("whole", 10**9), ("cut", longest)):
         (tmp_path / folder).mkdir()
-        for file, text in model_text({"it": program(function)}, most).items():
+        for file, text in model_text({"it": program(function)}, max_length).items():
             (tmp_path / folder / file).write_text(text, encoding="ascii")
     (tmp_path / "both.cpp").write_text(PROGRAM, encoding="ascii")
     built = compile_program(str(tmp_path / "both.cpp"), tmp_path, "-O1", "-ffp-contract=off")
     state = Model.of(load(puppets.path(name))).random(0)
     values = vars(state) | {"u_D": state.v_D, "dt": np.array([2e-3]), "p": np.zeros(0)}
     values["v_ahead"] = 1.01 * state.v_D
-    given = [values[argument] for argument in function.name_in()]
+    arguments = [values[argument] for argument in function.name_in()]
     words = [function.n_in(), function.n_out()]
-    for x in given:
+    for x in arguments:
         words += [len(x), *x]
     words += [function.numel_out(i) for i in range(function.n_out())]
     apart, *printed = run_program(built, "\n".join(map(repr, map(_plain, words)))).split()
     assert apart == "0"
-    expected = np.concatenate([np.ravel(np.array(x), order="F") for x in function(*given)])
+    expected = np.concatenate([np.ravel(np.array(x), order="F") for x in function(*arguments)])
     size = np.maximum(1.0, np.abs(expected).max())
     assert np.max(np.abs(np.array(printed, dtype=float) - expected)) <= 1e-13 * size
 
@@ -113,10 +113,10 @@ def test_a_divisor_of_several_quotients_is_inverted_once():
 
 
 def test_a_sine_and_a_cosine_once_an_angle():
-    """Four hinges turn in the marionette; its ball joints have quaternions."""
+    """The marionette has four hinges; its ball joints have quaternions."""
     for which in ("dynamics", "step_dynamics"):
-        made = [s.operation for s in program(equations("marionette")[which]).statements]
-        assert (made.count(ca.OP_SIN), made.count(ca.OP_COS)) == (4, 4)
+        operations = [s.operation for s in program(equations("marionette")[which]).statements]
+        assert (operations.count(ca.OP_SIN), operations.count(ca.OP_COS)) == (4, 4)
 
 
 def test_no_operation_with_a_constant_0_or_1_is_left():
@@ -132,10 +132,10 @@ def test_no_operation_with_a_constant_0_or_1_is_left():
 
 
 def test_pieces_are_no_longer_than_asked():
-    made = pieces(program(equations("marionette")["step_dynamics"]), "f", 500)
-    assert len(made.pieces) == len(made.declarations) > 10
-    # A line of arithmetic, and at most one each to fetch its two operands and to hand it on.
-    assert max(text.count("\n") for text in made.pieces) < 4 * 500
+    split = pieces(program(equations("marionette")["step_dynamics"]), "f", 500)
+    assert len(split.pieces) == len(split.declarations) > 10
+    # One line of arithmetic, and at most one each to load two operands and to store the result.
+    assert max(text.count("\n") for text in split.pieces) < 4 * 500
 
 
 def test_numbers_stand_in_units_and_those_of_large_models_are_several():
@@ -145,8 +145,8 @@ def test_numbers_stand_in_units_and_those_of_large_models_are_several():
     assert {*large.units, *large.pieces} <= set(large.files)
 
 
-def test_pushes_are_forth_on_the_way_of_a_link():
-    """y = F^-T x for forces from a link to the root alone, and 0 elsewhere."""
+def test_transposed_solves_follow_the_path_of_a_link():
+    """y = F^-T x maps forces between a link and the root, and is 0 elsewhere."""
     of = fan.loads(STAGE).libraries.equations
     rng, tree = np.random.default_rng(0), of.tree
     L = rng.normal(size=of.n_packed)
@@ -161,8 +161,8 @@ def test_pushes_are_forth_on_the_way_of_a_link():
         assert not y[~moved].any()
 
 
-def test_what_is_linear_in_x_may_be_called_for_several_x(tmp_path):
-    """The template is the function for each of them, in one piece and in many."""
+def test_functions_linear_in_x_take_several_x(tmp_path):
+    """The template equals the function for each x, in one piece and in several."""
     of = equations("marionette")
     rng, n = np.random.default_rng(0), of.tree.coordinates.n_vD
     L, x = rng.normal(size=of.n_packed), rng.normal(size=(n, 4))
@@ -190,6 +190,6 @@ def test_what_is_linear_in_x_may_be_called_for_several_x(tmp_path):
     ]
     (tmp_path / "several.cpp").write_text("\n".join(lines), encoding="ascii")
     built = compile_program(str(tmp_path / "several.cpp"), tmp_path, "-O1")
-    found = np.array(run_program(built, "").split(), dtype=float).reshape(2, n, 4)
+    results = np.array(run_program(built, "").split(), dtype=float).reshape(2, n, 4)
     exact = np.stack([np.array(of["forth"](L, column)).ravel() for column in x.T], axis=1)
-    assert np.allclose(found, exact, rtol=1e-12, atol=1e-12 * np.abs(exact).max())
+    assert np.allclose(results, exact, rtol=1e-12, atol=1e-12 * np.abs(exact).max())

@@ -1,4 +1,4 @@
-"""Libraries of puppets that differ in numbers alone share what is compiled of the runtime."""
+"""Libraries of puppets that differ only in numbers share the runtime's object files."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def sources(
 
 @pytest.mark.parametrize("contact", [False, True])
 def test_other_numbers_share_object_files(contact):
-    """They are arguments or stand in units of their own."""
+    """The numbers are arguments or stand in separate units."""
     text = PUPPET + FLOOR * contact
     first = sources(text)
     other = sources(text, **{name: 1.1 * number for name, number in NUMBERS.items()})

@@ -1,4 +1,4 @@
-"""What the generated tables say of the functions beside them."""
+"""Generated tables, compared with the functions that they describe."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ NAMES = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "stand6", "s
 
 
 def table(name: str, what: str) -> list[int]:
-    found = re.search(rf" {what}(?:\[\d+\])? = {{?([^;}}]*)}}?;", tables_text(equations(name)))
-    return [int(word) for word in found[1].split(",")]
+    match = re.search(rf" {what}(?:\[\d+\])? = {{?([^;}}]*)}}?;", tables_text(equations(name)))
+    return [int(word) for word in match[1].split(",")]
 
 
 def varying(name: str, function: str, result: str) -> set[int]:
@@ -40,13 +40,13 @@ def varying(name: str, function: str, result: str) -> set[int]:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("function", ["dynamics", "step_dynamics"])
-def test_a_strings_column_has_no_entries_but_the_tables(name, function):
+def test_a_strings_column_has_only_the_entries_of_the_table(name, function):
     begin, entry = table(name, "string_begin"), table(name, "string_entry")
     n = equations(name).tree.coordinates.n_vD
     listed = {n * r + k for r in range(len(begin) - 1) for k in entry[begin[r] : begin[r + 1]]}
-    found = varying(name, function, "W")
-    assert found <= listed
-    assert len(found) >= 0.8 * len(listed), "the table is not just everything"
+    entries = varying(name, function, "W")
+    assert entries <= listed
+    assert len(entries) >= 0.8 * len(listed), "the table is not just everything"
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -78,20 +78,20 @@ def test_rates_of_limits_are_their_jacobians_times_the_velocity(name):
     for i, limit in enumerate(tree.limits):
         place = tree.links[limit.link].v
         packed[: place.stop - place.start, i] = J[i, place]
-    found = np.array(equations(name)["limit_rates"](packed, v_D)).ravel()
-    assert np.allclose(found, J @ v_D, rtol=1e-14, atol=1e-14)
+    rates = np.array(equations(name)["limit_rates"](packed, v_D)).ravel()
+    assert np.allclose(rates, J @ v_D, rtol=1e-14, atol=1e-14)
 
 
-def test_constants_and_what_varies_are_the_whole_function():
+def test_constants_and_varying_lines_are_the_whole_function():
     whole = program(equations("marionette")["step_dynamics"])
     apart = pieces(whole, "f", 1000, ("W", "J_limit"))
     together = pieces(whole, "f", 1000)
     assert "f_constants" not in together.definition
-    kept = [line for line in apart.definition.splitlines() if line.startswith("  res[")]
+    constants = [line for line in apart.definition.splitlines() if line.startswith("  res[")]
 
     def written(lines: list[str]) -> list[str]:
         return sorted(re.findall(r"res\[\d+\]\[\d+\] =", "\n".join(lines)))
 
     every = written(together.pieces)
-    assert written([*apart.pieces, *kept]) == every
-    assert len(kept) > 100
+    assert written([*apart.pieces, *constants]) == every
+    assert len(constants) > 100

@@ -1,4 +1,4 @@
-"""The generated text is a reviewed artefact: the same every time, and it does not grow unseen."""
+"""The generated text is the same every time, and its growth is recorded."""
 
 from __future__ import annotations
 
@@ -43,7 +43,8 @@ OPERATIONS = {
     "string_pendulum": {"dynamics": 33, "step_dynamics": 23, "effort": 0, "energy": 6, "rows": 6},
 }
 """Arithmetic operations of the compiled functions. Lower a number when the derivation or a puppet
-gets simpler; raise one only for a reason that the commit tells."""
+gets simpler; raise it only for a reason given in the commit message.
+"""
 
 _HASHES = """
 import hashlib, json, sys
@@ -64,8 +65,8 @@ def equations_of(name: str):
 
 
 def test_every_process_derives_the_same_text(tmp_path):
-    """Names of model.c depend on no path, order of hashing, or time."""
-    found = []
+    """Names of model.c depend on no path, no order of hashing and no time."""
+    hashes = []
     for seed in ("1", "2"):
         folder = tmp_path / seed
         folder.mkdir()
@@ -78,11 +79,11 @@ def test_every_process_derives_the_same_text(tmp_path):
             text=True,
             check=True,
         ).stdout
-        found.append(json.loads(printed))
+        hashes.append(json.loads(printed))
     equations = equations_of("arm2d")
     files = generate(equations).files | c99_files(equations)
-    assert found[0] == found[1]
-    assert found[0] == {n: hashlib.sha256(t.encode()).hexdigest() for n, t in files.items()}
+    assert hashes[0] == hashes[1]
+    assert hashes[0] == {n: hashlib.sha256(t.encode()).hexdigest() for n, t in files.items()}
 
 
 def test_deriving_twice_in_one_process_gives_the_same_text():
@@ -97,6 +98,6 @@ def test_every_bundled_puppet_has_a_recorded_count():
 def test_a_bundled_puppet_needs_no_more_operations_than_recorded(name):
     model = equations_of(name)
     counts = operations(model)
-    found = {f: counts[f] for f in OPERATIONS[name]}
-    grown = {f: n for f, n in found.items() if n > OPERATIONS[name][f]}
+    counted = {f: counts[f] for f in OPERATIONS[name]}
+    grown = {f: n for f, n in counted.items() if n > OPERATIONS[name][f]}
     assert grown == {}

@@ -1,4 +1,4 @@
-"""Puppets without strings: bodies on a floor whose motion with friction has a closed form."""
+"""Puppets without strings: bodies on a floor with a motion with friction in closed form."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ G = 9.81
 
 
 def on_slope(slope: float, friction: float, shape: str = "box", **more: str) -> fan.Marionette:
-    """A body of 1 kg on a plane that is inclined by ``slope`` [rad], downhill along +x.
+    """A body of 1 kg on a plane inclined by `slope` [rad], downhill along +x.
 
     Args:
-        slope: of the floor; gravity is turned instead.
+        slope: slope of the floor; gravity is turned instead.
         friction: coefficient.
-        shape: ``box`` of 0.2 x 0.3 x 0.1 m, or ``sphere`` of 0.1 m.
+        shape: `box` of 0.2 x 0.3 x 0.1 m, or `sphere` of 0.1 m.
         more: further keys of the body, as YAML.
     """
     sizes = {"box": "size: [0.2, 0.3, 0.1]", "sphere": "radius: 0.1"}
@@ -50,13 +50,13 @@ def stepped(marionette: fan.Marionette, x0: fan.State, t_end: float, dt: float) 
     return fan.simulate(marionette, x0, t_end=t_end, method=fan.TimeStepping(dt=dt))
 
 
-def errors(found: list[float], exact: float) -> list[float]:
+def errors(values: list[float], exact: float) -> list[float]:
     """Sizes of the errors."""
-    return [abs(value - exact) for value in found]
+    return [abs(value - exact) for value in values]
 
 
 def balls_that_meet() -> tuple[fan.Marionette, fan.State]:
-    """Two balls in free flight, off-centre and with spin."""
+    """Two balls in free flight that collide off-centre and with spin."""
     marionette = fan.loads("""
 puppet: billiard
 gravity: [0, 0, 0]

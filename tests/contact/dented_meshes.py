@@ -19,13 +19,13 @@ def bowl(sections: int = 12, rings: int = 4) -> trimesh.Trimesh:
 
 def ring() -> trimesh.Trimesh:
     """A torus around y, radii 0.1 and 0.02 m."""
-    made = trimesh.creation.torus(0.1, 0.02, major_sections=16, minor_sections=8)
-    made.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
-    return made
+    mesh = trimesh.creation.torus(0.1, 0.02, major_sections=16, minor_sections=8)
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    return mesh
 
 
 def hook() -> trimesh.Trimesh:
-    """A U that is open downwards: legs 0.1 m wide and 0.3 m long, 0.1 m apart, 0.1 m deep."""
+    """A U open downwards: legs 0.1 m wide and 0.3 m long, 0.1 m apart, 0.1 m deep."""
     outline = [(0, 0), (1, 0), (1, 2), (2, 2), (2, 0), (3, 0), (3, 3), (0, 3)]
     faces = [(0, 1, 2), (0, 2, 7), (2, 3, 6), (2, 6, 7), (3, 4, 5), (3, 5, 6)]
     n = len(outline)
@@ -36,11 +36,11 @@ def hook() -> trimesh.Trimesh:
     for i in range(n):
         j = (i + 1) % n
         sides += [(i, j, j + n), (i, j + n, i + n)]
-    made = trimesh.Trimesh(corners, front + back + sides, process=False)
-    made.fix_normals()
-    return made
+    mesh = trimesh.Trimesh(corners, front + back + sides, process=False)
+    mesh.fix_normals()
+    return mesh
 
 
 def written(folder: Path, mesh: trimesh.Trimesh) -> None:
-    """Writes ``thing.obj``."""
+    """Write `thing.obj`."""
     (folder / "thing.obj").write_text(mesh.export(file_type="obj", digits=17))

@@ -1,4 +1,4 @@
-"""What tests of event-driven contact ask of a run."""
+"""Checks of event-driven runs with contact."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import fantoccini as fan
 from fantoccini import Status
 
 CLOSE = 1e-8
-"""What the issue of contact asks for."""
+"""Required accuracy of contact."""
 
 
 def of(run: fan.Trajectory, *kinds: str) -> list[fan.motion.EventRecord]:
-    """The events of some kinds."""
+    """Events of these kinds."""
     return [event for event in run.events if event.kind in kinds]
 
 

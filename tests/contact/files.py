@@ -1,4 +1,4 @@
-"""Small puppets that touch something, as YAML."""
+"""Small puppets with contact, as YAML."""
 
 BOX = """
 puppet: box
@@ -27,7 +27,7 @@ bodies:
 - {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.07, mass: 0.5}]}
 """
 
-# Balls that spring back, without gravity.
+# Balls with restitution, without gravity.
 BOUNCER = """
 puppet: bouncer
 gravity: [0, 0, 0]

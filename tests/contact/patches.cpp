@@ -1,9 +1,9 @@
-// Steps of a scene as they are, and beside them steps without patches: points that push have to
-// wait, so that the law is solved point by point. Reads what benchmarks/contact/stage.cpp reads.
+// Steps of a scene, compared with steps without patches, in which pushing points are inactive at
+// first, so that the law is solved point by point. Reads the input of benchmarks/contact/stage.cpp.
 //
-// argv: how many steps. stdout: for each the largest difference of the velocities that both make of
-// one state, the largest velocity, whether patches held, how many points push, and the residual of
-// the law with patches and without.
+// argv: number of steps. stdout: for each step the largest difference of the velocities of both
+// from one state, the largest velocity, whether patches were used, the number of pushing points,
+// and the residual of the law with and without patches.
 #define main timed
 #include "stage.cpp"
 #undef main

@@ -1,4 +1,4 @@
-"""Fixed steps with contact: impulses are booked for what they take; what waits joins in time."""
+"""Fixed steps with contact: the ledger of impulses, and rows that become active within a step."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ pose: {b.z: 1.1}
 
 
 @pytest.mark.parametrize("dt", [0.004, 0.002])
-def test_bounces_take_all_the_energy_of_a_fall(dt):
-    """Not the work of gravity during their steps, too: that was 0.25 J of 9.8 J at 2 ms."""
+def test_bounces_absorb_all_the_energy_of_a_fall(dt):
+    """The work of gravity during their steps is not included: it was 0.25 J of 9.8 J at 2 ms."""
     run = fan.simulate(BALL, BALL.state(), t_end=3.0, method=fan.TimeStepping(dt=dt))
     assert run.ledger["kinetic"][-1] < 1e-12
     assert run.ledger["impact"][-1] == pytest.approx(9.81, abs=0.3 * dt * 9.81)
     assert abs(run.ledger["residual"][-1]) < 0.3 * dt * 9.81
 
 
-def test_a_body_at_rest_loses_nothing_at_corners_that_come_to_carry():
-    """A tray that a hand tilts and rolls under a box: its corners take turns."""
+def test_a_body_at_rest_loses_nothing_at_newly_loaded_corners():
+    """A hand tilts and rolls a tray under a box: its corners take turns."""
     tray = fan.loads(
         """
 puppet: tray
@@ -59,8 +59,8 @@ pose: {box.z: 0.11}
     assert np.max(np.abs(run.ledger["residual"])) < 0.1 * worked
 
 
-def test_a_slack_string_pulls_in_the_step_in_which_a_blow_would_stretch_it():
-    """Strings and points that carried nothing wait; they join before the step is made."""
+def test_a_slack_string_pulls_in_the_step_of_an_impact_that_would_stretch_it():
+    """Inactive strings and points become active before the step is complete."""
     pair = fan.loads(
         """
 puppet: pair
@@ -83,8 +83,8 @@ pose: {a.x: -0.1004}
     assert np.all(np.diff(run.ledger["kinetic"]) < 1e-12)
 
 
-def test_another_corner_carries_in_the_step_in_which_a_box_would_fall_onto_it():
-    """A box that stands on one edge rocks onto the other; no corner passes the floor."""
+def test_another_corner_carries_in_the_step_of_its_landing():
+    """A box standing on one edge rocks onto the other; no corner passes the floor."""
     box = fan.loads(
         """
 puppet: box

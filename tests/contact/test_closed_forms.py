@@ -1,4 +1,4 @@
-"""Contact by time-stepping against closed forms: it converges to them at its order, one."""
+"""Contact by time-stepping converges to closed forms at first order."""
 
 from __future__ import annotations
 
@@ -22,20 +22,22 @@ from contact.bodies import (
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
 STEPS = (4e-3, 2e-3, 1e-3)
-"""Each half of the one before [s]."""
+"""Time steps, each half of the previous one [s]."""
 
 
-def converges(found: list[float], exact: float, order: float = 1.0, most: float = np.inf) -> None:
-    """Asserts that errors shrink at an order as steps halve, or are rounding."""
-    off = errors(found, exact)
-    assert off[-1] <= most, off
+def converges(
+    values: list[float], exact: float, order: float = 1.0, max_error: float = np.inf
+) -> None:
+    """Assert that errors shrink at an order as steps halve, or are rounding."""
+    off = errors(values, exact)
+    assert off[-1] <= max_error, off
     for coarse, fine in pairwise(off):
         assert fine <= coarse * 0.5**order * 1.3 + 1e-10 * abs(exact), off
 
 
 @pytest.mark.parametrize("slope", [0.1, 0.5, 1.0])
 def test_a_block_on_a_slope_below_the_threshold_stays_for_ever(slope):
-    """Static friction holds up to tan(slope) = mu, without creeping; friction takes nothing."""
+    """Static friction holds up to tan(slope) = mu, without creep; friction dissipates nothing."""
     marionette = on_slope(slope, 1.05 * np.tan(slope))
     run = stepped(marionette, marionette.state({"body.z": 0.05}), 5.0, 2e-3)
     assert np.max(np.abs(run.q_D - run.q_D[0])) < 1e-9
@@ -46,14 +48,14 @@ def test_a_block_on_a_slope_below_the_threshold_stays_for_ever(slope):
 
 @pytest.mark.parametrize("slope", [0.3, 0.8])
 def test_a_block_above_the_threshold_slides_at_its_acceleration(slope):
-    """a = g (sin - mu cos), and friction's loss is mu N times the way."""
+    """a = g (sin - mu cos), and friction's loss is mu N times the displacement."""
     mu = 0.6 * np.tan(slope)
     marionette, a = on_slope(slope, mu), G * (np.sin(slope) - mu * np.cos(slope))
     x0 = marionette.state({"body.z": 0.05})
     runs = [stepped(marionette, x0, 0.5, dt) for dt in STEPS]
-    converges([run["body.x"][-1] for run in runs], a * 0.5**2 / 2, most=1e-2)
+    converges([run["body.x"][-1] for run in runs], a * 0.5**2 / 2, max_error=1e-2)
     exact = mu * G * np.cos(slope) * a * 0.5**2 / 2
-    converges([run.ledger["friction"][-1] for run in runs], exact, most=2e-2)
+    converges([run.ledger["friction"][-1] for run in runs], exact, max_error=2e-2)
     assert runs[-1].contact.gap.min() > -1e-9
     assert np.allclose(runs[-1].contact.normal_force.sum() / (len(runs[-1])), G * np.cos(slope))
 
@@ -67,21 +69,21 @@ def test_a_block_that_slides_stops_after_its_way(mu):
     t_end = speed / (mu * G) * 1.2
     runs = [stepped(marionette, x0, t_end, dt) for dt in STEPS]
     way = [np.hypot(run["body.x"][-1], run["body.y"][-1]) for run in runs]
-    converges(way, speed**2 / (2 * mu * G), most=5e-3)
+    converges(way, speed**2 / (2 * mu * G), max_error=5e-3)
     assert np.max(np.abs(runs[-1].v_D[-1])) < 1e-9
     assert np.allclose(runs[-1]["body.y"][-1] / runs[-1]["body.x"][-1], 0.7, rtol=1e-9)
 
 
 def test_a_ball_thrown_sliding_comes_to_roll_at_five_sevenths_of_its_speed():
-    """v = 5/7 v0 from t = 2 v0 / (7 mu g) on; friction takes 1/7 of the energy."""
+    """v = 5/7 v0 from t = 2 v0 / (7 mu g) on; friction dissipates 1/7 of the energy."""
     marionette = on_slope(0.0, 0.3, "sphere")
     x0 = thrown(marionette, {"body.z": 0.1}, {"body.x": 2.0})
     runs = [stepped(marionette, x0, 0.5, dt) for dt in STEPS]
-    converges([run["v:body.x"][-1] for run in runs], 10.0 / 7.0, most=1e-9)
-    converges([run.ledger["friction"][-1] for run in runs], 0.5 * 2.0**2 * 2 / 7, most=2e-2)
+    converges([run["v:body.x"][-1] for run in runs], 10.0 / 7.0, max_error=1e-9)
+    converges([run.ledger["friction"][-1] for run in runs], 0.5 * 2.0**2 * 2 / 7, max_error=2e-2)
     roll = 2 * 2.0 / (7 * 0.3 * G)
     way = 2.0 * roll - 0.3 * G * roll**2 / 2 + 10.0 / 7.0 * (0.5 - roll)
-    converges([run["body.x"][-1] for run in runs], way, most=5e-3)
+    converges([run["body.x"][-1] for run in runs], way, max_error=5e-3)
 
 
 def test_a_hoop_with_backspin_comes_back():
@@ -94,7 +96,7 @@ def test_a_hoop_with_backspin_comes_back():
 
 
 def test_two_balls_that_meet_keep_their_momentum():
-    """Inelastic, off-centre and with friction: momentum to rounding, energy never up."""
+    """Inelastic, off-centre and with friction: momentum to rounding, energy never increases."""
     marionette, x0 = balls_that_meet()
     run = stepped(marionette, x0, 1.0, 1e-3)
     assert any(event.kind == "touch" for event in run.events)
@@ -106,7 +108,7 @@ def test_two_balls_that_meet_keep_their_momentum():
 
 
 def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
-    """Without friction a ladder's top leaves the wall at 2/3 of the height it began at."""
+    """Without friction a ladder's top leaves the wall at 2/3 of its initial height."""
     angle = np.deg2rad(70.0)
     marionette, x0 = ladder(angle)
     heights = []
@@ -122,7 +124,12 @@ def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
 
 @pytest.mark.parametrize("mu", [0.2, 0.4, 0.6])
 def test_a_rod_that_falls_from_the_vertical_slips_at_the_classical_angle(mu):
-    """Where |F| = mu N: F = 3/4 m g sin(3 cos - 2), N = m g (3 cos - 1)^2 / 4, from rest."""
+    """It slips at
+
+    F
+
+     = mu N: F = 3/4 m g sin(3 cos - 2), N = m g (3 cos - 1)^2 / 4, from rest.
+    """
     marionette = fan.loads(f"""
 puppet: pencil
 floor: 0
@@ -146,18 +153,18 @@ bodies:
     ratio = np.abs(0.75 * np.sin(angle) * (3 * np.cos(angle) - 2))
     slips = ratio > mu * (3 * np.cos(angle) - 1) ** 2 / 4
     classical = angle[np.argmax(slips)]
-    found = []
+    angles = []
     for dt in STEPS[1:]:
         run = stepped(marionette, x0, 2.4, dt)
         sliding = run.contact.sliding > 1e-6
         first = run.contact.sample[np.argmax(sliding)]
-        found.append(2 * np.arcsin(run["rod.qy"][first]))
-    assert abs(found[-1] - classical) < 0.02
-    assert abs(found[-1] - classical) < abs(found[0] - classical) + 1e-4
+        angles.append(2 * np.arcsin(run["rod.qy"][first]))
+    assert abs(angles[-1] - classical) < 0.02
+    assert abs(angles[-1] - classical) < abs(angles[0] - classical) + 1e-4
 
 
 def test_a_rocking_block_loses_housners_share_at_every_impact():
-    """Angular velocity after over before is 1 - 3/2 sin^2 a, tan a = width over height."""
+    """The ratio of angular velocities is 1 - 3/2 sin^2 a, tan a = width over height."""
     marionette, x0, a = rocking_block(0.05)
     run = stepped(marionette, x0, 1.2, 2e-4)
     w = run["v:block.wy"]

@@ -1,4 +1,4 @@
-"""The key ``contact`` of puppet and scene files, and which solids it lets touch."""
+"""The key `contact` of puppet and scene files, and the pairs that it selects."""
 
 from __future__ import annotations
 
@@ -74,28 +74,28 @@ def test_a_mistake_is_located(contact, message):
     assert "<string>:4" in str(error.value)
 
 
-def test_info_says_what_touches_what(tmp_path):
+def test_info_lists_contact_pairs(tmp_path):
     (tmp_path / "arm.yaml").write_text(ARM.replace("CONTACT", "{meets: [floor], friction: 0.25}"))
     shown = CliRunner().invoke(app, ["info", str(tmp_path / "arm.yaml")])
     assert "contact with floor: friction 0.25, restitution 0, 0 pairs" in shown.stdout
 
 
-def test_neighbours_do_not_touch_and_all_else_does():
+def test_neighbours_do_not_touch_and_all_others_do():
     assert arm("false").contacts is None
     links = {("hand", "upper")}
     standing = {(body, o) for body in ("upper", "fore", "hand") for o in ("post", "floor")}
     assert names(arm("true")) == links | standing
 
 
-def test_groups_and_pairs_choose_what_meets_and_how_it_rubs():
+def test_groups_and_pairs_select_contacts_and_friction():
     chosen = arm(
         "{friction: 0.2, meets: [floor], pairs: [{between: [floor, hand], friction: 0.9, "
         "restitution: 0.3}, {between: [upper, floor], meet: false}, {between: [post, fore], "
         "restitution: 1}]}"
     ).contacts
     rules = zip(chosen.friction, chosen.restitution, strict=True)
-    found = dict(zip(chosen.names, rules, strict=True))
-    assert found == {
+    rules_of_pairs = dict(zip(chosen.names, rules, strict=True))
+    assert rules_of_pairs == {
         ("fore", "floor"): (0.2, 0.0),
         ("hand", "floor"): (0.9, 0.3),
         ("fore", "post"): (0.2, 1.0),
@@ -139,9 +139,9 @@ def test_a_scene_takes_the_rules_of_its_puppets_or_has_its_own(tmp_path):
     with pytest.raises(PuppetError, match="a, b differ in contact; give the scene its own"):
         fan.load(scene(tmp_path, "{friction: 0.1}", "true"))
     own = "contact: {friction: 0.7, pairs: [{between: [a, crate], meet: false}]}\n"
-    made = fan.load(scene(tmp_path, "{friction: 0.1}", "true", own)).contacts
-    assert np.all(made.friction == 0.7)
-    assert ("crate", "a.body") not in made.names
+    scene_made = fan.load(scene(tmp_path, "{friction: 0.1}", "true", own)).contacts
+    assert np.all(scene_made.friction == 0.7)
+    assert ("crate", "a.body") not in scene_made.names
 
 
 def staged(places: dict, pair: dict) -> fan.Marionette:
@@ -168,23 +168,23 @@ def staged(places: dict, pair: dict) -> fan.Marionette:
 @pytest.mark.parametrize(
     "place", [{}, {"at": [2, 0, 0], "orientation": {"axis": [0, 0, 1], "angle": 1}}]
 )
-def test_a_puppets_name_means_the_same_whoever_else_is_there(between, rule, place):
-    """Names of parts have nothing before them in a scene of one."""
+def test_a_puppets_name_has_one_meaning_in_any_company(between, rule, place):
+    """Names of parts have no prefix in a scene of one puppet."""
     pair = {"between": between.split()} | rule
-    found = []
+    rules_of_scenes = []
     for others in {}, {"q": {"at": [50, 0, 0]}}:
         contacts = staged({"p": place} | others, pair).contacts
         rubs = zip(contacts.names, contacts.friction, strict=True)
-        found.append(
+        rules_of_scenes.append(
             {
                 frozenset(name.removeprefix("p.") for name in names): friction
                 for names, friction in rubs
                 if not any(name.startswith("q.") for name in names)
             }
         )
-    assert found[0] == found[1]
+    assert rules_of_scenes[0] == rules_of_scenes[1]
     unruled = staged({"p": place}, {"between": ["floor", "floor"], "meet": False}).contacts
-    assert len(found[0]) < len(unruled.names) or 0.9 in found[0].values()
+    assert len(rules_of_scenes[0]) < len(unruled.names) or 0.9 in rules_of_scenes[0].values()
 
 
 def test_a_puppet_named_as_one_of_its_bodies_is_in_no_pair_by_that_name():
@@ -231,7 +231,7 @@ def test_floor_is_the_name_of_the_floor():
         loads(ARM.replace("CONTACT", "true").replace("name: post", "name: floor"))
 
 
-def test_what_a_fixed_joint_carries_belongs_to_its_body():
+def test_a_body_on_a_fixed_joint_belongs_to_its_parent():
     """The cuff, fixed near the elbow, does not touch the upper arm across the joint."""
     cuff = """
 - name: cuff
@@ -239,14 +239,14 @@ def test_what_a_fixed_joint_carries_belongs_to_its_body():
   joint: {type: fixed, at: [0.06, 0, 0]}
   shapes: [{type: sphere, radius: 0.01, mass: 0.01}]
 """
-    found = names(fan.loads(ARM.replace("CONTACT", "true") + cuff))
-    assert not {("cuff", "upper"), ("cuff", "fore")} & found
-    assert not [pair for pair in found if set(pair) == {"cuff", "hand"}]
-    assert ("cuff", "floor") in found
+    pairs = names(fan.loads(ARM.replace("CONTACT", "true") + cuff))
+    assert not {("cuff", "upper"), ("cuff", "fore")} & pairs
+    assert not [pair for pair in pairs if set(pair) == {"cuff", "hand"}]
+    assert ("cuff", "floor") in pairs
 
 
-def test_where_a_puppet_stands_does_not_change_what_touches():
-    """Two free bodies overlap a little at the pose of their file: they touch all the same."""
+def test_the_place_of_a_puppet_does_not_change_its_contacts():
+    """Two free bodies overlap slightly at the pose of their file: they may touch nevertheless."""
     pair = loads("""
 puppet: pair
 contact: true
@@ -257,8 +257,8 @@ pose: {b.x: 0.1999}
 """)
     for at in ([0, 0, 0], [1, 0, 0]):
         member = {"name": "one", "puppet": pair, "at": at}
-        made = fan.Marionette(fan.Scene.model_validate({"scene": "s", "puppets": [member]}))
-        assert ("b", "a") in names(made)
+        scene_made = fan.Marionette(fan.Scene.model_validate({"scene": "s", "puppets": [member]}))
+        assert ("b", "a") in names(scene_made)
 
 
 def test_false_of_one_puppet_and_rules_of_another_differ(tmp_path):
@@ -280,10 +280,10 @@ def test_pairs_name_an_obstacle_that_two_copies_share(tmp_path):
 
 
 def test_rules_need_no_compilation():
-    """Friction changes nothing that is compiled."""
-    one, other = (loads(ARM.replace("CONTACT", c)) for c in ("true", "{friction: 0.9}"))
-    assert one.canonical(values=False) == other.canonical(values=False)
-    assert one.canonical() != other.canonical()
+    """Friction does not affect compiled code."""
+    first, other = (loads(ARM.replace("CONTACT", c)) for c in ("true", "{friction: 0.9}"))
+    assert first.canonical(values=False) == other.canonical(values=False)
+    assert first.canonical() != other.canonical()
 
 
 def test_obstacles_and_floors_need_no_compilation():

@@ -1,4 +1,4 @@
-"""Batches with contact: a lane makes the steps of a single run, whatever its neighbours do."""
+"""Batches with contact: a lane equals a single run, with any neighbours."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ pytestmark = pytest.mark.slow
 
 DT = 2e-3
 LAW = 1e-10
-"""Residual of the law up to which a solution counts as one."""
+"""Residual of the law below which a solution is accepted."""
 
 
 @pytest.fixture(scope="module")
 def stage() -> fan.Marionette:
-    """A figure with feet on two strings, a box that tips and a ball that bounces: three groups that
-    become one where they touch."""
+    """A figure with feet on two strings, a tipping box and a bouncing ball: three groups that
+    merge on contact.
+    """
     return fan.loads("""
 puppet: stage
 floor: 0
@@ -47,9 +48,10 @@ pose: {hips.z: 0.25, crate.x: 0.4, crate.z: 0.1, ball.x: -0.4, ball.z: 0.05}
 
 
 def states(stage: fan.Marionette, n: int, seed: int = 0) -> list[fan.State]:
-    """Standing, some with slipping feet, the crate on the ground or falling onto a foot, the ball
-    thrown, strings that snap taut."""
-    rng, found, x = np.random.default_rng(seed), [], stage.state()
+    """Standing figures, some with slipping feet, the crate on the ground or falling onto a foot,
+    a thrown ball, strings that snap taut.
+    """
+    rng, starts, x = np.random.default_rng(seed), [], stage.state()
     names = stage.coordinates.v_D
     for i in range(n):
         place = {"crate.x": 0.35 + 0.2 * rng.random(), "crate.z": 0.1 + 0.05 * (i % 3)}
@@ -57,8 +59,8 @@ def states(stage: fan.Marionette, n: int, seed: int = 0) -> list[fan.State]:
         v = 0.3 * rng.normal(size=len(x.v_D)) * (1.0 if i % 2 else 0.05)
         v[names.index("ball.z")] -= 1.0 * (i % 4 == 1)
         v[names.index("hips.x")] += 0.8 * (i % 3 == 2)
-        found.append(stage.state(place).replace(v_D=v))
-    return found
+        starts.append(stage.state(place).replace(v_D=v))
+    return starts
 
 
 def stepped(stage: fan.Marionette, starts: list[fan.State], steps: int) -> fan.Trajectories:
@@ -68,8 +70,8 @@ def stepped(stage: fan.Marionette, starts: list[fan.State], steps: int) -> fan.T
     )
 
 
-def test_lanes_keep_the_law_and_mind_no_neighbour(stage):
-    """The same bits in another order, in other company and alone, in 60 steps."""
+def test_lanes_keep_the_law_with_any_neighbours(stage):
+    """The bits are the same in another order, with other neighbours and alone, in 60 steps."""
     starts = states(stage, 21)
     whole = stepped(stage, starts, 60)
     assert np.all(whole.status == Status.DONE)
@@ -88,34 +90,35 @@ def test_lanes_keep_the_law_and_mind_no_neighbour(stage):
 
 
 def test_a_step_of_a_lane_is_that_of_a_single_run(stage):
-    """From the same states, with impacts, slipping feet, bounces and strings that catch. Where
-    several points slide, Coulomb's law may leave open how they share what they carry; in one of
-    these cases feet slide lightly under two strings, or stem and slacken one of them."""
+    """The states have impacts, slipping feet, bounces and catches. If several points slide,
+    Coulomb's law may not determine the shares of their load; in one of these cases feet slide
+    lightly under two strings, or push against and slacken one of them.
+    """
     method, touched, exact, several = fan.TimeStepping(dt=DT), 0, 0, 0
     run = stepped(stage, states(stage, 8, seed=1), 40)
     for k in (5, 20, 39):
         starts = [run.trajectory(i).state(k).replace(t=0.0) for i in range(8)]
         lanes = stepped(stage, starts, 1)
         for i, x in enumerate(starts):
-            one = fan.simulate(stage, x, t_end=DT, method=method)
-            contact = one.contact.at(len(one) - 1)
+            single = fan.simulate(stage, x, t_end=DT, method=method)
+            contact = single.contact.at(len(single) - 1)
             touched += len(contact) > 3
             shared = np.sum(np.linalg.norm(contact.velocity, axis=1) > 1e-5) > 1
             exact += not shared
             atol = 1e-5 if shared else 1e-8
-            same = np.allclose(lanes.v_D[i, 1], one.v_D[1], atol=atol) and np.allclose(
-                lanes.tension.values[i, 1], one.tension.values[1], atol=1e3 * atol
+            same = np.allclose(lanes.v_D[i, 1], single.v_D[1], atol=atol) and np.allclose(
+                lanes.tension.values[i, 1], single.tension.values[1], atol=1e3 * atol
             )
             if not same:
                 # Two motions, and the law holds for both.
                 assert shared, (k, i)
-                assert max(one.contact_residual[1], lanes.contact_residual[i, 1]) < LAW, (k, i)
+                assert max(single.contact_residual[1], lanes.contact_residual[i, 1]) < LAW, (k, i)
                 several += 1
     assert touched > 8 and exact > 5 and several <= 1
 
 
 def test_a_box_that_lands_and_rocks_in_lanes_is_that_of_a_single_run():
-    """From corner to edge to face: the same motion, impacts and ledger in 150 steps."""
+    """Contact from corner to edge to face: the same motion, impacts and ledger in 150 steps."""
     box = fan.loads("""
 puppet: box
 floor: 0
@@ -136,7 +139,7 @@ pose: {body.z: 0.08}
     lanes = stepped(box, starts, 150)
     assert np.nanmax(lanes.contact_residual) < LAW
     for i, start in enumerate(starts):
-        one = fan.simulate(box, start, t_end=150 * DT, method=fan.TimeStepping(dt=DT))
-        assert np.allclose(lanes.v_D[i], one.v_D, rtol=0, atol=1e-8), i
-        assert lanes.ledger.values[i] == pytest.approx(one.ledger.values, abs=1e-8), i
-        assert one.ledger["impact"][-1] > 1e-3
+        single = fan.simulate(box, start, t_end=150 * DT, method=fan.TimeStepping(dt=DT))
+        assert np.allclose(lanes.v_D[i], single.v_D, rtol=0, atol=1e-8), i
+        assert lanes.ledger.values[i] == pytest.approx(single.ledger.values, abs=1e-8), i
+        assert single.ledger["impact"][-1] > 1e-3

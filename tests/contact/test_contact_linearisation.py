@@ -1,4 +1,4 @@
-"""linearise where solids touch: forces are those of event-driven runs, derivatives differences."""
+"""linearise with contact: forces of event-driven runs, derivatives by differences."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
 
 def check(puppet: fan.Marionette, x: fan.State, modes: list[str], bound: float) -> None:
-    """Accelerations and forces, and their derivatives with the modes held, by everything."""
+    """Accelerations and forces, and all their derivatives with the modes held."""
     t = puppet.coordinates
     acc_K, u_D = np.zeros(t.n_vK), np.zeros(t.n_vD)
     lin = puppet.linearise(x)
@@ -30,18 +30,18 @@ def check(puppet: fan.Marionette, x: fan.State, modes: list[str], bound: float) 
         there = x.replace(
             q_D=moved(x.q_D, none + q_D, t.scalars_D, t.quaternions_D), v_D=x.v_D + v_D
         )
-        found = puppet.linearise(there, acc_K, u_D + u, lin.rows, lin.contacts)
-        return np.concatenate([found.acc_D, *(point.force for point in found.contacts)])
+        changed = puppet.linearise(there, acc_K, u_D + u, lin.rows, lin.contacts)
+        return np.concatenate([changed.acc_D, *(point.force for point in changed.contacts)])
 
     for name in ("q_D", "v_D", "u_D"):
-        found = np.concatenate([getattr(lin.acc, name), getattr(lin.push, name)])
+        derivative = np.concatenate([getattr(lin.acc, name), getattr(lin.push, name)])
         key = name.removesuffix("_D") if name == "u_D" else name
         wanted = difference(lambda d, key=key: at(**{key: d}), t.n_vD, 1e-4)
-        assert worst(found, wanted) < bound, name
+        assert worst(derivative, wanted) < bound, name
 
 
 def rolling(puppet: fan.Marionette, place: dict[str, float], w: np.ndarray, arm: np.ndarray):
-    """A state that rolls about its point of contact, at ``arm`` from its frame."""
+    """A state that rolls about its point of contact, at `arm` from its frame."""
     v = -np.cross(w, arm)
     body = next(iter(place)).split(".")[0]
     names = ("x", "y", "z", "wx", "wy", "wz")
@@ -58,7 +58,7 @@ def test_a_ball_whose_mass_lies_off_its_frame_rolls_and_slides():
 
 
 def test_an_egg_rolls_on_a_floor_and_on_a_dome():
-    """Curvature of both surfaces changes along the way."""
+    """The curvature of both surfaces changes along the path."""
     egg = fan.loads(EGG)
     arm = np.array([0.0, 0.0, -0.05])
     w = np.array([3.0, 2.0, 1.0])
@@ -70,31 +70,32 @@ def test_an_egg_rolls_on_a_floor_and_on_a_dome():
 
 
 def test_a_rolling_ball_by_its_closed_form():
-    """On a slope it gathers 5/7 of gravity along it, and nothing of its velocity matters."""
+    """Its acceleration on a slope is 5/7 of gravity along it, independent of its velocity."""
     ball = on_slope(0.2, 0.5, "sphere")
     x = thrown(ball, {"body.z": 0.1}, {"body.x": 1.0, "body.wy": 10.0})
     lin = ball.linearise(x)
     assert lin.acc_D[0] == pytest.approx(5 / 7 * G * np.sin(0.2), rel=1e-10)
-    # A force at its middle moves it by 5/7 of force/mass, a couple by 5/7 of couple/(mass radius).
+    # A force at its middle accelerates it by 5/7 of force/mass, a couple by 5/7 of couple/(mass
+    # radius).
     assert lin.acc.u_D[0, 0] == pytest.approx(5 / 7, rel=1e-10)
     assert lin.acc.u_D[0, 4] == pytest.approx(5 / 7 / 0.1, rel=1e-10)
     assert np.max(np.abs(lin.acc.v_D[:, [0, 4]] @ [1.0, 10.0])) < 1e-9
 
 
 def test_a_hanging_puppet_s_modes_are_named():
-    """The bundled marionette on its soles: the motion is held by strings, knees and both feet.
+    """The bundled marionette on its soles: strings, knees and both feet constrain the motion.
 
-    Soles that lie flat touch with two or four corners, as the last bits of the pose have it.
+    Flat soles touch with two or four corners, depending on the last bits of the pose.
     """
     puppet = fan.puppets.promenade()
     lin = puppet.linearise(puppet.rest())
     assert {point.mode for point in lin.contacts} == {"stick"} and len(lin.contacts) in (4, 8)
     assert {point.name for point in lin.contacts} == {"shin_left|floor", "shin_right|floor"}
     assert lin.sharp and "head" in lin.rows
-    assert np.max(np.abs(lin.acc_D)) < 1e-5  # as exactly as rest() finds it
+    assert np.max(np.abs(lin.acc_D)) < 1e-5  # to the accuracy of rest()
 
 
-def test_what_has_no_derivative_says_so():
+def test_states_without_a_derivative_are_refused():
     box = fan.loads(BOX)
     assert box.linearise(box.state({"body.z": 0.05})).sharp
     with pytest.raises(fan.errors.StateError, match="share force among"):

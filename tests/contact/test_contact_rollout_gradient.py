@@ -32,7 +32,7 @@ class Case:
     def of(
         cls, puppet: fan.Marionette, x: fan.State, n: int, seed: int | None = None, acc: float = 1.0
     ) -> Case:
-        """With random inputs, or none."""
+        """Case with random inputs, or none."""
         t, rng = puppet.coordinates, np.random.default_rng(seed)
         size = 0.0 if seed is None else 1.0
         inputs = rng.normal(size=(n, t.n_vK)), rng.normal(size=(n, t.n_vD))
@@ -46,7 +46,7 @@ class Case:
 
 
 def weights(run: fan.dynamics.Rollout) -> tuple[list[np.ndarray], np.ndarray]:
-    """Of a linear cost: of the states (q_D, v_D, q_K, v_K) and of the tensions."""
+    """Weights of a linear cost: of the states (q_D, v_D, q_K, v_K) and of the tensions."""
     t, rng = run.coordinates, np.random.default_rng(2)
     widths = (t.n_vD, t.n_vD, t.n_vK, t.n_vK)
     tension = 0.01 * rng.normal(size=run.tension.shape)
@@ -57,16 +57,16 @@ def check_products(case: Case) -> fan.dynamics.Rollout:
     """A sweep is the product of the derivatives of all steps."""
     run = case.rollout(extrapolate=False)
     own, by_tension = weights(run)
-    found = run.gradient(*own, by_tension)
+    gradient = run.gradient(*own, by_tension)
     for name, wanted in swept(case.puppet, run, case.acc, case.force, own, by_tension).items():
         size = np.max(np.abs(wanted), initial=1e-6)
-        assert np.allclose(getattr(found, name), wanted, rtol=0, atol=1e-9 * size), name
+        assert np.allclose(getattr(gradient, name), wanted, rtol=0, atol=1e-9 * size), name
     return run
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Of differences by each quantity."""
+    """Steps of differences by each quantity."""
 
     q_D: float = 1e-6
     v_D: float = 1e-6
@@ -78,13 +78,14 @@ class Steps:
 
 
 def check_differences(case: Case, steps: Steps = Steps()) -> fan.dynamics.Rollout:
-    """Along random directions to 1e-7, with the time-stepper's extrapolation.
+    """Agreement along random directions to 1e-7, with the time-stepper's extrapolation.
 
-    In each step the same rows are held, and as many points push and slide, in all rollouts.
+    In each step the active rows and the numbers of sticking and sliding points are the same in all
+    rollouts.
     """
     puppet, t, run = case.puppet, case.puppet.coordinates, case.rollout()
     own, by_tension = weights(run)
-    found = run.gradient(*own, by_tension)
+    gradient = run.gradient(*own, by_tension)
     rng = np.random.default_rng(3)
 
     def cost(at: fan.dynamics.Rollout) -> float:
@@ -95,7 +96,9 @@ def check_differences(case: Case, steps: Steps = Steps()) -> fan.dynamics.Rollou
         return float(sum(np.sum(w * d) for w, d in parts) + pulls)
 
     def changed(name: str, d: np.ndarray) -> float:
-        by = {f.name: np.zeros_like(getattr(found, f.name)) for f in dataclasses.fields(found)}
+        by = {
+            f.name: np.zeros_like(getattr(gradient, f.name)) for f in dataclasses.fields(gradient)
+        }
         by[name] = d
         x = case.x
         there = x.replace(
@@ -112,21 +115,21 @@ def check_differences(case: Case, steps: Steps = Steps()) -> fan.dynamics.Rollou
         return cost(at)
 
     for name, h in dataclasses.asdict(steps).items():
-        values = getattr(found, name)
+        values = getattr(gradient, name)
         if not values.size:
             continue
         d = rng.normal(size=values.shape)
-        one, two = (
+        fine, coarse = (
             (changed(name, k * h * d) - changed(name, -k * h * d)) / (2 * k * h) for k in (1, 2)
         )
         terms = values * d
-        error = abs(np.sum(terms) - (4 * one - two) / 3) / np.sum(np.abs(terms))
+        error = abs(np.sum(terms) - (4 * fine - coarse) / 3) / np.sum(np.abs(terms))
         assert error < 1e-7, (name, error)
     return run
 
 
 def acrobat(seed: int, n: int = 30, slack: float = 0.0) -> Case:
-    """On one leg on a tray that is driven and turns; its rope is slack at first [m]."""
+    """One leg stands on a driven, turning tray; the rope is slack at first [m]."""
     puppet = fan.loads(ACROBAT)
     z = 0.02 + 0.2 * np.cos(0.2) - 0.06
     x = puppet.state({"body.z": z, "leg": 0.2, "rope.length": 1.2 - z + slack})
@@ -136,7 +139,7 @@ def acrobat(seed: int, n: int = 30, slack: float = 0.0) -> Case:
     return Case.of(puppet, x.replace(v_K=v_K, v_D=v_D), n, seed)
 
 
-def test_a_box_that_slides_stops_where_its_speed_says():
+def test_a_sliding_box_stops_at_the_distance_of_its_speed():
     """Until it sticks, x+ = x + dt v+ and v+ = v + (u/m - mu g) dt; then it stays."""
     box = fan.loads(BOX)
     n = 30
@@ -147,15 +150,15 @@ def test_a_box_that_slides_stops_where_its_speed_says():
     assert (run.n_contacts == 4).all()
     last = np.zeros((n + 1, 6))
     last[-1, 0] = 1.0
-    found = run.gradient(q_D=last)
-    assert found.q_D[0] == pytest.approx(1.0, abs=1e-12)
-    assert found.v_D[0] == pytest.approx(slid * DT, abs=1e-12)
+    gradient = run.gradient(q_D=last)
+    assert gradient.q_D[0] == pytest.approx(1.0, abs=1e-12)
+    assert gradient.v_D[0] == pytest.approx(slid * DT, abs=1e-12)
     by_u = np.maximum(slid - np.arange(n), 0) * DT**2
-    assert np.allclose(found.u_D[:, 0], by_u, rtol=0, atol=1e-12)
+    assert np.allclose(gradient.u_D[:, 0], by_u, rtol=0, atol=1e-12)
 
 
-def test_a_ball_that_bounces_turns_the_derivative_of_its_speed():
-    """dv/dv0 = dz/dz0 = -e after the impact, and dz/dv0 = -e t, as the touch is later or not."""
+def test_a_bounce_reverses_the_derivative_of_the_speed():
+    """dv/dv0 = dz/dz0 = -e after the impact, and dz/dv0 = -e t, for a later touch or none."""
     balls = fan.loads(BALLS)
     n = 40
     x = thrown(balls, {"a.z": 0.115, "b.z": 5.0}, {"a.z": -1.0})
@@ -171,20 +174,20 @@ def test_a_ball_that_bounces_turns_the_derivative_of_its_speed():
     assert by_z.q_D[2] == pytest.approx(-0.5, abs=1e-9)
 
 
-def test_a_landing_forgets_how_high_it_began():
-    """Without restitution a ball comes to rest on the floor, whatever height and speed it had."""
+def test_a_landing_does_not_depend_on_its_height():
+    """Without restitution a ball comes to rest on the floor, from any height and speed."""
     ball = fan.loads(BALL.replace("at: [0.02, 0.01, 0.03], ", ""))
     run = Case.of(ball, thrown(ball, {"body.z": 0.103}, {"body.z": -0.5}), 20).rollout()
     assert 0 < np.sum(run.n_contacts == 0) < 5
     last = np.zeros((21, 6))
     last[-1, 2] = 1.0
-    found = run.gradient(q_D=last, v_D=last)
-    assert np.allclose([found.q_D[2], found.v_D[2]], 0.0, rtol=0, atol=1e-9)
-    assert np.allclose(found.u_D, 0.0, rtol=0, atol=1e-9)
+    gradient = run.gradient(q_D=last, v_D=last)
+    assert np.allclose([gradient.q_D[2], gradient.v_D[2]], 0.0, rtol=0, atol=1e-9)
+    assert np.allclose(gradient.u_D, 0.0, rtol=0, atol=1e-9)
 
 
 def test_a_sweep_is_the_product_of_all_steps():
-    """Of steps that depend on their state alone: sticking, sliding, redundant, on a driven tray."""
+    """Steps depend on their state alone: sticking, sliding, redundant, on a driven tray."""
     box, ball, stack = fan.loads(BOX), fan.loads(BALL), fan.loads(STACK)
     run = check_products(Case.of(box, thrown(box, {"body.z": 0.05}, {"body.x": 0.1}), 30))
     assert set(run.n_sliding) == {0, 4}
@@ -196,7 +199,7 @@ def test_a_sweep_is_the_product_of_all_steps():
     assert set(run.n_contacts) == {0, 1} and run.held.any()
 
 
-def test_it_is_what_differences_of_rollouts_give():
+def test_gradients_agree_with_differences_of_rollouts():
     """A landing and rolling, a landing and sliding, a bounce off a ball, a capsule that slides."""
     ball, balls, capsule = fan.loads(BALL), fan.loads(BALLS), fan.loads(CAPSULE)
     above = {"body.z": 0.075}
@@ -217,7 +220,7 @@ def test_it_is_what_differences_of_rollouts_give():
 
 @pytest.mark.parametrize(("seed", "slack", "slides"), [(1, 0.0, 5), (27, 0.001, 0), (2, 0.002, 1)])
 def test_differences_on_a_tray_and_a_rope_that_catches(seed, slack, slides):
-    """The rope takes the leg off the turning tray; parameters move joints and set a mass."""
+    """The rope lifts the leg off the turning tray; parameters move joints and set a mass."""
     steps = Steps(q_D=1e-7, v_D=1e-5, q_K=1e-7, v_K=1e-5, acc_K=1e-3, u_D=1e-4, p=1e-7)
     run = check_differences(acrobat(seed, 20, slack), steps)
     assert run.n_sliding.sum() == slides
@@ -237,7 +240,7 @@ def test_the_bundled_marionette_on_its_feet():
 
 
 def test_the_rollout_is_that_of_the_stepper():
-    """What is kept of the contacts does not change what follows."""
+    """The recorded contacts do not change later steps."""
     case = acrobat(27, 20)
     run = case.rollout()
     stepper = case.puppet.stepper(case.x, fan.TimeStepping(dt=DT))
@@ -248,7 +251,7 @@ def test_the_rollout_is_that_of_the_stepper():
 
 
 def test_a_rollout_without_a_gradient_says_at_which_step_and_pair():
-    """Where linearise_step refuses a step."""
+    """The refusals are those of linearise_step."""
     box = fan.loads(BOX)
     x = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.5}).replace(t=2.0)
     run = box.rollout(x, np.zeros((3, 0)))
@@ -260,7 +263,7 @@ def test_a_rollout_without_a_gradient_says_at_which_step_and_pair():
 
 
 def test_steps_on_an_edge_are_named():
-    """A ball that a force just carries touches without force: its gradient is of one side."""
+    """A ball that a force just supports touches without force: its gradient is one-sided."""
     ball = fan.loads(BALL)
     lift = np.zeros(6)
     lift[2] = G

@@ -1,4 +1,4 @@
-"""Runs with contact: what they report, keep, refuse and survive."""
+"""Runs with contact: reports, files, refusals and robustness."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def box() -> fan.Marionette:
 
 
 def tumbling(box: fan.Marionette, n: int) -> list[fan.State]:
-    """Boxes above the floor, turned and spinning."""
+    """Rotated, spinning boxes above the floor."""
     rng = np.random.default_rng(5)
     states = []
     for q in rng.normal(size=(n, 4)):
@@ -40,20 +40,20 @@ def tumbling(box: fan.Marionette, n: int) -> list[fan.State]:
 
 
 def test_a_lane_does_not_depend_on_its_neighbours(box):
-    """Alone, in company, and as other lanes: the same bits; and what a scalar run gives."""
+    """Alone, with others, and as other lanes: the same bits, close to those of a scalar run."""
     states = tumbling(box, 11)
     about = {"t_end": 0.5, "method": fan.TimeStepping(dt=DT), "save": "all", "save_every": 1}
     whole = fan.simulate_batch(box, states, **about)
     assert np.all(whole.status == Status.DONE)
     turned = fan.simulate_batch(box, states[::-1], **about)
     assert np.array_equal(whole.q_D, turned.q_D[::-1])
-    one = stepped(box, states[4], 0.5, DT)
-    assert np.allclose(whole.q_D[4, 1], one.q_D[1], atol=1e-12)
-    assert np.allclose(whole.q_D[4], one.q_D, atol=1e-4)
-    assert np.allclose(whole.ledger["friction"][4], one.ledger["friction"], atol=1e-3)
+    single = stepped(box, states[4], 0.5, DT)
+    assert np.allclose(whole.q_D[4, 1], single.q_D[1], atol=1e-12)
+    assert np.allclose(whole.q_D[4], single.q_D, atol=1e-4)
+    assert np.allclose(whole.ledger["friction"][4], single.ledger["friction"], atol=1e-3)
 
 
-def test_the_books_close_and_energy_never_rises(box):
+def test_the_ledger_balances_and_energy_never_rises(box):
     for x in tumbling(box, 4):
         run = stepped(box, x, 1.0, DT)
         energy = run.ledger["kinetic"] + run.ledger["potential"]
@@ -66,7 +66,7 @@ def test_the_books_close_and_energy_never_rises(box):
 
 
 def test_forces_of_contact_carry_the_weight_and_obey_the_cone(box):
-    """Sliding bodies do not lift: the normal force is the weight's share, not more."""
+    """Sliding bodies do not lift: the normal force is the share of the weight, not more."""
     x0 = thrown(box, {"body.z": 0.05}, {"body.x": 1.0})
     run = stepped(box, x0, 0.3, DT)
     contact = run.contact
@@ -87,7 +87,7 @@ def test_forces_of_contact_carry_the_weight_and_obey_the_cone(box):
         contact.of("flor")
 
 
-def test_contact_is_saved_resampled_and_told_as_events(box, tmp_path):
+def test_contact_is_saved_resampled_and_reported_as_events(box, tmp_path):
     run = stepped(box, tumbling(box, 1)[0], 0.5, DT)
     assert {"touch"} <= {event.kind for event in run.events}
     assert {event.name for event in run.events} == {"body|floor"}
@@ -96,9 +96,9 @@ def test_contact_is_saved_resampled_and_told_as_events(box, tmp_path):
     for name in ("sample", "pair", "gap", "point", "normal", "force", "velocity"):
         assert np.array_equal(getattr(again.contact, name), getattr(run.contact, name))
     assert again.contact.names == run.contact.names
-    some = run.resample(run.t[100:200:10])
-    assert len(some.contact.at(3)) == len(run.contact.at(130))
-    assert np.array_equal(some.contact.at(3).force, run.contact.at(130).force)
+    resampled = run.resample(run.t[100:200:10])
+    assert len(resampled.contact.at(3)) == len(run.contact.at(130))
+    assert np.array_equal(resampled.contact.at(3).force, run.contact.at(130).force)
 
 
 def test_a_damaged_file_of_contact_is_refused(box, tmp_path):
@@ -112,7 +112,7 @@ def test_a_damaged_file_of_contact_is_refused(box, tmp_path):
         fan.Trajectory.load(tmp_path / "bad.npz")
 
 
-def test_copies_of_a_stepper_go_on_to_the_same_bits(box):
+def test_copies_of_a_stepper_continue_to_the_same_bits(box):
     stepper = box.stepper(tumbling(box, 1)[0], method=fan.TimeStepping(dt=DT))
     stepper.advance(0.3)
     others = copy.copy(stepper), copy.deepcopy(stepper), pickle.loads(pickle.dumps(stepper))
@@ -124,7 +124,7 @@ def test_copies_of_a_stepper_go_on_to_the_same_bits(box):
         assert np.array_equal(other.contacts, stepper.contacts)
 
 
-def test_methods_that_know_no_contact_say_so(box):
+def test_methods_without_contact_refuse_it(box):
     x = box.state({"body.z": 0.5})
     with pytest.raises(fan.errors.StateError, match="take method='event' or 'timestepping'"):
         fan.simulate(box, x, t_end=0.1, method="variational")
@@ -142,11 +142,11 @@ def test_the_advice_to_leave_contact_out_names_a_file_that_can_be_copied(tmp_pat
     text = Path(named).read_text(encoding="utf-8")
     copy_of = tmp_path / "promenade.yaml"
     copy_of.write_text(re.sub(r"^contact: .*$", "contact: false", text, flags=re.MULTILINE))
-    made = scene_file.load(copy_of)
-    assert made.touching is None and made.members == scene.puppet.members
+    copied = scene_file.load(copy_of)
+    assert copied.touching is None and copied.members == scene.puppet.members
 
 
-def test_a_plan_keeps_clear_of_what_a_puppet_with_contact_may_touch():
+def test_a_plan_avoids_contact_by_default():
     """It is the plan of the same puppet without contact."""
     text = puppets.path("arm2d").read_text(encoding="utf-8")
     arm = fan.loads(f"{text}\ncontact: true\nfloor: -2.0\n")
@@ -164,8 +164,8 @@ def test_a_start_in_which_solids_overlap_is_refused_by_name(box):
         stepped(box, box.state({"body.z": 0.03}), 0.1, DT)
 
 
-def test_rest_is_what_the_puppet_comes_to_on_what_carries_it(box):
-    """A box let go askew comes to lie, and stays; hanging puppets hang as before."""
+def test_rest_is_the_final_state_on_the_support(box):
+    """A tilted box comes to lie, and stays; hanging puppets hang as before."""
     x = box.rest({"body.z": 0.12, "body.rotation": (0.95, 0.1, 0.25, 0.1)})
     run = stepped(box, x, 1.0, DT)
     assert np.max(np.abs(run.q_D - x.q_D)) < 1e-6
@@ -175,8 +175,8 @@ def test_rest_is_what_the_puppet_comes_to_on_what_carries_it(box):
         slides.rest({"body.z": 0.05})
 
 
-def test_restitution_gives_back_its_share_until_the_ball_rests():
-    """Heights fall by e^2 each time; all is over by sqrt(2 h/g) (1 + e) / (1 - e)."""
+def test_bounces_with_restitution_end_at_rest():
+    """Heights decrease by e^2 each time; all ends by sqrt(2 h/g) (1 + e) / (1 - e)."""
     ball = fan.loads("""
 puppet: ball
 floor: 0
@@ -185,7 +185,7 @@ bodies:
 - {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 2}]}
 """)
     h, e = 0.5, 0.7
-    # A bounce at v is short by 2 g dt/v of its energy on average.
+    # The energy of a bounce at v is too small by 2 g dt/v on average.
     run = stepped(ball, ball.state({"ball.z": 0.1 + h}), 2.5, 1.25e-4)
     z, v = run["ball.z"] - 0.1, run["v:ball.z"]
     tops = z[np.flatnonzero((v[:-1] > 0) & (v[1:] <= 0))]
@@ -198,8 +198,8 @@ bodies:
     assert np.all(np.diff(energy) < 1e-4)
 
 
-def test_two_hung_puppets_that_collide_keep_their_momentum_along_what_they_are_free_in():
-    """Two bobs on long strings meet: no outer impulse acts along x."""
+def test_colliding_hung_puppets_keep_their_momentum_in_free_directions():
+    """Two bobs on long strings meet: no external impulse acts along x."""
     pair = fan.loads("""
 puppet: cradle
 contact: {friction: 0.2}
@@ -231,7 +231,7 @@ pose: {a.x: -0.05, b.x: 0.05}
     assert energy[-1] <= energy[0] + 1e-9
 
 
-def test_more_points_than_there_is_room_for_end_the_run():
+def test_too_many_points_end_the_run():
     """Seventeen boxes lie on the floor with four points each: 68."""
     bodies = "\n".join(
         f"- {{name: b{k}, joint: {{type: free}}, shapes: [{{type: box, size: [0.1, 0.1, 0.1], "
@@ -256,7 +256,7 @@ pose: {load.z: 0.1}
 """
 
 
-def test_effort_carries_what_lies_on_a_driven_body():
+def test_effort_includes_the_load_of_a_driven_body():
     plate = fan.loads(PLATE.replace("RESTITUTION", "0"))
     run = stepped(plate, plate.state(), 0.2, DT)
     assert np.allclose(run.effort["plate"][2:], 5 * G, rtol=1e-6)
@@ -272,7 +272,7 @@ def test_a_load_with_restitution_rests_on_a_platform_that_accelerates():
     assert np.allclose(force, 2 * (G + of_step), atol=0.05)
 
 
-def test_an_impact_in_the_first_step_is_booked(box):
+def test_the_ledger_has_an_impact_in_the_first_step(box):
     ball = on_slope(0.0, 0.3, "sphere")
     for gap in (1e-6, 1e-3, 2e-3):
         x0 = thrown(ball, {"body.z": 0.1 + gap}, {"body.z": -3.0})
@@ -282,7 +282,7 @@ def test_an_impact_in_the_first_step_is_booked(box):
 
 
 def test_restitution_with_friction_adds_no_energy():
-    """Newton's law of impact alone would: Kane's double pendulum that strikes the floor."""
+    """Newton's law of impact alone would: Kane's double pendulum that hits the floor."""
     pendulum = fan.loads(
         """
 puppet: kane
@@ -308,14 +308,15 @@ bodies:
         energy = run.ledger["kinetic"] + run.ledger["potential"]
         struck += run.ledger["impact"][-1] > 0.1
         assert np.all(np.diff(energy) < 2e-3 * energy[0])
-        # What gravity does in the step of an impact is no part of it: a little may be negative.
+        # The work of gravity in the step of an impact is separate: a small negative part is
+        # possible.
         assert np.all(np.diff(run.ledger["impact"]) > -2e-6 * energy[0])
         assert np.all(np.diff(run.ledger["friction"]) > -1e-12)
     assert struck > 3
 
 
-def test_overlaps_that_last_end_overstepped():
-    """A driven plate presses a ball into the floor: nothing else gives way."""
+def test_persistent_overlaps_end_overstepped():
+    """A driven plate presses a ball into the floor, which cannot yield."""
     press = fan.loads("""
 puppet: press
 floor: 0
@@ -349,7 +350,7 @@ def test_damaged_contacts_of_a_recording_are_refused(box, tmp_path):
 
 
 def test_the_residual_of_the_law_is_a_column(box, tmp_path):
-    """At most 1e-10 at rest and sliding, 0 where nothing touches; saved, resampled, in batches."""
+    """It is at most 1e-10 at rest and sliding, 0 without contact; saved, resampled, in batches."""
     falls = box.state({"body.z": 0.055})
     slides = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.wz": 4.0})
     for x0 in (box.state({"body.z": 0.05}), slides, falls):
@@ -377,7 +378,7 @@ def test_the_residual_of_the_law_is_a_column(box, tmp_path):
 
 
 def test_sharing_changes_no_motion_and_no_sum(box):
-    """What is written every step and what is written once: the same bits of the motion."""
+    """The bits of the motion are the same for results written in every step or only once."""
     x0 = tumbling(box, 1)[0]
     often = stepped(box, x0, 0.5, DT)
     seldom = fan.simulate(box, x0, t_end=0.5, method=fan.TimeStepping(dt=DT), save_every=100)
@@ -414,13 +415,13 @@ bodies:
 - {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 2}]}
 """)
     run = stepped(ball, thrown(ball, {"ball.z": 0.1}, {"ball.x": 3.0}), 0.7, DT)
-    found = [kind for kind, name in kinds(run) if name == "ball|table"]
-    assert found[0] == "stick" and found[-1] == "lift"
+    kinds_of_events = [kind for kind, name in kinds(run) if name == "ball|table"]
+    assert kinds_of_events[0] == "stick" and kinds_of_events[-1] == "lift"
     assert abs(run.events[0].t - 2 * 3.0 / (7 * 0.3 * G)) < 0.01
 
 
 def test_a_body_of_several_shapes_touches_once():
-    """Events are told of what meets by name, whichever of its shapes touch."""
+    """Events name the bodies, for contact of any of their shapes."""
     stool = fan.loads("""
 puppet: stool
 floor: 0
@@ -437,5 +438,5 @@ bodies:
     assert len(set(run.contact.pair)) == 2
     tilted = stool.state({"stool.z": 0.15, "stool.rotation": (0.98, 0.0, 0.199, 0.0)})
     run = stepped(stool, tilted, 0.8, DT)
-    found = [kind for kind, _ in kinds(run) if kind in ("touch", "lift")]
-    assert found == ["touch", "lift"] * (len(found) // 2) + ["touch"]
+    kinds_of_events = [kind for kind, _ in kinds(run) if kind in ("touch", "lift")]
+    assert kinds_of_events == ["touch", "lift"] * (len(kinds_of_events) // 2) + ["touch"]

@@ -38,7 +38,7 @@ CRATE, RUNNER = "box, size: [0.2, 0.3, 0.1]", "sphere, radius: 0.05"
 
 
 def tangent(puppet: fan.Marionette, base: fan.State, x: fan.State) -> np.ndarray:
-    """(2 n_vD,) from one state to another."""
+    """(2 n_vD,) tangent vector from one state to another."""
     t = puppet.coordinates
     q = apart(base.q_D, x.q_D, t.n_vD, t.scalars_D, t.quaternions_D)
     return np.concatenate([q, x.v_D - base.v_D])
@@ -78,15 +78,15 @@ def check(
     step: float = 1e-4,
     bound: float = 1e-7,
 ):
-    """The last x0 is a difference of runs, but along the directions ``drop``."""
-    found = fan.dynamics.sensitivity(puppet, x, t_end=t_end)
-    assert [event.kind for event in found.run.events] == events
-    assert found.sharp
-    kept = np.setdiff1d(np.arange(2 * puppet.coordinates.n_vD), drop)
-    directions = np.eye(2 * puppet.coordinates.n_vD)[:, kept]
+    """The last x0 agrees with a difference of runs, except along the directions `drop`."""
+    result = fan.dynamics.sensitivity(puppet, x, t_end=t_end)
+    assert [event.kind for event in result.run.events] == events
+    assert result.sharp
+    directions_kept = np.setdiff1d(np.arange(2 * puppet.coordinates.n_vD), drop)
+    directions = np.eye(2 * puppet.coordinates.n_vD)[:, directions_kept]
     wanted = by_start(puppet, x, t_end, directions, step)
-    assert worst(found.x0[-1] @ directions, wanted) < bound
-    return found
+    assert worst(result.x0[-1] @ directions, wanted) < bound
+    return result
 
 
 def bounced(z, v, t_end: float, e: float):
@@ -100,23 +100,23 @@ def bounced(z, v, t_end: float, e: float):
         z, v, t = 0.1, -e * (v - G * rest), t + rest
 
 
-def test_a_ball_that_bounces_by_complex_steps_through_its_closed_form():
+def test_a_bouncing_ball_agrees_with_complex_steps_through_its_closed_form():
     puppet = fan.loads(BOUNCE)
     x = thrown(puppet, {"ball": 0.6}, {"ball": 0.2})
-    found = fan.dynamics.sensitivity(puppet, x, t_end=0.9)
-    assert len(found.passages) == 2 and found.sharp
+    result = fan.dynamics.sensitivity(puppet, x, t_end=0.9)
+    assert len(result.passages) == 2 and result.sharp
     wanted = np.array(
         [bounced(0.6 + 1e-30j * a, 0.2 + 1e-30j * b, 0.9, 0.6).imag / 1e-30 for a, b in np.eye(2)]
     ).T
-    assert worst(found.x0[-1], wanted) < 1e-8
-    first = found.passages[0]
+    assert worst(result.x0[-1], wanted) < 1e-8
+    first = result.passages[0]
     assert first.rows == ("ball|floor",)
     by_hand = np.array([[-0.6, 0.0], [1.6 * G / first.speed, -0.6]])
     assert worst(first.jump, by_hand) < 1e-9
 
 
 def test_a_sled_that_slides_to_a_stop():
-    """Its way is v^2/2a along its velocity; where it stops it stays."""
+    """Its displacement is v^2/2a along its velocity; then it stays."""
     gravity, mu, normal = 1.9, 0.4, 9.6
     puppet = fan.loads(SLED % (gravity, mu, CRATE))
     straight = check(
@@ -131,22 +131,22 @@ def test_a_sled_that_slides_to_a_stop():
 
 
 def test_a_sled_pushed_up_a_steep_slope_turns_back():
-    """The direction of friction turns round where it stops, and its acceleration jumps."""
+    """The direction of friction reverses at the stop, and its acceleration jumps."""
     puppet = fan.loads(SLED % (6.0, 0.3, RUNNER))
     x = thrown(puppet, {"sled.z": 0.05}, {"sled.x": -1.0})
-    found = check(puppet, x, 0.3, ["slide", "slide"], (2, 5))
-    assert len(found.passages) == 1
+    result = check(puppet, x, 0.3, ["slide", "slide"], (2, 5))
+    assert len(result.passages) == 1
     up, down = 6.0 + 0.3 * 9.6, 6.0 - 0.3 * 9.6
     # v = down (t - 1/up v0) from the turn on.
-    assert found.x0[-1][3, 3] == pytest.approx(down / up, rel=1e-7)
+    assert result.x0[-1][3, 3] == pytest.approx(down / up, rel=1e-7)
 
 
 def test_a_ball_thrown_sliding_comes_to_roll():
-    """At 5/7 of its speed."""
+    """It rolls at 5/7 of its speed."""
     puppet = on_slope(0.0, 0.3, "sphere")
     x = thrown(puppet, {"body.z": 0.1}, {"body.x": 1.0})
-    found = fan.dynamics.sensitivity(puppet, x, t_end=0.2)
-    assert found.x0[-1][6, 6] == pytest.approx(5 / 7, rel=1e-8)
+    result = fan.dynamics.sensitivity(puppet, x, t_end=0.2)
+    assert result.x0[-1][6, 6] == pytest.approx(5 / 7, rel=1e-8)
     curved = {"body.x": 1.0, "body.y": 0.3, "body.wx": 5.0, "body.wz": 2.0}
     check(puppet, thrown(puppet, {"body.z": 0.1}, curved), 0.3, ["slide", "stick"], (2, 8))
 
@@ -170,7 +170,7 @@ bodies:
 
 
 def test_a_ball_leaves_a_dome():
-    """With friction: it sticks, slides and lifts."""
+    """It sticks, slides and lifts, with friction."""
     puppet = fan.loads("""
 puppet: dome
 obstacles: [{name: dome, type: sphere, radius: 0.5, at: [0, 0, 0]}]
@@ -180,18 +180,18 @@ bodies: [{name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mas
     c, s = np.cos(0.5), np.sin(0.5)
     speed = {"b.x": 0.8 * c, "b.z": -0.8 * s, "b.y": 0.2}
     x = thrown(puppet, {"b.x": 0.6 * s, "b.z": 0.6 * c}, speed)
-    found = fan.dynamics.sensitivity(puppet, x, t_end=0.45)
-    assert [event.kind for event in found.run.events] == ["slide", "lift"]
-    assert found.sharp and not found.passages
+    result = fan.dynamics.sensitivity(puppet, x, t_end=0.45)
+    assert [event.kind for event in result.run.events] == ["slide", "lift"]
+    assert result.sharp and not result.passages
     directions = np.zeros((12, 4))
     directions[9:12, :3] = np.eye(3)
     directions[[6, 8], 3] = c, -s
     wanted = by_start(puppet, x, 0.45, directions, 1e-4)
-    assert worst(found.x0[-1] @ directions, wanted) < 1e-7
+    assert worst(result.x0[-1] @ directions, wanted) < 1e-7
 
 
 def test_a_ladder_leaves_its_wall():
-    """By the angle at which it begins, and by its first angular velocity."""
+    """Derivatives by the initial angle and the initial angular velocity."""
     puppet, x = ladder(1.0)
     t = puppet.coordinates
 
@@ -199,8 +199,8 @@ def test_a_ladder_leaves_its_wall():
         ends = [ladder(angle + d)[1].q_D for d in (-1e-5, 1e-5)]
         return apart(ends[0], ends[1], 6, t.scalars_D, t.quaternions_D) / 2e-5
 
-    found = fan.dynamics.sensitivity(puppet, x, t_end=0.4)
-    assert [event.kind for event in found.run.events] == ["lift"]
+    result = fan.dynamics.sensitivity(puppet, x, t_end=0.4)
+    assert [event.kind for event in result.run.events] == ["lift"]
     base = last(puppet, x, 0.4)
 
     def end(d: np.ndarray) -> np.ndarray:
@@ -209,7 +209,7 @@ def test_a_ladder_leaves_its_wall():
 
     directions = np.zeros((12, 2))
     directions[:6, 0] = directions[6:, 1] = along(1.0)
-    assert worst(found.x0[-1] @ directions, difference(end, 2, 1e-4)) < 1e-7
+    assert worst(result.x0[-1] @ directions, difference(end, 2, 1e-4)) < 1e-7
 
 
 def test_impacts_with_friction():
@@ -223,7 +223,7 @@ def test_impacts_with_friction():
 
 @pytest.fixture(scope="module")
 def acrobat() -> tuple[fan.Marionette, fan.State, dict[str, list[tuple[float, float]]]]:
-    """It lands on a tray that is lifted, slides, and hangs on its rope again."""
+    """It lands on a rising tray, slides, and hangs on its rope again."""
     puppet = fan.loads(ACROBAT)
     x = puppet.state({"body.z": 0.17, "leg": 0.3, "rope.length": 1.2})
     v_D = np.array([0.1, 0.05, 0.0, 0.1, 0.2, 0.1, 0.3, 0.2, -0.1, 0.3])
@@ -235,14 +235,14 @@ def acrobat() -> tuple[fan.Marionette, fan.State, dict[str, list[tuple[float, fl
 
 
 def test_a_puppet_lands_slides_and_is_caught(acrobat):
-    """By its start, its parameters, and the waypoints of rope and tray."""
+    """Derivatives by its start, its parameters, and the waypoints of rope and tray."""
     puppet, x, points = acrobat
     inputs, n = fan.Input.waypoints(puppet, points), puppet.coordinates.n_vD
     along = fan.motion.InputDerivative.of_waypoints(puppet, points)
-    found = fan.dynamics.sensitivity(puppet, x, inputs, 0.25, along=along)
-    kinds = [event.kind for event in found.run.events]
-    assert {"touch", "slide", "catch"} <= set(kinds) and found.sharp
-    assert worst(found.x0[-1], by_start(puppet, x, 0.25, np.eye(2 * n), 1e-5, inputs)) < 1e-7
+    result = fan.dynamics.sensitivity(puppet, x, inputs, 0.25, along=along)
+    kinds = [event.kind for event in result.run.events]
+    assert {"touch", "slide", "catch"} <= set(kinds) and result.sharp
+    assert worst(result.x0[-1], by_start(puppet, x, 0.25, np.eye(2 * n), 1e-5, inputs)) < 1e-7
     base = last(puppet, x, 0.25, inputs)
 
     def by_parameters(d: np.ndarray) -> np.ndarray:
@@ -250,19 +250,23 @@ def test_a_puppet_lands_slides_and_is_caught(acrobat):
         other = puppet.with_parameters({name: value + more for (name, value), more in values})
         return tangent(puppet, base, last(other, x, 0.25, inputs))
 
-    assert worst(found.p[-1], difference(by_parameters, len(puppet.p), 1e-5)) < 1e-7
+    assert worst(result.p[-1], difference(by_parameters, len(puppet.p), 1e-5)) < 1e-7
 
     def by_points(d: np.ndarray) -> np.ndarray:
         more = iter(d)
-        given = fan.Input.waypoints(
-            puppet, {name: [(t, q + next(more)) for t, q in some] for name, some in points.items()}
+        changed_inputs = fan.Input.waypoints(
+            puppet,
+            {
+                name: [(t, q + next(more)) for t, q in waypoints]
+                for name, waypoints in points.items()
+            },
         )
-        q_K, start = np.array(x.q_K), given.evaluate(0.0)[0]
+        q_K, start = np.array(x.q_K), changed_inputs.evaluate(0.0)[0]
         for q, v in puppet.coordinates.scalars_K:
-            q_K[q] = start[q] if given.named[v] else q_K[q]
-        return tangent(puppet, base, last(puppet, x.replace(q_K=q_K), 0.25, given))
+            q_K[q] = start[q] if changed_inputs.named[v] else q_K[q]
+        return tangent(puppet, base, last(puppet, x.replace(q_K=q_K), 0.25, changed_inputs))
 
-    assert worst(found.along[-1], difference(by_points, len(along), 1e-5)) < 1e-7
+    assert worst(result.along[-1], difference(by_points, len(along), 1e-5)) < 1e-7
 
 
 def test_the_bundled_marionette_lifts_a_hand_while_it_stands():
@@ -276,19 +280,19 @@ def test_the_bundled_marionette_lifts_a_hand_while_it_stands():
 
     points = {"hand_left.length": [(0.0, length), (0.2, length - 0.05)]}
     along = fan.motion.InputDerivative.of_waypoints(puppet, points)
-    found = fan.dynamics.sensitivity(puppet, x, lift(0.0), 0.1, along=along[1:])
-    assert found.sharp and found.run.contact is not None and len(found.run.contact)
+    result = fan.dynamics.sensitivity(puppet, x, lift(0.0), 0.1, along=along[1:])
+    assert result.sharp and result.run.contact is not None and len(result.run.contact)
     base = last(puppet, x, 0.1, lift(0.0))
     wanted = difference(lambda d: tangent(puppet, base, last(puppet, x, 0.1, lift(d[0]))), 1, 1e-5)
-    assert worst(found.along[-1], wanted) < 1e-7
+    assert worst(result.along[-1], wanted) < 1e-7
 
 
-def test_what_has_no_derivative_says_so():
-    """Four corners strike at once; bounces accumulate; a box that slides askew."""
+def test_runs_without_a_derivative_are_not_sharp():
+    """Four corners strike at once; bounces accumulate; a box slides aside."""
     box = fan.loads(BOX)
-    found = fan.dynamics.sensitivity(box, box.state({"body.z": 0.2}), t_end=0.2)
-    assert not found.sharp
-    assert [(p.rows, p.sharp) for p in found.passages] == [(("body|floor",), False)]
+    result = fan.dynamics.sensitivity(box, box.state({"body.z": 0.2}), t_end=0.2)
+    assert not result.sharp
+    assert [(p.rows, p.sharp) for p in result.passages] == [(("body|floor",), False)]
     ball = fan.loads(BOUNCE)
     with pytest.raises(fan.errors.StateError, match=r"bounces accumulate at t = 1\.2"):
         fan.dynamics.sensitivity(ball, ball.state({"ball": 0.6}), t_end=1.5)
@@ -298,7 +302,7 @@ def test_what_has_no_derivative_says_so():
 
 
 def test_two_feet_that_always_land_together_are_one_touch():
-    """A planar table: its feet strike at once near by, too."""
+    """A planar table: its feet strike together for neighbouring states, too."""
     table = fan.loads("""
 puppet: table
 floor: 0
@@ -315,7 +319,7 @@ bodies:
 
 
 def test_five_catches_and_a_bounce_with_friction():
-    """A ball on a line that throws it back, and a floor that turns its spin."""
+    """A ball on a line that throws it back, and a floor that changes its spin."""
     puppet = fan.loads("""
 puppet: swing
 floor: 0

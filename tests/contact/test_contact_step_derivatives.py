@@ -1,4 +1,4 @@
-"""linearise_step through contact: differences of steps in every mode; what has no derivative."""
+"""linearise_step with contact: differences of steps in every mode, and missing derivatives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DT = 0.002
 
 @dataclass(frozen=True)
 class Steps:
-    """Of the differences by configurations, velocities, and accelerations and forces."""
+    """Steps of differences by configurations, velocities, and accelerations and forces."""
 
     q: float = 1e-7
     v: float = 1e-6
@@ -63,17 +63,17 @@ def check_step(
 
     def reached(d: np.ndarray) -> np.ndarray:
         q_D, v_D, q_K, v_K, acc, u, p = np.split(d, places[1:-1])
-        one = puppet
+        changed = puppet
         if np.any(p):
             values = zip(puppet.tree.parameters.items(), p, strict=True)
-            one = puppet.with_parameters({name: value + dp for (name, value), dp in values})
+            changed = puppet.with_parameters({name: value + dp for (name, value), dp in values})
         there = x.replace(
             q_D=moved(x.q_D, q_D, t.scalars_D, t.quaternions_D),
             v_D=x.v_D + v_D,
             q_K=moved(x.q_K, q_K, t.scalars_K, t.quaternions_K),
             v_K=x.v_K + v_K,
         )
-        y, force = step(one, there, acc_K + acc, u_D + u, dt)
+        y, force = step(changed, there, acc_K + acc, u_D + u, dt)
         return np.concatenate(
             [
                 apart(end.q_D, y.q_D, n, t.scalars_D, t.quaternions_D),
@@ -93,18 +93,18 @@ def check_step(
         columns = np.zeros((places[-1], width))
         columns[first : first + width] = size * np.eye(width)
         wanted = difference(lambda d, c=columns: reached(c @ d), width, 1.0) / size
-        found = of_state[:, first : first + width]
-        assert worst(found, wanted[: len(found)]) < bound, name
+        derivative = of_state[:, first : first + width]
+        assert worst(derivative, wanted[: len(derivative)]) < bound, name
         if len(set(modes)) == len(modes):
-            # Redundant points may share their forces otherwise near by.
-            assert worst(getattr(lin.push, name), wanted[len(found) :]) < 10 * bound, name
+            # Redundant points may share their forces differently for neighbouring states.
+            assert worst(getattr(lin.push, name), wanted[len(derivative) :]) < 10 * bound, name
     return lin
 
 
 def check_compiled(
     puppet: fan.Marionette, lin: fan.dynamics.StepLinearisation, acc_K: np.ndarray, u_D: np.ndarray
 ):
-    """The compiled derivatives are those of one step at a time; parts that fail are not settled."""
+    """The compiled derivatives equal those of single steps; steps that fail are not settled."""
     x, t = lin.x, puppet.coordinates
     many = puppet.linearise_steps(
         x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, dt=lin.dt, forces=True, pull=True
@@ -115,9 +115,9 @@ def check_compiled(
     assert np.allclose(many.q_D[0], lin.x_next.q_D, rtol=0, atol=1e-12)
     assert np.allclose(many.v_D[0], lin.x_next.v_D, rtol=0, atol=1e-12)
     n, k = t.n_vD, t.n_vK
-    found = np.concatenate([many.A[0], many.B[0]], axis=1)
+    derivatives = np.concatenate([many.A[0], many.B[0]], axis=1)
     wanted = np.concatenate([lin.A, lin.B], axis=1)
-    assert worst(found, wanted) < 1e-9
+    assert worst(derivatives, wanted) < 1e-9
     more = np.concatenate([lin.B_u, lin.B_p], axis=1)[: 2 * n]
     assert worst(many.motion[0][:, 2 * n + 3 * k :], more) < 1e-9
     pull = np.concatenate(list(vars(lin.pull).values()), axis=1)
@@ -140,7 +140,7 @@ def balls() -> fan.Marionette:
 
 
 def test_a_ball_rests_slides_and_lands(ball):
-    """Its shape lies off its frame's origin."""
+    """Its shape is away from its frame's origin."""
     low = {"body.z": 0.07}
     check_step(ball, ball.state(low), ["stick"])
     slides = {"body.x": 1.0, "body.y": 0.2, "body.wx": 0.3, "body.wy": 0.2, "body.wz": 0.1}
@@ -149,7 +149,12 @@ def test_a_ball_rests_slides_and_lands(ball):
 
 
 def test_a_sliding_ball_slows_by_the_friction_of_the_closed_form():
-    """dv+/dv = 1 across all directions but that of friction's turning: 1/(1 + 7/2 mu g dt/|u|)."""
+    """dv+/dv = 1 in all directions, except for the rotation of friction: 1/(1 + 7/2 mu g dt/
+
+    u
+
+    ).
+    """
     puppet = fan.loads(BALL.replace("at: [0.02, 0.01, 0.03], ", ""))
     lin = puppet.linearise_step(thrown(puppet, {"body.z": 0.1}, {"body.x": 2.0}), dt=DT)
     A = lin.A[6:, 6:]
@@ -180,8 +185,8 @@ def test_a_box_on_one_edge(box):
     check_step(box, thrown(box, tilted, slides), ["slide"] * 2)
 
 
-def test_a_box_that_slides_askew_has_none_and_says_so(box):
-    """How it would turn depends on how its four corners share its weight."""
+def test_a_box_that_slides_aside_has_no_derivative(box):
+    """Its rotation would depend on the shares of its four corners in its weight."""
     x = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.5})
     with pytest.raises(
         fan.errors.StateError, match=r"body\|floor slide on more points than the law"
@@ -201,7 +206,7 @@ def test_a_capsule_lies_and_slides():
 
 
 def test_boxes_stacked_and_logs_that_lie_on_one_another():
-    """Flat on flat: points are smooth over small tilts only."""
+    """Flat on flat: points are smooth only for small tilts."""
     flat = Steps(q=1e-8, v=1e-5, a=1e-3)
     stack = fan.loads(STACK)
     check_step(stack, stack.state({"a.z": 0.05, "b.z": 0.15}), ["stick"] * 8, steps=flat)
@@ -212,7 +217,7 @@ def test_boxes_stacked_and_logs_that_lie_on_one_another():
 
 
 def test_a_mesh_on_its_facet(tmp_path):
-    """A wedge lies on four points, one more than its facet needs."""
+    """A wedge lies on four points, one of them redundant."""
     ground = [[0, 0, 0], [0.4, 0, 0], [0, 0.2, 0], [0.4, 0.2, 0]]
     points = np.array([*ground, [0, 0, 0.1], [0, 0.2, 0.1]])
     mesh = trimesh.convex.convex_hull(points)
@@ -234,9 +239,9 @@ def test_an_egg_rolls_on_a_floor_and_slides_on_a_dome():
 
 
 def test_balls_that_strike_one_another(balls):
-    """With restitution, in the air and on the floor, a little after the step begins.
+    """Restitution, in the air and on the floor, shortly after the step begins.
 
-    Where they touch at its start, they do so within it or before it near by.
+    Bodies that touch at its start do so within it or before it for neighbouring states.
     """
     above = {"b.x": 0.17 * 0.6 + 1e-4}
     speed = {"b.x": 0.5, "b.y": 0.3, "b.z": -1.0}
@@ -247,8 +252,8 @@ def test_balls_that_strike_one_another(balls):
     assert lin.contacts[0].bounces == 0.5
 
 
-def test_overlaps_that_part(balls):
-    """At gap/dt, and at the recovery speed, which the depth does not change."""
+def test_separating_overlaps(balls):
+    """They separate at gap/dt, and at the recovery speed, which does not depend on the depth."""
     for dt, speed in ((DT, 0.25), (0.2 * DT, 1.0)):
         x = thrown(balls, {"a.z": 0.0995, "b.z": 5.0}, {"a.x": 0.3})
         lin = check_step(balls, x, ["stick"], dt=dt)
@@ -269,7 +274,7 @@ def test_a_puppet_on_a_tray_and_a_string():
 
 
 def test_the_bundled_marionette_stands_on_one_foot():
-    """On all corners of a sole, held by strings; the other knee is drawn up."""
+    """It stands on all corners of a sole, held by strings; the other knee is raised."""
     puppet = fan.puppets.promenade()
     x = puppet.rest()
     x = puppet.rest({"knee_right.length": x["knee_right.length"] - 0.03})
@@ -279,7 +284,7 @@ def test_the_bundled_marionette_stands_on_one_foot():
 
 
 def test_edges_are_named(ball, box, balls):
-    """A touch without force, a stick at its cone's edge, a bounce that is about to begin."""
+    """A touch without force, sticking at the edge of the cone, a bounce that is about to begin."""
     lift = np.zeros(6)
     lift[2] = 9.81
     lin = ball.linearise_step(ball.state({"body.z": 0.07}), u_D=lift)
@@ -307,8 +312,8 @@ def test_edges_are_named(ball, box, balls):
     assert box.linearise_step(box.state({"body.z": 0.05})).sharp
 
 
-def test_what_lands_while_forces_brake_it_closes_its_gap_like_any_landing():
-    """Without restitution: u_n+ = -gap/dt."""
+def test_a_decelerated_landing_closes_its_gap():
+    """Without restitution u_n+ = -gap/dt."""
     ball = fan.loads(BALL + "gravity: [0, 0, 9.81]\n")
     x = thrown(ball, {"body.z": 0.0705}, {"body.x": 0.5, "body.z": -1.0, "body.wy": 2.0})
     lin = check_step(ball, x, ["stick"])
@@ -317,7 +322,7 @@ def test_what_lands_while_forces_brake_it_closes_its_gap_like_any_landing():
 
 
 def test_a_gap_that_closes_within_the_step(ball):
-    """5 mm above the floor, at 5 m/s."""
+    """It starts 5 mm above the floor, at 5 m/s."""
     x = thrown(ball, {"body.z": 0.075}, {"body.x": 0.5, "body.z": -5.0, "body.wy": 2.0})
     lin = check_step(ball, x, ["stick"])
     assert lin.contacts[0].touch.gap == pytest.approx(0.005)
@@ -339,12 +344,12 @@ def test_more_points_than_are_expected_and_nodes_without_any():
     up = x.q_D.copy()
     up[boxes.tree.coordinates.q_D.index("a.z")] = 1.0
     q_D = np.array([x.q_D, up] * 4)
-    one, two = (
+    single_thread, two = (
         boxes.linearise_steps(q_D, x.v_D, x.q_K, x.v_K, threads=threads) for threads in (1, 2)
     )
-    assert one.n_contacts.tolist() == [20, 16] * 4
-    assert one.settled.all()
-    assert np.array_equal(one.motion, two.motion)
+    assert single_thread.n_contacts.tolist() == [20, 16] * 4
+    assert single_thread.settled.all()
+    assert np.array_equal(single_thread.motion, two.motion)
     lin = boxes.linearise_step(x)
     assert len(lin.contacts) == 20
-    assert worst(one.A[0], lin.A) < 1e-9
+    assert worst(single_thread.A[0], lin.A) < 1e-9

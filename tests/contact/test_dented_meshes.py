@@ -1,4 +1,4 @@
-"""Meshes with dents in contact: convex pieces in runs, how well they fit, which are refused."""
+"""Nonconvex meshes in contact: convex pieces in runs, their accuracy, and refused meshes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ METHODS = ("timestepping", "event")
 def scene(
     folder: Path, mesh: trimesh.Trimesh, obstacle: str, shape: str = MESH, more: str = ""
 ) -> fan.Marionette:
-    """A free body and an obstacle; one of them may be the mesh ``thing.obj``."""
+    """A free body and an obstacle; one of them may be the mesh `thing.obj`."""
     written(folder, mesh)
     path = folder / "scene.yaml"
     path.write_text(SCENE.replace("OBSTACLE", obstacle).replace("SHAPE", shape) + more)
@@ -46,11 +46,11 @@ def scene(
 
 
 def check(run: fan.Trajectory) -> None:
-    """Nothing overlaps, the law is kept, and the books close: fixed steps lose to order dt."""
+    """No overlaps, valid forces, and a balanced ledger: fixed steps lose to order dt."""
     assert run.status is fan.Status.DONE
     event = run.method == "event"
     assert np.min(run.contact.gap) > (-1e-9 if event else -1e-6)
-    # At the instant of an event, what ends is off the law by as much as guards let it.
+    # At the instant of an event, ending contacts violate the law by up to the tolerance of guards.
     at_events = np.isin(run.t, [e.t for e in run.events]) if event else np.zeros(len(run), bool)
     assert np.max(run.contact_residual[~at_events]) < 1e-9
     assert np.max(run.contact_residual) < 1e-7
@@ -59,7 +59,7 @@ def check(run: fan.Trajectory) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_bowl_catches_a_ball(tmp_path, method):
-    """It comes to rest inside, at the lowest place that the pieces leave it."""
+    """It comes to rest inside, at the lowest place above the pieces."""
     thing = scene(tmp_path, bowl(), "{name: bowl, type: mesh, file: thing.obj}", BALL)
     x0 = thing.state({"thing.x": 0.03, "thing.y": 0.01, "thing.z": 0.2})
     run = fan.simulate(thing, x0, t_end=4.0, method=method)
@@ -93,7 +93,7 @@ def test_a_ring_hangs_on_a_peg(tmp_path, method):
 
 
 def test_a_ball_rolls_to_rest_over_the_pieces_of_a_bowl_beside_a_ring_on_a_peg(tmp_path):
-    """The example's scene, event-driven: over edges and seams, the books closed to rounding."""
+    """The example's scene, event-driven: over edges and seams, the ledger balanced to rounding."""
     (tmp_path / "bowl.obj").write_text(bowl().export(file_type="obj"))
     written(tmp_path, ring())
     (tmp_path / "dented.yaml").write_text("""
@@ -141,16 +141,16 @@ def test_a_dented_mesh_in_lanes_and_in_a_scene_of_two(tmp_path):
         run = fan.simulate(thing, x0, t_end=0.3, method=method)
         assert np.allclose(batch.q_D[i][-1], run.q_D[-1], rtol=0, atol=1e-9)
     assert {"thing|wall", "other|thing"} <= {event.name for event in run.events}
-    # Pieces of one body do not meet.
+    # Pieces of one body do not touch each other.
     assert all(len(set(pair)) == 2 for pair in thing.contacts.names)
 
 
 def hulls_of(folder: Path, mesh: trimesh.Trimesh):
     """The pieces of a mesh, from a file, and the mesh read back."""
     scene(folder, mesh, WALL)
-    found = fan.load(folder / "scene.yaml").tree.links[0].shapes[0]
-    assert isinstance(found, Mesh)
-    return mesh_hulls(found), mesh
+    shape = fan.load(folder / "scene.yaml").tree.links[0].shapes[0]
+    assert isinstance(shape, Mesh)
+    return mesh_hulls(shape), mesh
 
 
 @pytest.mark.parametrize("make", [bowl, ring, hook])
@@ -163,9 +163,9 @@ def test_pieces_are_the_mesh_to_3_percent(tmp_path, make):
     points = rng.uniform(low - 0.1 * size, high + 0.1 * size, size=(400, 3))
     points = points[~pieces.inside(mesh, points)]
     exact = pieces.distances(mesh, points)
-    found = np.min([_distance(hull, points) for hull in hulls], axis=0)
-    assert np.max(np.abs(found - exact)) < 0.03 * size
-    assert np.median(np.abs(found - exact)) < 0.01 * size
+    distances = np.min([_distance(hull, points) for hull in hulls], axis=0)
+    assert np.max(np.abs(distances - exact)) < 0.03 * size
+    assert np.median(np.abs(distances - exact)) < 0.01 * size
 
 
 def _distance(hull, points: np.ndarray) -> np.ndarray:
@@ -189,24 +189,24 @@ def test_winding_numbers_and_distances_have_closed_forms():
     assert np.allclose(pieces.distances(ball, points), np.abs(r - 0.5), atol=2e-3)
 
 
-def test_the_same_mesh_has_the_same_pieces_from_the_cache_or_anew(tmp_path, monkeypatch):
+def test_the_same_mesh_has_the_same_pieces_with_and_without_the_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path / "cache"))
     first, _ = hulls_of(tmp_path, hook())
-    (kept,) = (tmp_path / "cache").glob("??/*.npz")
+    (cached,) = (tmp_path / "cache").glob("??/*.npz")
     for spoil in (None, b"", b"PK\x03\x04 no archive"):
         if spoil is not None:
-            kept.write_bytes(spoil)
+            cached.write_bytes(spoil)
         again, _ = hulls_of(tmp_path, hook())
-        for one, other in zip(first, again, strict=True):
-            assert np.array_equal(one.vertices, other.vertices)
-    kept.chmod(0o666)  # not to be trusted: made anew, with the permissions of the first
+        for piece, other in zip(first, again, strict=True):
+            assert np.array_equal(piece.vertices, other.vertices)
+    cached.chmod(0o666)  # not to be trusted: computed again, with the permissions of the first
     hulls_of(tmp_path, hook())
-    assert kept.stat().st_mode & 0o777 == 0o600
+    assert cached.stat().st_mode & 0o777 == 0o600
 
 
 def test_mass_is_that_of_the_mesh(tmp_path):
-    made = scene(tmp_path, hook(), WALL, MESH.replace("mass: 0.5", "density: 1000"))
-    assert made.weight == pytest.approx(9.81 * 1000 * hook().volume)
+    marionette = scene(tmp_path, hook(), WALL, MESH.replace("mass: 0.5", "density: 1000"))
+    assert marionette.weight == pytest.approx(9.81 * 1000 * hook().volume)
 
 
 def refused(thing: fan.Marionette, text: str) -> None:
@@ -216,7 +216,7 @@ def refused(thing: fan.Marionette, text: str) -> None:
     assert "scene.yaml:6: shapes of thing: thing.obj" in str(error.value)
 
 
-def test_without_the_library_the_error_says_what_to_install(tmp_path, monkeypatch):
+def test_a_missing_library_has_a_remedy(tmp_path, monkeypatch):
     known = importlib.metadata.version
 
     def version(name: str) -> str:
@@ -230,16 +230,16 @@ def test_without_the_library_the_error_says_what_to_install(tmp_path, monkeypatc
 
 
 def test_too_many_pieces_and_pieces_that_do_not_fit_are_refused(tmp_path, monkeypatch):
-    few = pieces.PieceTolerances(most=2)
-    monkeypatch.setattr(pieces, "TOLERANCES", few)
+    tolerances = pieces.PieceTolerances(most=2)
+    monkeypatch.setattr(pieces, "TOLERANCES", tolerances)
     refused(scene(tmp_path, hook(), WALL), "needs 3 convex pieces in contact; allowed: 2")
     tight = pieces.PieceTolerances(deviation=1e-9)
     monkeypatch.setattr(pieces, "TOLERANCES", tight)
     refused(scene(tmp_path, hook(), WALL), "could not be cut into convex pieces")
 
 
-def test_a_mesh_that_comes_to_touch_something_later_is_refused(tmp_path):
-    """Compiled code has room for the solids that touched something when it was made."""
+def test_a_mesh_with_later_contact_is_refused(tmp_path):
+    """Compiled code has a fixed number of solids, those with contact when it was compiled."""
     thing = scene(tmp_path, hook(), WALL)
     path = tmp_path / "scene.yaml"
     path.write_text(path.read_text().replace(WALL, ""))
@@ -247,7 +247,7 @@ def test_a_mesh_that_comes_to_touch_something_later_is_refused(tmp_path):
     assert len(alone.contacts.hulls) == 0
     among = fan.Marionette(alone.with_obstacles(thing.puppet.obstacles))
     refused(among, "touched nothing when the puppet was compiled")
-    # The other way round there is room enough.
+    # The reverse is possible.
     bare = fan.Marionette(thing.with_obstacles(()))
     assert len(bare.contacts.hulls) == 0
     fan.simulate(bare, bare.state(), t_end=0.01, method="timestepping")

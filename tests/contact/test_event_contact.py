@@ -1,4 +1,4 @@
-"""Event-driven contact against closed forms, to 1e-8: located touches, lifts, sticks and slides."""
+"""Event-driven contact, compared with closed forms to 1e-8: touches, lifts, sticks and slides."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
 @pytest.mark.parametrize("slope", [0.1, 1.0])
 def test_a_block_on_a_slope_below_the_threshold_stays(slope):
-    """Nothing moves; friction holds the weight's part along the slope; corners share it alike."""
+    """Nothing moves; friction balances the weight along the slope; corners share it equally."""
     marionette = on_slope(slope, 1.05 * np.tan(slope))
     run = fan.simulate(marionette, marionette.state({"body.z": 0.05}), t_end=5.0)
     sound(run)
@@ -28,7 +28,7 @@ def test_a_block_on_a_slope_below_the_threshold_stays(slope):
 
 @pytest.mark.parametrize("slope", [0.3, 0.8])
 def test_a_block_above_the_threshold_slides_at_its_acceleration(slope):
-    """a = g (sin - mu cos); friction takes mu N times the way."""
+    """a = g (sin - mu cos); friction dissipates mu N times the displacement."""
     mu = 0.6 * np.tan(slope)
     marionette, a = on_slope(slope, mu), G * (np.sin(slope) - mu * np.cos(slope))
     run = fan.simulate(marionette, marionette.state({"body.z": 0.05}), t_end=0.5)
@@ -52,7 +52,7 @@ def test_a_block_that_slides_stops_after_its_way(mu):
 
 
 def test_a_block_pushed_up_a_steep_slope_turns_and_slides_back():
-    """Friction reverses where the block does, which is an event."""
+    """Friction reverses with the block's motion, at an event."""
     slope, mu, v = 0.5, 0.3, 2.0
     run = fan.simulate(
         on_slope(slope, mu),
@@ -68,7 +68,7 @@ def test_a_block_pushed_up_a_steep_slope_turns_and_slides_back():
 
 
 def test_a_ball_thrown_sliding_comes_to_roll_at_five_sevenths_of_its_speed():
-    """v = 5/7 v0 from t = 2 v0 / (7 mu g) on; friction takes 1/7 of the energy."""
+    """v = 5/7 v0 from t = 2 v0 / (7 mu g) on; friction dissipates 1/7 of the energy."""
     marionette = on_slope(0.0, 0.3, "sphere")
     run = fan.simulate(marionette, thrown(marionette, {"body.z": 0.1}, {"body.x": 2.0}), t_end=0.5)
     sound(run)
@@ -90,7 +90,7 @@ def test_a_hoop_with_backspin_comes_back():
 
 
 def test_a_ball_with_restitution_comes_to_rest_when_its_bounces_accumulate():
-    """Speeds fall by e from bounce to bounce; all end at t = v/g (1 + 2 e / (1 - e))."""
+    """Speeds decrease by e from bounce to bounce; all end at t = v/g (1 + 2 e / (1 - e))."""
     marionette = fan.loads("""
 puppet: ball
 floor: 0
@@ -110,7 +110,7 @@ bodies:
 
 
 def test_bounces_that_accumulate_about_the_end_of_a_run_end_with_it():
-    """The end of the series is ahead of the bounce that finds it, but no event is after the run."""
+    """The end of the series is after the bounce that predicts it, but no event is after the run."""
     marionette = fan.loads(BALL)
     x0 = marionette.state({"body.z": 1.1})
     events = fan.simulate(marionette, x0, t_end=4.0).events
@@ -122,7 +122,7 @@ def test_bounces_that_accumulate_about_the_end_of_a_run_end_with_it():
 
 
 def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
-    """Without friction a ladder's top leaves the wall at 2/3 of the height it began at."""
+    """Without friction a ladder's top leaves the wall at 2/3 of its initial height."""
     angle = np.deg2rad(70.0)
     marionette, x0 = ladder(angle)
     run = fan.simulate(marionette, x0, t_end=0.55)
@@ -134,8 +134,13 @@ def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.4, 0.6])
-def test_a_rod_that_falls_first_slips_where_its_forces_leave_the_cone(mu):
-    """A rod with a round foot of radius r rolls; |F| = mu N, both from its energy, is a root."""
+def test_a_falling_rod_slips_when_its_forces_leave_the_cone(mu):
+    """A rod with a round foot of radius r rolls;
+
+    F
+
+     = mu N, both from its energy, is a root.
+    """
     r, start = 1e-3, 1e-2
     marionette = fan.loads(f"""
 puppet: pencil
@@ -158,10 +163,15 @@ bodies:
     run = fan.simulate(marionette, x0, t_end=2.4)
     assert run.status is Status.DONE
     slide = of(run, "slide")[0]
-    found = 2 * np.arcsin(run["rod.qy"][np.searchsorted(run.t, slide.t)])
+    angle_of_slip = 2 * np.arcsin(run["rod.qy"][np.searchsorted(run.t, slide.t)])
 
     def excess(angle: float) -> float:
-        """|F| - mu N of the rod that rolls: T = A(angle) w^2 / 2, V = g cos(angle) / 2."""
+        """
+
+        F
+
+         - mu N of the rolling rod: T = A(angle) w^2 / 2, V = g cos(angle) / 2.
+        """
         s, c = np.sin(angle), np.cos(angle)
         A = (r + c / 2) ** 2 + s**2 / 4 + 1 / 12
         dA = -r * s
@@ -173,11 +183,11 @@ bodies:
 
     angles = np.linspace(start, np.pi / 2, 2001)
     first = int(np.argmax([excess(a) > 0.0 for a in angles]))
-    assert abs(found - brentq(excess, angles[first - 1], angles[first], xtol=1e-14)) < CLOSE
+    assert abs(angle_of_slip - brentq(excess, angles[first - 1], angles[first], xtol=1e-14)) < CLOSE
 
 
 def test_a_rocking_block_loses_housners_share_at_every_impact():
-    """Angular velocity after over before is 1 - 3/2 sin^2 a, tan a = width over height."""
+    """The ratio of angular velocities is 1 - 3/2 sin^2 a, tan a = width over height."""
     marionette, x0, a = rocking_block(0.05)
     run = fan.simulate(marionette, x0, t_end=1.2)
     sound(run)
@@ -189,7 +199,7 @@ def test_a_rocking_block_loses_housners_share_at_every_impact():
 
 
 def test_two_balls_that_meet_keep_their_momentum():
-    """Inelastic, off-centre and with friction: momentum to rounding, energy never up."""
+    """Inelastic, off-centre and with friction: momentum to rounding, energy never increases."""
     marionette, x0 = balls_that_meet()
     run = fan.simulate(marionette, x0, t_end=1.0)
     sound(run, 1e-12)
@@ -239,8 +249,8 @@ bodies:
 
 
 @pytest.mark.parametrize(("friction", "restitution"), [(0.5, 0.0), (0.5, 0.5)])
-def test_a_random_heap_comes_to_rest_or_says_why_not(friction, restitution):
-    """Nothing overlaps, the books close, and a run that stops has a status of its own."""
+def test_a_random_heap_comes_to_rest_or_has_a_status(friction, restitution):
+    """Nothing overlaps, the energies balance, and a run that stops has a specific status."""
     marionette, rng = fan.loads(HEAP % (friction, restitution)), np.random.default_rng(3)
     arrived = 0
     for _ in range(3):
@@ -258,8 +268,8 @@ def test_a_random_heap_comes_to_rest_or_says_why_not(friction, restitution):
     assert arrived >= 1
 
 
-def test_a_rough_heap_whose_points_pass_over_edges_comes_to_its_end():
-    """A capsule wedged between floor and post rolls over the post's edge: the surface bends there.
+def test_a_rough_heap_with_points_on_edges_reaches_its_end():
+    """A capsule wedged between floor and post rolls over the post's edge, where the surface bends.
 
     Steps used to shrink to rounding (over 12 s) or end with NO_UNIQUE_MOTION. In the last one a box
     comes to stand beside the post.
@@ -312,20 +322,20 @@ bodies:
 """
 
 
-def test_a_batch_goes_through_touches_and_through_the_air():
-    """Each run as by itself; the ball that starts high touches nothing."""
+def test_a_batch_includes_contact_and_flight():
+    """Each run equals a single one; the ball that starts high touches nothing."""
     marionette = fan.loads(BALL)
     starts = [marionette.state({"body.z": z}) for z in (0.25, 5.0)]
     times = np.linspace(0.0, 0.4, 5)
     many = fan.simulate_batch(marionette, starts, t_end=0.4, save_at=times)
     assert np.all(many.status == Status.DONE)
     for i, x0 in enumerate(starts):
-        one = fan.simulate(marionette, x0, t_end=0.4, save_at=times)
-        assert np.allclose(many.q_D[i, -1], one.q_D[-1], atol=1e-12)
+        single = fan.simulate(marionette, x0, t_end=0.4, save_at=times)
+        assert np.allclose(many.q_D[i, -1], single.q_D[-1], atol=1e-12)
 
 
-def test_a_start_that_strikes_is_booked():
-    """The first sample is that before the impact; nothing is lost from the books."""
+def test_the_ledger_has_an_impact_at_the_start():
+    """The first sample is before the impact; the ledger contains all losses."""
     marionette = fan.loads(BALL)
     run = fan.simulate(
         marionette, thrown(marionette, {"body.z": 0.1}, {"body.z": -1.0}), t_end=0.05
@@ -337,7 +347,7 @@ def test_a_start_that_strikes_is_booked():
 
 @pytest.mark.parametrize("gap", [-9e-7, 9e-7])
 def test_a_start_that_nearly_touches_is_brought_to_touch(gap):
-    """That is no event, and in no book."""
+    """This is not an event, and is not in the ledger."""
     marionette = fan.loads(BALL)
     run = fan.simulate(marionette, marionette.state({"body.z": 0.1 + gap}), t_end=0.2)
     sound(run, 1e-12)
@@ -346,7 +356,7 @@ def test_a_start_that_nearly_touches_is_brought_to_touch(gap):
 
 @pytest.mark.parametrize("method", [fan.Event(), fan.TimeStepping(dt=1e-3)], ids=["event", "steps"])
 def test_a_driven_bat_gives_a_ball_its_restitution(method):
-    """A bat does work on what it strikes: the ball leaves it at e times the speed of approach."""
+    """A bat does work on the ball, which leaves it at e times the speed of approach."""
     marionette = fan.loads("""
 puppet: bat
 gravity: [0, 0, 0]

@@ -1,4 +1,4 @@
-"""Event-driven contact of hulls: as the boxes they are, and rolling over their edges, to 1e-8."""
+"""Event-driven contact of hulls: they equal boxes, and roll over their edges, to 1e-8."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BOX, TABLE = (0.2, 0.12, 0.1), (1.0, 1.0, 0.1)
 
 
 def sound(run: fan.Trajectory) -> None:
-    """Asserts that a run reached its end, without overlap, with closed books and lawful forces."""
+    """Assert that a run reached its end, without overlap, with balanced ledger and valid forces."""
     assert run.status is Status.DONE
     assert run.contact.gap.min(initial=0.0) > -1e-12
     assert np.max(np.abs(run.ledger["residual"])) < CLOSE
@@ -34,7 +34,7 @@ def write(folder: Path, name: str, mesh: trimesh.Trimesh) -> str:
 
 
 def block(folder: Path, size: tuple[float, ...], mesh: bool) -> str:
-    """A box as a shape, or as a mesh of the same."""
+    """A box as a shape, or as an equal mesh."""
     if not mesh:
         return f"type: box, size: {list(size)}"
     name = write(folder, "x".join(map(str, size)) + ".obj", trimesh.creation.box(size))
@@ -44,7 +44,7 @@ def block(folder: Path, size: tuple[float, ...], mesh: bool) -> str:
 def over_edge(
     folder: Path, body: str, friction: float, table_is_mesh: bool, more: str = ""
 ) -> fan.Marionette:
-    """A body on a table whose edge is along y."""
+    """A body on a table with an edge along y."""
     (folder / "edge.yaml").write_text(f"""
 puppet: edge
 contact: {{friction: {friction}}}
@@ -57,7 +57,7 @@ bodies:
 
 
 def moved_alike(run: fan.Trajectory, other: fan.Trajectory) -> None:
-    """Asserts that two runs, saved at the same times, moved and met alike."""
+    """Assert that two runs, saved at the same times, have the same motion and contacts."""
     assert [event.kind for event in run.events] == [event.kind for event in other.events]
     for event, twin in zip(run.events, other.events, strict=True):
         assert abs(event.t - twin.t) < CLOSE
@@ -77,7 +77,7 @@ def moved_alike(run: fan.Trajectory, other: fan.Trajectory) -> None:
     ],
 )
 def test_a_box_as_a_mesh_tips_over_an_edge_as_the_box_does(tmp_path, yaw, mu, over, speed):
-    """Whichever of box and table is the mesh; faces, two edges, then corners that leave them."""
+    """Either box or table is the mesh; faces, two edges, then corners that leave them."""
     turn = (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))
     place = {"body.x": over, "body.z": 0.05, "body.rotation": turn}
     runs = []
@@ -140,8 +140,8 @@ def test_round_solids_pass_over_the_edge_of_a_mesh_as_over_that_of_a_box(tmp_pat
 def test_a_prism_rolls_over_its_edges_as_a_pendulum_that_changes_its_pivot(tmp_path, floor):
     """theta'' = m g R sin(theta) / I about an edge; each next edge takes its share of the spin.
 
-    The angular momentum about the edge that lands stays: (I_c + m R^2 cos a) / I of the spin
-    is left.
+    The angular momentum about the landing edge is conserved: (I_c + m R^2 cos a) / I of the spin
+    remains.
     """
     n, R, length, slope = 6, 0.1, 0.3, 0.2
     turns = 2 * np.pi * np.arange(n) / n  # two corners are lowest
@@ -168,7 +168,7 @@ bodies:
   inertia: [{across}, {side}, {across}]
 """)
     thing = fan.load(tmp_path / "prism.yaml")
-    # On the edge ahead, tipped by `start` from lying on the face behind it.
+    # On the edge ahead, tipped by `start` from the face behind it.
     half, inertia, start = np.pi / n, side + R**2, 0.35
     lean = start - half  # of the line from the edge to the middle, from the slope's normal
     x0 = thing.state(
@@ -221,8 +221,7 @@ bodies:
 
 
 def test_an_octahedron_falls_over_its_edge_onto_a_facet(tmp_path):
-    """theta'' = g l sin(theta) / (I_c / m + l^2) about the edge, until the facet beside it
-    lands."""
+    """theta'' = g l sin(theta) / (I_c / m + l^2) about the edge, until the next facet lands."""
     a = 0.2  # from the middle to a corner
     points = a * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
     name = write(tmp_path, "octahedron.obj", trimesh.convex.convex_hull(points))
@@ -235,7 +234,7 @@ bodies:
    com: [0, 0, 0], inertia: [0.008, 0.008, 0.008]}}
 """)
     thing = fan.load(tmp_path / "octahedron.yaml")
-    # The edge from (a, 0, 0) to (0, 0, -a): turned until it lies along x, the middle above it.
+    # The edge from (a, 0, 0) to (0, 0, -a), turned to lie along x with the middle above it.
     arm, start = a / np.sqrt(2), 0.02
     first = np.array([np.cos(np.pi / 8), 0.0, np.sin(np.pi / 8), 0.0])  # by 45 degrees about y
     lean = np.array([np.cos(start / 2), np.sin(start / 2), 0.0, 0.0])
@@ -267,14 +266,19 @@ bodies:
     )
     touch = next(event for event in run.events if event.kind == "touch")
     assert abs(touch.t - exact) < CLOSE
-    # The corner that lands is the facet's height away from the edge.
+    # The landing corner is the facet's height away from the edge.
     assert abs(touch.speed - np.sqrt(squared(falls)) * a * np.sqrt(1.5)) < 10 * CLOSE
 
 
 @pytest.mark.parametrize("is_mesh", [False, True])
 @pytest.mark.parametrize("mu", [0.2, 0.4, 0.6])
-def test_a_plank_that_falls_first_slips_where_its_forces_leave_the_cone(tmp_path, mu, is_mesh):
-    """About its lower edge, at l from the middle: |F| = mu N, both from the energy, is a root."""
+def test_a_falling_plank_slips_when_its_forces_leave_the_cone(tmp_path, mu, is_mesh):
+    """At its lower edge, at l from the middle,
+
+    F
+
+     = mu N, both from the energy, is a root.
+    """
     size, start = (0.02, 0.2, 1.0), 0.03
     thing = over_edge(
         tmp_path,
@@ -295,15 +299,20 @@ def test_a_plank_that_falls_first_slips_where_its_forces_leave_the_cone(tmp_path
     run = fan.simulate(thing, x0, t_end=1.5)
     assert run.status is Status.DONE
     slide = next(event for event in run.events if event.kind == "slide")
-    found = 2 * np.arcsin(run["body.qy"][np.searchsorted(run.t, slide.t)]) - own
+    angle_of_slip = 2 * np.arcsin(run["body.qy"][np.searchsorted(run.t, slide.t)]) - own
     about = 0.08 + arm**2
 
     def excess(angle: float) -> float:
-        """|F| - mu N while it turns about the edge."""
+        """
+
+        F
+
+         - mu N during the rotation about the edge.
+        """
         s, c = np.sin(angle), np.cos(angle)
         squared, acc = 2 * G * arm * (np.cos(start) - c) / about, G * arm * s / about
         return float(abs(arm * (c * acc - s * squared)) - mu * (G - arm * (s * acc + c * squared)))
 
     angles = np.linspace(start, np.pi / 2, 2001)
     first = int(np.argmax([excess(angle) > 0.0 for angle in angles]))
-    assert abs(found - brentq(excess, angles[first - 1], angles[first], xtol=1e-14)) < CLOSE
+    assert abs(angle_of_slip - brentq(excess, angles[first - 1], angles[first], xtol=1e-14)) < CLOSE

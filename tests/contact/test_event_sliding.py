@@ -1,4 +1,4 @@
-"""Event-driven sliding: forces within their cones, over edges, and at nearly no speed."""
+"""Event-driven sliding: forces within their cones, over edges, and at almost no speed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
 
 def test_forces_within_steps_keep_to_their_cones():
-    """Where a growing push asks more of some corners than they can give, others take it over."""
+    """If a growing push exceeds the limit of some corners, others take over."""
     marionette = fan.loads("""
 puppet: chest
 floor: 0
@@ -30,8 +30,8 @@ bodies:
         run = fan.simulate(marionette, x0, inputs, t_end=0.3, save_at=save_at)
         contact = run.contact
         across = contact.force - contact.normal_force[:, None] * contact.normal
-        most = 0.8 * contact.normal_force
-        assert np.max(np.linalg.norm(across, axis=1) - most) < 1e-8
+        limit = 0.8 * contact.normal_force
+        assert np.max(np.linalg.norm(across, axis=1) - limit) < 1e-8
         assert run.contact_residual.max() < 1e-9
 
 
@@ -50,8 +50,9 @@ bodies:
 def test_a_box_that_tips_over_a_tables_edge_slides_off_it_without_false_events(
     yaw, mu, over, speed, lifts
 ):
-    """Flat, about the edge, and over the corners that leave it: nothing is lost or struck, and
-    forces obey the law to the instants at which they stop."""
+    """Flat, about the edge, and over the corners that leave it: no contact is lost or repeated,
+    and forces obey the law until they stop.
+    """
     marionette = fan.loads(f"""
 puppet: edge
 contact: {{friction: {mu}}}
@@ -69,8 +70,13 @@ bodies:
     assert abs(of(run, "lift")[0].t - lifts) < 1e-5
 
 
-def test_a_block_that_a_tray_drags_ever_harder_slides_in_few_steps():
-    """u' = -a_tray - mu g u/|u| from u = 0, where friction turns without bound, against Radau."""
+def test_a_block_on_an_accelerating_tray_slides_in_few_steps():
+    """u' = -a_tray - mu g u/
+
+    u
+
+     from u = 0, where friction turns arbitrarily fast, compared with Radau.
+    """
     mu = 0.05
     marionette = fan.loads(f"""
 puppet: tray
@@ -101,11 +107,11 @@ bodies:
     sound(run)
     assert np.abs(run.v_D[-1, :2] - run.v_K[-1] - u).max() < CLOSE
     assert abs(of(run, "slide")[0].t - begins) < CLOSE
-    assert len(run) < 200  # where friction's direction had to be resolved, 1,000
+    assert len(run) < 200  # 1,000 if the direction of friction had to be resolved
 
 
-def test_friction_is_against_the_motion_from_the_instant_in_which_a_point_begins_to_slide():
-    """A capsule that lands on one end: its friction turns with its velocity, in long steps, too."""
+def test_friction_opposes_the_motion_from_the_start_of_sliding():
+    """A capsule lands on one end: its friction turns with its velocity, in long steps, too."""
     rod = fan.loads("""
 puppet: rod
 floor: 0

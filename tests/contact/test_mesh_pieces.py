@@ -1,4 +1,4 @@
-"""A file of several pieces touches as shapes one by one: a glTF of boxes against box shapes."""
+"""A file of several pieces has the contacts of separate shapes: a glTF of boxes and box shapes."""
 
 from __future__ import annotations
 
@@ -29,8 +29,9 @@ BOXES = [
     ((0.0625, 0.0625, 0.25), (-0.25, 0.125, 0.09375)),
     ((0.125, 0.0625, 0.25), (0.25, 0.0, 0.09375)),
 ]
-"""Sizes and centres, z up: a table of two legs, whose board they touch. Binary fractions, which
-files have exactly."""
+"""Sizes and centres, z up: a table with two legs that touch its board. Binary fractions are
+exact in files.
+"""
 
 
 def table(folder: Path, shapes: list[str], more: str = "") -> fan.Marionette:
@@ -58,7 +59,7 @@ def test_mass_and_centre_are_those_of_the_boxes(both):
     assert mesh.mass == pytest.approx(boxes.mass, rel=1e-12)
     x = thrown(boxes, {"body.z": 1.0}, {"body.x": 0.4, "body.wx": 1.0, "body.wz": -2.0})
     for model in both:
-        # Free flight: accelerations are the whole of mass, centre and inertia.
+        # In free flight, accelerations depend on all of mass, centre and inertia.
         run = fan.simulate(model, x, t_end=0.2, method="event")
         if model is boxes:
             first = run
@@ -66,7 +67,7 @@ def test_mass_and_centre_are_those_of_the_boxes(both):
 
 
 def test_it_lands_slides_and_rests_as_the_boxes_do(both):
-    """Dropped turned, so that a leg lands first; it slides to the post and comes to rest."""
+    """Dropped with a turn, so that a leg lands first; it slides to the post and comes to rest."""
     runs = []
     for model in both:
         x0 = thrown(model, {"body.z": 0.12}, {"body.x": 0.8, "body.wy": 0.6, "body.wx": 0.3})
@@ -74,8 +75,8 @@ def test_it_lands_slides_and_rests_as_the_boxes_do(both):
     boxes, mesh = runs
     landed = np.max(boxes.q_D[:, 2]) - np.min(boxes.q_D[:, 2])
     assert landed > 0.05 and np.ptp(boxes.q_D[:, 0]) > 0.05
-    # Rounding, through the impacts; then the table jams between floor and post, where rows of
-    # contact yield a little, and forces are one of many solutions.
+    # Rounding grows through the impacts; then the table jams between floor and post, where rows of
+    # contact yield slightly, and forces are one of many solutions.
     before = boxes.t < 0.8
     assert np.max(np.abs(boxes.q_D - mesh.q_D)[before]) < 1e-12
     assert np.max(np.abs(boxes.v_D - mesh.v_D)[before]) < 1e-10
@@ -85,8 +86,7 @@ def test_it_lands_slides_and_rests_as_the_boxes_do(both):
 
 
 def test_a_ball_rolls_between_the_legs(both, tmp_path):
-    """Pieces are not fused: a ball passes under the board that the legs carry, as a hull it could
-    not."""
+    """Pieces are not merged: a ball passes between the legs, impossible for a hull."""
     more = (
         "- name: ball\n  joint: {type: free}\n  shapes: [{type: sphere, radius: 0.05, mass: 0.1}]\n"
         "pose: {ball.y: -0.6, ball.z: 0.05, body.z: 0.032}\n"

@@ -1,4 +1,4 @@
-"""Meshes in contact: as their convex hulls, in runs; and which files are refused."""
+"""Meshes in contact: as their convex hulls, in runs; and refused files."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def body(
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81),
     more: str = "",
 ) -> fan.Marionette:
-    """A free body with a shape, which may be the mesh ``thing.obj``."""
+    """A free body with a shape, which may be the mesh `thing.obj`."""
     (folder / "thing.obj").write_text(mesh.export(file_type="obj", digits=17))
     text = BODY.replace("SHAPE", shape).replace("FRICTION", str(friction))
     path = folder / "thing.yaml"
@@ -53,8 +53,8 @@ def body(
 
 
 def lowest(q_D: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Heights of a body's points (n, 3) over the floor, in configurations, from the lowest on."""
-    found = []
+    """Heights of a body's points (n, 3) over the floor in configurations, in increasing order."""
+    heights = []
     for q in q_D:
         w, x, y, z = q[3:7]
         R = np.array(
@@ -64,8 +64,8 @@ def lowest(q_D: np.ndarray, points: np.ndarray) -> np.ndarray:
                 [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
             ]
         )
-        found.append(np.sort((points @ R.T + q[:3])[:, 2]))
-    return np.array(found)
+        heights.append(np.sort((points @ R.T + q[:3])[:, 2]))
+    return np.array(heights)
 
 
 BOX = trimesh.creation.box((0.2, 0.3, 0.1))
@@ -73,7 +73,7 @@ BOX = trimesh.creation.box((0.2, 0.3, 0.1))
 
 @pytest.mark.parametrize("friction", [0.2, 0.5])
 def test_a_box_as_a_mesh_slides_and_rests_as_the_box(tmp_path, friction):
-    """On a slope of 17 degrees, from a height, and against a post."""
+    """It moves on a slope of 17 degrees, from a height, and against a post."""
     slope = 0.3
     gravity = (9.81 * np.sin(slope), 0.0, -9.81 * np.cos(slope))
     post = "obstacles: [{name: post, type: box, size: [0.1, 1, 0.2], at: [0.4, 0, 0]}]\n"
@@ -85,7 +85,7 @@ def test_a_box_as_a_mesh_slides_and_rests_as_the_box(tmp_path, friction):
     box, mesh = runs
     assert np.max(np.abs(box.q_D - mesh.q_D)) < 1e-9
     assert np.max(np.abs(box.v_D - mesh.v_D)) < 1e-7
-    # Where eight points are redundant, at the post, their forces are one of many solutions.
+    # At the post, eight points are redundant, and their forces are one of many solutions.
     before = np.flatnonzero(box.q_D[:, 0] < 0.24)
     gone = [run.ledger["friction"][before] for run in runs]
     assert np.max(np.abs(gone[0] - gone[1])) < 1e-9
@@ -130,7 +130,7 @@ def test_a_wedge_holds_a_block_that_its_friction_holds(tmp_path):
 
 
 def test_an_icosphere_rolls(tmp_path):
-    """On its facets: it goes on, touches all the time with whole facets or edges, keeps upright."""
+    """It keeps rolling on its facets, always in contact with whole facets or edges, and upright."""
     coarse = trimesh.creation.icosphere(subdivisions=1, radius=0.1)
     thing = body(tmp_path, coarse, friction=0.8)
     speed = 2.0
@@ -139,7 +139,7 @@ def test_an_icosphere_rolls(tmp_path):
     assert run.q_D[-1, 0] > 0.5
     heights = lowest(run.q_D, np.array(coarse.vertices))
     assert np.min(heights) > -2e-3
-    # It neither flies off nor sinks, and turns as far as it goes.
+    # It neither flies off nor sinks, and its rotation equals its displacement.
     spin = run.v_D[:, 4]
     assert np.median(run.v_D[100:, 0] / (0.1 * spin[100:])) == pytest.approx(1.0, abs=0.1)
     energy = run.ledger["kinetic"] + run.ledger["potential"]
@@ -186,8 +186,8 @@ def test_meshes_meet_one_another_and_other_shapes(tmp_path):
         assert {name, "slab"} in [set(event.name.split("|")) for event in run.events]
 
 
-def test_hulls_travel_with_the_contacts(tmp_path):
-    """They are pickled for other processes, and point to their own arrays there."""
+def test_hulls_are_pickled_with_the_contacts(tmp_path):
+    """They are pickled for other processes, with pointers to their own arrays there."""
     contacts = body(tmp_path, BOX).contacts
     twin = pickle.loads(pickle.dumps(contacts))
     (hull,), (other,) = contacts.hulls, twin.hulls
@@ -195,8 +195,8 @@ def test_hulls_travel_with_the_contacts(tmp_path):
     assert contacts.structure.solids != twin.structure.solids
 
 
-def test_a_box_as_an_obstacle_holds_what_stands_on_it(tmp_path):
-    """Meshes of obstacles, turned, scaled and shifted by the file."""
+def test_a_box_as_an_obstacle_supports_a_body(tmp_path):
+    """Meshes of obstacles are turned, scaled and shifted by the file."""
     trimesh.creation.box((4, 6, 2)).apply_translation((1, 2, 3)).export(tmp_path / "table.stl")
     table = (
         "obstacles: [{name: table, type: mesh, file: table.stl, scale: 0.1, at: [-0.1, 0.2, 0], "
@@ -210,7 +210,7 @@ def test_a_box_as_an_obstacle_holds_what_stands_on_it(tmp_path):
 
 
 def refused(folder: Path, mesh: trimesh.Trimesh, text: str, *, more: str = "") -> None:
-    """A mesh that is drawn, on a body with a mass of its own."""
+    """Check that a drawn mesh on a body with its own mass is refused."""
     thing = body(
         folder,
         mesh,
@@ -233,8 +233,8 @@ def test_a_flat_mesh_is_refused(tmp_path):
     refused(tmp_path, flat, "is flat; meshes in contact need a volume: use a thin box")
 
 
-def test_of_many_vertices_those_count_that_stand_out_most(tmp_path):
-    """Of a ball, for which it is worst, the others stand out by 2 % of the diameter at most."""
+def test_the_most_protruding_of_many_vertices_count(tmp_path):
+    """For a ball, the worst case, the others protrude by at most 2 % of the diameter."""
     many = np.random.default_rng(0).normal(size=(2000, 3))
     many *= 0.1 / np.linalg.norm(many, axis=1)[:, None]
     (hull,) = body(tmp_path, hulled(many)).contacts.hulls
@@ -255,7 +255,7 @@ def test_a_mesh_that_touches_nothing_may_have_any_shape(tmp_path):
 
 
 def test_dents_of_a_tenth_of_the_volume_are_filled(tmp_path):
-    """A cube with a pyramid cut out of its top: 1/3 of the base times the depth; deeper: pieces."""
+    """A cube without a pyramid at its top, 1/3 of the base times the depth; deeper ones: pieces."""
     for depth, fits in ((0.25, True), (0.35, False)):
         cube = trimesh.creation.box((1, 1, 1))
         top = [i for i, v in enumerate(cube.vertices) if v[2] > 0]
@@ -289,7 +289,7 @@ def test_lanes_move_meshes_as_single_runs_do(tmp_path):
 
 
 def test_rest_lies_on_a_facet(tmp_path):
-    """`rest` lets a wedge go that would overlap the floor."""
+    """`rest` releases a wedge that would overlap the floor."""
     thing = body(tmp_path, hulled(WEDGE))
     x = thing.rest({})
     height = lowest(x.q_D[None], WEDGE)[0]

@@ -1,4 +1,4 @@
-"""Contacts that stick flat are solved as patches: the motion is that of the law, point by point."""
+"""Flat sticking contacts are solved as patches: the motion obeys the law for each point."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ bodies:
   - {type: sphere, radius: 0.02, at: [0.05, 0.08, 0.02], mass: 2}
 """
 
-# A weight on a spring in a box: it slides to and fro in it, or turns in it.
+# A weight on a spring in a box slides to and fro, or turns.
 SHAKEN = """
 puppet: shaken
 floor: 0
@@ -60,7 +60,7 @@ pose: {left.x: -0.11, left.z: 0.05, right.x: 0.11, right.z: 0.05, top.x: 0.02, t
 
 
 class Course:
-    """What patches.cpp printed, by step."""
+    """Output of patches.cpp, by step."""
 
     def __init__(self, marionette: fan.Marionette, x: fan.State, steps: int):
         program = programs.compiled(marionette, DT, HERE / "patches.cpp")
@@ -69,7 +69,7 @@ class Course:
         self.held = held > 0.5
 
     def is_lawful(self) -> bool:
-        """Whether the velocities are those of the points' solver, to what this one leaves."""
+        """Whether the velocities agree with the solver for points, up to its residual."""
         same = self.apart <= SAME + self.alone
         return bool(np.all(self.residual <= 1e-10) and np.all(same))
 
@@ -96,10 +96,10 @@ def test_a_box_pressed_off_its_middle_on_a_slope_is_held_as_a_patch():
         pytest.param(0.3, "revolute, axis: [0, 0, 1]", 0.0, 1.0, 1.2, 4, 100, id="turns"),
     ],
 )
-def test_a_patch_hands_over_where_it_slides_tips_or_turns(
+def test_a_patch_is_left_when_it_slides_tips_or_turns(
     friction, joint, height, stiffness, start, points, others
 ):
-    """Pushed to and fro, the box now sticks flat, now does not, or now stands on an edge."""
+    """Pushed to and fro, the box sticks flat, slides, or stands on an edge."""
     text = SHAKEN.format(
         friction=friction, joint=joint, height=height, stiffness=stiffness, start=start
     )
@@ -111,7 +111,7 @@ def test_a_patch_hands_over_where_it_slides_tips_or_turns(
     assert set(course.points) >= {points, 4}
 
 
-def test_a_wall_has_more_rows_than_it_needs():
+def test_a_wall_has_redundant_rows():
     """Three boxes with four patches: 24 rows on 18 velocities."""
     wall = fan.loads(HEAP)
     course = Course(wall, wall.state(), 150)
@@ -121,7 +121,7 @@ def test_a_wall_has_more_rows_than_it_needs():
 
 
 def test_a_marionette_that_is_pushed_settles_on_patches():
-    """Strings pull and hang loose beside two feet that are flat on the floor."""
+    """Strings are taut or slack while both feet are flat on the floor."""
     x = ONE.standing
     rng = np.random.default_rng(0)
     course = Course(ONE.marionette, x.replace(v_D=0.02 * rng.normal(size=x.v_D.shape)), 400)

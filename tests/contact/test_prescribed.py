@@ -37,25 +37,25 @@ def hands() -> fan.Marionette:
 
 
 def moved(hands: fan.Marionette, **ways: list[tuple[float, float]]) -> fan.Input:
-    given = {name.replace("_", "."): way for name, way in ways.items()}
-    return fan.Input.waypoints(hands, given)
+    waypoints = {name.replace("_", "."): way for name, way in ways.items()}
+    return fan.Input.waypoints(hands, waypoints)
 
 
 def run(hands: fan.Marionette, inputs: fan.Input, method: str, **more: object) -> fan.Trajectory:
     return fan.simulate(hands, hands.state(), inputs, method=method, throw=False, **more)
 
 
-def pair_events(made: fan.Trajectory, name: str) -> list[tuple[str, float]]:
-    return [(str(e.kind.value), e.t) for e in made.events if e.name == name]
+def pair_events(motion: fan.Trajectory, name: str) -> list[tuple[str, float]]:
+    return [(str(e.kind.value), e.t) for e in motion.events if e.name == name]
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_driven_body_that_passes_through_the_floor_is_reported(hands, method):
-    """A box that ends wholly below the floor: status, depth, and the time of the touch."""
+    """A box that ends entirely below the floor: status, depth, and the time of the touch."""
     down = moved(hands, box_z=[(0, 0.5), (1, -0.3)])
-    made = run(hands, down, method)
-    assert made.status is Status.OVERSTEPPED
-    (touch,) = pair_events(made, "box|floor")
+    motion = run(hands, down, method)
+    assert motion.status is Status.OVERSTEPPED
+    (touch,) = pair_events(motion, "box|floor")
     assert touch[0] == "touch"
     t = touch[1]
     assert down.evaluate(t)[0][hands.coordinates.q_K.index("box.z")] == pytest.approx(0.1, abs=2e-6)
@@ -66,33 +66,33 @@ def test_a_driven_body_that_passes_through_the_floor_is_reported(hands, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_driven_bodies_that_pass_through_one_another_or_a_thin_wall_are_reported(hands, method):
-    """Between two samples, too: what lies between looks is bounded by what can travel."""
+    """This holds between two samples, too: motions between checks are bounded."""
     through = moved(hands, ball_x=[(0, 0.5), (0.05, 1.5)])
-    made = run(hands, through, method)
-    assert made.status is Status.OVERSTEPPED
-    assert [kind for kind, _ in pair_events(made, "ball|wall")] == ["touch", "lift"]
+    motion = run(hands, through, method)
+    assert motion.status is Status.OVERSTEPPED
+    assert [kind for kind, _ in pair_events(motion, "ball|wall")] == ["touch", "lift"]
     met = moved(
         hands,
         ball_x=[(0, 0.5), (0.5, 0.0)],
         ball_z=[(0, 1.2), (0.5, 1.2)],
         box_z=[(0, 0.5), (0.5, 1.2)],
     )
-    made = run(hands, met, method)
-    assert made.status is Status.OVERSTEPPED
-    assert {e.name for e in made.events} >= {"ball|box"}
+    motion = run(hands, met, method)
+    assert motion.status is Status.OVERSTEPPED
+    assert {e.name for e in motion.events} >= {"ball|box"}
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_driven_bodies_that_only_touch_or_keep_apart_are_sound(hands, method):
-    """A box that is set down on the floor overlaps nothing."""
+    """A box lowered onto the floor overlaps nothing."""
     down = moved(hands, box_z=[(0, 0.5), (0.5, 0.1), (0.6, 0.1), (1, 0.5)])
-    made = run(hands, down, method)
-    assert made.status is Status.DONE
-    assert pair_events(made, "box|floor") == []
+    motion = run(hands, down, method)
+    assert motion.status is Status.DONE
+    assert pair_events(motion, "box|floor") == []
     assert run(hands, fan.Input.hold(hands), method, t_end=0.1).status is Status.DONE
 
 
-def test_batches_and_steppers_report_what_the_inputs_move_through(hands):
+def test_batches_and_steppers_report_prescribed_overlaps(hands):
     down = moved(hands, box_z=[(0, 0.5), (0.4, -0.3)])
     up = moved(hands, box_z=[(0, 0.5), (0.4, 0.8)])
     for method in METHODS:

@@ -1,4 +1,4 @@
-"""Derivatives of steps and rollouts in which something springs back after it touches."""
+"""Derivatives of steps and rollouts with a rebound within a step."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contact.test_contact_step_derivatives import Steps, check_step
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
-FAR = {"other.x": -50.0, "other.z": 5.0}
+OTHER_AWAY = {"other.x": -50.0, "other.z": 5.0}
 # Forces are large, and so is the rounding of their differences.
 WIDE = Steps(q=1e-6, v=1e-5, a=1e-3)
 AT_FLOOR = {"ball.x": 1.5, "ball.y": 0.3, "ball.z": -10.0, "ball.wx": 4.0, "ball.wy": 3.0}
@@ -24,13 +24,13 @@ def bouncer() -> fan.Marionette:
 
 
 @pytest.mark.parametrize("gap", [1e-3, 8e-3, 19e-3])
-def test_a_step_that_springs_back_has_the_derivatives_of_its_touch(bouncer, gap):
-    """dz+ = -e dz + ..., across the floor from the touch on; friction turns and slides."""
-    x = thrown(bouncer, {**FAR, "ball.z": 0.05 + gap}, AT_FLOOR)
+def test_a_step_with_a_rebound_has_the_derivatives_of_its_touch(bouncer, gap):
+    """dz+ = -e dz + ..., across the floor from the touch on; friction changes spin and slides."""
+    x = thrown(bouncer, {**OTHER_AWAY, "ball.z": 0.05 + gap}, AT_FLOOR)
     lin = check_step(bouncer, x, ["stick"], steps=WIDE)
     check_step(
         bouncer,
-        thrown(bouncer, {**FAR, "ball.z": 0.05 + gap}, AT_FLOOR | {"ball.x": 40.0}),
+        thrown(bouncer, {**OTHER_AWAY, "ball.z": 0.05 + gap}, AT_FLOOR | {"ball.x": 40.0}),
         ["slide"],
         steps=WIDE,
     )
@@ -48,16 +48,16 @@ def test_balls_that_meet_within_a_step_have_its_derivatives(bouncer):
 
 
 def test_gradients_of_rollouts_go_through_touches_within_steps(bouncer):
-    """The ball springs back from the floor in the step between two nodes, and goes on."""
-    x = thrown(bouncer, {**FAR, "ball.z": 0.05 + 0.027}, AT_FLOOR)
+    """The ball rebounds from the floor in the step between two nodes, and continues."""
+    x = thrown(bouncer, {**OTHER_AWAY, "ball.z": 0.05 + 0.027}, AT_FLOOR)
     case = Case.of(bouncer, x, 4)
     check_products(case)
     run = check_differences(case)
     assert run.n_contacts.tolist() == [0, 1, 0, 0]
 
 
-def test_points_that_touch_at_the_same_time_or_later_are_no_derivative(bouncer):
-    """Of one group: near by, another one is struck first."""
+def test_simultaneous_or_later_touches_have_no_derivative(bouncer):
+    """They are in one group: in a neighbouring state, another ball is struck first."""
     place = {"ball.z": 0.05 + 0.008, "other.x": 0.12 + 0.005, "other.z": 0.05 + 0.008}
     x = thrown(bouncer, place, {"ball.z": -10.0, "ball.x": 4.0})
     with pytest.raises(fan.errors.StateError, match="no derivative"):

@@ -1,4 +1,4 @@
-"""What springs back within a fixed step touches first, in single runs and in lanes."""
+"""Bodies that rebound within a fixed step touch first, in single runs and in lanes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fantoccini.base.errors import Status
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
-FAR = {"other.x": -50.0, "other.z": 5.0}
+OTHER_AWAY = {"other.x": -50.0, "other.z": 5.0}
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def bouncer() -> fan.Marionette:
 
 
 def turned(way: np.ndarray, e: float) -> np.ndarray:
-    """Distance from what is touched, by the way beyond it that would be made without it."""
+    """Distance from the touched surface, by the displacement beyond it without contact."""
     return np.where(way < 0.0, -way, e * way)
 
 
@@ -32,17 +32,17 @@ def elastic() -> dict[float, fan.Marionette]:
 
 @pytest.mark.parametrize("dt", [1e-3, 2e-3, 5e-3])
 @pytest.mark.parametrize("e", [0.0, 0.3, 0.8, 1.0])
-def test_a_ball_turns_where_it_touches(elastic, e, dt):
+def test_a_ball_rebounds_at_its_touch(elastic, e, dt):
     """z = v (t* - t) until it touches at t*, and e v (t - t*) afterwards, at every sample."""
     for speed in (0.3, 3.0, 10.0, 20.0, 40.0):
         for high in (0.0131, 0.0204, 0.05):
             for axis, start, sign in (("z", 0.05 + high, -1.0), ("x", 9.9 - high, 1.0)):
-                place = {**FAR, "ball.z": 5.0} | {f"ball.{axis}": start}
+                place = {**OTHER_AWAY, "ball.z": 5.0} | {f"ball.{axis}": start}
                 x0 = thrown(elastic[e], place, {f"ball.{axis}": sign * speed})
                 run = stepped(elastic[e], x0, 3 * high / speed + 2 * dt, dt)
                 way = speed * run.t - high
                 gap = run[f"ball.{axis}"] - 0.05 if axis == "z" else 9.9 - run[f"ball.{axis}"]
-                # Without restitution the step that lands ends at the floor.
+                # Without restitution the landing step ends at the floor.
                 sure = np.full(len(way), True) if e > 0.0 else (way < 0.0) | (way > speed * dt)
                 assert np.allclose(gap[sure], turned(way, e)[sure], rtol=0, atol=1e-12)
                 assert gap.min() > -1e-12
@@ -51,11 +51,11 @@ def test_a_ball_turns_where_it_touches(elastic, e, dt):
                 assert np.diff(run.ledger["kinetic"]).max() <= 1e-12 * speed**2
 
 
-def test_a_ball_that_falls_turns_where_it_touches(elastic):
-    """With gravity its way is right to the order of dt^2 g, and its energy to that of dt g v."""
+def test_a_falling_ball_rebounds_at_its_touch(elastic):
+    """Under gravity, places are exact to the order of dt^2 g, and energies to that of dt g v."""
     ball = fan.loads(BOUNCER.replace("[0, 0, 0]", "[0, 0, -9.81]"))
     for high in np.linspace(0.2, 0.3, 7):
-        run = stepped(ball, thrown(ball, {**FAR, "ball.z": 0.05 + high}, {}), 0.3, 2e-3)
+        run = stepped(ball, thrown(ball, {**OTHER_AWAY, "ball.z": 0.05 + high}, {}), 0.3, 2e-3)
         v = np.sqrt(2 * G * high)
         since = run.t - v / G
         exact = np.where(since < 0.0, high - G * run.t**2 / 2, 0.8 * v * since - G * since**2 / 2)
@@ -65,8 +65,8 @@ def test_a_ball_that_falls_turns_where_it_touches(elastic):
         assert run.status is Status.DONE
 
 
-def test_several_balls_turn_at_times_of_their_own_within_one_step():
-    """Five in a step, the least time between two touches 0.1 us; none waits for another."""
+def test_several_balls_rebound_at_different_times_within_one_step():
+    """Five in a step, at least 0.1 us apart; none waits for another."""
     bodies = "".join(
         f"- {{name: b{k}, joint: {{type: prismatic, axis: [0, 0, 1]}}, "
         f"shapes: [{{type: sphere, radius: 0.05, mass: 1, at: [{k}, 0, 0]}}]}}\n"
@@ -92,7 +92,7 @@ def test_several_balls_turn_at_times_of_their_own_within_one_step():
 
 @pytest.mark.parametrize("dt", [1e-3, 5e-3])
 def test_impacts_pass_through_a_row_of_balls_within_a_step(dt):
-    """e = 1: the last one leaves with all of the speed, however many steps the gaps take."""
+    """e = 1: the last ball leaves with the whole speed, for any number of steps between."""
     bodies = "".join(
         f"- {{name: b{k}, joint: {{type: prismatic, axis: [1, 0, 0]}}, "
         "shapes: [{type: sphere, radius: 0.05, mass: 1}]}\n"
@@ -106,14 +106,14 @@ def test_impacts_pass_through_a_row_of_balls_within_a_step(dt):
     x0 = thrown(row, {f"b{k}": x for k, x in enumerate(place)}, {"b0": 20.0})
     run = stepped(row, x0, 0.02, dt)
     assert run.v_D[-1] == pytest.approx([0.0, 0.0, 0.0, 0.0, 20.0], abs=1e-9)
-    # Each stops where it touches the next; the last one has the time that was left.
+    # Each stops at the next one; the last one moves for the remaining time.
     at = [*(place[1:] - 0.1), place[4] + 20.0 * 0.02 - (place[4] - 0.4)]
     assert run.q_D[-1] == pytest.approx(at, abs=1e-9)
     assert np.max(np.abs(run.contact.gap)) < 1e-9
 
 
 def test_a_box_that_falls_on_one_corner_after_the_other_adds_no_energy():
-    """Corners touch at times of their own; none is struck from afar or passes the floor."""
+    """Corners touch at different times; none is struck at a distance or passes the floor."""
     box = fan.loads("""
 puppet: box
 gravity: [0, 0, 0]
@@ -133,17 +133,17 @@ bodies:
         assert run["v:body.z"][-1] > 0.0
 
 
-def test_a_bullet_turns_at_the_wall(bouncer):
-    """At 400 m/s: 0.8 m in a step of 2 ms. Faster ones meet the largest force of the options."""
-    x0 = thrown(bouncer, {**FAR, "ball.z": 5.0}, {"ball.x": 400.0})
+def test_a_bullet_rebounds_at_the_wall(bouncer):
+    """It has 400 m/s: 0.8 m in a step of 2 ms. Faster ones exceed the largest force."""
+    x0 = thrown(bouncer, {**OTHER_AWAY, "ball.z": 5.0}, {"ball.x": 400.0})
     run = stepped(bouncer, x0, 0.03, 2e-3)
     way = 400.0 * run.t - 9.9
     assert np.allclose(run["ball.x"], np.where(way < 0, 9.9 + way, 9.9 - 0.8 * way), atol=1e-9)
     assert run.contact.gap.max() < 1e-9
 
 
-def test_balls_that_meet_touch_before_they_part(bouncer):
-    """Head-on: momentum, e times the closing speed, and both where closed form has them."""
+def test_colliding_balls_touch_before_they_separate(bouncer):
+    """Head-on: momentum, e times the closing speed, and both places in closed form."""
     x0 = thrown(
         bouncer, {"ball.x": 0.0, "ball.z": 5.0, "other.x": 1.0, "other.z": 5.0},
         {"ball.x": 10.0, "other.x": -7.0},
@@ -158,11 +158,11 @@ def test_balls_that_meet_touch_before_they_part(bouncer):
     assert np.max(np.abs(run.contact.gap)) < 1e-12
 
 
-def test_lanes_turn_where_they_touch(bouncer):
-    """Each at its own time within its step, to the bits of a single run."""
+def test_lanes_rebound_at_their_touches(bouncer):
+    """Each rebounds at its own time within its step, to the bits of a single run."""
     highs = np.linspace(0.01, 0.05, 9)
     starts = [
-        thrown(bouncer, {**FAR, "ball.z": 0.05 + h}, {"ball.z": -15.0, "ball.x": 1.0})
+        thrown(bouncer, {**OTHER_AWAY, "ball.z": 0.05 + h}, {"ball.z": -15.0, "ball.x": 1.0})
         for h in highs
     ]
     runs = fan.simulate_batch(bouncer, starts, t_end=0.006, method=fan.TimeStepping(dt=2e-3))
@@ -174,8 +174,8 @@ def test_lanes_turn_where_they_touch(bouncer):
         assert np.array_equal(alone.q_D[[0, -1]], runs.q_D[k, [0, -1]])
 
 
-def test_what_a_bouncing_ball_strikes_stays_on_the_floor():
-    """A heavy slab that lies on the floor does not leave it for the ball that falls on it."""
+def test_a_slab_struck_by_a_ball_stays_on_the_floor():
+    """A heavy slab on the floor is not lifted by the ball that falls on it."""
     scene = fan.loads("""
 puppet: anvil
 floor: 0
@@ -196,7 +196,7 @@ pose: {slab.z: 0.05, ball.z: 0.3}
 
 
 def test_a_landing_without_restitution_closes_its_gap_within_the_step():
-    """u_n+ = -gap/dt, then rest: legal, at any speed, also where forces brake it."""
+    """u_n+ = -gap/dt, then rest: valid at any speed, also with braking forces."""
     for lift in (0.0, 20.0):
         ball = fan.loads(f"""
 puppet: lands
@@ -242,8 +242,8 @@ pose: {y: 1}
 
 @pytest.mark.parametrize("speed", [2.0, 10.0])
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_what_does_not_spring_back_is_stopped_while_something_else_springs_back(speed, share):
-    """A limit, a string and a landing at 0.4 of a step in which two balls meet elsewhere."""
+def test_inelastic_contacts_stop_while_others_rebound(speed, share):
+    """A limit, a string and a landing at 0.4 of a step in which two other balls collide."""
     sides, dt = fan.loads(SIDES), 5e-3
     way = 0.4 * dt * speed
     place = {"a": -way, "s": -0.5 + way, "c": way, "x": 0.0, "y": 0.1 + share * dt * speed}
@@ -269,8 +269,8 @@ ROW = (
 
 
 @pytest.mark.parametrize("dt", [5e-4, 2e-3, 5e-3])
-def test_a_ball_struck_from_both_sides_gives_everything_back(dt):
-    """Of three equal balls the outer two exchange their velocities through the one at rest."""
+def test_a_ball_struck_from_both_sides_transmits_everything(dt):
+    """The outer two of three equal balls exchange their velocities through the one at rest."""
     row = fan.loads(ROW)
     for gaps in ((0.02, 0.06), (0.02, 0.021), (0.013, 0.05)):
         place = {"x0": 0.0, "x1": 0.1 + gaps[0], "x2": 0.2 + sum(gaps), "x3": 0.0}

@@ -1,4 +1,4 @@
-"""Restitution of several contacts at once: scaled down only where it would add energy."""
+"""Restitution of several contacts at once: scaled down only if it would add energy."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def row_of_balls(n: int) -> fan.Marionette:
 
 
 def test_simultaneous_impacts_of_a_row_of_balls_lose_nothing_to_rounding():
-    """e = 1: (-0.6, 0.4, 0.4, 0.4, 0.4) of the incoming speed, whatever the start."""
+    """e = 1: (-0.6, 0.4, 0.4, 0.4, 0.4) of the incoming speed, from any start."""
     cradle = row_of_balls(5)
     rng = np.random.default_rng(0)
     for _ in range(60):

@@ -1,4 +1,4 @@
-"""Energy of what rolls without slip, by fixed steps."""
+"""Energy of bodies that roll without slip, by fixed steps."""
 
 from __future__ import annotations
 
@@ -47,39 +47,39 @@ def starts(egg: fan.Marionette, n: int, speed: float) -> list[fan.State]:
 
 
 def change(run: fan.Trajectory | fan.Trajectories) -> np.ndarray:
-    """(..., T) of the energy, relative to that at the start."""
+    """(..., T) change of the energy, relative to that at the start."""
     energy = run.ledger["kinetic"] + run.ledger["potential"]
     return energy / energy[..., :1] - 1.0
 
 
 @pytest.mark.parametrize(("speed", "which"), [(20.0, slice(0, 10)), (40.0, slice(9, 10))])
 def test_rolling_without_slip_keeps_the_energy_for_a_minute(egg, speed, which):
-    """At most 1 % either way in steps of 2 ms; what is left converges with the step."""
+    """It changes by at most 1 % in steps of 2 ms; the error converges with the step."""
     left = []
     for dt in (2e-3, 1e-3):
-        found = []
+        changes = []
         for x in starts(egg, 10, speed)[which]:
             run = fan.simulate(egg, x, t_end=60.0, method=fan.TimeStepping(dt=dt), effort=False)
             assert run.status is Status.DONE
             assert run.ledger["friction"][-1] < 1e-3 * run.ledger["kinetic"][0]
-            found.append(np.max(np.abs(change(run))))
-        left.append(np.max(found))
+            changes.append(np.max(np.abs(change(run))))
+        left.append(np.max(changes))
     assert left[0] < 0.01
     assert left[1] < 0.6 * left[0]
 
 
 def test_rolling_in_lanes_keeps_the_energy_as_alone(egg):
-    some = starts(egg, 8, 20.0)
+    initial = starts(egg, 8, 20.0)
     method = fan.TimeStepping(dt=2e-3)
-    lanes = fan.simulate_batch(egg, some, t_end=0.4, method=method, save="all", save_every=1)
+    lanes = fan.simulate_batch(egg, initial, t_end=0.4, method=method, save="all", save_every=1)
     for i in (0, 5):
-        alone = fan.simulate(egg, some[i], t_end=0.4, method=method)
+        alone = fan.simulate(egg, initial[i], t_end=0.4, method=method)
         assert np.allclose(lanes.q_D[i], alone.q_D, rtol=0, atol=1e-9)
         assert np.allclose(lanes.v_D[i], alone.v_D, rtol=0, atol=1e-7)
 
 
 def test_rolling_follows_the_event_driven_run(egg):
-    """Fixed steps converge to the motion that an adaptive integrator of high order finds."""
+    """Fixed steps converge to the motion of an adaptive integrator of high order."""
     x = starts(egg, 2, 20.0)[1]
     exact = fan.simulate(egg, x, t_end=0.5)
     off = []

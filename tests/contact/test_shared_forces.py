@@ -1,4 +1,4 @@
-"""Points that may share what they carry have forces of least norm."""
+"""Points with undetermined shares of a load have forces of least norm."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DT = 1e-3
 
 
 def test_a_box_on_four_corners_has_four_equal_forces():
-    """At rest on a floor, and sliding: as far as the law leaves them open, forces are shared."""
+    """At rest on a floor, and sliding: undetermined forces are shared."""
     block = on_slope(0.0, 0.5)
     x0 = block.state({"body.z": 0.05, "body.rotation": (0.9, 0.0, 0.0, 0.4359)})
     run = stepped(block, x0, 0.2, DT)
@@ -26,7 +26,7 @@ def test_a_box_on_four_corners_has_four_equal_forces():
     corners = stepped(slope, slope.state({"body.z": 0.05}), 0.2, DT).contact.at(150)
     force = np.array([-G * np.sin(0.3), 0.0, G * np.cos(0.3)])
     assert np.allclose(corners.force.sum(axis=0), force, atol=1e-6)
-    # Friction's moment about the middle is carried by the difference of front and rear.
+    # The moment of friction about the middle is balanced by the difference of front and rear.
     front = corners.point[:, 0] > 0
     shift = G * np.sin(0.3) * 0.05 / 0.2
     assert np.allclose(corners.normal_force[front], force[2] / 4 + shift / 2, atol=1e-6)

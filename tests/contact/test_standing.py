@@ -43,7 +43,7 @@ def stool() -> fan.Marionette:
     return fan.loads(STOOL)
 
 
-def test_a_toy_that_rights_itself_rocks_as_its_weight_says():
+def test_a_self_righting_toy_rocks_at_its_frequency():
     """omega^2 = m g d / (I + m (R - d)^2) about each axis; it spins freely about the vertical."""
     toy = fan.loads(TOY)
     x = toy.rest({"toy.rotation": [0.1, -0.05, 0.0]})
@@ -51,15 +51,15 @@ def test_a_toy_that_rights_itself_rocks_as_its_weight_says():
     modes = toy.modes(x)
     arm = 0.4 * 0.07**2
     wanted = np.sqrt(0.4 * G * 0.03 / (np.array([9e-4, 6e-4]) + arm))
-    found = [2.0 * np.pi * mode.frequency for mode in modes.swinging]
-    assert found == pytest.approx(sorted(wanted), rel=1e-7)
+    frequencies = [2.0 * np.pi * mode.frequency for mode in modes.swinging]
+    assert frequencies == pytest.approx(sorted(wanted), rel=1e-7)
     assert [mode.damping for mode in modes.swinging] == pytest.approx([0.0, 0.0], abs=1e-9)
     assert len(modes) == 3 and abs(modes[2].s) < 1e-5
     assert [point.name for point in modes.contacts] == ["toy|floor"]
 
 
 def test_a_stem_on_a_flat_foot_swings_as_a_pendulum_upside_down():
-    """I phidd + c phid + (k - m g l cos phi) phi = 0 about its rest, k (phi - 0.2) = m g l sin."""
+    """I phiddot + c phidot + (k - m g l cos phi) phi = 0 about rest, k (phi - 0.2) = m g l sin."""
     lamp = fan.loads(LAMP)
     x = lamp.rest()
     phi = x["hinge"]
@@ -73,8 +73,8 @@ def test_a_stem_on_a_flat_foot_swings_as_a_pendulum_upside_down():
     assert {point.mode for point in modes.contacts} == {"stick"} and modes.rows == ()
 
 
-def test_at_rest_on_the_floor_what_pulls_is_taut(promenade):
-    """The head's string and both knees' limits pull; contact carries the rest."""
+def test_at_rest_on_the_floor_rows_with_force_are_taut(promenade):
+    """The head's string and both knees' limits are active; contact carries the rest."""
     x = promenade.rest()
     names = np.array(promenade.tree.row_names)
     lin = promenade.linearise(x)
@@ -88,7 +88,7 @@ def test_at_rest_on_the_floor_what_pulls_is_taut(promenade):
 
 
 def test_the_modes_of_a_puppet_that_stands_are_those_of_its_linear_system(promenade):
-    """Every s is an eigenvalue of A; A has two zeros more for every row that is held."""
+    """Every s is an eigenvalue of A; A has two more zeros for every active row."""
     x = promenade.rest()
     modes, A = promenade.modes(x), promenade.linearise(x).A
     assert "head" in modes.rows and {p.mode for p in modes.contacts} == {"stick"}
@@ -124,7 +124,7 @@ def step_differences(puppet: fan.Marionette, x: fan.State, d: np.ndarray, size: 
 
 
 def test_derivatives_of_a_step_flat_on_both_feet_hold_for_consistent_changes(stool):
-    """The hips' distance ties both feet: they tilt together or not at all."""
+    """The hips' distance couples both feet: they tilt together or not at all."""
     x, dt, n = stool.state(), 0.002, stool.coordinates.n_vD
     lin = stool.linearise_step(x, dt=dt)
     assert lin.sharp and [point.mode for point in lin.contacts] == ["stick"] * 8
@@ -144,7 +144,7 @@ def test_derivatives_of_a_step_flat_on_both_feet_hold_for_consistent_changes(sto
 
 
 def test_continuous_and_discrete_time_agree_on_a_puppet_that_stands(promenade):
-    """A dt + 1 is the step's A, to its order, along motions that the soles allow."""
+    """A dt + 1 equals the step's A, to its order, along motions allowed by the soles."""
     x, n, dt = promenade.rest(), promenade.coordinates.n_vD, 1e-4
     flow, step = promenade.linearise(x), promenade.linearise_step(x, dt=dt)
     assert step.sharp and step.rows == flow.rows
@@ -173,7 +173,7 @@ def gradient_of_last(puppet: fan.Marionette, x: fan.State, n: int, more: dict[st
     run = made({})
     own = np.zeros((2, n + 1, t.n_vD))
     own[0, -1], own[1, -1] = by_q, by_v
-    found = run.gradient(q_D=own[0], v_D=own[1])
+    gradient = run.gradient(q_D=own[0], v_D=own[1])
     assert run.sharp.all()
 
     def cost(change: dict[str, np.ndarray]) -> float:
@@ -184,7 +184,7 @@ def gradient_of_last(puppet: fan.Marionette, x: fan.State, n: int, more: dict[st
 
     for name, d in more.items():
         wanted = (cost({name: d}) - cost({name: -d})) / 2.0
-        terms = getattr(found, name) * d
+        terms = getattr(gradient, name) * d
         scale = max(float(np.sum(np.abs(terms))), abs(wanted))
         assert abs(np.sum(terms) - wanted) < 1e-5 * scale + 1e-13, name
 
@@ -202,7 +202,7 @@ def test_rollouts_of_a_puppet_on_both_feet_have_gradients(stool):
 
 
 def test_rollouts_of_the_standing_marionette_have_gradients(promenade):
-    """The shoulders' strings stay: wound in, they would lift what the soles hold."""
+    """The shoulders' strings keep their lengths: shorter ones would lift the soles."""
     t, rng = promenade.coordinates, np.random.default_rng(2)
     others = np.array(["shoulder" not in name for name in t.v_K])
     changes = {

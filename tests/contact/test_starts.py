@@ -1,4 +1,4 @@
-"""Starts of runs that touch: overlaps that are moved apart, and bodies of very different mass."""
+"""Initial states with contact: overlaps that are removed, and very different masses."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def press() -> fan.Marionette:
 
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 def test_a_gram_carries_a_hundred_kilograms(press, method):
-    """Nothing slides: the floor bears both weights, and nothing moves."""
+    """Nothing slides: the floor carries both weights, and nothing moves."""
     run = fan.simulate(press, press.state(), t_end=0.2, method=method)
     assert run.status is Status.DONE
     assert np.max(np.abs(run.q_D - run.q_D[0])) < 1e-6
@@ -41,7 +41,9 @@ def test_a_gram_carries_a_hundred_kilograms(press, method):
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 @pytest.mark.parametrize("depth", [1e-5, 5e-4, 9e-4])
 def test_overlaps_at_the_start_are_moved_apart_and_nothing_jumps(press, method, depth):
-    """By the shortest way: the floor lifts what lies in it by the depth, and all stays at rest."""
+    """The overlap is removed along the shortest direction: the body is lifted by the depth, and
+    stays at rest.
+    """
     x0 = press.state({"light.z": 0.05 - depth, "heavy.z": 0.25 - depth})
     run = fan.simulate(press, x0, t_end=0.1, method=method)
     assert run.status is Status.DONE

@@ -1,4 +1,4 @@
-"""Structures and codes: what C++ makes of the contract's header is what ctypes makes of it."""
+"""Structures and codes have the same layout in C++ and in ctypes."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from fantoccini.kernel.runtime.structures import structures
 
 
 def offsets(structure) -> list[int]:
-    """Where the fields are, and where the structure ends."""
-    made = structures[structure.name]
-    return [getattr(made, f.name).offset for f in structure.fields] + [ctypes.sizeof(made)]
+    """Offsets of the fields, then the size of the structure."""
+    fields = structures[structure.name]
+    return [getattr(fields, f.name).offset for f in structure.fields] + [ctypes.sizeof(fields)]
 
 
 def test_the_fields_are_where_cpp_has_them(tmp_path):
@@ -63,7 +63,7 @@ def test_the_header_has_the_constants_of_python():
 
 
 def test_no_other_header_repeats_them():
-    """The size of forces in the runtime undid the 1e5 of Python with a 1e-5 of its own."""
+    """The size of forces in the runtime once replaced Python's 1e5 by its own 1e-5."""
     owners = {
         "event/flow.hpp": ("closed_gap", "least_length", "tension_cap"),
         "event/instants.hpp": ("start_gap",),

@@ -1,12 +1,16 @@
-// The two complementarity solvers by themselves: problems from stdin, solutions to stdout.
+// The two complementarity solvers: problems from stdin, solutions to stdout.
 //
-// stdin: how many problems; then of each n, the length of a column, whose solver (1: the
+// stdin: number of problems; then for each n, the length of a column, its solver (1: the
 // event-driven run's, exact; 0: the time-stepper's), a guess (1: all rows active, 0: none),
 // two_sided (n), upper (n), b (n), and the columns of A (n of them); G = A^T A.
-// stdout, one line a problem: status (0: solved, 1: no solution, 2: not settled), apart, x (n), s
-// (n), ray (n). `apart` is relative to max |x|: of the exact solver how far the motion A x from the
-// other guess is, of the time-stepper's how far x of the same problem in a bundle is, whose other
-// lanes hold other right sides, without and with straight-line code for the first rows.
+// stdout, one line per problem: status (0: solved, 1: no solution, 2: not settled), apart, x (n), s
+// (n), ray (n). `apart` is relative to max
+//
+// x
+//
+// : for the exact solver the difference of the motion A x from that with the other guess, for the
+// time-stepper's the difference of x from that of the same problem in a bundle whose other lanes
+// have other right sides, without and with straight-line code for the first rows.
 #include <cmath>
 #include <cstdio>
 #include <vector>
@@ -19,7 +23,7 @@
 namespace {
 
 constexpr int kCapacity = 60, kLongest = 130, W = 4;
-constexpr double kFree = 1e30;  // a bound of a two-sided row that is never met
+constexpr double kFree = 1e30;  // bound of a two-sided row, never active
 using Wide = fan::Lanes<W>;
 using Set = fan::ActiveSet<kCapacity, kLongest>;
 constexpr int stride = fan::Complementarity<double, kCapacity>::N;
@@ -118,7 +122,7 @@ double motion_between(
   return most;
 }
 
-// Settings and bounds of the time-stepper, in lane l of a bundle with b times cos(l + i).
+// Settings and bounds of the time-stepper; in lane l of a bundle, b is multiplied by cos(l + i).
 template <class Real>
 Real b_of(const Problem& p, int i);
 template <>
@@ -150,7 +154,7 @@ auto step(fan::Complementarity<Real, kCapacity, leading>& system, const Problem&
       50 + 4 * p.n);
 }
 
-// The largest difference of x in lane 0; NaN where there is one.
+// Largest difference of x in lane 0; NaN if it contains one.
 double farthest(const Wide* x, const std::vector<double>& y) {
   double most = 0.0;
   for (size_t i = 0; i < y.size(); ++i) {

@@ -1,9 +1,9 @@
-// The solver of strings and contacts by itself: problems from stdin, solutions to stdout.
+// The solver of strings and contacts: problems from stdin, solutions to stdout.
 //
-// stdin: how many problems; then of each n_single, n_contacts, mu (n_contacts), of every contact
-// whether its direction of sliding is given and that (3 n_contacts), and of its n rows lower,
-// upper, b, the guess of x, and G (n * n). stdout, one line a problem: solved (1 or 0), residual,
-// iterations, rounds, x (n), s (n).
+// stdin: number of problems; then for each n_single, n_contacts, mu (n_contacts), for every contact
+// whether its direction of sliding is given, and the direction (3 n_contacts), and for its n rows
+// lower, upper, b, the guess of x, and G (n * n). stdout, one line per problem: solved (1 or 0),
+// residual, iterations, rounds, x (n), s (n).
 #include <cmath>
 #include <cstdio>
 #include <initializer_list>

@@ -1,8 +1,8 @@
-// Elementary functions beside the C library's on long doubles.
+// Elementary functions, compared with the C library on long doubles.
 //
 // stdin: numbers. stdout, for each: the errors of sine, cosine, arctangent and inverse root (of its
-// absolute value) in units in the last place, on doubles and then on lanes; then 1 where all lanes
-// of a bundle gave the same, and 0 where not.
+// absolute value) in units in the last place, on doubles and then on lanes; then 1 if all lanes of
+// a bundle agree, and 0 otherwise.
 #include <cmath>
 #include <cstdio>
 

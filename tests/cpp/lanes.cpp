@@ -1,10 +1,10 @@
-// The time-stepper on bundles of doubles beside the scalar one.
+// The time-stepper on bundles of doubles, compared with the scalar one.
 //
 // stdin: n_steps, dt, recovery speed, cap; then for each lane q_D, v_D, slip, q_K, and for every
 // driven coordinate an amplitude, a frequency and a phase: q_K(t) = q_K + a (cos(p) - cos(w t +
 // p)). All driven coordinates are scalars. Parameters and winches follow, the same for all lanes.
 //
-// stdout, one number a line with its name: what the Python side asserts.
+// stdout, one number per line with its name: values asserted in Python.
 #define FAN_LANES 8
 
 #include <cstdio>
@@ -46,7 +46,7 @@ double get(const fan::Lanes<W>& x, int lane) { return x[lane]; }
 bool get(const bool& x, int) { return x; }
 bool get(const fan::Traits<fan::Lanes<W>>::Mask& x, int lane) { return x[lane]; }
 
-// A stepper for some lanes, whose places in the bundle are given by `who`: place k holds who[k].
+// A stepper for several lanes; `who` gives their places in the bundle: place k contains who[k].
 template <class Real>
 struct Bundle {
   static constexpr int width = fan::Traits<Real>::width;
@@ -91,7 +91,7 @@ struct Bundle {
     for (int k = 0; k < N; ++k) v_D[k] = v_next[k];
   }
 
-  // Everything a step leaves behind, of one place.
+  // All results of a step in one place.
   std::vector<double> all(int l) const {
     std::vector<double> out;
     for (int i = 0; i < NQ; ++i) out.push_back(get(q_D[i], l));
@@ -159,7 +159,7 @@ int main() {
   }
   using Wide = fan::Lanes<W>;
   Bundle<Wide> first(lanes, p, winches, in_order), second(lanes, p, winches, turned);
-  std::vector<Bundle<Wide>> alike;  // bundles whose places all hold the same lane
+  std::vector<Bundle<Wide>> alike;  // bundles with the same lane in all places
   std::vector<Bundle<double>> single;
   for (int l = 0; l < W; ++l) {
     const int same[W] = {l, l, l, l, l, l, l, l};
@@ -170,10 +170,10 @@ int main() {
   Worst q, v, slip, tension, ledger;
   long long modes_apart = 0, bits_apart = 0, unsettled = 0;
   std::vector<long long> changes(W, 0), slips(W, 0);
-  long long steps_unlike = 0;  // in which lanes had different modes
+  long long steps_unlike = 0;  // steps with different modes of lanes
   for (int n = 0; n < n_steps; ++n) {
     std::vector<std::vector<bool>> was(W);
-    // Every scalar stepper starts the step where its lane is.
+    // Every scalar stepper starts the step from the state of its lane.
     for (int l = 0; l < W; ++l) {
       for (int i = 0; i < NQ; ++i) single[l].q_D[i] = first.q_D[i][l];
       for (int k = 0; k < N; ++k) single[l].v_D[k] = first.v_D[k][l];

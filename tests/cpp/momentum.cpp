@@ -1,7 +1,7 @@
-// Momentum of eight states in lanes, and of each by itself.
+// Momentum of eight states, in lanes and individually.
 //
 // stdin: for each lane q_D, v_D, q_K, v_K; then the parameters.
-// stdout: for each lane its momentum in lanes, then its momentum by itself.
+// stdout: for each lane its momentum in lanes, then its individual momentum.
 #define FAN_LANES 8
 
 #include <cstdio>

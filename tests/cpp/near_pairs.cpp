@@ -1,7 +1,6 @@
-// Links that move and turn at random, each with a small sphere at the rim of its ball: whether
-// pairs that a list leaves out ever come within the margin while it holds. stdin: speed of the
-// links [m/step], turn [rad/step]. stdout: lists made, steps they held, pairs that were near, pairs
-// that were missed.
+// Links with random motions, each with a small sphere at the rim of its ball: whether pairs outside
+// of a list ever come within the margin while it is valid. stdin: speed of the links [m/step], turn
+// [rad/step]. stdout: number of lists, steps of their validity, near pairs, missed pairs.
 #include <cmath>
 #include <cstdio>
 #include <random>
@@ -50,7 +49,7 @@ int main() {
   for (int step = 0; step < n_steps; ++step) {
     for (int i = 1; i < n_links; ++i) {
       for (int c = 0; c < 3; ++c) ball[i].at[c] = 0.999 * ball[i].at[c] + speed * any(random);
-      // About z, on the left: every column turns.
+      // Rotation about z, from the left: every column turns.
       const double angle = turn * any(random), c = std::cos(angle), s = std::sin(angle);
       for (int k = 0; k < 9; k += 3) {
         double* column = poses + 12 * i + k;

@@ -1,7 +1,7 @@
-// Parts of the runtime by themselves.
+// Separate tests of parts of the runtime.
 //
 // stdin: nothing. stdout: the statuses of corrections that converge in 12 and in 13 rounds, and the
-// acceleration of a feedback without reach, at its equilibrium and off it.
+// acceleration of a feedback without reach, at its equilibrium and away from it.
 #include <cstdio>
 
 #include "fantoccini/model/correct.hpp"
@@ -9,7 +9,7 @@
 
 namespace {
 
-// Corrects an error that each of `rounds` moves shrinks; the last one removes it.
+// Corrects an error that shrinks in each of `rounds` moves; the last one removes it.
 fan::Status corrected_in(int rounds) {
   double q[1] = {0.0}, error = 1e-3;
   return fan::correct<1>(

@@ -1,4 +1,4 @@
-"""Solids placed in the world for the tests of the narrow phase, and what coal says of them."""
+"""Solids in the world for tests of the narrow phase, and the results of coal."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ MAX_TOUCHES = 8
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A solid as ``PlacedSolid`` has it; R (3, 3) has the axes as columns, ``mesh`` is a hull."""
+    """A solid with the fields of `PlacedSolid`; the columns of R (3, 3) are the axes, `mesh` is
+    a hull.
+    """
 
     kind: int
     a: np.ndarray
@@ -53,17 +55,17 @@ class Placed:
         return self.kind == SEGMENT and bool(self.half[0] > 0)
 
     def moved(self, by: ArrayLike, turn: Rotation | None = None) -> Placed:
-        """Turned about the origin, then shifted."""
+        """The solid turned about the origin, then shifted."""
         Q = np.eye(3) if turn is None else turn.as_matrix()
         b = Q @ self.b if self.kind == HALF_SPACE else Q @ self.b + np.asarray(by)
         return replace(self, a=Q @ self.a + np.asarray(by), b=b, R=Q @ self.R)
 
     def turned(self, turn: Rotation) -> Placed:
-        """Turned about its own centre."""
+        """The solid turned about its own centre."""
         return self.moved(self.centre - turn.apply(self.centre), turn)
 
     def reach(self, n: np.ndarray) -> float:
-        """max n . x over the solid; of half-spaces only along their normal."""
+        """max n . x over the solid; for half-spaces only along their normal."""
         if self.kind == HALF_SPACE:
             return float(self.a @ self.b) if n @ self.b > 1 - 1e-9 else np.inf
         if self.ellipsoid:
@@ -75,7 +77,7 @@ class Placed:
         return float(max(n @ self.a, n @ self.b)) + self.radius
 
     def off_surface(self, point: np.ndarray) -> float:
-        """Signed distance of a point from the surface; of ellipsoids to first order."""
+        """Signed distance of a point from the surface; for ellipsoids to first order."""
         if self.kind == HALF_SPACE:
             return float((point - self.a) @ self.b)
         local = self.R.T @ (point - self.centre)
@@ -97,8 +99,9 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """``alone``: normal (3) and gap by feature and region alone, if these say them; ``holds``:
-    whether within its features."""
+    """`alone`: normal (3) and gap by feature and region alone, if they are defined; `holds`:
+    whether the point is within its features.
+    """
 
     point: np.ndarray
     normal: np.ndarray
@@ -111,7 +114,7 @@ class Touch:
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """What the narrow phase says of two solids."""
+    """Result of the narrow phase for two solids."""
 
     radius: float
     apart: bool
@@ -131,7 +134,9 @@ class Pair:
 
 
 def _distance(corners: np.ndarray) -> float:
-    """Of the origin from the convex hull of points (n, 3) (Lawson and Hanson, 1974, chapter 23)."""
+    """Distance of the origin from the convex hull of points (n, 3) (Lawson and Hanson, 1974,
+    chapter 23).
+    """
     weight, _ = nnls(np.vstack([corners.T, np.ones(len(corners))]), [0.0, 0.0, 0.0, 1.0])
     return float(np.linalg.norm(weight @ corners) / weight.sum())
 
@@ -162,7 +167,7 @@ def half_space(at: ArrayLike, normal: ArrayLike) -> Placed:
 
 
 def ellipsoid(at: ArrayLike, radii: ArrayLike, turn: Rotation | None = None) -> Placed:
-    """With the capsule around it."""
+    """Ellipsoid with the capsule around it."""
     R = np.eye(3) if turn is None else turn.as_matrix()
     sizes, centre = np.asarray(radii, float), np.asarray(at, float)
     longest, middle = int(np.argmax(sizes)), float(np.sort(sizes)[1])
@@ -174,8 +179,8 @@ def touches(
     program: Path, pairs: Sequence[tuple[Placed, Placed]], margin: float = 0.05
 ) -> list[Pair]:
     """The contact points of pairs."""
-    found = {s.mesh for pair in pairs for s in pair if s.mesh is not None}
-    hulls = {h: k for k, h in enumerate(sorted(found, key=lambda h: h.vertices.tobytes()))}
+    meshes = {s.mesh for pair in pairs for s in pair if s.mesh is not None}
+    hulls = {h: k for k, h in enumerate(sorted(meshes, key=lambda h: h.vertices.tobytes()))}
     words = [margin, len(hulls), *(w for hull in hulls for w in hull_words(hull)), len(pairs)]
     for x, y in pairs:
         for s in (x, y):
@@ -186,7 +191,7 @@ def touches(
 
 
 def hull_words(hull: Hull) -> list[float]:
-    """A hull as the program reads it."""
+    """Numbers of a hull in the program's format."""
     counts = len(hull.vertices), len(hull.planes), len(hull.edges), len(hull.corners)
     arrays = (
         hull.vertices,
@@ -206,12 +211,12 @@ def _parsed(line: list[float]) -> Pair:
     assert np.all(np.isfinite(line))
     radius, apart, n, *rest = line
     assert n <= MAX_TOUCHES and len(rest) == 15 * n
-    found = []
+    points = []
     for r in np.array(rest).reshape(-1, 15):
         known, holds = bool(r[9]), bool(r[10])
         alone = r[11:] if known else None
-        found.append(Touch(r[:3], r[3:6], float(r[6]), int(r[7]), int(r[8]), alone, holds))
-    return Pair(radius, bool(apart), found)
+        points.append(Touch(r[:3], r[3:6], float(r[6]), int(r[7]), int(r[8]), alone, holds))
+    return Pair(radius, bool(apart), points)
 
 
 def coal_distance(x: Placed, y: Placed) -> tuple[float, np.ndarray]:
@@ -220,8 +225,8 @@ def coal_distance(x: Placed, y: Placed) -> tuple[float, np.ndarray]:
     request.enable_signed_distance = True
     request.gjk_tolerance = request.epa_tolerance = 1e-10
     request.gjk_max_iterations = request.epa_max_iterations = 2000
-    found = coal.distance(*_coal(x), *_coal(y), request, result)
-    return float(found), -np.array(result.normal).ravel()
+    distance = coal.distance(*_coal(x), *_coal(y), request, result)
+    return float(distance), -np.array(result.normal).ravel()
 
 
 def _coal(x: Placed) -> tuple[Any, Any]:
@@ -243,34 +248,34 @@ def _coal(x: Placed) -> tuple[Any, Any]:
 
 @functools.cache
 def _coal_hull(hull: Hull) -> Any:
-    """The triangles of Qhull, which know nothing of merged facets."""
-    made = ConvexHull(hull.vertices)
-    x = hull.vertices[made.simplices]
+    """The triangles of Qhull, without merged facets."""
+    qhull = ConvexHull(hull.vertices)
+    x = hull.vertices[qhull.simplices]
     normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    outward = np.einsum("ni,ni->n", normal, made.equations[:, :3]) > 0
+    outward = np.einsum("ni,ni->n", normal, qhull.equations[:, :3]) > 0
     points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     points.extend(list(hull.vertices))
-    corners = np.where(outward[:, None], made.simplices, made.simplices[:, ::-1])
+    corners = np.where(outward[:, None], qhull.simplices, qhull.simplices[:, ::-1])
     triangles.extend([coal.Triangle(*t) for t in corners.tolist()])
     return coal.Convex(points, triangles)
 
 
 def polytope(points: ArrayLike, at: ArrayLike = (0, 0, 0), turn: Rotation | None = None) -> Placed:
     """The convex hull of points, turned about the origin and shifted."""
-    made = hull_of(np.asarray(points, float))
+    mesh = hull_of(np.asarray(points, float))
     R = np.eye(3) if turn is None else turn.as_matrix()
-    centre = R @ made.centroid + np.asarray(at)
-    return replace(placed_solid(HULL, centre, centre, R=R), mesh=made)
+    centre = R @ mesh.centroid + np.asarray(at)
+    return replace(placed_solid(HULL, centre, centre, R=R), mesh=mesh)
 
 
 def random_turn(rng: np.random.Generator, size: float = np.pi) -> Rotation:
-    """By up to ``size`` [rad] about a random axis."""
+    """Rotation by up to `size` [rad] about a random axis."""
     axis = rng.normal(size=3)
     return Rotation.from_rotvec(rng.uniform(0, size) * axis / np.linalg.norm(axis))
 
 
 def random_solid(rng: np.random.Generator, kind: str, at: ArrayLike = (0, 0, 0)) -> Placed:
-    """A random size and orientation about a place."""
+    """A solid of random size and orientation at a place."""
     turn, sizes = Rotation.random(random_state=rng), rng.uniform(0.05, 0.2, 3)
     match kind:
         case "sphere":
@@ -292,10 +297,11 @@ def random_solid(rng: np.random.Generator, kind: str, at: ArrayLike = (0, 0, 0))
 def random_pair(
     rng: np.random.Generator, first: str, second: str, low: float, high: float
 ) -> tuple[Placed, Placed]:
-    """Two solids brought together along the line of their nearest points, from apart to a distance
-    in [low, high]; below 0 roughly."""
+    """Two separate solids brought together along the line of their nearest points, to a distance
+    in [low, high]; below 0 approximately.
+    """
     x, y = random_solid(rng, first), random_solid(rng, second)
     away = y.b if second == "half-space" else rng.normal(size=3)
     x = x.moved(away / np.linalg.norm(away) * 1.5)
-    found, normal = coal_distance(x, y)
-    return x.moved((rng.uniform(low, high) - found) * normal), y
+    distance, normal = coal_distance(x, y)
+    return x.moved((rng.uniform(low, high) - distance) * normal), y

@@ -1,9 +1,9 @@
-// A run through the C interface, as the package makes it, for the sanitizers to watch.
+// A run through the C interface, called as the package does, for the sanitizers.
 //
 // stdin: event-driven (1 or 0), t, t_end, new inputs half way (1 or 0), the eleven options, q_D,
 // v_D, slip, p, the winches, the input (n_segments, breaks, coef, base), and times to save (n,
 // times). stdout: status, rows, events, events of slipping, steps, whether all rows are finite, the
-// largest blame, and the last row.
+// largest attribution, and the last row.
 #include "model_of.hpp"
 
 #include "fantoccini/interface/model.hpp"
@@ -41,9 +41,9 @@ fan::Options options() {
   return o;
 }
 
-constexpr long long kBudget = 20;  // steps of one call: far fewer than a run has
+constexpr long long kBudget = 20;  // steps of one call, much fewer than those of a run
 
-// Records too small for a whole run: it has to be handed out in pieces.
+// Records too small for a whole run, which is therefore returned in pieces.
 struct Sheets {
   static constexpr int kRows = 96, kEvents = 16 * Model::n_rows + 64;
   std::vector<double> rows = std::vector<double>(kRows * fan::SampleLayout<Model>::width);

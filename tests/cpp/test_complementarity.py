@@ -1,7 +1,7 @@
 """The complementarity solvers against solvers that know nothing of them.
 
 s = G x - b, 0 <= x <= upper, s >= 0 at x = 0, s <= 0 at x = upper, s = 0 between are the conditions
-of the quadratic programme min 1/2 x . G x - b . x over 0 <= x <= upper; with G = A^T A and
+of the quadratic program min 1/2 x . G x - b . x over 0 <= x <= upper; with G = A^T A and
 b = A^T c that is the bounded least-squares problem min |A x - c|.
 """
 
@@ -23,10 +23,14 @@ SOLVED, INFEASIBLE = 0, 1
 
 @dataclass(frozen=True)
 class Problem:
-    """min |A x - c| over 0 <= x <= upper, x of any sign where ``free``.
+    """min
+
+    A x - c
+
+     over 0 <= x <= upper, x of any sign where `free`.
 
     Attributes:
-        A, c, free: of the problem.
+        A, c, free: data of the problem.
         upper: bounds; none when not given.
         event: solve exactly, as the event-driven run does, else as the time-stepper does.
         guess: start with all rows active, else with none.
@@ -79,11 +83,11 @@ def solve(tmp_path_factory):
         words = [len(problems), *(x for p in problems for x in p.words())]
         lines = run_program(program, "\n".join(repr(float(w)) for w in words)).splitlines()
         assert len(lines) == len(problems)
-        found = []
+        parsed = []
         for line in lines:
             status, apart, *rest = map(float, line.split())
-            found.append(Answer(int(status), apart, *np.split(np.array(rest), 3)))
-        return found
+            parsed.append(Answer(int(status), apart, *np.split(np.array(rest), 3)))
+        return parsed
 
     return answers
 
@@ -96,14 +100,18 @@ def random_problem(
     Args:
         rng: random numbers.
         n: rows.
-        redundant: how many of them are combinations of others.
-        free: how many of them are two-sided.
-        settings: of the problem.
+        redundant: number of rows that are combinations of others.
+        free: number of two-sided rows.
+        settings: other fields of the problem.
     """
     A = rng.normal(size=(2 * n + 6, n)) / np.sqrt(2 * n + 6)
     for k in range(redundant):
-        kept = n - redundant
-        A[:, kept + k] = A[:, k % kept] if k % 2 else A[:, :kept] @ rng.normal(size=kept)
+        n_independent = n - redundant
+        A[:, n_independent + k] = (
+            A[:, k % n_independent]
+            if k % 2
+            else A[:, :n_independent] @ rng.normal(size=n_independent)
+        )
     order = rng.permutation(n)
     sides = np.zeros(n, dtype=bool)
     sides[rng.choice(n, free, replace=False)] = True
@@ -126,13 +134,13 @@ def check_conditions(p: Problem, answer: Answer, tolerance: float = 1e-12) -> No
 
 
 def least_squares(p: Problem) -> np.ndarray:
-    """A x of the solution, by Lawson and Hanson, bounded by Stark and Parker; it is unique also
-    where x is not.
+    """A x of the solution, by Lawson and Hanson, bounded by Stark and Parker; it is unique even
+    if x is not.
     """
     if p.upper is not None:
         bounds = (np.where(p.free, -np.inf, 0.0), np.where(p.free, np.inf, p.upper))
-        found = lsq_linear(p.A, p.c, bounds, method="bvls", tol=1e-15, max_iter=10_000)
-        return p.A @ found.x
+        solution = lsq_linear(p.A, p.c, bounds, method="bvls", tol=1e-15, max_iter=10_000)
+        return p.A @ solution.x
     x, _ = nnls(np.hstack([p.A, -p.A[:, p.free]]), p.c, maxiter=10_000)
     full = x[: p.A.shape[1]].copy()
     full[p.free] -= x[p.A.shape[1] :]
@@ -140,8 +148,8 @@ def least_squares(p: Problem) -> np.ndarray:
 
 
 def enumerated(p: Problem) -> np.ndarray:
-    """x by trying every set of active rows; of the sets that fit the least-norm one."""
-    n, found = len(p.b), []
+    """x by trying every set of active rows; among the valid sets the one of least norm."""
+    n, candidates = len(p.b), []
     for choice in itertools.product([False, True], repeat=n):
         on = np.array(choice)
         if np.any(p.free & ~on):
@@ -151,13 +159,13 @@ def enumerated(p: Problem) -> np.ndarray:
         s = p.G @ x - p.b
         good = np.all(x[~p.free] > -1e-9) and np.all(s[~p.free] > -1e-9)
         if good and np.all(np.abs(s[on]) < 1e-9):
-            found.append(x)
-    return min(found, key=np.linalg.norm)
+            candidates.append(x)
+    return min(candidates, key=np.linalg.norm)
 
 
 @pytest.mark.parametrize("event", [True, False], ids=["event", "timestepping"])
 def test_well_conditioned_rows(solve, event):
-    """Against Lawson and Hanson, from one row to sixty; the guess does not matter."""
+    """Problems of one to sixty rows, compared with Lawson and Hanson; the guess does not matter."""
     rng = np.random.default_rng(1)
     problems = [
         random_problem(rng, n, event=event, guess=bool(k % 2))
@@ -218,7 +226,7 @@ def test_bounded_rows(solve, event):
 
 
 def test_bounded_rows_among_redundant_ones(solve):
-    """One motion, also where some of a redundant set pull with all they may."""
+    """The motion is unique, even if some of a redundant set pull with their largest force."""
     rng = np.random.default_rng(8)
     problems = [
         random_problem(
@@ -233,7 +241,7 @@ def test_bounded_rows_among_redundant_ones(solve):
         assert answer.apart <= 1e-12
 
 
-def test_rows_that_nothing_satisfies_are_told_with_a_proof(solve):
+def test_unsatisfiable_rows_have_a_proof(solve):
     """y >= 0 with A y = 0 and b . y > 0: then A^T z >= b has no solution z."""
     rng = np.random.default_rng(9)
     problems = []
@@ -256,7 +264,7 @@ def test_rows_that_nothing_satisfies_are_told_with_a_proof(solve):
 
 
 def test_every_set_of_rows_tried(solve):
-    """Small problems, redundant ones and two-sided rows among them, by enumeration."""
+    """Small problems, including redundant and two-sided rows, by enumeration."""
     rng = np.random.default_rng(4)
     problems = [
         random_problem(rng, n, redundant=redundant, free=free)
@@ -295,8 +303,8 @@ def test_rows_that_all_open_and_rows_that_all_close(solve):
 
 
 @pytest.mark.parametrize("guess", [True, False])
-def test_a_row_with_hardly_any_influence_gets_hardly_any_multiplier(solve, guess):
-    """Of the time-stepper: a string at dead centre pulls no harder than its neighbours."""
+def test_a_row_with_little_influence_gets_a_small_multiplier(solve, guess):
+    """A string at dead centre pulls no harder than its neighbours, in the time-stepper."""
     settings = {"event": False, "guess": guess, "upper": np.full(2, 5e3)}
     cases = [(0.0, [1e-14, 1.0]), (1e-6, [1e-9, 1.0])]
     none, little = solve(
@@ -312,7 +320,7 @@ def test_a_row_with_hardly_any_influence_gets_hardly_any_multiplier(solve, guess
 
 
 def test_rows_that_hardly_differ_settle(solve):
-    """Three of six rows are the others but for a tilt of 1e-5: pivoting is for one matrix."""
+    """Three of six rows equal the others except for a tilt of 1e-5; pivoting is for one matrix."""
     rng, problems = np.random.default_rng(11), []
     for _ in range(600):
         A = rng.normal(size=(18, 6)) / np.sqrt(18)
@@ -321,13 +329,13 @@ def test_rows_that_hardly_differ_settle(solve):
         right = A.T @ (A @ np.maximum(rng.normal(size=6), 0.0))
         free = np.zeros(6, dtype=bool)
         problems.append(Problem(A, np.zeros(18), free, event=False, right=right))
-    unsettled = sum(found.status != SOLVED for found in solve(problems))
+    unsettled = sum(answer.status != SOLVED for answer in solve(problems))
     assert unsettled <= 10
 
 
 @pytest.mark.parametrize("event", [True, False])
 def test_right_sides_that_are_subnormal_settle(solve, event):
-    """17.E: a rate of 1e-320 m/s cannot be judged relative to itself; there is none."""
+    """17.E: a rate of 1e-320 m/s cannot be judged relative to itself."""
     rng, problems = np.random.default_rng(12), []
     for k in range(1_000):
         p = random_problem(rng, 6, free=k % 3, event=event)
@@ -335,10 +343,10 @@ def test_right_sides_that_are_subnormal_settle(solve, event):
         tiny = rng.integers(-10_000, 10_000, 6) * 5e-324
         right = np.where(rng.random(6) < 0.5, tiny, rng.choice([0.0, -1e-17, -4e-4], 6))
         problems.append(Problem(A, p.c, p.free, event=event, right=right))
-    for p, found in zip(problems, solve(problems), strict=True):
-        assert found.status == SOLVED
-        x, terms = found.x, np.abs(p.b) + np.abs(p.G) @ np.abs(found.x)
-        assert np.all(np.abs(p.G @ x - p.b - found.s) <= 1e-12 * terms + 1e-280)
+    for p, answer in zip(problems, solve(problems), strict=True):
+        assert answer.status == SOLVED
+        x, terms = answer.x, np.abs(p.b) + np.abs(p.G) @ np.abs(answer.x)
+        assert np.all(np.abs(p.G @ x - p.b - answer.s) <= 1e-12 * terms + 1e-280)
         assert np.all(x[~p.free] >= 0.0) and np.all(
-            found.s[~p.free] >= -1e-12 * terms[~p.free] - 1e-280
+            answer.s[~p.free] >= -1e-12 * terms[~p.free] - 1e-280
         )

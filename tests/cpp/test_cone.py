@@ -1,8 +1,15 @@
-"""The solver of strings and contacts against the law itself and against closed forms.
+"""The solver of strings and contacts, compared with the law itself and with closed forms.
 
 s = G x - b. Single rows: lower <= x <= upper, s >= 0 at lower, s <= 0 at upper, s = 0 between.
-Contacts (normal n, tangents T): the same for n, from 0; |x_T| <= mu x_n; s_T = 0 inside that disc,
-x_T = -mu x_n s_T / |s_T| on its edge.
+Contacts (normal n, tangents T): the same for n, from 0;
+
+x_T
+
+ <= mu x_n; s_T = 0 inside that disc, x_T = -mu x_n s_T /
+
+s_T
+
+ on its edge.
 """
 
 from __future__ import annotations
@@ -68,8 +75,8 @@ class Problem:
         counts = np.array([self.n_single, len(self.mu)], dtype=float)
         along = np.full((len(self.mu), 2), np.nan) if self.along is None else self.along
         slides = np.isfinite(along[:, :1])
-        given = np.concatenate([slides, np.where(slides, along, 0.0)], axis=1).ravel()
-        parts = [counts, self.mu, given, *self.bounds, self.b, guess, self.G.ravel()]
+        directions = np.concatenate([slides, np.where(slides, along, 0.0)], axis=1).ravel()
+        parts = [counts, self.mu, directions, *self.bounds, self.b, guess, self.G.ravel()]
         return np.concatenate(parts)
 
 
@@ -95,20 +102,24 @@ def solve(tmp_path_factory: pytest.TempPathFactory) -> Solve:
         words = np.concatenate([[len(problems)], *(p.words() for p in problems)])
         lines = run_program(program, "\n".join(map(repr, words.tolist()))).splitlines()
         assert len(lines) == len(problems)
-        found = []
+        parsed = []
         for line in lines:
             solved, residual, iterations, rounds, *rest = map(float, line.split())
             x, s = np.split(np.array(rest), 2)
-            found.append(Answer(solved == 1.0, residual, int(iterations), int(rounds), x, s))
-        return found
+            parsed.append(Answer(solved == 1.0, residual, int(iterations), int(rounds), x, s))
+        return parsed
 
     return answers
 
 
 def violation(p: Problem, x: Array) -> float:
-    """By how much x breaks the law: a speed, relative to the largest |b_i|.
+    """Violation of the law by x: a speed, relative to the largest
 
-    Impulses that are where they must not be count as the speed that they make in their own row.
+    b_i
+
+    .
+
+    Inadmissible impulses count as the speed that they cause in their own row.
     """
     G, b, k = p.G, p.b, p.n_single
     s, diagonal, (low, high) = G @ x - b, np.diag(G), p.bounds
@@ -202,11 +213,11 @@ FRICTION = (0.05, 0.3, 0.6, 1.0, 1.5, None)
 def stacks(seed: int, count: int, mass: float = 1.0) -> list[Problem]:
     """Stacks of up to four boxes with up to seven strings; every second one has none."""
     rng = np.random.default_rng(seed)
-    found = []
+    problems = []
     for k in range(count):
         n_strings = int(rng.integers(1, 8)) if k % 2 else 0
-        found.append(stack(rng, int(rng.integers(1, 5)), FRICTION[k % 6], n_strings, mass))
-    return found
+        problems.append(stack(rng, int(rng.integers(1, 5)), FRICTION[k % 6], n_strings, mass))
+    return problems
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.05, 0.5, 2.0])
@@ -250,8 +261,10 @@ def test_single_rows_are_bounded_least_squares(solve: Solve) -> None:
     for n, redundant in ((1, 0), (3, 0), (8, 0), (12, 3), (30, 8), (60, 0), (60, 15)):
         for _ in range(12):
             W = rng.normal(size=(2 * n, n)) / np.sqrt(2 * n)
-            kept = n - redundant
-            W[:, kept:] = W[:, :kept] @ rng.normal(size=(kept, redundant))
+            n_independent = n - redundant
+            W[:, n_independent:] = W[:, :n_independent] @ rng.normal(
+                size=(n_independent, redundant)
+            )
             low = np.where(rng.random(n) < 0.2, -1e20, 0.0)
             high = np.where(rng.random(n) < 0.3, rng.uniform(0.05, 1.0, n), NEVER)
             c = rng.normal(size=2 * n)
@@ -265,7 +278,7 @@ def test_single_rows_are_bounded_least_squares(solve: Solve) -> None:
 
 
 def test_stacks_from_zero(solve: Solve) -> None:
-    """All of 400 stacks with and without strings, most in a few steps."""
+    """All of 400 stacks with and without strings are solved, most in a few steps."""
     problems = stacks(2, 400)
     answers = solve(problems)
     for p, answer in zip(problems, answers, strict=True):
@@ -276,7 +289,7 @@ def test_stacks_from_zero(solve: Solve) -> None:
 
 
 def test_random_rows_and_contacts(solve: Solve) -> None:
-    """Of any rank, with upper bounds on some rows, two-sided rows and contacts without friction."""
+    """Rows of any rank, with some upper bounds, two-sided rows and contacts without friction."""
     rng, problems = np.random.default_rng(8), []
     for _ in range(300):
         n_single, n_contacts = int(rng.integers(8)), int(rng.integers(1, 9))
@@ -291,7 +304,7 @@ def test_random_rows_and_contacts(solve: Solve) -> None:
 
 
 def test_a_guess_from_the_step_before(solve: Solve) -> None:
-    """b and G change by a thousandth: two steps on the median, few more at most."""
+    """b and G change by a thousandth: two steps in the median, few more at most."""
     rng, before = np.random.default_rng(3), stacks(3, 150)
     problems = []
     for p, answer in zip(before, solve(before), strict=True):
@@ -323,7 +336,7 @@ def test_light_and_heavy_boxes(solve: Solve, mass: float) -> None:
 
 
 def test_nearly_redundant_rows(solve: Solve) -> None:
-    """Contacts whose planes are tilted by 1e-6 against one another: G is nearly singular."""
+    """Contacts with planes tilted by 1e-6 against one another: G is nearly singular."""
     rng = np.random.default_rng(6)
     problems = [
         replace(p, W=p.W + 1e-6 * rng.normal(size=p.W.shape) * np.max(np.abs(p.W)))
@@ -334,7 +347,7 @@ def test_nearly_redundant_rows(solve: Solve) -> None:
 
 
 def test_equal_strings_and_equal_contacts_share_the_load(solve: Solve) -> None:
-    """From zero, the solution of least norm: every one of k bears a k-th."""
+    """The solution from zero has least norm: each of k bears a k-th."""
     problems = []
     for k in (2, 3, 5):
         problems.append(Problem(np.ones((1, k)), np.array([3.0]), np.zeros(0)))
@@ -342,12 +355,12 @@ def test_equal_strings_and_equal_contacts_share_the_load(solve: Solve) -> None:
         problems.append(Problem(W, np.array([3.0, 0.6, -0.3]), np.full(k, 0.5)))
     for p, answer in zip(problems, solve(problems), strict=True):
         check(p, answer)
-        least = np.linalg.pinv(p.W) @ p.c
-        assert answer.x == pytest.approx(least, abs=1e-6)
+        least_norm = np.linalg.pinv(p.W) @ p.c
+        assert answer.x == pytest.approx(least_norm, abs=1e-6)
 
 
 def test_a_normal_impulse_has_an_upper_bound(solve: Solve) -> None:
-    """At the bound the contact gives way, s_n <= 0, and the disc has the bound's radius."""
+    """At the bound the contact yields, s_n <= 0, and the disc has the bound's radius."""
     high = np.array([0.8, NEVER, NEVER])
     stick = Problem(np.eye(3), np.array([1.0, 0.2, 0.0]), np.array([0.5]), upper=high)
     slide = Problem(np.eye(3), np.array([1.0, 0.6, 0.8]), np.array([0.5]), upper=high)
@@ -361,17 +374,17 @@ def test_a_normal_impulse_has_an_upper_bound(solve: Solve) -> None:
 
 
 def test_rows_without_influence(solve: Solve) -> None:
-    """Rows of G that are 0: x = 0 where the row opens, x at its bound where it cannot be helped."""
+    """Rows of G that are 0: x = 0 if the row opens, and x at its bound if it cannot."""
     nothing = Problem(np.zeros((2, 4)), np.ones(2), np.array([0.4]))
     W = np.zeros((4, 5))
     W[1:, 2:] = np.eye(3)
-    some = Problem(W, np.array([0.0, 1.0, 0.2, 0.0]), np.array([0.4]))
-    for p, answer in zip((nothing, some), solve([nothing, some]), strict=True):
+    partial = Problem(W, np.array([0.0, 1.0, 0.2, 0.0]), np.array([0.4]))
+    for p, answer in zip((nothing, partial), solve([nothing, partial]), strict=True):
         check(p, answer)
         assert np.all(answer.x[: p.n_single] == 0.0)
 
 
-def test_what_has_no_solution_is_told(solve: Solve) -> None:
+def test_an_unsolvable_problem_is_reported(solve: Solve) -> None:
     """Two strings that pull against each other cannot both shorten."""
     against = Problem(np.array([[1.0, -1.0], [1e-9, 1e-9]]), np.array([0.0, 1e9]), np.zeros(0))
     (answer,) = solve([against])
@@ -381,8 +394,8 @@ def test_what_has_no_solution_is_told(solve: Solve) -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200])
-def test_numbers_that_are_not_finite(solve: Solve, bad: float) -> None:
-    """In G or b: not solved, and x is finite all the same. In the guess: no guess."""
+def test_infinite_numbers_and_nan(solve: Solve, bad: float) -> None:
+    """Such a number in G or b: not solved, but x is finite. In the guess: it is ignored."""
     (p,) = stacks(7, 1)
     W, c, mu = p.W.copy(), p.c.copy(), p.mu.copy()
     W[0, 0], c[0], mu[0] = bad, bad, bad
@@ -398,7 +411,7 @@ def test_numbers_that_are_not_finite(solve: Solve, bad: float) -> None:
 
 
 def test_a_right_side_of_zero_or_less_than_rounding(solve: Solve) -> None:
-    """Nothing pulls: x = 0, whatever the guess."""
+    """Without a load x = 0, for any guess."""
     for right in (0.0, 1e-320):
         p = stacks(9, 1)[0]
         (answer,) = solve([replace(p, c=right * p.c, guess=np.ones(len(p.b)))])
@@ -412,7 +425,9 @@ def test_no_rows(solve: Solve) -> None:
 
 
 def test_contacts_that_slide_in_given_directions(solve: Solve) -> None:
-    """With friction along d, many jam. What counts as solved keeps the law."""
+    """Many problems with friction along d have no solution. Those that count as solved satisfy
+    the law.
+    """
     rng = np.random.default_rng(11)
     problems = []
     for p in stacks(12, 400):

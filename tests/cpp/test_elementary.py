@@ -1,4 +1,4 @@
-"""Elementary functions, on doubles and on lanes, against the C library's on long doubles."""
+"""Elementary functions, on doubles and on lanes, compared with the C library on long doubles."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FUNCTIONS = ("sine", "cosine", "arctangent", "inverse root")
 
 
 def measured(program, x: np.ndarray) -> np.ndarray:
-    """(len(x), 9) errors in units in the last place and whether lanes are alike."""
+    """(len(x), 9) errors in units in the last place, and whether lanes are equal."""
     printed = run_program(program, "\n".join(repr(float(v)) for v in x))
     return np.array([line.split() for line in printed.splitlines()], dtype=float)
 
@@ -32,14 +32,14 @@ def test_errors_are_of_the_last_place(flags, tmp_path):
             np.tan([np.pi / 8, 3 * np.pi / 8]),
         ]
     )
-    found = measured(program, tame)
-    assert found[:, 8].all()
-    worst = dict(zip(FUNCTIONS * 2, found[:, :8].max(axis=0), strict=False))
+    errors = measured(program, tame)
+    assert errors[:, 8].all()
+    worst = dict(zip(FUNCTIONS * 2, errors[:, :8].max(axis=0), strict=False))
     print(worst)
     assert max(worst["sine"], worst["cosine"]) < 1.0
     assert max(worst["arctangent"], worst["inverse root"]) < 2.0
-    # Far angles are the C library's; in between the third part of pi/2 begins to tell.
-    far = np.concatenate([rng.uniform(1e4, 1e6, 5000), [1e7, 1e22, -1e300]])
-    assert measured(program, far)[:, [0, 1, 4, 5]].max() < 1.5
+    # Large angles use the C library; before that, the third part of pi/2 becomes significant.
+    large_angles = np.concatenate([rng.uniform(1e4, 1e6, 5000), [1e7, 1e22, -1e300]])
+    assert measured(program, large_angles)[:, [0, 1, 4, 5]].max() < 1.5
     nothing = measured(program, np.array([np.nan, np.inf]))
     assert np.all(nothing[:, [0, 1, 4, 5]] == 0.0), "sine and cosine of these are not a number"

@@ -15,7 +15,7 @@ from fantoccini.kernel.build import runtime_folder
 ROOT = runtime_folder() / "fantoccini"
 ORDER = (
     "math",
-    "contract.hpp",  # generated: structures that are shared with Python
+    "contract.hpp",  # generated: structures shared with Python
     "solvers",  # complementarity, active sets, cones; independent of the puppet
     "model",
     "collision",
@@ -87,7 +87,7 @@ def test_headers_have_no_include_cycle():
 @pytest.mark.slow
 @pytest.mark.parametrize("folder", WITHOUT_MODEL)
 def test_a_header_includes_what_it_needs(folder, tmp_path):
-    """Each compiles alone."""
+    """Each header compiles alone."""
     failed = []
     for header in headers(folder):
         source = tmp_path / "alone.cpp"

@@ -1,4 +1,4 @@
-"""Lanes: the time-stepper at width 8 is eight scalar time-steppers, none minding the others."""
+"""Lanes: the time-stepper at width 8 equals eight independent scalar time-steppers."""
 
 from __future__ import annotations
 
@@ -15,20 +15,23 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 WIDTH, STEPS, DT = 8, 400, 2e-3
 
 SEEDS = (0, 1, 9, 10)
-"""In some of these the impulse of a string lets a joint pass its limit within the step, in one lane
-only: a limit that takes part in one lane must then leave the others alone."""
+"""Seeds. For some, a string's impulse lets a joint pass its limit within the step, in one lane
+only: an active limit of one lane must not affect the others.
+"""
 
 TOLERANCE = {"q": 2e-14, "v": 1e-12, "slip": 1e-14, "tension": 1.2e-10, "ledger": 2e-13}
-"""Relative, a step; about twice what is found. The step divides h by dt, and v by dt again for the
-tension: the last digit of an inverse root, or of a sum that one of the two has contracted, is worth
-500 times as much in each. Tensions differ by 1e-11, and by 6e-11 where a winch has just gripped."""
+"""Relative tolerance of a step, about twice the measured difference. The step divides h by dt,
+and v by dt again for the tension: the last digit of an inverse root, or of a sum that one of the
+two has contracted, has 500 times the effect in each. Tensions differ by 1e-11, and by 6e-11 when
+a winch has just gripped.
+"""
 
 
 def motions(name: str, seed: int, winches: str) -> str:
-    """Starts and inputs of eight lanes that shake the puppet until strings fall slack and catch.
+    """Starts and inputs of eight lanes that shake the puppet until strings go slack and catch.
 
-    ``firm`` winches never slip; ``slipping`` ones do in every other string, at a tension that lets
-    the puppet hang, and some wind back.
+    `firm` winches never slip; `slipping` ones do in every other string, at a tension that lets the
+    puppet hang, and some rewind.
     """
     marionette = getattr(puppets, name)()
     rest, tree = marionette.rest(), equations(name).tree
@@ -38,7 +41,7 @@ def motions(name: str, seed: int, winches: str) -> str:
     for lane in range(WIDTH):
         swing = 0.3 * lane / WIDTH
         words += [*rest.q_D, *(swing * rng.normal(size=table.n_vD)), *rest.slip, *rest.q_K]
-        # At 4 Hz an amplitude of 2 cm asks for more than the acceleration of gravity.
+        # At 4 Hz an amplitude of 2 cm needs more than the acceleration of gravity.
         amplitude = np.where(lengths, rng.uniform(0.04, 0.10), 0.02) * rng.uniform(
             0.5, 1.0, table.n_vK
         )
@@ -60,17 +63,17 @@ def motions(name: str, seed: int, winches: str) -> str:
         pytest.param("marionette", ("-O1", "-march=native"), id="marionette"),
     ],
 )
-def test_a_lane_is_a_scalar_stepper_whatever_its_neighbours(name, flags, tmp_path):
+def test_a_lane_equals_a_scalar_stepper_with_any_neighbours(name, flags, tmp_path):
     write_model(name, tmp_path)
     program = compile_program("lanes.cpp", tmp_path, *flags)
     for seed, winches in itertools.product(SEEDS, ("firm", "slipping")):
-        found = numbers(run_program(program, motions(name, seed, winches)))
-        assert found["numbers_left_out"] == 0
-        assert found["fewest_changes"] >= 3, "in every lane a string falls slack and is caught"
-        assert found["steps_unlike"] >= 50, "lanes are in different modes"
-        assert found["lanes_that_slipped"] >= (0 if winches == "firm" else 3)
-        assert found["unsettled"] == 0
-        assert found["modes_apart"] == 0
+        counts = numbers(run_program(program, motions(name, seed, winches)))
+        assert counts["numbers_left_out"] == 0
+        assert counts["fewest_changes"] >= 3, "in every lane a string falls slack and is caught"
+        assert counts["steps_unlike"] >= 50, "lanes are in different modes"
+        assert counts["lanes_that_slipped"] >= (0 if winches == "firm" else 3)
+        assert counts["unsettled"] == 0
+        assert counts["modes_apart"] == 0
         for what, tolerance in TOLERANCE.items():
-            assert found[what] <= tolerance, what
-        assert found["bits_apart"] == 0
+            assert counts[what] <= tolerance, what
+        assert counts["bits_apart"] == 0

@@ -1,4 +1,4 @@
-"""Lists of near pairs: they hold for many steps, and leave out nothing that comes near."""
+"""Lists of near pairs: they are valid for many steps, and contain all near pairs."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ def program(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("speed", "turn"), [(1e-3, 0.0), (0.0, 0.02), (1e-3, 0.01), (4e-3, 0.05)])
-def test_no_pair_is_missed_while_a_list_holds(program, speed, turn):
-    made, held, close, missed = map(int, run_program(program, f"{speed} {turn}").split())
+def test_no_pair_is_missed_while_a_list_is_valid(program, speed, turn):
+    n_lists, held, close, missed = map(int, run_program(program, f"{speed} {turn}").split())
     assert missed == 0
     assert close > 100
-    assert held > 2 * made
+    assert held > 2 * n_lists
 
 
 def test_links_that_are_too_fast_have_no_list(program):
-    """One is tried once in a while, and given up."""
-    made, held, _, missed = map(int, run_program(program, "0.2 1.0").split())
+    """A list is tried occasionally, and given up."""
+    n_lists, held, _, missed = map(int, run_program(program, "0.2 1.0").split())
     assert missed == 0
-    assert held <= made < 1000
+    assert held <= n_lists < 1000

@@ -1,4 +1,4 @@
-"""Parts of the runtime by themselves: corrections and feedback."""
+"""Separate tests of parts of the runtime: corrections and feedback."""
 
 from __future__ import annotations
 

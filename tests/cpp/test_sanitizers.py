@@ -16,7 +16,7 @@ FLAGS = ("-O1", *SANITIZE)
 
 @pytest.fixture(scope="module", params=["arm2d", "marionette"])
 def puppet(request, tmp_path_factory):
-    """A marionette, its start and inputs that make strings fall slack and catch, the program."""
+    """A marionette, its start and inputs that make strings go slack and catch, the program."""
     name = request.param
     folder = tmp_path_factory.mktemp(f"sanitized-{name}")
     write_model(name, folder)
@@ -68,31 +68,31 @@ def test_an_event_driven_run(puppet, saved):
     marionette, x0, inputs, program = puppet
     save_at = np.linspace(0.0, 1.0, 201) if saved else ()
     fed = words(marionette, x0, inputs, event=True, t_end=1.0, twice=False, save_at=save_at)
-    found = numbers(run_program(program, fed))
+    result = numbers(run_program(program, fed))
     run = simulate(
         marionette, x0, inputs, t_end=1.0, save_at=save_at if saved else None, effort=False
     )
-    assert found["status"] == 0
-    assert found["finite"] == 1
-    assert found["events"] == len(run.events) >= 4
-    assert found["rows"] == len(run.t)
+    assert result["status"] == 0
+    assert result["finite"] == 1
+    assert result["events"] == len(run.events) >= 4
+    assert result["rows"] == len(run.t)
     n = marionette.coordinates.n_qD
-    assert last_row(found)[1 : 1 + n] == pytest.approx(run.q_D[-1], abs=1e-6)
+    assert last_row(result)[1 : 1 + n] == pytest.approx(run.q_D[-1], abs=1e-6)
 
 
 @pytest.mark.parametrize("event", [True, False], ids=["event", "timestepping"])
 def test_a_run_that_is_given_new_inputs(puppet, event):
     marionette, x0, inputs, program = puppet
     fed = words(marionette, x0, inputs, event=event, t_end=0.6, twice=True)
-    found = numbers(run_program(program, fed))
-    assert found["status"] == 0
-    assert found["finite"] == 1
-    assert last_row(found)[0] == pytest.approx(0.6)
+    result = numbers(run_program(program, fed))
+    assert result["status"] == 0
+    assert result["finite"] == 1
+    assert last_row(result)[0] == pytest.approx(0.6)
 
 
 @pytest.mark.parametrize("event", [True, False], ids=["event", "timestepping"])
 def test_a_run_with_winches_that_slip_and_strings_that_bounce(puppet, event):
-    """Every second string is on a slipping winch that rewinds; another one gives speed back."""
+    """Every second string is on a slipping winch that rewinds; another one has restitution."""
     marionette, x0, inputs, program = puppet
     winches = marionette.winches.copy()
     hanging = marionette.forward_dynamics(x0)[1][: len(winches)]
@@ -111,10 +111,10 @@ def test_a_run_with_winches_that_slip_and_strings_that_bounce(puppet, event):
             winches=winches,
             save_at=np.linspace(0.0, 1.0, 51) if saved else (),
         )
-        runs[saved] = found = numbers(run_program(program, fed))
-        assert found["status"] == 0
-        assert found["finite"] == 1
-        assert found["events"] >= 2
+        runs[saved] = result = numbers(run_program(program, fed))
+        assert result["status"] == 0
+        assert result["finite"] == 1
+        assert result["events"] >= 2
     if event:
         assert runs[False]["slips"] >= 1
     n = marionette.coordinates.n_qD
@@ -125,16 +125,16 @@ def test_a_run_with_winches_that_slip_and_strings_that_bounce(puppet, event):
 def test_a_time_stepping_run(puppet):
     marionette, x0, inputs, program = puppet
     fed = words(marionette, x0, inputs, event=False, t_end=1.0, twice=False)
-    found = numbers(run_program(program, fed))
+    result = numbers(run_program(program, fed))
     run = simulate(marionette, x0, inputs, t_end=1.0, method="timestepping", effort=False)
-    assert (found["status"], found["finite"]) == (0, 1)
-    assert found["rows"] == len(run.t)
+    assert (result["status"], result["finite"]) == (0, 1)
+    assert result["rows"] == len(run.t)
     n = marionette.coordinates.n_qD
-    assert last_row(found)[1 : 1 + n] == pytest.approx(run.q_D[-1], abs=1e-6)
+    assert last_row(result)[1 : 1 + n] == pytest.approx(run.q_D[-1], abs=1e-6)
 
 
 def test_an_impossible_input_ends_with_a_status(puppet):
-    """Strings pulled shorter than their ends are apart."""
+    """Strings get shorter than the distance of their ends."""
     marionette, x0, _, program = puppet
     table = marionette.coordinates
     lengths = [n for n in table.v_K if n.endswith(".length")]
@@ -147,7 +147,7 @@ def test_an_impossible_input_ends_with_a_status(puppet):
     fed = words(
         marionette, x0, Input.waypoints(marionette, waypoints), event=True, t_end=0.5, twice=False
     )
-    found = numbers(run_program(program, fed))
-    assert found["status"] not in (0, 1)
-    assert found["finite"] == 1
-    assert found["blame"] > 0
+    result = numbers(run_program(program, fed))
+    assert result["status"] not in (0, 1)
+    assert result["finite"] == 1
+    assert result["blame"] > 0

@@ -1,4 +1,4 @@
-"""The narrow phase against coal, closed forms, and what its callers rely on: points that stay."""
+"""The narrow phase, compared with coal and closed forms; contact points are persistent."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PAIRS = [p for p in itertools.combinations_with_replacement(KINDS, 2) if p[0] !=
 MARGIN = 0.05
 ACROSS = Rotation.from_euler("y", 90, degrees=True)
 
-# Two solids that lie on one another, and how many points they have.
+# Two solids lying on one another, and the number of contact points.
 LYING: dict[str, tuple[Placed, Placed, int]] = {
     "box on plane": (box([0.3, 0, 0.0499], [0.2, 0.1, 0.05]), half_space([0, 0, 0], [0, 0, 1]), 4),
     "plate on plane": (
@@ -125,10 +125,10 @@ def pairs_of(
     return [random_pair(rng, *kinds, low, high) for _ in range(n)]
 
 
-def check_same(one: Pair, other: Pair, tolerance: float, *, turned: bool = False) -> None:
-    """The same points, in any order, with the normals turned round if ``turned``."""
-    assert len(one.touches) == len(other.touches)
-    for t in one.touches:
+def check_same(pair: Pair, other: Pair, tolerance: float, *, turned: bool = False) -> None:
+    """The same points, in any order, with reversed normals if `turned`."""
+    assert len(pair.touches) == len(other.touches)
+    for t in pair.touches:
         near = min(other.touches, key=lambda o: float(np.linalg.norm(o.point - t.point)))
         side = -1 if turned else 1
         assert np.allclose(near.point, t.point, rtol=0, atol=tolerance)
@@ -143,12 +143,12 @@ def test_the_least_gap_of_solids_apart_is_their_distance(
 ) -> None:
     pairs = pairs_of(kinds, 200, 0.01 * high, high)
     off, aside = [], []
-    for (x, y), found in zip(pairs, touches(program, pairs, MARGIN), strict=True):
+    for (x, y), pair in zip(pairs, touches(program, pairs, MARGIN), strict=True):
         distance, normal = coal_distance(x, y)
-        touch = min(found.touches, key=lambda t: t.gap)
+        touch = min(pair.touches, key=lambda t: t.gap)
         off.append(abs(touch.gap - distance))
         aside.append(np.linalg.norm(touch.normal - normal))
-    # Where cores lie nearly flat, the points are not at the nearest points.
+    # The points of nearly flat cores are not the nearest points.
     assert np.max(off) < 2e-5
     assert np.quantile(off, 0.98) < 1e-8
     assert np.max(aside) < 0.02
@@ -161,24 +161,25 @@ def test_the_least_gap_of_overlapping_solids_is_the_depth(
 ) -> None:
     pairs = pairs_of(kinds, 200, -0.004, -1e-5)
     compared = 0
-    for (x, y), found in zip(pairs, touches(program, pairs, MARGIN), strict=True):
+    for (x, y), pair in zip(pairs, touches(program, pairs, MARGIN), strict=True):
         distance, _ = coal_distance(x, y)
         if not -0.01 < distance < 0:
             continue  # coal did not find the depth
         compared += 1
         # A face is preferred to an edge with nearly its depth.
-        assert distance * 1.06 - 3e-5 <= found.gap <= distance + 2e-5
+        assert distance * 1.06 - 3e-5 <= pair.gap <= distance + 2e-5
     assert compared > 150
 
 
 @pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
 def test_the_gap_is_certain(program: Path, kinds: tuple[str, str]) -> None:
-    """Planes across the normal hold the solids apart by no less than the gap, and points of both
-    surfaces are apart by no more."""
+    """Planes across the normal separate the solids by at least the gap, and points of both
+    surfaces are apart by no more.
+    """
     pairs = pairs_of(kinds, 300, -0.002, 0.04)
     off, loose = [], []
-    for (x, y), found in zip(pairs, touches(program, pairs, MARGIN), strict=True):
-        t = min(found.touches, key=lambda t: t.gap)
+    for (x, y), pair in zip(pairs, touches(program, pairs, MARGIN), strict=True):
+        t = min(pair.touches, key=lambda t: t.gap)
         assert np.linalg.norm(t.normal) == pytest.approx(1, abs=1e-12)
         # Half way between the surfaces, but on that of a half-space.
         part = 1.0 if kinds[1] == "half-space" else 0.5
@@ -186,7 +187,7 @@ def test_the_gap_is_certain(program: Path, kinds: tuple[str, str]) -> None:
         held = -x.reach(-t.normal) - y.reach(t.normal)
         off.append(max(abs(x.off_surface(on_x)), abs(y.off_surface(on_y))))
         loose.append(abs(held - t.gap))
-    # Where cores lie nearly flat, the points slide off the nearest points, and the normals turn.
+    # For nearly flat cores, the points are away from the nearest points, and the normals turn.
     assert np.quantile(off, 0.97) < 1e-9
     assert np.max(off) < 1e-4
     assert np.quantile(loose, 0.97) < 1e-9
@@ -195,7 +196,7 @@ def test_the_gap_is_certain(program: Path, kinds: tuple[str, str]) -> None:
 
 @pytest.mark.parametrize("kind", KINDS[:-1])
 def test_the_gap_of_slender_ellipsoids_is_certain(program: Path, kind: str) -> None:
-    """Apart, touching and overlapping, with axes of 1 to 100."""
+    """Separate, touching and overlapping, with axes of 1 to 100."""
     rng = np.random.default_rng(5)
     pairs = []
     for share in rng.choice([1.2, 1.0, 0.9, 0.5], 300):
@@ -203,18 +204,18 @@ def test_the_gap_of_slender_ellipsoids_is_certain(program: Path, kind: str) -> N
         x = ellipsoid([0, 0, 0], radii, random_turn(rng))
         y, n = random_solid(rng, kind), n / np.linalg.norm(n)
         pairs.append((x.moved(share * n * (x.reach(-n) + y.reach(n))), y))
-    for (x, y), found in zip(pairs, touches(program, pairs, 10.0), strict=True):
-        (t,) = found.touches
+    for (x, y), pair in zip(pairs, touches(program, pairs, 10.0), strict=True):
+        (t,) = pair.touches
         assert -x.reach(-t.normal) - y.reach(t.normal) == pytest.approx(t.gap, abs=1e-12)
         assert x.off_surface(t.point + t.normal * t.gap / 2) == pytest.approx(0, abs=1e-12)
         if kind == "hull" and t.gap < -0.01:
-            continue  # of edges that run through the ellipsoid, facets take the place
+            continue  # facets replace edges that run through the ellipsoid
         assert y.off_surface(t.point - t.normal * t.gap / 2) == pytest.approx(0, abs=1e-12)
 
 
 def test_closed_forms(program: Path) -> None:
     plane = half_space([0, 0, 1], [0, 0, 1])
-    # The ellipsoid's lowest point, below its middle and beside it.
+    # The ellipsoid's lowest point, below its middle and to its side.
     tilted, sine, cosine = Rotation.from_euler("y", 0.4), np.sin(0.4), np.cos(0.4)
     low = np.hypot(0.3 * sine, 0.1 * cosine)
     beside = (0.3**2 - 0.1**2) * sine * cosine / low
@@ -245,8 +246,8 @@ def test_closed_forms(program: Path) -> None:
             0.03,
         ),
     ]
-    found = touches(program, [(x, y) for x, y, *_ in cases], 0.2)
-    for pair, (_, _, point, normal, gap) in zip(found, cases, strict=True):
+    pairs = touches(program, [(x, y) for x, y, *_ in cases], 0.2)
+    for pair, (_, _, point, normal, gap) in zip(pairs, cases, strict=True):
         (t,) = pair.touches
         assert np.allclose(t.point, point, rtol=0, atol=1e-12)
         assert np.allclose(t.normal, normal, rtol=0, atol=1e-12)
@@ -260,9 +261,9 @@ def test_points_of_lying_solids_stay(program: Path, name: str) -> None:
     moved = [
         x.turned(random_turn(rng, small)).moved(small * rng.uniform(-1, 1, 3)) for _ in range(300)
     ]
-    start, *found = touches(program, [(x, y)] + [(m, y) for m in moved], 1e-3)
+    start, *later = touches(program, [(x, y)] + [(m, y) for m in moved], 1e-3)
     assert len(start.touches) == n
-    for pair in found:
+    for pair in later:
         assert pair.features == start.features
         assert np.max(np.linalg.norm(pair.points - start.points, axis=1)) < 10 * small
         for before, after in zip(start.touches, pair.touches, strict=True):
@@ -273,7 +274,7 @@ def test_points_of_lying_solids_stay(program: Path, name: str) -> None:
 def test_points_of_boxes_side_by_side_lie_on_both(program: Path) -> None:
     """Their bottoms are level up to rounding, so that edges of both lie along one another.
 
-    Where they cross is anywhere then; a point was found where only one of the boxes is.
+    Their intersection is then arbitrary; a point was found on one of the boxes only.
     """
     post = box([0.3, 0.05, 0.3], [0.05, 0.05, 0.3])
     beside = box([0.1515, -0.09975, 0.05], [0.1, 0.15, 0.05], Rotation.from_euler("z", 0.0209))
@@ -292,8 +293,8 @@ def test_points_of_boxes_side_by_side_lie_on_both(program: Path) -> None:
 @pytest.mark.parametrize("name", ["box on plane", "plate on plane", "capsule on plane"])
 def test_solids_lie_on_their_lowest_points(program: Path, name: str) -> None:
     x, y, _ = LYING[name]
-    (found,) = touches(program, [(x, y)], 1.0)
-    for t in found.touches:
+    (pair,) = touches(program, [(x, y)], 1.0)
+    for t in pair.touches:
         assert t.gap == pytest.approx(-x.reach(-y.b), abs=1e-12)
 
 
@@ -304,19 +305,19 @@ def test_swapped_solids_have_the_same_points(
 ) -> None:
     pairs = pairs_of(kinds, 200, low, 0.01)
     swapped = [(y, x) for x, y in pairs]
-    for one, other in zip(
+    for pair, other in zip(
         touches(program, pairs, MARGIN), touches(program, swapped, MARGIN), strict=True
     ):
-        check_same(one, other, 1e-7, turned=True)
+        check_same(pair, other, 1e-7, turned=True)
         if kinds != ("capsule", "capsule"):
-            assert one.features == other.features
+            assert pair.features == other.features
 
 
 @pytest.mark.parametrize("name", LYING)
 def test_swapped_lying_solids_have_the_same_points(program: Path, name: str) -> None:
     x, y, _ = LYING[name]
-    one, other = touches(program, [(x, y), (y, x)])
-    check_same(one, other, 1e-12, turned=True)
+    pair, other = touches(program, [(x, y), (y, x)])
+    check_same(pair, other, 1e-12, turned=True)
 
 
 @pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
@@ -326,9 +327,9 @@ def test_a_motion_of_both_moves_the_points(program: Path, kinds: tuple[str, str]
     motions = [(rng.normal(size=3), random_turn(rng)) for _ in pairs]
     moved = [(x.moved(*m), y.moved(*m)) for (x, y), m in zip(pairs, motions, strict=True)]
     before, after = touches(program, pairs, MARGIN), touches(program, moved, MARGIN)
-    for one, other, (by, turn) in zip(before, after, motions, strict=True):
-        assert one.features == other.features
-        for t, u in zip(one.touches, other.touches, strict=True):
+    for pair, other, (by, turn) in zip(before, after, motions, strict=True):
+        assert pair.features == other.features
+        for t, u in zip(pair.touches, other.touches, strict=True):
             assert np.allclose(turn.apply(t.point) + by, u.point, rtol=0, atol=1e-7)
             assert np.allclose(turn.apply(t.normal), u.normal, rtol=0, atol=1e-6)
             assert u.gap == pytest.approx(t.gap, abs=1e-9)
@@ -359,20 +360,20 @@ def sweeps() -> dict[str, list[tuple[Placed, Placed]]]:
 
 
 def test_points_slide_from_lying_to_crossing(program: Path) -> None:
-    """Points neither jump, nor come and go where they are apart."""
+    """Points neither jump, nor appear and vanish where solids are apart."""
     for name, pairs in sweeps().items():
-        found = touches(program, pairs, 0.2)
-        assert {len(pair.touches) for pair in found} <= {1, 2}, name
-        for before, after in itertools.pairwise(found):
-            far, near = before.points, after.points
-            if len(far) < len(near):
-                far, near = near, far
-            for k, point in enumerate(far):
-                assert np.linalg.norm(point - near[min(k, len(near) - 1)]) < 6e-3, name
+        moving = touches(program, pairs, 0.2)
+        assert {len(pair.touches) for pair in moving} <= {1, 2}, name
+        for before, after in itertools.pairwise(moving):
+            longer, shorter = before.points, after.points
+            if len(longer) < len(shorter):
+                longer, shorter = shorter, longer
+            for k, point in enumerate(longer):
+                assert np.linalg.norm(point - shorter[min(k, len(shorter) - 1)]) < 6e-3, name
 
 
 def awkward() -> list[Placed]:
-    """Solids of no size in some direction, about the origin."""
+    """Solids without extent in some direction, about the origin."""
     turn = Rotation.from_euler("xyz", [0.3, 0.5, 0.7])
     return [
         sphere([0, 0, 0], 0),
@@ -396,9 +397,9 @@ def awkward() -> list[Placed]:
     ]
 
 
-def check_finite(found: Sequence[Pair]) -> None:
-    """`touches` has asserted that all numbers are."""
-    for pair in found:
+def check_finite(pairs: Sequence[Pair]) -> None:
+    """`touches` has asserted that all numbers are finite."""
+    for pair in pairs:
         for t in pair.touches:
             assert np.linalg.norm(t.normal) == pytest.approx(1, abs=1e-9)
 
@@ -406,10 +407,10 @@ def check_finite(found: Sequence[Pair]) -> None:
 @pytest.mark.parametrize("by", [[0, 0, 0], [0.1, 0, 0], [0.2, 0, 0], [0, 0, 0.2], [1e-14, 0, 0]])
 def test_awkward_solids_have_finite_points(program: Path, by: list[float]) -> None:
     pairs = [(x.moved(by), y) for x in awkward() for y in awkward()]
-    found = touches(program, pairs, MARGIN)
-    check_finite(found)
+    results = touches(program, pairs, MARGIN)
+    check_finite(results)
     if not np.any(by):
-        for (x, y), pair in zip(pairs, found, strict=True):
+        for (x, y), pair in zip(pairs, results, strict=True):
             both_planes = x.kind == y.kind == HALF_SPACE
             assert bool(pair.touches) != both_planes, (x, y)
 
@@ -421,9 +422,9 @@ def test_deep_solids_have_points(program: Path, kinds: tuple[str, str]) -> None:
         (random_solid(rng, kinds[0], 0.1 * rng.normal(size=3)), random_solid(rng, kinds[1]))
         for _ in range(300)
     ]
-    found = touches(program, pairs, MARGIN)
-    check_finite(found)
-    for (x, y), pair in zip(pairs, found, strict=True):
+    results = touches(program, pairs, MARGIN)
+    check_finite(results)
+    for (x, y), pair in zip(pairs, results, strict=True):
         if coal_distance(x, y)[0] < MARGIN - 1e-3:
             assert pair.touches
 
@@ -431,21 +432,21 @@ def test_deep_solids_have_points(program: Path, kinds: tuple[str, str]) -> None:
 @pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
 def test_solids_certainly_apart_do_not_touch(program: Path, kinds: tuple[str, str]) -> None:
     pairs = pairs_of(kinds, 200, 0, 2 * MARGIN)
-    far = [(x.moved(2 * y.b if y.kind == HALF_SPACE else [2, 0, 0]), y) for x, y in pairs]
-    for found in touches(program, pairs, MARGIN):
-        assert not (found.apart and found.touches)
-    assert all(found.apart for found in touches(program, far, MARGIN))
+    distant = [(x.moved(2 * y.b if y.kind == HALF_SPACE else [2, 0, 0]), y) for x, y in pairs]
+    for pair in touches(program, pairs, MARGIN):
+        assert not (pair.apart and pair.touches)
+    assert all(pair.apart for pair in touches(program, distant, MARGIN))
 
 
 def test_the_bounding_sphere_holds_the_solid(program: Path) -> None:
     rng = np.random.default_rng(4)
     solids = [random_solid(rng, kind) for kind in KINDS[:-1] for _ in range(20)]
     solids += [replace(s, radius=0.1) for s in solids if s.kind == 1]
-    for solid, found in zip(solids, touches(program, [(s, s) for s in solids]), strict=True):
+    for solid, pair in zip(solids, touches(program, [(s, s) for s in solids]), strict=True):
         directions = rng.normal(size=(200, 3))
         directions /= np.linalg.norm(directions, axis=1)[:, None]
         reach = max(solid.reach(n) - n @ solid.centre for n in directions)
-        assert reach <= found.radius <= 2 * reach
+        assert reach <= pair.radius <= 2 * reach
 
 
 def test_round_boxes_are_inflated(program: Path) -> None:
@@ -456,8 +457,8 @@ def test_round_boxes_are_inflated(program: Path) -> None:
     rounded = replace(block, radius=0.04)
     for y, gap in ((other, 0.06), (plane, 0.06), (sphere([0, 0, 0.25], 0.05), 0.06)):
         for x, z in ((rounded, y), (y, rounded)):
-            (found,) = touches(program, [(x, z)], 0.1)
-            assert found.gap == pytest.approx(gap, abs=1e-12)
-            assert np.allclose(found.points[:, 2], 0.17 if y is not plane else -0.2, atol=1e-12)
-    (found,) = touches(program, [(rounded, ellipsoid([0, 0, 0.25], [0.1, 0.2, 0.05]))], 0.1)
-    assert found.gap == pytest.approx(0.06, abs=1e-12)
+            (pair,) = touches(program, [(x, z)], 0.1)
+            assert pair.gap == pytest.approx(gap, abs=1e-12)
+            assert np.allclose(pair.points[:, 2], 0.17 if y is not plane else -0.2, atol=1e-12)
+    (pair,) = touches(program, [(rounded, ellipsoid([0, 0, 0.25], [0.1, 0.2, 0.05]))], 0.1)
+    assert pair.gap == pytest.approx(0.06, abs=1e-12)

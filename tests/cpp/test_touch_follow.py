@@ -1,4 +1,4 @@
-"""Contact points by their features alone are those that the narrow phase finds."""
+"""Contact points by their features alone agree with the narrow phase."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def brought_near(
-    rng: np.random.Generator, first: str, second: str, most: float
+    rng: np.random.Generator, first: str, second: str, max_gap: float
 ) -> tuple[Placed, Placed]:
-    """Two solids, moved along a random line until they are apart by up to ``most``: polytopes touch
-    with a vertex and a facet or with two edges."""
+    """Two solids, moved along a random line until their distance is at most `max_gap`: polytopes
+    touch with a vertex and a facet or with two edges.
+    """
     x, y = random_solid(rng, first), random_solid(rng, second)
     way = y.b if second == "half-space" else rng.normal(size=3)
     way = way / np.linalg.norm(way)
@@ -44,7 +45,7 @@ def brought_near(
     for _ in range(60):
         middle = 0.5 * (low + high)
         distance = coal_distance(x.moved(middle * way), y)[0]
-        if 0.1 * most < distance < most:
+        if 0.1 * max_gap < distance < max_gap:
             break
         low, high = (low, middle) if distance > 0 else (middle, high)
     return x.moved(middle * way), y
@@ -52,7 +53,7 @@ def brought_near(
 
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_points_are_those_of_their_features_alone(program: Path, first: str, second: str) -> None:
-    """Where solids are apart by up to 1 um."""
+    """The solids are apart by up to 1 um."""
     rng = np.random.default_rng(17)
     pairs = [brought_near(rng, first, second, 1e-6) for _ in range(100)]
     known = 0
@@ -69,7 +70,7 @@ def test_points_are_those_of_their_features_alone(program: Path, first: str, sec
 
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_the_normal_is_the_slope_of_the_gap(program: Path, first: str, second: str) -> None:
-    """Where the first is moved by a small way, the gap changes by the normal times the way."""
+    """A small motion of the first solid changes the gap by the normal times the motion."""
     rng, step = np.random.default_rng(18), 1e-7
     compared = 0
     for _ in range(40):

@@ -1,6 +1,6 @@
-"""Hulls of meshes in the narrow phase: their shape, and points that stay where boxes' do.
+"""Hulls of meshes in the narrow phase: their shape, and points as persistent as those of boxes.
 
-``test_touch.py`` compares random hulls with coal, as it does all other solids.
+`test_touch.py` compares random hulls with coal, as it does all other solids.
 """
 
 from __future__ import annotations
@@ -90,9 +90,9 @@ def test_a_hull_is_a_closed_surface_around_its_points(name: str) -> None:
     size = np.max(np.ptp(points, axis=0))
     assert len(hull.vertices) + len(hull.planes) - len(hull.edges) == 2
     assert np.allclose(np.linalg.norm(normals, axis=1), 1, rtol=0, atol=1e-12)
-    # All points are inside, up to what counts as flat.
+    # All points are inside, up to the tolerance of flatness.
     assert np.max((points - hull.centroid) @ normals.T - heights) < 3e-6 * size
-    # A facet's corners lie in its plane and come anticlockwise; its sides are the edges.
+    # A facet's corners lie in its plane and are anticlockwise; its sides are the edges.
     for f, corners in enumerate(facets(hull)):
         x, n = hull.vertices[corners], normals[f]
         assert np.max(np.abs(x @ n - heights[f])) < 3e-6 * size
@@ -127,21 +127,21 @@ def test_the_centroid_is_the_centre_of_mass() -> None:
 
 
 @pytest.mark.parametrize("other", ["sphere", "capsule", "box", "hull"])
-def test_separated_hulls_are_as_far_apart_as_coal_says(program: Path, other: str) -> None:
-    """To rounding, with its normal, but for the few that lie nearly flat."""
+def test_separated_hulls_have_the_distance_of_coal(program: Path, other: str) -> None:
+    """They agree to rounding, with coal's normal, except for the few nearly flat ones."""
     rng = np.random.default_rng(7)
     pairs = [random_pair(rng, "hull", other, 1e-5, 0.04) for _ in range(300)]
     exact = 0
-    for (x, y), found in zip(pairs, touches(program, pairs), strict=True):
+    for (x, y), pair in zip(pairs, touches(program, pairs), strict=True):
         distance, normal = coal_distance(x, y)
-        assert found.gap == pytest.approx(distance, abs=2e-5)
-        if len(found.touches) > 1:
+        assert pair.gap == pytest.approx(distance, abs=2e-5)
+        if len(pair.touches) > 1:
             continue  # they lie nearly flat
         exact += 1
         tolerance = 1e-9 if other != "box" else 1e-8  # coal's tolerance for boxes
-        assert found.gap == pytest.approx(distance, abs=tolerance)
+        assert pair.gap == pytest.approx(distance, abs=tolerance)
         if other != "box":
-            assert np.allclose(found.touches[0].normal, normal, rtol=0, atol=1e-9)
+            assert np.allclose(pair.touches[0].normal, normal, rtol=0, atol=1e-9)
     assert exact > 280
 
 
@@ -204,10 +204,10 @@ LYING: dict[str, tuple[Placed, Placed]] = {
 @pytest.mark.parametrize("both", [False, True])
 def test_a_box_as_a_hull_has_the_points_of_the_box(program: Path, name: str, both: bool) -> None:
     x, y = LYING[name]
-    expected, found = touches(program, [(x, y), (as_hull(x), as_hull(y) if both else y)], 1e-3)
-    assert len(found.touches) == len(expected.touches) > 0
+    expected, pair = touches(program, [(x, y), (as_hull(x), as_hull(y) if both else y)], 1e-3)
+    assert len(pair.touches) == len(expected.touches) > 0
     for t in expected.touches:
-        near = min(found.touches, key=lambda o: float(np.linalg.norm(o.point - t.point)))
+        near = min(pair.touches, key=lambda o: float(np.linalg.norm(o.point - t.point)))
         assert np.allclose(near.point, t.point, rtol=0, atol=1e-9)
         assert np.allclose(near.normal, t.normal, rtol=0, atol=1e-9)
         assert near.gap == pytest.approx(t.gap, abs=1e-9)
@@ -244,9 +244,9 @@ def test_points_of_resting_hulls_stay(program: Path, name: str) -> None:
     moved = [
         x.turned(random_turn(rng, small)).moved(small * rng.uniform(-1, 1, 3)) for _ in range(300)
     ]
-    start, *found = touches(program, [(x, y)] + [(m, y) for m in moved], 1e-3)
+    start, *later = touches(program, [(x, y)] + [(m, y) for m in moved], 1e-3)
     assert start.touches
-    for pair in found:
+    for pair in later:
         assert pair.features == start.features
         assert np.max(np.linalg.norm(pair.points - start.points, axis=1)) < 20 * small
         for before, after in zip(start.touches, pair.touches, strict=True):
@@ -259,15 +259,15 @@ def test_many_corners_are_held_by_eight_points(program: Path) -> None:
     corners = prism(40)
     for tilt in (0.0, 0.003, 0.1):
         x = polytope(corners).moved([0, 0, 0.05], Rotation.from_rotvec([tilt, 0.4 * tilt, 0]))
-        (found,) = touches(program, [(x, PLANE)], 0.05)
-        assert len(found.touches) <= MAX_TOUCHES
-        assert found.gap == pytest.approx(-x.reach(-PLANE.b), abs=1e-6 * 0.1)
+        (pair,) = touches(program, [(x, PLANE)], 0.05)
+        assert len(pair.touches) <= MAX_TOUCHES
+        assert pair.gap == pytest.approx(-x.reach(-PLANE.b), abs=1e-6 * 0.1)
         if tilt < 0.01:
-            assert ConvexHull(found.points[:, :2]).volume > 0.85 * np.pi * 0.1**2
+            assert ConvexHull(pair.points[:, :2]).volume > 0.85 * np.pi * 0.1**2
 
 
 def test_the_depth_is_the_least_of_all_directions(program: Path) -> None:
-    """Against the facets of the difference of both hulls, up to the preference of facets."""
+    """The facets of the difference of both hulls are the oracle, up to the preference of facets."""
     rng = np.random.default_rng(11)
     pairs = []
     while len(pairs) < 150:
@@ -275,9 +275,9 @@ def test_the_depth_is_the_least_of_all_directions(program: Path) -> None:
         if _depth(x, y) > 1e-6:
             pairs.append((x, y))
     off = []
-    for (x, y), found in zip(pairs, touches(program, pairs), strict=True):
+    for (x, y), pair in zip(pairs, touches(program, pairs), strict=True):
         depth = _depth(x, y)
-        t = min(found.touches, key=lambda t: t.gap)
+        t = min(pair.touches, key=lambda t: t.gap)
         along = x.reach(-t.normal) + y.reach(t.normal)
         assert depth - 1e-12 <= along < 1.06 * depth + 3e-5
         assert -t.gap < along + 1e-12
@@ -288,27 +288,27 @@ def test_the_depth_is_the_least_of_all_directions(program: Path) -> None:
 
 
 def _depth(x: Placed, y: Placed) -> float:
-    """Of the origin in x - y, 0 outside."""
+    """Depth of the origin in x - y, 0 outside."""
     difference = (x.corners[:, None] - y.corners[None]).reshape(-1, 3)
     return max(float(-np.max(ConvexHull(difference).equations[:, 3])), 0.0)
 
 
 @pytest.mark.parametrize("kind", ["sphere", "capsule", "box", "ellipsoid", "hull", "half-space"])
 def test_points_do_not_jump_on_the_way_out(program: Path, kind: str) -> None:
-    """The gap along a straight way from deep to apart is continuous, and grows at most as fast."""
+    """The gap along a straight path from deep to apart is continuous, and grows at most as fast."""
     rng = np.random.default_rng(3)
     for _ in range(10):
         x, y = random_solid(rng, "hull"), random_solid(rng, kind)
         way = y.b if kind == "half-space" else rng.normal(size=3)
         way = way / np.linalg.norm(way)
         steps = np.linspace(0, 0.5, 501)
-        found = touches(program, [(x.moved(s * way), y) for s in steps], 1.0)
-        gaps = np.array([pair.gap for pair in found])
+        pairs = touches(program, [(x.moved(s * way), y) for s in steps], 1.0)
+        gaps = np.array([pair.gap for pair in pairs])
         assert np.all(np.abs(np.diff(gaps)) < 0.06 * np.abs(gaps[1:]) + 2e-3)
         assert gaps[-1] > 0
 
 
-def test_as_many_vertices_as_there_is_room_for(program: Path) -> None:
+def test_the_largest_number_of_vertices(program: Path) -> None:
     rng, n = np.random.default_rng(5), int(HULL_VERTICES)
     x, y = polytope(cut(n)), polytope(cut(n - 1))
     assert len(x.mesh.vertices) == n
@@ -316,17 +316,17 @@ def test_as_many_vertices_as_there_is_room_for(program: Path) -> None:
     pairs = [(x.moved([0, 0, 0.1975], turn), y) for turn in place] + [
         (x.moved([0.05, 0, 0], turn), y) for turn in place
     ]
-    for (a, b), found in zip(pairs, touches(program, pairs), strict=True):
+    for (a, b), pair in zip(pairs, touches(program, pairs), strict=True):
         distance, _ = coal_distance(a, b)
         if distance > 0:
-            assert found.gap == pytest.approx(distance, abs=1e-9)
+            assert pair.gap == pytest.approx(distance, abs=1e-9)
         else:
-            assert found.gap < 1e-4
+            assert pair.gap < 1e-4
 
 
-def check_mirrored(one: Pair, other: Pair) -> None:
-    assert one.features == other.features
-    for t, u in zip(one.touches, other.touches, strict=True):
+def check_mirrored(pair: Pair, other: Pair) -> None:
+    assert pair.features == other.features
+    for t, u in zip(pair.touches, other.touches, strict=True):
         assert np.allclose(t.point, u.point, rtol=0, atol=1e-12)
         assert np.allclose(t.normal, -u.normal, rtol=0, atol=1e-12)
         assert t.gap == pytest.approx(u.gap, abs=1e-12)
@@ -335,8 +335,8 @@ def check_mirrored(one: Pair, other: Pair) -> None:
 @pytest.mark.parametrize("name", RESTING)
 def test_swapped_hulls_have_the_same_points(program: Path, name: str) -> None:
     x, y = RESTING[name]
-    one, other = touches(program, [(x, y), (y, x)])
-    check_mirrored(one, other)
+    pair, other = touches(program, [(x, y), (y, x)])
+    check_mirrored(pair, other)
 
 
 def test_facets_enclose_the_volume_of_the_mesh() -> None:

@@ -1,4 +1,4 @@
-"""Lanes: a variational run at width 8 is eight scalar ones, none minding the others."""
+"""Lanes: a variational run at width 8 equals eight independent scalar ones."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ def write_files(name: str, folder: Path) -> None:
         (folder / file).write_text(text, encoding="utf-8")
 
 
-def test_a_lane_is_a_scalar_run_whatever_its_neighbours(tmp_path):
-    """The fast bobs in halved steps; under the sanitizers."""
+def test_a_lane_equals_a_scalar_run_with_any_neighbours(tmp_path):
+    """The fast bobs have halved steps; with the sanitizers."""
     write_files("string_pendulum", tmp_path)
     flags = ("-O1", "-march=native", *QUIET, *SANITIZE)
     program = compile_program("variational.cpp", tmp_path, *flags)
-    found = numbers(run_program(program, words(puppets.string_pendulum())))
-    assert found["numbers_left_out"] == 0
-    assert found["changes"] >= 8, "strings fall slack and catch"
-    assert found["halved"] >= 8, "while others go on in whole steps"
-    assert found["stopped"] == 0 and found["modes_apart"] == 0
-    assert found["apart"] < 1e-10, "whole runs, so that rounding has grown"
-    assert found["bits_apart"] == 0
-    assert np.isfinite(found["apart"])
+    counts = numbers(run_program(program, words(puppets.string_pendulum())))
+    assert counts["numbers_left_out"] == 0
+    assert counts["changes"] >= 8, "strings fall slack and catch"
+    assert counts["halved"] >= 8, "while others go on in whole steps"
+    assert counts["stopped"] == 0 and counts["modes_apart"] == 0
+    assert counts["apart"] < 1e-10, "whole runs, so that rounding has grown"
+    assert counts["bits_apart"] == 0
+    assert np.isfinite(counts["apart"])
 
 
 def test_a_node_without_solution_stops_its_lane(tmp_path):
-    """Pivoting is given a single round, too few at a catch, which once passed in silence."""
+    """Pivoting gets a single round, too few at a catch; once this was not reported."""
     write_files("string_pendulum", tmp_path)
     shutil.copytree(runtime_folder() / "fantoccini", tmp_path / "fantoccini")
     header = tmp_path / "fantoccini" / "solvers" / "complementarity.hpp"
@@ -57,5 +57,5 @@ def test_a_node_without_solution_stops_its_lane(tmp_path):
     assert text.count("return 50 + 4 * n;") == 1
     header.write_text(text.replace("return 50 + 4 * n;", "return 1;"), encoding="utf-8")
     program = compile_program("variational.cpp", tmp_path, "-O1", "-march=native", *QUIET)
-    found = numbers(run_program(program, words(puppets.string_pendulum())))
-    assert found["stopped"] > 0 and found["modes_apart"] == 0
+    counts = numbers(run_program(program, words(puppets.string_pendulum())))
+    assert counts["stopped"] > 0 and counts["modes_apart"] == 0

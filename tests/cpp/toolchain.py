@@ -1,4 +1,4 @@
-"""Compiling the programs of this folder against the shipped headers and a generated model."""
+"""Compilation of this folder's programs with the shipped headers and a generated model."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-o
 
 @functools.cache
 def gcc() -> str:
-    """g++ >= 11, or skip: bundles of doubles need its standard library."""
+    """g++ >= 11, or skip: lanes of doubles need its standard library."""
     program = shutil.which("g++")
     if program is None:
         pytest.skip("no g++ on the path")
@@ -49,13 +49,13 @@ def equations(name: str) -> Equations:
 
 
 def write_model(name: str, folder: Path) -> None:
-    """The generated files of a bundled puppet."""
+    """Write the generated files of a bundled puppet."""
     for file, text in generate(equations(name)).files.items():
         (folder / file).write_text(text, encoding="utf-8")
 
 
 def compile_program(source: str, folder: Path, *flags: str) -> Path:
-    """A program of this folder, compiled into ``folder`` where its model lies."""
+    """A program of this folder, compiled into `folder`, which contains its model."""
     program = folder / Path(source).stem
     command = [
         gcc(),
@@ -78,7 +78,7 @@ def compile_program(source: str, folder: Path, *flags: str) -> Path:
 
 
 def run_program(program: Path, words: str) -> str:
-    """What a program prints when it is fed ``words``; it must end well and say nothing else."""
+    """Output of a program for the input `words`; it must succeed and print nothing on stderr."""
     done = subprocess.run([program], input=words, capture_output=True, text=True, timeout=120)
     assert done.stderr == ""
     assert done.returncode == 0
@@ -86,5 +86,5 @@ def run_program(program: Path, words: str) -> str:
 
 
 def numbers(text: str) -> dict[str, float]:
-    """Lines of a name and a number."""
+    """Numbers by name, from lines of a name and a number."""
     return {line.split()[0]: float(line.split()[1]) for line in text.splitlines()}

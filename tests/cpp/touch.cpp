@@ -1,10 +1,11 @@
-// The narrow phase by itself: pairs of solids from stdin, contact points to stdout.
+// The narrow phase: pairs of solids from stdin, contact points to stdout.
 //
-// stdin: the margin; how many hulls; of each the numbers of vertices, facets, edges and corners,
-// its radii and arrays; how many pairs; of each the solids x and y: kind, a (3), b (3), R (9), half
-// (3), radius and the number of its hull. stdout, one line a pair: bounding radius of x, whether
-// certainly apart, how many points; of each point its place (3), normal (3), gap, feature and
-// region; what it is by these alone: whether it is known, whether it holds, its normal (3) and gap.
+// stdin: the margin; number of hulls; for each the numbers of vertices, facets, edges and corners,
+// its radii and arrays; number of pairs; for each the solids x and y: kind, a (3), b (3), R (9),
+// half (3), radius and the number of its hull. stdout, one line per pair: bounding radius of x,
+// whether they are certainly apart, number of points; for each point its place (3), normal (3),
+// gap, feature and region; then by feature and region alone: whether it is defined, whether it is
+// within its features, its normal (3) and gap.
 #include <cmath>
 #include <cstdio>
 #include <iterator>

@@ -1,7 +1,8 @@
-// The variational integrator on bundles of doubles beside the scalar one; inputs hold still.
+// The variational integrator on bundles of doubles, compared with the scalar one; inputs are
+// constant.
 //
 // stdin: n_steps, dt; then for each lane q_D, v_D, q_K; then the parameters.
-// stdout, one number a line with its name: what the Python side asserts.
+// stdout, one number per line with its name: values asserted in Python.
 #define FAN_LANES 8
 
 #include <cmath>
@@ -77,13 +78,13 @@ double& at(Wide& x, int lane) { return x[lane]; }
 bool get(bool x, int) { return x; }
 bool get(const fan::Traits<Wide>::Mask& x, int lane) { return x[lane]; }
 
-// Runs in some lanes; place k holds who[k].
+// Runs in several lanes; place k contains who[k].
 template <class Real>
 struct Bundle {
   static constexpr int width = fan::Traits<Real>::width;
   using Led = fan::VariationalTrajectory<Model, Real>;
 
-  // Inputs that hold still.
+  // Constant inputs.
   struct Still {
     typename Led::Inputs inputs;
 
@@ -128,7 +129,7 @@ struct Bundle {
     t += dt;
   }
 
-  // Lanes whose last step was made in parts.
+  // Lanes with a divided last step.
   int halved(double dt) {
     int n = 0;
     for (int l = 0; l < width; ++l) n += at(led.node().since, l) < 0.9 * dt;

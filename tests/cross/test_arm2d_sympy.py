@@ -102,7 +102,7 @@ def test_matrices_equal_the_papers(arm):
 
 
 def test_marionette_gives_the_same_matrices(arm):
-    """The user's handle returns what the derivation returns."""
+    """The marionette returns the same matrices as the derivation."""
     constants, oracle = numbers(arm.puppet), model()
     x = start(
         arm,
@@ -123,7 +123,7 @@ def test_marionette_gives_the_same_matrices(arm):
 
 @pytest.mark.parametrize("case", KNOTS)
 def test_event_driven_run_equals_scipys(arm, case):
-    """Times, impulses and the end state, through slack and taut, to 1e-8."""
+    """Times, impulses and the end state agree to 1e-8, through slack and taut strings."""
     constants, (knots_x, lengths, n_events) = numbers(arm.puppet), KNOTS[case]
     x0 = knots_x[0][1]
     taut = float(model()["h"](START, (0, 0), (x0, 0.0), (0, 0), constants.numbers()))
@@ -136,8 +136,10 @@ def test_event_driven_run_equals_scipys(arm, case):
         arm, {"shoulder": START[0], "elbow": START[1], "hand.x": x0, "hand.length": taut}, {}
     )
     coef = {"hand.x": drive.coef[:, 0], "hand.length": drive.coef[:, 1]}
-    given = polynomial_input(arm, drive.breaks, coef, state.q_K)
-    run = fan.simulate(arm, state, given, t_end=times[-1], method=fan.Event(rtol=1e-12, atol=1e-12))
+    inputs = polynomial_input(arm, drive.breaks, coef, state.q_K)
+    run = fan.simulate(
+        arm, state, inputs, t_end=times[-1], method=fan.Event(rtol=1e-12, atol=1e-12)
+    )
     ours = [e for e in run.events if e.kind in ("catch", "release")]
     assert [e.kind for e in ours] == [kind for _, kind, _, _ in theirs.events]
     for event, (t, _, impulse, _) in zip(ours, theirs.events, strict=True):

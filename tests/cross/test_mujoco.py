@@ -19,12 +19,13 @@ SIZES = [40, 38, 36, 34, *([28] * 6), *([20] * 15), *([12] * 45), *([6] * 65), *
 
 
 COMPILED = (4, 10, 30, 45, 75, 140)
-"""Seeds of the trees that are compiled too: 28, 20, 12, 12, 6, 3 DOF. One of a size is enough: that
-what is compiled returns what the equations do is the business of the tests of the generator."""
+"""Seeds of the trees that are compiled too: 28, 20, 12, 12, 6, 3 DOF. One of each size is enough:
+tests of the generator compare compiled functions with the equations.
+"""
 
 
 def check(model: Model, seed: int, acceleration=None) -> float:
-    """Largest residual over the size of its terms, at a random state with moving inputs."""
+    """Largest residual, relative to its terms, at a random state with moving inputs."""
     twin = mjcf.mirror(model.description)
     state, t = model.random(seed), model.table
     acc_D = (acceleration or model.acceleration)(state)
@@ -48,7 +49,7 @@ def test_random_trees_satisfy_mujocos_equations(part):
 
 @pytest.mark.parametrize("seed", COMPILED)
 def test_compiled_trees_satisfy_mujocos_equations(seed):
-    """The same through generated C++ and the shared library."""
+    """Compiled functions satisfy the equations too, through C++ and the shared library."""
     model = Model(random_trees.description(seed, SIZES[seed]))
     marionette = fan.Marionette(model.puppet)
 
@@ -81,7 +82,7 @@ def test_energies_and_poses_equal_mujocos(seed):
 
 @pytest.mark.parametrize("name", ["arm3d", "marionette", "marionette_bar"])
 def test_bundled_puppets_satisfy_mujocos_equations(name):
-    """The puppets that come with the package, with shapes and mirror, without strings and air."""
+    """The bundled puppets, with shapes and mirror, without strings and air."""
     whole = load(files("fantoccini") / "model" / "puppets" / f"{name}.yaml").expanded()
     still_air = []
     for body in whole.bodies:

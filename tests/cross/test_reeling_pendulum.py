@@ -1,4 +1,4 @@
-"""A pendulum with a moving pivot and a string that is reeled, against its scalar equation."""
+"""A pendulum with a moving pivot and a reeled string, compared with its scalar equation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def pendulum():
 
 
 def prepared(pendulum):
-    """The oracle, its polynomials, and our state and inputs: the same polynomials."""
+    """The oracle, its polynomials, and state and inputs of the puppet with the same polynomials."""
     oracle = Reeling()
     drive = oracle.polynomials(SECONDS, PIECES)
     (first,), _ = oracle.solve(drive, np.array([0.0]))
@@ -45,14 +45,14 @@ def test_the_polynomials_are_the_sines():
 
 @pytest.mark.parametrize("tolerance, error", [(1e-13, 1e-10), (1e-9, 1e-8)])
 def test_motion_and_tension(pendulum, tolerance, error):
-    """x, z, their rates and the tension over 5 s: to 1e-10, and to 1e-8 by default."""
-    oracle, drive, x0, given = prepared(pendulum)
+    """x, z, their rates and the tension over 5 s: errors below 1e-10, and 1e-8 by default."""
+    oracle, drive, x0, inputs = prepared(pendulum)
     times = drive.breaks[::10]
     states, tensions = oracle.solve(drive, times)
     run = fan.simulate(
         pendulum,
         x0,
-        given,
+        inputs,
         t_end=SECONDS,
         method=fan.Event(rtol=tolerance, atol=tolerance),
         save_at=times,

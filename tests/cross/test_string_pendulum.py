@@ -57,7 +57,7 @@ def test_closed_form_agrees_with_itself(k):
 
 @pytest.mark.parametrize("k", [2.3, 3.0, 4.0, 4.6])
 def test_slack_flight_and_catch(pendulum, k):
-    """Slack angle, time, catch time, place, impulse and what follows, to 1e-10."""
+    """Slack angle, time, catch time, place, impulse and the motion after it, to 1e-10."""
     f = flight(k, LENGTH, MASS, GRAVITY)
     x0 = start(pendulum, {}, {"bob.x": np.sqrt(k * GRAVITY * LENGTH)})
     end = f.t_catch + 0.02

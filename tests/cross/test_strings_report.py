@@ -1,4 +1,4 @@
-"""The key figures of docs/strings.md: a pendulum thrown and caught again and again, and others."""
+"""Key figures of docs/strings.md, such as those of a pendulum thrown and caught repeatedly."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def chain():
 
 
 def test_closed_form_equals_scipys_integration(chain):
-    """Elliptic functions and parabolas against DOP853 at 1e-13: the end and all events."""
+    """Elliptic functions and parabolas agree with DOP853 at 1e-13: the end and all events."""
     start = np.concatenate([chain.x0.q_D, chain.x0.v_D])
     known = point_mass_events.simulate(start, SECONDS, LENGTH, GRAVITY)
     np.testing.assert_allclose(known.state, chain.reference, atol=1e-12)
@@ -61,7 +61,7 @@ def test_default_tolerance_after_five_seconds(make):
 
 
 def test_steps_of_the_event_method_converge_at_high_order(chain):
-    """Half the step, through eight events: the error falls by more than 2^7."""
+    """The error falls by more than 2^7 with half the step, through eight events."""
     errors = [
         max(chain.errors(chain.run(tolerance=1e3, max_step=step))) for step in (0.1, 0.05, 0.025)
     ]
@@ -69,7 +69,7 @@ def test_steps_of_the_event_method_converge_at_high_order(chain):
 
 
 def test_time_stepping_converges_at_first_order(chain):
-    """Half the step: half the error, a quarter of the violation, half the residual."""
+    """Half the step gives half the error, a quarter of the violation and half the residual."""
     runs = [chain.run(method="timestepping", dt=dt) for dt in (2e-3, 1e-3, 5e-4)]
     for coarse, fine in itertools.pairwise(runs):
         assert 1.7 < max(chain.errors(coarse)) / max(chain.errors(fine)) < 2.3
@@ -79,7 +79,7 @@ def test_time_stepping_converges_at_first_order(chain):
 
 
 def test_the_event_ledger_shrinks_with_the_tolerance(chain):
-    """By more than four decades from 1e-6 to 1e-12, and to 1e-7 J by default."""
+    """The residual falls by more than four decades from 1e-6 to 1e-12, and to 1e-7 J by default."""
     worst = [
         np.max(np.abs(chain.run(tolerance=tolerance).ledger["residual"]))
         for tolerance in (1e-6, 1e-9, 1e-12)
@@ -89,7 +89,7 @@ def test_the_event_ledger_shrinks_with_the_tolerance(chain):
 
 
 def test_a_length_stays_at_rounding_for_a_hundred_seconds():
-    """1e-12 of the length, of either sign, after every accepted step."""
+    """Lengths agree to 1e-12 of the length, of either sign, after every accepted step."""
     a = np.deg2rad(60.0)
     x0 = scenarios.pendulum_start(float(np.sin(a)), -float(np.cos(a)))
     run = fan.simulate(scenarios.pendulum(), x0, t_end=100.0)
@@ -97,7 +97,7 @@ def test_a_length_stays_at_rounding_for_a_hundred_seconds():
 
 
 def test_a_mass_at_rest_pulls_with_its_weight():
-    """tension = m g by both methods, to rounding."""
+    """The tension is m g in both methods, to rounding."""
     x0 = scenarios.pendulum_start(0.0, -LENGTH)
     for method in ("event", "timestepping"):
         run = fan.simulate(scenarios.pendulum(), x0, t_end=1.0, method=method)
@@ -105,7 +105,7 @@ def test_a_mass_at_rest_pulls_with_its_weight():
 
 
 def test_mujocos_error_does_not_shrink_with_its_step(chain):
-    """Its default strings are soft: ten times smaller steps leave what the softness makes."""
+    """MuJoCo's default strings are soft: smaller steps do not reduce the error of softness."""
     errors = []
     for dt in (1e-3, 1e-4):
         peer = mujoco_peer.pendulum(dt, "default").put(chain.x0.q_D, chain.x0.v_D)
@@ -114,7 +114,7 @@ def test_mujocos_error_does_not_shrink_with_its_step(chain):
 
 
 def test_rivals_follow_the_same_motion(chain):
-    """Penalty and Baumgarte come near the reference: 2e-2 with steps of 0.5 ms."""
+    """Penalty and Baumgarte methods come within 2e-2 of the reference with steps of 0.5 ms."""
     method = np.array(rivals.METHODS)
     setting = np.where(method == rivals.PENALTY, 1e6, 300.0)
     lanes = rivals.Lanes(method, setting, LENGTH, MASS, GRAVITY)

@@ -1,4 +1,4 @@
-"""A rod on two strings against an integration that tries all combinations of slack and taut."""
+"""A rod on two strings, compared with a run that tries all combinations of slack and taut."""
 
 from __future__ import annotations
 
@@ -82,8 +82,8 @@ def test_two_strings_slack_and_taut(swing, case):
     pose |= {"left.length": lengths[0][0], "right.length": lengths[1][0]}
     x0 = start(swing, pose, dict(zip(names, v, strict=True)))
     coef = {"left.length": drive.coef[:, 0], "right.length": drive.coef[:, 1]}
-    given = polynomial_input(swing, drive.breaks, coef, x0.q_K)
-    run = fan.simulate(swing, x0, given, t_end=times[-1], method=fan.Event(rtol=1e-12, atol=1e-12))
+    inputs = polynomial_input(swing, drive.breaks, coef, x0.q_K)
+    run = fan.simulate(swing, x0, inputs, t_end=times[-1], method=fan.Event(rtol=1e-12, atol=1e-12))
     ours = [e for e in run.events if e.kind in ("catch", "release")]
     assert [(str(e.kind), e.name) for e in ours] == [
         (kind, ("left", "right")[row]) for _, kind, row, _, _ in theirs.events

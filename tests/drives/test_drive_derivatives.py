@@ -1,4 +1,4 @@
-"""Derivatives of runs and of time steps by the accelerations of commands, against differences."""
+"""Derivatives of runs and steps by accelerations of commands, compared with differences."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_a_time_step_by_the_accelerations_of_commands(lift, moving):
         x = stepper.advance(dt, acc + d)
         return np.concatenate([x.q_D, x.v_D, x.q_K, x.v_K])
 
-    found = lift.linearise_steps(moving.q_D, moving.v_D, moving.q_K, moving.v_K, acc, dt=dt)
+    linear = lift.linearise_steps(moving.q_D, moving.v_D, moving.q_K, moving.v_K, acc, dt=dt)
     n = len(moving.v_D)
-    assert np.max(np.abs(found.B[0][: 2 * n])) > 1e-4
-    assert worst(found.B[0], difference(end, 2, 1e-3)) < 1e-7
+    assert np.max(np.abs(linear.B[0][: 2 * n])) > 1e-4
+    assert worst(linear.B[0], difference(end, 2, 1e-3)) < 1e-7

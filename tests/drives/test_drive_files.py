@@ -1,4 +1,4 @@
-"""Drives in puppet files: what is found wrong, what a mirror and several puppets make of them."""
+"""Drives in puppet files: mistakes, and drives in mirrors and in scenes."""
 
 from __future__ import annotations
 
@@ -81,9 +81,9 @@ def rig(*drives: str) -> str:
     ],
 )
 def test_mistakes(drive, key, message):
-    with pytest.raises(PuppetError) as found:
+    with pytest.raises(PuppetError) as caught:
         loads(rig(drive))
-    (problem,) = found.value.mistakes
+    (problem,) = caught.value.mistakes
     assert message in problem.message
     assert problem.key == "drives[0]" + (f".{key}" if key else "")
     assert problem.line == RIG.count("\n") + 2
@@ -91,11 +91,13 @@ def test_mistakes(drive, key, message):
 
 @pytest.mark.parametrize("first, second", [("left", "right"), ("right", "left")])
 def test_a_twin_has_one_drive(first, second):
-    """Of its own or of the other half; both may stand in one drive."""
-    one, other = (f"on: wire_{side}.length, mass: 1, {PD}" for side in (first, second))
-    with pytest.raises(PuppetError) as found:
-        loads(rig(one, other))
-    (problem,) = found.value.mistakes
+    """The drive may belong to either half; both names may stand in one drive."""
+    first_drive, second_drive = (
+        f"on: wire_{side}.length, mass: 1, {PD}" for side in (first, second)
+    )
+    with pytest.raises(PuppetError) as caught:
+        loads(rig(first_drive, second_drive))
+    (problem,) = caught.value.mistakes
     assert "wire_right.length" in problem.message
     assert "has a drive already, drives[0]" in problem.message
     assert (problem.key, problem.line) == ("drives[1].on", RIG.count("\n") + 3)
@@ -125,7 +127,7 @@ def test_twins_have_their_drives():
     assert set(table.commands) == {
         f"wire_{side}.{what}" for side in ("left", "right") for what in ("length", "y")
     }
-    # An end of which a drive moves one axis alone: x by hand, y by motor.
+    # Only one axis of this end has a drive: x by hand, y by motor.
     assert {"wire_right.x", "wire_right.command.y"} <= set(table.q_K)
     assert "wire_right.y" in table.q_D
     places = dict(zip(table.q_K, table.start_K, strict=True))
@@ -133,8 +135,8 @@ def test_twins_have_their_drives():
     assert places["wire_left.command.length"] == 0.9
 
 
-def test_a_free_joint_is_taken_apart():
-    """bar.z by motor: x and y by hand carry z, and that carries the driven rotation."""
+def test_a_free_joint_with_a_drive_is_split():
+    """bar.z by motor: x and y by hand carry z, and z carries the driven rotation."""
     puppet = loads(rig(f"on: bar.z, mass: 1, {PD}"))
     tree = grow(puppet)
     links = {link.name: link for link in tree.links}
@@ -148,13 +150,13 @@ def test_a_free_joint_is_taken_apart():
 
 def test_several_puppets_keep_their_drives_apart():
     drive = "on: wire_left.length, mass: {parameter: load, value: 1}, " + PD
-    one = loads(rig(drive))
+    first = loads(rig(drive))
     other = loads(rig(drive).replace("puppet: rig", "puppet: other"))
-    tree = grow(assembled(Scene.of(one, other)))
+    tree = grow(assembled(Scene.of(first, other)))
     assert "other.wire_right.length" in tree.coordinates.commands
     assert tree.drives[-1].drive.mass.parameter == "other.load"
 
 
-def test_what_cannot_be_exported_says_so():
+def test_exports_without_drives_are_refused():
     with pytest.raises(ExchangeError, match="crank: has a drive"):
         mjcf(fan.loads(rig(f"on: crank, inertia: 1, {PD}")))

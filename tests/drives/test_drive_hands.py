@@ -1,4 +1,4 @@
-"""Hands on puppets with drives and chains: what is asked of a body is asked of all its parts."""
+"""Hands on puppets with drives and chains: a body's target applies to all its parts."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_body_moves_as_a_whole_where_a_drive_moves_one_axis():
 
 
 def test_a_chain_is_wound():
-    """By its drive, and not shorter than its time steps allow."""
+    """Its drive winds it, not shorter than its time steps allow."""
     puppet = fan.loads(BOB.replace("length: driven", ROPE))
     live = fan.Performance(puppet)
     at = live.marionette.coordinates.q_D.index("bob.z")
@@ -49,15 +49,17 @@ def test_a_chain_is_wound():
     assert high == pytest.approx(1.6, rel=1e-2)
 
     def longest_step(length):
-        """2 (sqrt(1 + zeta^2) - zeta) / omega of three pieces with their ends held."""
+        """2 (sqrt(1 + zeta^2) - zeta) / omega of three pieces between fixed ends."""
         k, c, m = (x for x in (3 * 500 / length, 3 * 0.5 / length, 0.015))
         omega = 2 * np.sqrt(k / m) * np.cos(np.pi / 6)
         zeta = c * omega / (2 * k)
         return 2 * (np.sqrt(1 + zeta**2) - zeta) / omega
 
     slow = Hands.ranges_of(puppet, live.state, 0.002)["line"][0]
-    for dt, least in ((live.dt, low), (0.002, slow)):
-        assert dt <= longest_step(least) and (least < 0.081 or dt > longest_step(least / 1.13))
+    for dt, shortest in ((live.dt, low), (0.002, slow)):
+        assert dt <= longest_step(shortest) and (
+            shortest < 0.081 or dt > longest_step(shortest / 1.13)
+        )
     with pytest.raises(StateError, match="`fantoccini show` no other dt: change the pieces"):
         fan.Performance(puppet, dt=0.004, tick=0.004)
     live.wind("line", 0.6)

@@ -1,4 +1,4 @@
-"""Drives on random trees: Lagrange's equations, and the derivatives' residual."""
+"""Drives on random trees: Lagrange's equations, and the residual of the derivatives."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CONTROLS = (
 
 def driven_coordinates(puppet: dict) -> list[tuple[str, bool]]:
     """(coordinate, whether it is a length) of every driven coordinate."""
-    found = []
+    coordinates = []
     for body in puppet["bodies"]:
         joint = body["joint"]
         if joint.get("driven"):
@@ -35,17 +35,17 @@ def driven_coordinates(puppet: dict) -> list[tuple[str, bool]]:
                 "translation": [(f".{a}", True) for a in joint.get("axes", ())],
                 "free": [(".x", True), (".y", True), (".z", True), (".rotation", False)],
             }
-            found += [(name + s, length) for s, length in kinds[joint["type"]]]
+            coordinates += [(name + s, length) for s, length in kinds[joint["type"]]]
     for string in puppet.get("strings", ()):
         ends = [a for point in string["path"] for a in point.get("driven", ())]
-        found += [(f"{string['name']}.{a}", True) for a in ends]
+        coordinates += [(f"{string['name']}.{a}", True) for a in ends]
         if string["length"] == "driven":
-            found.append((f"{string['name']}.length", True))
-    return found
+            coordinates.append((f"{string['name']}.length", True))
+    return coordinates
 
 
 def motorised(seed: int) -> Model:
-    """A random puppet of which two thirds of the driven coordinates have drives."""
+    """A random puppet with drives on two thirds of the driven coordinates."""
     puppet = description(seed, 12, driven=0.6, strings=3, limits=True, drag=True)
     rng, drives = np.random.default_rng(seed), []
     for name, length in driven_coordinates(puppet):
@@ -59,9 +59,9 @@ def motorised(seed: int) -> Model:
 
 @pytest.fixture(scope="module", params=range(4))
 def model(request):
-    made = motorised(request.param)
-    assert made.tree.drives
-    return made
+    motorised_model = motorised(request.param)
+    assert motorised_model.tree.drives
+    return motorised_model
 
 
 def test_the_mass_matrix_is_the_kinetic_energys_hessian(model):
@@ -69,14 +69,14 @@ def test_the_mass_matrix_is_the_kinetic_energys_hessian(model):
     v = ca.vertcat(s.v_D, s.v_K)
     hessian, _ = ca.hessian(kinetic_energy(model.equations.system), v)
     T = ca.Function("T", [s.q_D, s.v_D, s.q_K, s.v_K, s.p], [hessian])
-    found = model.call("mass_matrix", x)
+    matrices = model.call("mass_matrix", x)
     expected = np.array(T(x.q_D, x.v_D, x.q_K, x.v_K, model.p))
     n = model.table.n_vD
-    np.testing.assert_allclose(found["M"], expected[:n, :n], atol=1e-12)
-    np.testing.assert_allclose(found["M_DK"].reshape(n, -1), expected[:n, n:], atol=1e-12)
+    np.testing.assert_allclose(matrices["M"], expected[:n, :n], atol=1e-12)
+    np.testing.assert_allclose(matrices["M_DK"].reshape(n, -1), expected[:n, n:], atol=1e-12)
     a = np.random.default_rng(0).normal(size=n)
     times = np.ravel(model.call("mass_times", x, acc_D=a)["f"])
-    np.testing.assert_allclose(times, found["M"] @ a, atol=1e-11)
+    np.testing.assert_allclose(times, matrices["M"] @ a, atol=1e-11)
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.01])
@@ -87,10 +87,10 @@ def test_the_residual_vanishes_at_the_accelerations(model, dt):
     tension = np.append(pulls, np.zeros(len(model.tree.limits)))
     name = "step_dynamics" if dt else "dynamics"
     acc_K = rng.normal(size=model.table.n_vK)
-    found = model.call(name, x, dt=dt, acc_K=acc_K)
-    W = found["W"].reshape(model.table.n_vD, -1)
-    w = found["w0"] - W @ pulls
-    (acc,) = (np.ravel(np.array(y)) for y in model.equations["back"].call([found["L"], w]))
+    result = model.call(name, x, dt=dt, acc_K=acc_K)
+    W = result["W"].reshape(model.table.n_vD, -1)
+    w = result["w0"] - W @ pulls
+    (acc,) = (np.ravel(np.array(y)) for y in model.equations["back"].call([result["L"], w]))
     derivatives = Derivatives(model.tree)
     s, tau = derivatives.system.symbols, ca.SX.sym("tension", model.tree.n_rows)
     arguments = [s.q_D, s.v_D, s.acc_D, s.q_K, s.v_K, s.acc_K, s.dt, s.p, tau]
@@ -121,6 +121,6 @@ pose: {bob.z: 0.2, line.length: 0.8}
     show.advance(3.0)
     names = puppet.coordinates.q_D
     assert show.state.q_D[names.index("line.x")] == pytest.approx(0.2, abs=0.02)
-    # It gives way to the pull, which its controller does not know: pull / (inertia w^2).
+    # It yields to the pull, unknown to its controller: pull / (inertia w^2).
     sag = 0.4 * 9.81 / (0.2 * 40**2)
     assert show.state.q_D[names.index("line.length")] == pytest.approx(0.7 + sag, abs=0.003)

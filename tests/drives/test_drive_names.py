@@ -1,4 +1,4 @@
-"""A coordinate with a drive may go by its own name or by its command's: in inputs and in runs."""
+"""A coordinate with a drive has its own name and its command's, in inputs and runs."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def table(text: str):
 
 
 def said(make, *given) -> list[tuple[str, str]]:
-    with pytest.raises(InputError) as found:
+    with pytest.raises(InputError) as caught:
         make(*given)
-    return [(problem.key, problem.message) for problem in found.value.mistakes]
+    return [(problem.key, problem.message) for problem in caught.value.mistakes]
 
 
-def test_two_names_for_one_input_are_told():
+def test_two_names_for_one_input_are_a_mistake():
     bob, way = table(BOB), [(0, 0.8), (1, 0.7)]
     both = {"line.length": way, "line.command.length": way}
     ((key, message),) = said(Input.waypoints, bob, both)
@@ -43,17 +43,17 @@ def test_a_rotation_comes_in_four_columns_of_either_name(tmp_path):
     machines, t = table(MACHINES), [0.0, 0.5, 1.0]
     angle = np.array([0.0, 0.2, 0.3])
     q = np.stack([np.cos(angle), np.sin(angle), 0 * angle, 0 * angle], axis=-1)
-    made = [Input.samples(machines, t, {"head.rotation": q})]
+    inputs = [Input.samples(machines, t, {"head.rotation": q})]
     for owner in ("head.", "head.command."):
         names = [owner + x for x in ("qw", "qx", "qy", "qz")]
-        made.append(Input.samples(machines, t, dict(zip(names, q.T, strict=True))))
+        inputs.append(Input.samples(machines, t, dict(zip(names, q.T, strict=True))))
         path = tmp_path / "head.csv"
         rows = [",".join(map(repr, [s, *p.tolist()])) for s, p in zip(t, q, strict=True)]
         path.write_text("\n".join([",".join(["t", *names]), *rows]))
-        made.append(Input.load(machines, path))
-    for one in made[1:]:
-        np.testing.assert_array_equal(one.coef, made[0].coef)
-        np.testing.assert_array_equal(one.base, made[0].base)
+        inputs.append(Input.load(machines, path))
+    for other in inputs[1:]:
+        np.testing.assert_array_equal(other.coef, inputs[0].coef)
+        np.testing.assert_array_equal(other.base, inputs[0].base)
     columns = dict(zip(("head.qw", "head.qx", "head.qy", "head.qz"), q.T, strict=True))
     for also in ("head.rotation", "head.command.rotation"):
         ((_, message),) = said(Input.samples, machines, t, columns | {also: q})
@@ -71,12 +71,12 @@ def test_a_table_reads_back_with_its_commands():
     data = json.loads(json.dumps(table_to_json(whole)))
     starts = {"start_D": whole.start_D, "start_K": whole.start_K}
     assert table_from_json(data, starts).commands == whole.commands
-    del data["commands"]  # of runs from before there were drives
+    del data["commands"]  # of runs without drives in their format
     assert table_from_json(data, starts).commands == {}
 
 
 def test_a_puppet_hangs_at_rest_where_a_drive_is_started():
-    """simulate --start line.length=0.7, and a Trial's start, are those of a mere input."""
+    """simulate --start line.length=0.7 and a Trial's start equal those of a plain input."""
     from fantoccini.app.cli_support.start import start_state
     from fantoccini.lab.sweeps.trial import start_state as trial_start
 
@@ -91,14 +91,14 @@ def test_a_puppet_hangs_at_rest_where_a_drive_is_started():
 
 
 def test_a_plan_winds_a_winch():
-    """Its bounds go by either name, and what it finds arrives when it is simulated anew."""
+    """Its bounds accept either name, and its result arrives in another simulation."""
     bob = fan.loads(BOB)
     x0, goal = bob.rest({"line.length": 0.8}), bob.rest({"line.length": 0.7})
     asked = fan.control.Bounds({"line.command.length": (0.5, 0.9)}, {"line.length": 0.4}, 1.5)
-    found = fan.plan(bob, x0, goal, bounds=asked, tolerance=0.05, seed=1)
-    assert found and found.verify().arrives
+    plan = fan.plan(bob, x0, goal, bounds=asked, tolerance=0.05, seed=1)
+    assert plan and plan.verify().arrives
     length = bob.coordinates.q_K.index("line.command.length")
-    bounds = found.problem.rollouts.bounds
+    bounds = plan.problem.rollouts.bounds
     assert (bounds.low[length], bounds.high[length]) == (0.5, 0.9)
     assert bounds.moves.tolist() == [i == length for i in range(2)]
     assert DrivenBounds.of(bob, fan.control.Bounds()).low[length] == 1e-3

@@ -1,4 +1,4 @@
-"""Drives against closed forms, and against Lagrange's equations in polar coordinates."""
+"""Drives compared with closed forms and with Lagrange's equations in polar coordinates."""
 
 from __future__ import annotations
 
@@ -99,11 +99,11 @@ def bob():
 
 
 def solved(rates, y0, times):
-    found = solve_ivp(
+    solution = solve_ivp(
         rates, (times[0], times[-1]), y0, "DOP853", t_eval=times, rtol=1e-13, atol=1e-13
     )
-    assert found.success
-    return found.y
+    assert solution.success
+    return solution.y
 
 
 def column(run, name):
@@ -141,7 +141,7 @@ def test_computed_torque_makes_the_error_linear(machines):
 
 
 def test_direct_current_motor(machines):
-    """A command far away: the current's bound, then the voltage's, and at last neither."""
+    """A distant command: first the current's bound acts, then the voltage's, and then neither."""
     n, k, current, R, U = 20, 0.05, 1.5, 4.0, 12.0
     heavy, weight = 0.3 * 0.2**2 + 1e-3 + 2e-5 * n**2, 0.3 * 9.81 * 0.2
 
@@ -159,14 +159,14 @@ def test_direct_current_motor(machines):
         machines, x0, t_end=0.6, method=fan.Event(rtol=1e-12, atol=1e-12), save_at=times
     )
     expected = solved(rates, [0.0, 0.0], times)
-    found = column(run, "crank")[np.searchsorted(run.t, times)]
-    np.testing.assert_allclose(found, expected[0], atol=1e-8)
+    angles = column(run, "crank")[np.searchsorted(run.t, times)]
+    np.testing.assert_allclose(angles, expected[0], atol=1e-8)
     speeds = expected[1] * n * k
     assert np.any(U - speeds < R * current) and speeds[1] < U - R * current
 
 
-def test_a_run_begins_with_a_speed_of_its_own(machines):
-    """Of the coordinate alone: the command is at rest, or as fast as it is named."""
+def test_a_run_may_begin_with_a_speed(machines):
+    """The speed is that of the coordinate: the command is at rest, or has its named speed."""
     table = machines.coordinates
     place = table.v_K.index("crank.command")
     x0 = machines.state({"v:crank": 1.0})
@@ -175,14 +175,14 @@ def test_a_run_begins_with_a_speed_of_its_own(machines):
     assert machines.state({"v:crank": 1.0, "v:crank.command": 0.5}).v_K[place] == 0.5
 
 
-def test_a_stepper_holds_what_its_torque_holds(machines):
+def test_a_stepper_holds_a_load_up_to_its_torque(machines):
     """n T sin(50 (angle - n q)) = load; a load above n T pulls it out of step."""
 
     def held(load, t_end=3.0):
-        given = fan.Input.hold(machines, t_end).with_forces(
+        inputs = fan.Input.hold(machines, t_end).with_forces(
             {"wheel": [(0, 0.0), (0.5, load), (t_end, load)]}
         )
-        run = fan.simulate(machines, machines.state(), given, t_end=t_end, throw=False)
+        run = fan.simulate(machines, machines.state(), inputs, t_end=t_end, throw=False)
         return column(run, "wheel")[-1], run.status.name
 
     assert held(0.3) == (pytest.approx(np.arcsin(0.3 / 0.4) / 50 / 2, abs=1e-6), "DONE")
@@ -190,7 +190,7 @@ def test_a_stepper_holds_what_its_torque_holds(machines):
     assert off > 2 * np.pi / 50 / 2 and status == "RUNAWAY"  # more than a pole pair
 
 
-def test_a_stepper_goes_in_microsteps(machines):
+def test_a_stepper_moves_in_microsteps(machines):
     micro = 2 * np.pi / 1600 / 2
     rest = [machines.rest({"wheel": r, "wheel.command": r}) for r in np.array([0.4, 0.6]) * micro]
     at = machines.coordinates.q_D.index("wheel")
@@ -198,7 +198,7 @@ def test_a_stepper_goes_in_microsteps(machines):
 
 
 def test_a_stepper_is_pulled_out_beyond_its_corner(machines):
-    """At 5 times the corner speed a fifth of the torque is left: less than friction takes."""
+    """At 5 times the corner speed a fifth of the torque remains: less than the friction."""
 
     def lag(speed):
         end = 20.0 / speed + 0.3
@@ -219,7 +219,7 @@ def test_a_stepper_is_pulled_out_beyond_its_corner(machines):
 
 
 def test_an_orientation_follows_its_command(machines):
-    """About one axis: I phi'' = k sin(r - phi) - d phi', at most 10 times 0.02 N m."""
+    """Rotation about one axis: I phi'' = k sin(r - phi) - d phi', at most 10 times 0.02 N m."""
     heavy = 4e-4 + 1e-3
 
     def rates(t, y):
@@ -255,7 +255,7 @@ def lagrange():
 
 
 def test_a_bob_on_a_winch_and_a_trolley(bob):
-    """Event-driven to 1e-9 of Lagrange's equations; orders 1 and 2 of the other two."""
+    """The event-driven run agrees to 1e-9 with Lagrange's equations; other orders are 1 and 2."""
     equations, n = lagrange(), 3 / 0.02
     move = fan.Input.waypoints(
         bob, {"line.length": [(0, 0.8), (0.6, 0.6)], "line.x": [(0, 0.0), (0.5, 0.15)]}
@@ -309,7 +309,7 @@ def test_a_catch_shares_its_impulse_with_the_rotor(rotor):
     assert run.ledger["residual"][-1] == pytest.approx(0, abs=1e-12)
 
 
-def test_rest_names_the_drive_that_gives_way(bob):
+def test_rest_names_the_drive_that_yields(bob):
     with pytest.raises(fan.errors.StateError, match=r"the drive of line\.length has no control"):
         fan.loads(FREE).rest()
     motor = "motor: {type: servo, torque: {parameter: T, value: 1.0}}\n    gear: 3"
@@ -322,7 +322,7 @@ def test_rest_names_the_drive_that_gives_way(bob):
 
 @pytest.mark.filterwarnings("error")
 def test_a_rotor_alone_rests_and_swings():
-    """Nothing but a rotor has inertia: J phi'' = k (r - phi) - d phi'."""
+    """Only a rotor has inertia: J phi'' = k (r - phi) - d phi'."""
     crank = MACHINES[: MACHINES.index("  - name: lift")]
     crank += "  - {name: crank, joint: {type: revolute, axis: [1, 0, 0], driven: true}}\n"
     control = "control: {type: pd, stiffness: 10, damping: 0.1}"
@@ -335,7 +335,7 @@ def test_a_rotor_alone_rests_and_swings():
 
 
 def test_stiff_drives_do_not_shake_the_time_stepper(bob):
-    """A drive of 1,000 rad/s at steps of 4 ms stays at the motion of the mere inputs."""
+    """A drive of 1,000 rad/s at steps of 4 ms agrees with the motion of plain inputs."""
     stiff = bob.with_parameters({"k": 9e5, "d": 1.8e3})
     move = fan.Input.waypoints(stiff, {"line.length": [(0, 0.8), (0.6, 0.6)]})
     x0 = stiff.rest({"line.length": 0.8})
@@ -373,7 +373,7 @@ drives:
 
 
 def test_stiff_coupled_drives_and_windings_are_stable():
-    """Computed torque over joints that carry one another, and a motor on its voltage's bound."""
+    """Computed torque over coupled joints, and a motor at its bound of voltage."""
     arm = fan.loads(ARM)
     start = {"a.command": 0.01, "head.command.rotation": [0.3, -0.4, 0.5], "wheel.command": 100.0}
     run = fan.simulate(arm, arm.state(start), t_end=0.6, method=fan.TimeStepping(dt=2e-3))
@@ -385,12 +385,12 @@ def test_stiff_coupled_drives_and_windings_are_stable():
     assert run.v_D[-1, names.index("wheel")] == pytest.approx(30.0, abs=1e-6)
 
 
-def test_derivatives_are_those_of_differences(machines):
-    """Of accelerations by velocities and places, motors at and within their bounds."""
+def test_derivatives_agree_with_differences(machines):
+    """Derivatives of accelerations by velocities and places, motors at and within their bounds."""
     x = machines.state({"crank": 0.2, "crank.command": 0.5, "lift": 0.1, "v:lift": 0.3})
-    found, h = machines.linearise(x), 1e-6
+    linear, h = machines.linearise(x), 1e-6
     for k, name in enumerate(machines.coordinates.v_D):
-        for what, slope in (("v:", found.acc.v_D), ("", found.acc.q_D)):
+        for what, slope in (("v:", linear.acc.v_D), ("", linear.acc.q_D)):
             if name.startswith("head") and not what:
                 continue
             place = machines.coordinates.q_D.index(name) if not what else k
@@ -410,12 +410,12 @@ def test_lanes_are_the_scalar_run(bob):
     x0 = bob.rest({"line.length": 0.8})
     inputs = fan.motion.Inputs.random(bob, n=9, seed=1).bound(x0.q_K)
     many = fan.simulate_batch(bob, x0, inputs, t_end=0.1, method="timestepping")
-    one = fan.simulate(bob, x0, inputs[4], t_end=0.1, method="timestepping")
-    np.testing.assert_allclose(many.q_D[4, -1], one.q_D[-1], rtol=1e-11, atol=1e-13)
+    single = fan.simulate(bob, x0, inputs[4], t_end=0.1, method="timestepping")
+    np.testing.assert_allclose(many.q_D[4, -1], single.q_D[-1], rtol=1e-11, atol=1e-13)
 
 
 def test_a_drive_winds_a_chain():
-    """At rest the winch gives way by the pull over its stiffness; the books close in a lift."""
+    """At rest the winch yields by pull / stiffness; the energies of a lift balance."""
     rope = "length: driven\n    chain: {pieces: 3, mass: 0.01, stiffness: 500, damping: 0.5}"
     puppet = fan.loads(BOB.replace("length: driven", rope))
     x0, names = puppet.rest({"line.length": 0.8}), puppet.coordinates.q_D
@@ -423,7 +423,7 @@ def test_a_drive_winds_a_chain():
     run = fan.simulate(puppet, x0, lift, t_end=0.5)
     assert np.abs(run.ledger["residual"]).max() < 1e-10
     assert np.abs(run.v_D[0]).max() < 1e-9 and np.abs(run.acc_D[0]).max() < 1e-6
-    # By virtual work a drum feels T (1 + T / 2 EA), T being what each third carries.
+    # By virtual work a drum feels T (1 + T / 2 EA), with the tension T of each third.
     T = 9.81 * (0.4 + np.array([0.0, 0.005, 0.01]))
     sag = np.mean(T * (1 + T / 1000)) / 800
     assert x0.q_D[names.index("line.length")] - 0.8 == pytest.approx(sag, rel=1e-8)

@@ -1,4 +1,4 @@
-"""Puppets with drives at rest: all forces balance, steppers are in step, modes are those there."""
+"""Puppets with drives at rest: all forces balance, steppers are in step, modes are correct."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 
 def test_a_turned_bar_rests_on_its_motor():
-    """Motors of orientations are no part of V; all forces balance, wherever the search begins."""
+    """Motors of orientations have no potential; all forces balance from every initial guess."""
     puppet = fan.loads("""
 puppet: hung
 bodies:
@@ -37,7 +37,7 @@ pose: {bob.x: 0.2, bob.z: -0.2}
 
 
 def test_a_stepper_rests_in_step_with_a_chain():
-    """n T sin(s/4 n x) = load (1 + load / 2 EA), x being what it gives way from its command."""
+    """n T sin(s/4 n x) = load (1 + load / 2 EA), with the deviation x from the command."""
     puppet = fan.loads("""
 puppet: hoist
 bodies:
@@ -87,11 +87,11 @@ drives:
     control: {type: computed_torque, bandwidth: 6, damping_ratio: 0.1}
 """)
     x = puppet.rest({"crank": 0.4})
-    found, lin, table = puppet.modes(x), puppet.linearise(x), puppet.coordinates
+    modes, lin, table = puppet.modes(x), puppet.linearise(x), puppet.coordinates
     values, left, right = scipy.linalg.eig(lin.A, left=True)
     order = [i for i in np.argsort(np.abs(values)) if values[i].imag > 1e-6]
-    assert len(found) == len(found.swinging) == len(order) == 2
-    for mode, i in zip(found, order, strict=True):
+    assert len(modes) == len(modes.swinging) == len(order) == 2
+    for mode, i in zip(modes, order, strict=True):
         s, forced = values[i], left[:, i].conj() / (left[:, i].conj() @ right[:, i])
         assert mode.s == pytest.approx(s, rel=1e-9)
         assert mode.damping == pytest.approx(-s.real / abs(s), rel=1e-9)

@@ -1,4 +1,4 @@
-"""17.3: motors too weak for their load are events, stand in the summary, and decide the status."""
+"""17.3: motors too weak for their load are events, are in the summary, and set the status."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ SERVO = """\
     control: {type: computed_torque, bandwidth: 30}
 """
 LOAD = 0.3 * 9.81 * 0.01
-"""What the bob asks of the motor at rest [N m]."""
-TOLD = 0.01 * 2 * np.pi / 3200 * 25465
+"""Torque of the bob on the motor at rest [N m]."""
+COMMANDED_LENGTH = 0.01 * 2 * np.pi / 3200 * 25465
 """A length that is a whole number of microsteps, near 0.5 m."""
 SOFT = """\
     motor: {type: servo, torque: 0.05}
@@ -64,7 +64,7 @@ def lost(run) -> list[float]:
 
 
 def time_of_first_lost_step(torque: float) -> float:
-    """When a rotor under the load passes the 2nd full step from where it is told to be."""
+    """Time at which a rotor under the load passes the 2nd full step from its command."""
     mass = 0.3 * 0.01**2 + 1e-5
 
     def rates(t, y):
@@ -79,38 +79,38 @@ def time_of_first_lost_step(torque: float) -> float:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_stepper_that_is_too_weak_does_not_end_well(stepped, method):
-    """17.3: steps are lost when the rotor's equation has it so, and the run is not DONE."""
-    x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
+def test_a_weak_stepper_loses_steps(stepped, method):
+    """17.3: steps are lost at the times of the rotor's equation, and the run is not DONE."""
+    x0, weak = stepped.rest({"line.length": COMMANDED_LENGTH}), stepped.with_parameters({"T": 0.02})
     run = fan.simulate(weak, x0, t_end=0.04, method=fine(method), throw=False)
     first = time_of_first_lost_step(0.02)
     assert lost(run)[0] == pytest.approx(first, abs=1e-8 if method == "event" else 3e-4)
     assert run.status is Status.LOST_STEPS and run.t[-1] == 0.04
     assert run.blamed == ("line.length",)
-    told = run.summary()["drives"]["line.length"]
-    assert told["lost_steps"] == 3 and not told["ran_away"] and told["error"] < 0
+    drive = run.summary()["drives"]["line.length"]
+    assert drive["lost_steps"] == 3 and not drive["ran_away"] and drive["error"] < 0
     strong = fan.simulate(stepped, x0, t_end=0.04, method=fine(method))
     assert not lost(strong) and not strong.summary()["drives"]
 
 
-def test_a_row_that_is_overstepped_goes_before_lost_steps():
-    """In single runs and in batches; the drive is not to blame for it."""
+def test_an_overstepped_row_precedes_lost_steps():
+    """This holds in single runs and in batches; the drive is not named in the attribution."""
     link = "{name: link, path: [{world: [2, 0, 0]}, {driven: [x], at: [2.5, 0, 0]}], length: 0.55}"
     puppet = fan.loads((HOIST + STEPPER).replace("drives:", f"  - {link}\ndrives:"))
-    x0, weak = puppet.rest({"line.length": TOLD}), puppet.with_parameters({"T": 0.02})
+    x0, weak = puppet.rest({"line.length": COMMANDED_LENGTH}), puppet.with_parameters({"T": 0.02})
     inputs = [fan.Input.waypoints(weak, {"link.x": [(0, 2.5), (0.04, x)]}) for x in (2.5, 2.6)]
     how = {"t_end": 0.04, "method": fine("timestepping")}
-    runs = [fan.simulate(weak, x0, given, throw=False, **how) for given in inputs]
+    runs = [fan.simulate(weak, x0, x_inputs, throw=False, **how) for x_inputs in inputs]
     many = fan.simulate_batch(weak, x0, inputs, **how)
-    for found in ([run.status for run in runs], many.status.tolist()):
-        assert found == [Status.LOST_STEPS, Status.OVERSTEPPED]
+    for statuses in ([run.status for run in runs], many.status.tolist()):
+        assert statuses == [Status.LOST_STEPS, Status.OVERSTEPPED]
     assert lost(runs[1]) and not runs[1].blamed and not many.blamed(1)
 
 
 def test_a_flows_guard_locates_the_first_lost_step(stepped):
-    x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
+    x0, weak = stepped.rest({"line.length": COMMANDED_LENGTH}), stepped.with_parameters({"T": 0.02})
     flow = weak.flow(x0)
-    found = scipy.integrate.solve_ivp(
+    solution = scipy.integrate.solve_ivp(
         flow.rate,
         (flow.t0, 0.03),
         flow.y0,
@@ -118,31 +118,33 @@ def test_a_flows_guard_locates_the_first_lost_step(stepped):
         atol=1e-9,
         events=lambda t, y: flow.guards(t, y)[len(flow.rows)],
     )
-    assert found.t_events[0][0] == pytest.approx(time_of_first_lost_step(0.02), abs=1e-6)
+    assert solution.t_events[0][0] == pytest.approx(time_of_first_lost_step(0.02), abs=1e-6)
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
-    """17.3: it is not left to fall for ever; the message has the torque that holds, and it does."""
-    x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
-    with pytest.raises(SimulationError, match=r"line\.length ran away from t = 0\.01") as found:
+    """17.3: it does not fall for ever; the message states a sufficient holding torque."""
+    x0, weak = stepped.rest({"line.length": COMMANDED_LENGTH}), stepped.with_parameters({"T": 0.02})
+    with pytest.raises(SimulationError, match=r"line\.length ran away from t = 0\.01") as caught:
         fan.simulate(weak, x0, t_end=5.0, method=fine(method))
-    run = found.value.trajectory
-    assert run.status is Status.RUNAWAY and found.value.status is run.status
+    run = caught.value.trajectory
+    assert run.status is Status.RUNAWAY and caught.value.status is run.status
     out = run.q_D[-1, run.coordinates.q_D.index("line.length")] - 0.5
     assert 1.0 < out < 1.01
-    assert f"takes {LOAD:.3g} N m" in str(found.value) and "has 0.02" in str(found.value)
+    assert f"takes {LOAD:.3g} N m" in str(caught.value) and "has 0.02" in str(caught.value)
     report(run, 1.0)
     assert "line.length ran away" in capsys.readouterr().out
     held = stepped.with_parameters({"T": 1.02 * LOAD})
-    run = fan.simulate(held, held.rest({"line.length": TOLD}), t_end=0.2, method=fine(method))
+    run = fan.simulate(
+        held, held.rest({"line.length": COMMANDED_LENGTH}), t_end=0.2, method=fine(method)
+    )
     assert run.status is Status.DONE
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_servo_that_is_too_weak_runs_away(servoed, method):
-    """17.3: 0.1 m below all that it was told, with its motor at its bound: s = a t^2 / 2."""
-    x0, torque = servoed.state({"line.length": TOLD}), 0.02
+    """17.3: 0.1 m below all its commands, with its motor at its bound: s = a t^2 / 2."""
+    x0, torque = servoed.state({"line.length": COMMANDED_LENGTH}), 0.02
     x0 = servoed.project(x0)
     weak = servoed.with_parameters({"T": torque})
     run = fan.simulate(weak, x0, t_end=0.4, method=fine(method), throw=False)
@@ -156,7 +158,7 @@ def test_a_servo_that_is_too_weak_runs_away(servoed, method):
 
 
 def test_a_motor_that_lags_does_not_run_away(servoed):
-    """One that is at its bound on the way to where it is told to be, and gets there."""
+    """A motor that reaches its bound on the way still gets to its command."""
     move = fan.Input.waypoints(servoed, {"line.length": [(0, 0.9), (0.05, 0.3)]})
     x0 = servoed.rest({"line.length": 0.9})
     tight = servoed.with_parameters({"T": 0.04})
@@ -166,25 +168,25 @@ def test_a_motor_that_lags_does_not_run_away(servoed):
     assert run.status is Status.DONE
 
 
-def test_batches_tell_lane_by_lane(stepped):
-    """17.3: strong and weak moments side by side; a lane that runs away ends alone."""
-    x0 = stepped.rest({"line.length": TOLD})
+def test_batches_report_each_lane(stepped):
+    """17.3: strong and weak motors side by side; a lane that runs away ends alone."""
+    x0 = stepped.rest({"line.length": COMMANDED_LENGTH})
     gentle = fan.Input.hold(stepped).bound(x0.q_K)
-    rough = fan.Input.waypoints(stepped, {"line.length": [(0, TOLD), (0.03, 0.35)]})
+    rough = fan.Input.waypoints(stepped, {"line.length": [(0, COMMANDED_LENGTH), (0.03, 0.35)]})
     inputs = [gentle, rough.extended(0.2).bound(x0.q_K), gentle]
     for method in ("timestepping", "variational"):
         many = fan.simulate_batch(stepped, x0, inputs, t_end=0.8, method=fine(method))
         assert many.status.tolist() == [Status.DONE, Status.RUNAWAY, Status.DONE]
         assert many.blamed(1) == ("line.length",) and not many.blamed(0)
         assert many.reached[1] < 0.8 == many.reached[0]
-        one = fan.simulate(stepped, x0, inputs[1], t_end=0.8, method=fine(method), throw=False)
-        assert (one.status, one.t[-1]) == (Status.RUNAWAY, pytest.approx(many.reached[1]))
+        single = fan.simulate(stepped, x0, inputs[1], t_end=0.8, method=fine(method), throw=False)
+        assert (single.status, single.t[-1]) == (Status.RUNAWAY, pytest.approx(many.reached[1]))
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_a_copied_stepper_has_lost_the_same_steps(stepped, method):
-    """17.18: a copy's motors began anew, at the tooth where they were."""
-    x0 = stepped.rest({"line.length": TOLD})
+    """17.18: a copy's motors used to restart at their present tooth."""
+    x0 = stepped.rest({"line.length": COMMANDED_LENGTH})
     stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, fine(method))
     stepper.advance(0.02)
     assert stepper.status is Status.LOST_STEPS
@@ -197,9 +199,9 @@ def test_a_copied_stepper_has_lost_the_same_steps(stepped, method):
         assert np.array_equal(copied.samples, stepper.samples)
 
 
-def test_a_stepper_goes_on_and_says_so(stepped):
-    """17.3: on line lost steps do not raise: the status keeps them, the events are those anew."""
-    x0 = stepped.rest({"line.length": TOLD})
+def test_a_stepper_continues_and_reports_lost_steps(stepped):
+    """17.3: online, lost steps raise no error: the status keeps them; events are new ones."""
+    x0 = stepped.rest({"line.length": COMMANDED_LENGTH})
     stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, fan.TimeStepping(dt=1e-4))
     stepper.advance(0.01)
     assert stepper.status is Status.DONE and not len(stepper.events)
@@ -210,9 +212,9 @@ def test_a_stepper_goes_on_and_says_so(stepped):
         stepper.advance(2.0)
 
 
-def test_a_performance_tells_the_hand(stepped):
-    """17.3: it goes on, names what its motors cannot do, and what it recorded is not DONE."""
-    x0 = stepped.rest({"line.length": TOLD})
+def test_a_performance_reports_lost_steps(stepped):
+    """17.3: it continues, names the failures of its motors, and its recording is not DONE."""
+    x0 = stepped.rest({"line.length": COMMANDED_LENGTH})
     live = fan.Performance(stepped.with_parameters({"T": 0.02}), x0)
     live.record()
     live.advance(0.1)
@@ -225,14 +227,14 @@ def test_a_performance_tells_the_hand(stepped):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("soft", [SOFT, SOFT_WITHOUT_MOTOR])
 def test_a_controller_that_asks_for_too_little_runs_away(soft, method, capsys):
-    """It let the puppet fall for ever, its motor not at its bound, and the run ended DONE."""
+    """The puppet used to fall for ever below the motor's bound, and the run ended DONE."""
     hoist = fan.loads(HOIST + soft)
     x0 = hoist.project(hoist.state({"line.length": 0.5}))
-    with pytest.raises(SimulationError, match=r"controller asks for too little") as found:
+    with pytest.raises(SimulationError, match=r"controller asks for too little") as caught:
         fan.simulate(hoist, x0, t_end=5.0, method=fine(method))
-    run = found.value.trajectory
+    run = caught.value.trajectory
     (event,) = [e for e in run.events if e.kind == "runaway"]
-    # 1 m below all commands, with next to no force: s = a t^2 / 2.
+    # 1 m below all commands, almost without force: s = a t^2 / 2.
     fall = 0.3 * 9.81 / (0.3 + 1e-5 / 0.01**2)
     there = np.sqrt(2.0 / fall)
     # At the end of a step, which is long where `event` chooses it.
@@ -243,8 +245,8 @@ def test_a_controller_that_asks_for_too_little_runs_away(soft, method, capsys):
     assert "reached its end" not in capsys.readouterr().out
 
 
-def test_a_rotor_without_control_that_turns_is_told(capsys):
-    """It has no command to run away from, but nobody is left to believe that it held."""
+def test_a_turning_rotor_without_control_is_reported(capsys):
+    """It has no command to run away from, but its slip must be reported."""
     hoist = fan.loads(HOIST)
     x0 = hoist.project(hoist.state({"line.length": 0.5}))
     run = fan.simulate(hoist, x0, t_end=2.0, method="timestepping")

@@ -21,7 +21,7 @@ from oracles import random_models, random_trees
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets, pytest.mark.long]
 
 ROUNDING = 1e-11
-"""Of accelerations, over the largest."""
+"""Tolerance of accelerations, relative to the largest."""
 
 
 def imported(text: str, folder: Path, **more) -> Imported:
@@ -30,10 +30,10 @@ def imported(text: str, folder: Path, **more) -> Imported:
     return import_model(path, **more)
 
 
-def states(made: Imported, m: mujoco.MjModel, n: int):
+def states(puppet_import: Imported, m: mujoco.MjModel, n: int):
     """Pairs of the puppet's state and MuJoCo's data, evaluated without constraints."""
-    model = Model.of(fan.model.loads(made.text))
-    q, v = models.places(made, m, model.table)
+    model = Model.of(fan.model.loads(puppet_import.text))
+    q, v = models.places(puppet_import, m, model.table)
     rng, d = np.random.default_rng(1), mujoco.MjData(m)
     for _ in range(n):
         d.qpos[:] = m.qpos0 + rng.uniform(-1.0, 1.0, m.nq)
@@ -48,10 +48,10 @@ def states(made: Imported, m: mujoco.MjModel, n: int):
 def test_accelerations_and_tendons_agree(seed, tmp_path):
     """References, springs, armatures, and joints about several points of one body."""
     text = random_models.mjcf(seed)
-    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     assert list(models.switched_off(m)) == ["actuators"][: m.nu]
-    assert {note.kind for note in made.report} <= {"actuator"}
-    for model, x, d, v in states(made, m, 3):
+    assert {note.kind for note in puppet_import.report} <= {"actuator"}
+    for model, x, d, v in states(puppet_import, m, 3):
         acc = model.acceleration(x)
         assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
         h = model.call("rows", x)["h"]
@@ -62,21 +62,21 @@ def test_accelerations_and_tendons_agree(seed, tmp_path):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_puppet_comes_back_from_mjcf(seed, tmp_path):
-    """Cones come back as strings of the same length; names lose their dots."""
-    made = random_trees.description(seed, 8, driven=0.0, strings=2, limits=True)
-    for string in made["strings"]:
+def test_a_puppet_is_restored_from_mjcf(seed, tmp_path):
+    """Cones become strings of the same length; names lose their dots."""
+    puppet_import = random_trees.description(seed, 8, driven=0.0, strings=2, limits=True)
+    for string in puppet_import["strings"]:
         string["path"] = [{k: v for k, v in p.items() if k != "driven"} for p in string["path"]]
         for point in string["path"]:
             if "body" not in point and "world" not in point:
                 point["world"] = point.pop("at")
         string["length"] = 1.5
-    made["strings"][0]["wire"] = True
-    for body in made["bodies"]:
+    puppet_import["strings"][0]["wire"] = True
+    for body in puppet_import["bodies"]:
         if body["joint"]["type"] == "ball":
             body["joint"].pop("spring", None)
         body["joint"].pop("twist", None)
-    model = Model(made)
+    model = Model(puppet_import)
     text = mjcf(fan.Marionette(model.puppet))
     back = imported(text, tmp_path)
     m = mujoco.MjModel.from_xml_string(text)
@@ -87,17 +87,17 @@ def test_a_puppet_comes_back_from_mjcf(seed, tmp_path):
         assert np.abs(acc - d.qacc[v]).max() < 1e-9 * np.abs(d.qacc).max()
         names = [s.name for s in again.tree.strings]
         own = {m.tendon(t).name.replace(".", "_"): t for t in range(m.ntendon)}
-        most = m.tendon_range[:, 1].copy()
-        most[m.tendon("s0").id] = 1.5
-        h, ends = again.call("rows", x)["h"], d.ten_length - most
+        max_lengths = m.tendon_range[:, 1].copy()
+        max_lengths[m.tendon("s0").id] = 1.5
+        h, ends = again.call("rows", x)["h"], d.ten_length - max_lengths
         assert np.allclose(h[: len(names)], [ends[own[n]] for n in names], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["arm2d", "arm3d", "string_pendulum", "marionette"])
-def test_a_bundled_puppet_comes_back(name, tmp_path):
-    """Held still by its hands, it has its own accelerations and string lengths.
+def test_a_bundled_puppet_is_restored(name, tmp_path):
+    """The re-imported puppet, with its hands at rest, keeps its accelerations and string lengths.
 
-    Drag comes back as actuators, which are left out: with drag it starts at rest.
+    Drag is exported as actuators, which the import leaves out: with drag it starts at rest.
     """
     puppet = getattr(fan.puppets, name)()
     own = Model.of(puppet.puppet)
@@ -120,10 +120,12 @@ def test_a_bundled_puppet_comes_back(name, tmp_path):
         assert again == pytest.approx(gap, abs=1e-12)
 
 
-SMALL = ("reacher", "cartpole", "ball_in_cup", "hopper")
+QUICK_MODELS = ("reacher", "cartpole", "ball_in_cup", "hopper")
 
 
-@pytest.mark.parametrize("model", [m for m in models.MODELS if m.split("/")[-1][:-4] in SMALL])
+@pytest.mark.parametrize(
+    "model", [m for m in models.MODELS if m.split("/")[-1][:-4] in QUICK_MODELS]
+)
 def test_small_models_agree(model):
     assert models.agreement(model, states=2).error < 1e-9
 
@@ -157,21 +159,21 @@ CONNECTED = """
     ],
 )
 def test_bodies_are_held_by_wires(kind, count, extent, length, tmp_path):
-    """At rest, accelerations are those of MuJoCo's constraint if it were rigid:
+    """At rest, accelerations are those of MuJoCo's constraint in the rigid limit:
 
     M a + bias = J^T f, J a = 0.
     """
     text = CONNECTED.replace("<connect", f"<{kind}")
     text = text.replace("  <equality", f'  <statistic extent="{extent}"/> <equality')
-    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
-    assert [str(n) for n in made.report if n.kind == "equality"] == [
+    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    assert [str(n) for n in puppet_import.report if n.kind == "equality"] == [
         f"{tmp_path / 'model.xml'}:14: equality pin: {kind}: is {count} wires of {length:g} m here"
     ]
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    puppet = fan.loads(made.text)
-    q, v = models.places(made, m, puppet.coordinates)
+    puppet = fan.loads(puppet_import.text)
+    q, v = models.places(puppet_import, m, puppet.coordinates)
     d = mujoco.MjData(m)
-    mujoco.mj_forward(m, d)  # the zero pose meets the constraint
+    mujoco.mj_forward(m, d)  # the zero pose satisfies the constraint
     J, M = d.efc_J.reshape(count, m.nv), np.zeros((m.nv, m.nv))
     mujoco.mj_fullM(m, d, M)
     W = np.linalg.solve(M, J.T)
@@ -184,12 +186,12 @@ def test_bodies_are_held_by_wires(kind, count, extent, length, tmp_path):
 
 @pytest.mark.parametrize("kind", ["connect", "weld"])
 def test_constraints_may_name_two_sites(kind, tmp_path):
-    """The wires' gaps are those of MuJoCo's sites, wherever the bodies are."""
+    """The wires' gaps are those of MuJoCo's sites, for any places of the bodies."""
     sites = 'site1="here" site2="there"'
     text = CONNECTED.replace('body1="b" body2="c" anchor="0 0 -0.2"', sites)
     text = text.replace("<connect", f"<{kind}")
-    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
-    for model, x, d, _ in states(made, m, 2):
+    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    for model, x, d, _ in states(puppet_import, m, 2):
         here, there = d.site("here").xpos, d.site("there").xpos
         R, S = (d.site(name).xmat.reshape(3, 3).T for name in ("here", "there"))
         gaps = np.linalg.norm(here - (there + S), axis=1) - 1.0
@@ -233,11 +235,11 @@ REST = """<mujoco model="re st"><compiler angle="radian"/>
 </mujoco>"""
 
 
-def test_the_report_names_what_has_no_counterpart(tmp_path):
-    made = imported(REST, tmp_path)
+def test_the_report_names_parts_without_a_counterpart(tmp_path):
+    puppet_import = imported(REST, tmp_path)
     file = tmp_path / "model.xml"
-    told = {str(note).removeprefix(f"{file}:") for note in made.report}
-    assert told == {
+    notes = {str(note).removeprefix(f"{file}:") for note in puppet_import.report}
+    assert notes == {
         "4: light sun: left out",
         "9: joint hip: has frictionloss, left out",
         "12: body left.foot: is called left_foot here",
@@ -257,9 +259,9 @@ def test_the_report_names_what_has_no_counterpart(tmp_path):
 
 
 def test_the_puppet_is_readable(tmp_path):
-    """Comments stand above what was changed; a held body is driven; the wall is an obstacle."""
-    made = imported(REST, tmp_path)
-    made.save(tmp_path / "out.yaml")
+    """Comments stand above changes; a held body is driven; the wall is an obstacle."""
+    puppet_import = imported(REST, tmp_path)
+    puppet_import.save(tmp_path / "out.yaml")
     puppet = fan.model.load(tmp_path / "out.yaml")
     bodies = {body.name: body for body in puppet.bodies}
     assert list(bodies) == ["hand", "hip", "left_foot"] and puppet.name == "re_st"
@@ -270,20 +272,20 @@ def test_the_puppet_is_readable(tmp_path):
     assert np.allclose(fan.model.puppet.shapes.load_mesh(shape).extents, [0.2, 0.2, 0.6])
     assert bodies["left_foot"].shapes[0].colour == "#ff0000"
     assert [s.name for s in puppet.strings] == ["hand_2"]
-    lines = made.text.splitlines()
+    lines = puppet_import.text.splitlines()
     for comment, part in (
         ("# joint hip: has frictionloss, left out", "- name: hip"),
         ("# body left.foot: is called left_foot here", "- name: left_foot"),
         ("# tendon hand: is called hand_2 here", "- {name: hand_2"),
     ):
         assert part in lines[next(i for i, line in enumerate(lines) if comment in line) + 1]
-    assert "#   camera" not in made.text and "#   light sun: left out" in lines
+    assert "#   camera" not in puppet_import.text and "#   light sun: left out" in lines
 
 
 def test_a_keyframe_is_the_pose(tmp_path):
-    made = imported(REST, tmp_path, keyframe="bent")
-    assert "pose: {hand.z: 2, hip: 0.5}" in made.text
-    assert not any(note.kind == "key" for note in made.report)
+    puppet_import = imported(REST, tmp_path, keyframe="bent")
+    assert "pose: {hand.z: 2, hip: 0.5}" in puppet_import.text
+    assert not any(note.kind == "key" for note in puppet_import.report)
     with pytest.raises(UnknownNameError, match="did you mean 'bent'"):
         imported(REST, tmp_path, keyframe="bend")
 
@@ -319,30 +321,32 @@ def test_a_wrong_file_is_a_located_mistake(text, message, tmp_path):
     assert message in str(caught.value)
 
 
-def test_what_is_no_file_is_a_mistake(tmp_path):
-    for path, found in ((tmp_path, "a folder"), (tmp_path / "none.xml", "nothing")):
-        with pytest.raises(ExchangeError, match=f"found {found} here"):
+def test_a_missing_file_is_a_mistake(tmp_path):
+    for path, kind in ((tmp_path, "a folder"), (tmp_path / "none.xml", "nothing")):
+        with pytest.raises(ExchangeError, match=f"found {kind} here"):
             import_model(path)
 
 
-def test_nothing_is_replaced_unasked(tmp_path):
-    made = imported(REST, tmp_path)
-    made.save(tmp_path / "a.yaml")
+def test_files_are_not_replaced_without_force(tmp_path):
+    puppet_import = imported(REST, tmp_path)
+    puppet_import.save(tmp_path / "a.yaml")
     (tmp_path / "a.yaml").write_text("mine")
     with pytest.raises(ExchangeError, match="exists already"):
-        made.save(tmp_path / "a.yaml")
+        puppet_import.save(tmp_path / "a.yaml")
     (tmp_path / "b_meshes").mkdir()
     (tmp_path / "b_meshes" / "cylinder.stl").touch()
     with pytest.raises(ExchangeError, match=r"cylinder\.stl: exists already; .* \(--force"):
-        made.save(tmp_path / "b.yaml")
+        puppet_import.save(tmp_path / "b.yaml")
     assert (tmp_path / "a.yaml").read_text() == "mine" and not (tmp_path / "b.yaml").exists()
     (tmp_path / "c_meshes").touch()
     with pytest.raises(ExchangeError, match="c_meshes: is a file"):
-        made.save(tmp_path / "c.yaml", force=True)
-    made.save(tmp_path / "a.yaml", force=True)
-    assert (tmp_path / "a.yaml").read_text() == made.text.replace("re_st_meshes/", "a_meshes/")
+        puppet_import.save(tmp_path / "c.yaml", force=True)
+    puppet_import.save(tmp_path / "a.yaml", force=True)
+    assert (tmp_path / "a.yaml").read_text() == puppet_import.text.replace(
+        "re_st_meshes/", "a_meshes/"
+    )
     with pytest.raises(FileNotFoundError, match="there is no folder"):
-        made.save(tmp_path / "none" / "a.yaml")
+        puppet_import.save(tmp_path / "none" / "a.yaml")
 
 
 @pytest.mark.parametrize("flag", ["equality", "constraint"])
@@ -352,17 +356,17 @@ def test_flags_disable_constraints(flag, tmp_path):
     text = text.replace("</mujoco>", f"<tendon>{tendon}</tendon></mujoco>")
     text = text.replace('name="ja"', 'name="ja" limited="true" range="-1 1"')
     off = text.replace("<mujoco>", f'<mujoco><option><flag {flag}="disable"/></option>')
-    for given, strings, told in ((text, 4, 1), (off, 0, 2)):
-        made = imported(given, tmp_path)
-        puppet = fan.model.loads(made.text)
+    for model, strings, n_notes in ((text, 4, 1), (off, 0, 2)):
+        puppet_import = imported(model, tmp_path)
+        puppet = fan.model.loads(puppet_import.text)
         assert len(puppet.strings) == strings
-        assert len([n for n in made.report if n.kind == "equality"]) == told
-        limited = given is text or flag == "equality"
+        assert len([n for n in puppet_import.report if n.kind == "equality"]) == n_notes
+        limited = model is text or flag == "equality"
         assert (puppet.bodies[0].joint.limits is not None) == limited
 
 
-def test_a_colour_of_a_geom_goes_before_its_material(tmp_path):
-    made = imported(
+def test_a_colour_of_a_geom_precedes_its_material(tmp_path):
+    puppet_import = imported(
         '<mujoco><asset><material name="red" rgba="1 0 0 1"/><material name="no" rgba="1 0 0 0"/>'
         '</asset><worldbody><body><freejoint/><geom size="0.1" material="red"/>'
         '<geom size="0.2" material="red" rgba="0 0 1 1"/>'
@@ -370,25 +374,25 @@ def test_a_colour_of_a_geom_goes_before_its_material(tmp_path):
         '<geom size="0.4" material="no"/></body></worldbody></mujoco>',
         tmp_path,
     )
-    shapes = fan.model.loads(made.text).bodies[0].shapes
+    shapes = fan.model.loads(puppet_import.text).bodies[0].shapes
     assert [s.colour for s in shapes] == ["#ff0000", "#0000ff", "#00ff00"]
 
 
 def test_a_keyframe_moves_mocap_bodies(tmp_path):
     hand = 'mpos="0.1 0 1.5" mquat="0 1 0 0" qvel="0 1 0 0"'
-    made = imported(REST.replace('qpos="0.5 1 0 0 0"', hand), tmp_path, keyframe="bent")
-    made.save(tmp_path / "out.yaml")
+    puppet_import = imported(REST.replace('qpos="0.5 1 0 0 0"', hand), tmp_path, keyframe="bent")
+    puppet_import.save(tmp_path / "out.yaml")
     pose = fan.model.load(tmp_path / "out.yaml").pose
     assert pose["hand.x"] == 0.1 and pose["hand.z"] == 1.5
     assert tuple(pose["hand.rotation"]) == (0, 1, 0, 0)
-    told = [str(note).partition(":31: ")[2] for note in made.report if note.kind == "key"]
-    assert told == ["key bent: has velocities, left out"]
+    notes = [str(note).partition(":31: ")[2] for note in puppet_import.report if note.kind == "key"]
+    assert notes == ["key bent: has velocities, left out"]
 
 
-def test_a_winch_is_told_how_to_come_back(tmp_path):
+def test_a_winch_has_a_note_about_its_import(tmp_path):
     winch = '<actuator><position tendon="idle"/></actuator>'
-    made = imported(REST.replace("<sensor>", f"{winch}<sensor>"), tmp_path)
-    (note,) = (note for note in made.report if note.what == "tendon idle")
+    puppet_import = imported(REST.replace("<sensor>", f"{winch}<sensor>"), tmp_path)
+    (note,) = (note for note in puppet_import.report if note.what == "tendon idle")
     assert note.message.endswith("; inputs can change the length of a string with `length: driven`")
 
 
@@ -397,42 +401,42 @@ def test_a_tendon_with_play_keeps_its_damping(tmp_path):
         '<tendon><spatial name="t" springlength="0.1 0.3" stiffness="5" damping="0.4">'
         '<site site="here"/><site site="there"/></spatial></tendon></mujoco>'
     )
-    made = imported(CONNECTED.replace("</mujoco>", tendon), tmp_path)
-    (spring,) = fan.model.loads(made.text).springs
+    puppet_import = imported(CONNECTED.replace("</mujoco>", tendon), tmp_path)
+    (spring,) = fan.model.loads(puppet_import.text).springs
     assert (spring.stiffness, spring.damping) == (0.0, 0.4)
-    assert "has a spring with play from 0.1 to 0.3 m, left out" in made.text
+    assert "has a spring with play from 0.1 to 0.3 m, left out" in puppet_import.text
 
 
 def test_names_are_data(tmp_path):
-    """No name of a model reaches the puppet as it is: not as YAML, comment or path."""
+    """No name of a model reaches the puppet unchanged: not as YAML, comment or path."""
     odd = "../x: {y}&#10;&#x2028;puppet: z&#13;: &quot;  - name: w"
     text = (
         f'<mujoco model="{odd}"><asset><mesh name="{odd}" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'
         f'</asset><worldbody><body name="{odd}"><joint name="{odd}" frictionloss="1"/>'
         f'<geom type="mesh" mesh="{odd}"/></body></worldbody></mujoco>'
     )
-    made = imported(text, tmp_path)
-    made.save(tmp_path / "out.yaml")
+    puppet_import = imported(text, tmp_path)
+    puppet_import.save(tmp_path / "out.yaml")
     puppet = fan.model.load(tmp_path / "out.yaml")
     assert len(puppet.bodies) == 1 and len(puppet.bodies[0].shapes) == 1
     assert all(part.parent.parent == tmp_path for part in tmp_path.rglob("*.stl"))
-    assert puppet.name != "z" and all(str(note).isprintable() for note in made.report)
+    assert puppet.name != "z" and all(str(note).isprintable() for note in puppet_import.report)
 
 
 def test_a_tendon_of_kept_length_is_a_wire(tmp_path):
-    """Its length is that of the zero pose, and polycoef more."""
+    """Its length is that of the zero pose, plus polycoef."""
     tendon = '<spatial name="rod"><site site="here"/><site site="there"/></spatial>'
     text = CONNECTED.replace(
         '<connect name="pin" body1="b" body2="c" anchor="0 0 -0.2"/>',
         '<tendon name="keep" tendon1="rod" polycoef="0.05 0 0 0 0"/>',
     ).replace("</mujoco>", f"<tendon>{tendon}</tendon></mujoco>")
-    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
-    assert not any(note.kind in ("equality", "tendon") for note in made.report)
-    (rod,) = fan.model.loads(made.text).strings
+    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    assert not any(note.kind in ("equality", "tendon") for note in puppet_import.report)
+    (rod,) = fan.model.loads(puppet_import.text).strings
     assert rod.wire and rod.length == pytest.approx(m.tendon_length0[0] + 0.05, abs=1e-12)
 
 
-MANY = """<mujoco><worldbody>
+SEVERAL_CONTROLS = """<mujoco><worldbody>
   <body><joint name="a" armature="0.1"/><geom size="0.1"/>
     <body><joint name="b" type="ball" armature="0.1"/><geom size="0.1"/>
       <body><joint name="c"/><geom size="0.1"/></body></body></body></worldbody>
@@ -447,15 +451,15 @@ MANY = """<mujoco><worldbody>
 def test_actuators_of_several_controls_are_left_out_one_by_one(left, tmp_path):
     text = "\n".join(
         row
-        for row in MANY.splitlines()
+        for row in SEVERAL_CONTROLS.splitlines()
         if not row.strip().startswith(tuple(f"<{tag}" for tag in left))
     )
-    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     text = "left out: the joint or body that it moves is free"
-    told = [note for note in made.report if text in note.message]
-    assert len(told) == m.nactuator == 3 - len(left)
-    c = fan.model.loads(made.text).bodies[2].joint
-    # The motor's own gear, squared, whatever the actuators before it have.
+    notes = [note for note in puppet_import.report if text in note.message]
+    assert len(notes) == m.nactuator == 3 - len(left)
+    c = fan.model.loads(puppet_import.text).bodies[2].joint
+    # The motor's own gear, squared, independent of earlier actuators.
     wanted = (0.0, 0.0) if "motor" in left else (9 * 0.01, 9 * 0.02)
     assert (float(c.armature or 0), float(c.damping or 0)) == pytest.approx(wanted)
 

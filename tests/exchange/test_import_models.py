@@ -20,16 +20,16 @@ OFF = {
     "frictionloss": "joint",
     "springs of ball joints": "joint",
 }
-"""What is off in MuJoCo -> kind of the notes about it."""
+"""Disabled part of MuJoCo -> kind of the notes about it."""
 
 
 @pytest.mark.parametrize("model", models.MODELS)
 def test_accelerations_agree(model):
-    """To 1e-9 of the largest. The report names whatever was off in MuJoCo."""
-    found = models.agreement(model, states=2)
-    assert found.error < 1e-9
+    """Errors are below 1e-9 of the largest. The report names everything disabled in MuJoCo."""
+    agreement = models.agreement(model, states=2)
+    assert agreement.error < 1e-9
     kinds = {note.kind for note in import_model(models.path_of(model)).report}
-    assert {OFF.get(word, "tendon") for word in found.off} <= kinds
+    assert {OFF.get(word, "tendon") for word in agreement.off} <= kinds
 
 
 def test_there_are_twenty_of_them():
@@ -41,18 +41,18 @@ def test_ball_in_cup_hangs_on_its_string():
     """A limited tendon is a string of the same length."""
     path = models.path_of("dm_control/suite/ball_in_cup.xml")
     m = mujoco.MjModel.from_xml_path(str(path))
-    made = import_model(path)
-    assert f"length: {m.tendon_range[m.tendon('string').id, 1]:g}" in made.text
+    puppet_import = import_model(path)
+    assert f"length: {m.tendon_range[m.tendon('string').id, 1]:g}" in puppet_import.text
 
 
 def test_compiled_accelerations_agree(tmp_path):
     path = models.path_of("gymnasium/envs/mujoco/assets/hopper.xml")
     m = mujoco.MjModel.from_xml_path(str(path))
     list(models.switched_off(m))
-    made, d = import_model(path), mujoco.MjData(m)
-    made.save(tmp_path / "hopper.yaml")
+    puppet_import, d = import_model(path), mujoco.MjData(m)
+    puppet_import.save(tmp_path / "hopper.yaml")
     hopper = fan.load(tmp_path / "hopper.yaml")
-    q, v = models.places(made, m, hopper.coordinates)
+    q, v = models.places(puppet_import, m, hopper.coordinates)
     d.qpos[:], d.qvel[:] = [0.1, 1.3, 0.2, -0.3, -0.5, 0.4], [0.5, -0.2, 1.0, 2.0, -1.0, 0.7]
     mujoco.mj_forward(m, d)
     values = dict(zip(hopper.coordinates.q_D, d.qpos[q], strict=True))

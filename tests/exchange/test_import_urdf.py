@@ -21,7 +21,7 @@ from oracles import random_models
 pytestmark = pytest.mark.medium
 
 ROUNDING = 1e-11
-"""Of accelerations, over the largest."""
+"""Tolerance of accelerations, relative to the largest."""
 
 
 def imported(text: str, folder: Path) -> Imported:
@@ -32,14 +32,16 @@ def imported(text: str, folder: Path) -> Imported:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_accelerations_are_mujocos(seed, tmp_path):
-    """Its own reader of URDF makes the model."""
+    """MuJoCo's own reader of URDF creates the model."""
     text = random_models.urdf(seed)
-    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     list(models.switched_off(m))
-    assert sorted(made.joints) == sorted(m.joint(j).name for j in range(m.njnt))
+    assert sorted(puppet_import.joints) == sorted(m.joint(j).name for j in range(m.njnt))
     # MuJoCo's joints are in the order of its tree.
-    made = Imported(made.text, made.report, {}, tuple(m.joint(j).name for j in range(m.njnt)))
-    for model, x, d, v in states(made, m, 2):
+    puppet_import = Imported(
+        puppet_import.text, puppet_import.report, {}, tuple(m.joint(j).name for j in range(m.njnt))
+    )
+    for model, x, d, v in states(puppet_import, m, 2):
         acc = model.acceleration(x)
         assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
 
@@ -48,8 +50,8 @@ def test_accelerations_are_mujocos(seed, tmp_path):
 def test_accelerations_are_pinocchios(seed, tmp_path):
     pin = pytest.importorskip("pinocchio")
     text = random_models.urdf(seed).replace("continuous", "revolute")
-    made, robot = imported(text, tmp_path), pin.buildModelFromXML(text)
-    model, rng = Model.of(fan.model.loads(made.text)), np.random.default_rng(seed)
+    puppet_import, robot = imported(text, tmp_path), pin.buildModelFromXML(text)
+    model, rng = Model.of(fan.model.loads(puppet_import.text)), np.random.default_rng(seed)
     names, none = list(robot.names)[1:], np.zeros(0)
     q, v = rng.normal(size=robot.nq), rng.normal(size=robot.nv)
     damping = {link.joint: link.damping for link in model.tree.links}
@@ -75,8 +77,8 @@ PLANE = """<robot name="puck">
 
 def test_a_planar_joint_is_two_slides_and_a_hinge(tmp_path):
     """The same model is written by hand for MuJoCo."""
-    made = imported(PLANE, tmp_path)
-    assert made.joints == ("slide_x", "slide_y", "slide", "hinge")
+    puppet_import = imported(PLANE, tmp_path)
+    assert puppet_import.joints == ("slide_x", "slide_y", "slide", "hinge")
     c, s = np.cos(0.3), np.sin(0.3)
     R = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
     inertia = R @ np.array([[0.1, 0.02, 0], [0.02, 0.1, 0], [0, 0, 0.1]]) @ R.T
@@ -88,7 +90,7 @@ def test_a_planar_joint_is_two_slides_and_a_hinge(tmp_path):
       <body><joint axis="0 1 0" damping="0.5"/>
       <inertial pos="0 0 0.3" mass="1" diaginertia="0.1 0.1 0.1"/></body>
       </body></worldbody></mujoco>""")
-    for model, x, d, v in states(made, m, 2):
+    for model, x, d, v in states(puppet_import, m, 2):
         acc = model.acceleration(x)
         assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
 
@@ -113,42 +115,42 @@ def test_a_material_is_known_after_its_first_visual(tmp_path):
 
 
 def test_meshes_of_the_model_are_kept(tmp_path):
-    """Even where the puppet's would have their names."""
+    """They are not overwritten, even if the puppet's meshes have their names."""
     (tmp_path / "arm_meshes").mkdir()
-    kept = tmp_path / "arm_meshes" / "base.stl"
-    kept.write_bytes(b"mine" + fan.output.exchange.solids.stl(*tetrahedron())[4:])
-    before = kept.read_bytes()
-    made = imported(
+    mesh_file = tmp_path / "arm_meshes" / "base.stl"
+    mesh_file.write_bytes(b"mine" + fan.output.exchange.solids.stl(*tetrahedron())[4:])
+    before = mesh_file.read_bytes()
+    puppet_import = imported(
         '<robot name="arm"><link name="a"><visual><geometry><mesh filename="arm_meshes/base.stl"/>'
         "</geometry></visual></link></robot>",
         tmp_path,
     )
     with pytest.raises(ExchangeError, match=r"base\.stl: is part of the model"):
-        made.save(tmp_path / "arm.yaml", force=True)
-    assert kept.read_bytes() == before and not (tmp_path / "arm.yaml").exists()
-    made.save(tmp_path / "other.yaml")
+        puppet_import.save(tmp_path / "arm.yaml", force=True)
+    assert mesh_file.read_bytes() == before and not (tmp_path / "arm.yaml").exists()
+    puppet_import.save(tmp_path / "other.yaml")
 
 
 def test_a_mesh_too_large_with_its_scale_is_left_out(tmp_path):
     (tmp_path / "a.stl").write_bytes(fan.output.exchange.solids.stl(*tetrahedron()))
     visual = '<visual><geometry><mesh filename="a.stl" scale="{} 1 1"/></geometry></visual>'
-    made = imported(
+    puppet_import = imported(
         f'<robot name="r"><link name="a">{visual.format(1e7)}{visual.format(2)}</link></robot>',
         tmp_path,
     )
-    (note,) = made.report
+    (note,) = puppet_import.report
     assert "link a: has a mesh, left out: r_meshes/a.stl measures 1e+07 m" in str(note)
-    made.save(tmp_path / "r.yaml")
+    puppet_import.save(tmp_path / "r.yaml")
     (shape,) = fan.model.load(tmp_path / "r.yaml").bodies[0].shapes
     assert shape.scale == (2.0, 1.0, 1.0)
 
 
 def test_a_floating_joint_is_a_free_one(tmp_path):
     text = PLANE.replace('type="planar"', 'type="floating"').replace('<axis xyz="0 0 1"/>', "")
-    made = imported(text.replace("damping", "friction"), tmp_path)
-    puppet = fan.model.loads(made.text)
+    puppet_import = imported(text.replace("damping", "friction"), tmp_path)
+    puppet = fan.model.loads(puppet_import.text)
     assert puppet.bodies[0].joint.type == "free"
-    assert [str(n).partition(": ")[2] for n in made.report] == [
+    assert [str(n).partition(": ")[2] for n in puppet_import.report] == [
         "joint hinge: has friction, left out"
     ]
 
@@ -178,15 +180,15 @@ REST = """<robot name="arm">
 </robot>"""
 
 
-def test_the_report_names_what_has_no_counterpart(tmp_path):
+def test_the_report_names_parts_without_a_counterpart(tmp_path):
     folder = tmp_path / "thing"
     for name in ("urdf", "meshes"):
         (folder / name).mkdir(parents=True)
     mesh = fan.output.exchange.solids.stl(*tetrahedron())
     (folder / "meshes" / "a.stl").write_bytes(mesh)
-    made = imported(REST, folder / "urdf")
+    puppet_import = imported(REST, folder / "urdf")
     file = folder / "urdf" / "robot.urdf"
-    assert [str(note).removeprefix(f"{file}:") for note in made.report] == [
+    assert [str(note).removeprefix(f"{file}:") for note in puppet_import.report] == [
         "4: link arm: has the principal moments 0.02, 0.03 and 0.1 kg m^2; here the largest is the "
         "sum of the others, 0.05: no solid has more",
         "4: link arm: has the mesh 'package://thing/meshes/none.stl', left out: it is not there",
@@ -198,7 +200,7 @@ def test_the_report_names_what_has_no_counterpart(tmp_path):
         "21: transmission drive: left out: joints move freely",
         "22: gazebo arm: left out",
     ]
-    made.save(tmp_path / "arm.yaml")
+    puppet_import.save(tmp_path / "arm.yaml")
     puppet = fan.model.load(tmp_path / "arm.yaml")
     base, arm, finger = puppet.bodies
     assert base.joint.type == "fixed" and arm.joint.name is None and finger.joint.name == "grip"
@@ -206,26 +208,26 @@ def test_the_report_names_what_has_no_counterpart(tmp_path):
     rod, solid = arm.shapes
     assert rod.colour == "#0000ff" and rod.at == (0.0, 0.0, 0.1)
     assert np.allclose(fan.model.puppet.shapes.load_mesh(solid).extents, [2.0, 2.0, 2.0])
-    assert sorted(made.meshes) == ["arm_meshes/a.stl", "arm_meshes/cylinder.stl"]
+    assert sorted(puppet_import.meshes) == ["arm_meshes/a.stl", "arm_meshes/cylinder.stl"]
 
 
 @pytest.mark.parametrize("ending", ["glb", "dae", "obj", "ply"])
 def test_meshes_of_all_formats(ending, tmp_path):
     size = np.array([0.1, 0.2, 0.4])
     box = trimesh.creation.box(size)
-    if ending in ("glb", "dae"):  # y is up there
+    if ending in ("glb", "dae"):  # with y up
         box.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
     exported = box.export(file_type=ending)
     (tmp_path / f"box.{ending}").write_bytes(
         exported.encode() if isinstance(exported, str) else exported
     )
-    made = imported(
+    puppet_import = imported(
         '<robot name="r"><link name="a"><visual><geometry>'
         f'<mesh filename="package://r/box.{ending}"/></geometry></visual></link></robot>',
         tmp_path,
     )
-    assert not made.report
-    made.save(tmp_path / "r.yaml")
+    assert not puppet_import.report
+    puppet_import.save(tmp_path / "r.yaml")
     (body,) = fan.model.load(tmp_path / "r.yaml").bodies
     assert np.allclose(fan.model.puppet.shapes.load_mesh(body.shapes[0]).extents, size, atol=1e-7)
 
@@ -311,11 +313,11 @@ BULLET = ("kuka_iiwa/model.urdf", "franka_panda/panda.urdf", "a1/a1.urdf", "laik
 
 @pytest.mark.parametrize("name", BULLET)
 def test_real_robots_agree_with_pinocchio(name, tmp_path):
-    """Robots of pybullet, fixed by their first link."""
+    """Robots of `pybullet`, with their first link fixed."""
     pin, data = pytest.importorskip("pinocchio"), pytest.importorskip("pybullet_data")
     path = Path(data.getDataPath()) / name
-    made, robot = import_model(path), pin.buildModelFromUrdf(str(path))
-    made.save(tmp_path / "robot.yaml")
+    puppet_import, robot = import_model(path), pin.buildModelFromUrdf(str(path))
+    puppet_import.save(tmp_path / "robot.yaml")
     model = Model.of(fan.model.load(tmp_path / "robot.yaml"))
     rng, none = np.random.default_rng(0), np.zeros(0)
     names = list(robot.names)[1:]
@@ -332,7 +334,7 @@ def test_real_robots_agree_with_pinocchio(name, tmp_path):
 
 
 def _angle(joint, q: np.ndarray) -> float:
-    """A joint's coordinate; continuous ones have cosine and sine."""
+    """A joint's coordinate; continuous joints have cosine and sine."""
     own = q[joint.idx_q : joint.idx_q + joint.nq]
     return float(own[0]) if joint.nq == 1 else float(np.arctan2(own[1], own[0]))
 
@@ -345,7 +347,7 @@ INERTIA = (
 
 
 def hinged(inside: str, base: str = "", head: str = "") -> str:
-    """A link on a hinge on another one."""
+    """A link on a hinge of another link."""
     return (
         f'<robot name="r" {head}>\n<link name="a">{base}</link>\n<link name="b">{inside}</link>\n'
         + joint("j", "continuous", "a", "b", '<axis xyz="0 1 0"/>')
@@ -391,12 +393,12 @@ LEFT_OVER = {
 
 @pytest.mark.parametrize("head", ["", 'xmlns:xacro="http://www.ros.org/wiki/xacro"'])
 @pytest.mark.parametrize(("inside", "says"), LEFT_OVER.values(), ids=LEFT_OVER)
-def test_what_is_empty_or_left_over_in_a_solid_is_left_out_and_told(inside, says, head, tmp_path):
-    made = imported(hinged(WITH + inside, head=head), tmp_path)
-    (ball,) = fan.model.loads(made.text).bodies[1].shapes
+def test_empty_and_surplus_parts_of_a_solid_are_left_out_with_a_note(inside, says, head, tmp_path):
+    puppet_import = imported(hinged(WITH + inside, head=head), tmp_path)
+    (ball,) = fan.model.loads(puppet_import.text).bodies[1].shapes
     assert ball.radius == 0.1
-    told = [note for note in made.report if says in str(note)]
-    assert (told and told[0].line == 3) if says else not made.report
+    notes = [note for note in puppet_import.report if says in str(note)]
+    assert (notes and notes[0].line == 3) if says else not puppet_import.report
 
 
 def test_declarations_of_xacro_are_no_parts(tmp_path):
@@ -404,8 +406,8 @@ def test_declarations_of_xacro_are_no_parts(tmp_path):
         '<xacro:property name="x" value="1"/><xacro:arg name="y" default="2"/>'
         '<xacro:macro name="leg"><link name="c"/></xacro:macro>'
     )
-    made = imported(hinged(WITH).replace("<link", f"{declared}<link", 1), tmp_path)
-    assert len(fan.model.loads(made.text).bodies) == 2
+    puppet_import = imported(hinged(WITH).replace("<link", f"{declared}<link", 1), tmp_path)
+    assert len(fan.model.loads(puppet_import.text).bodies) == 2
 
 
 @pytest.mark.parametrize(
@@ -429,18 +431,18 @@ def test_a_capsule_is_a_capsule(tmp_path):
         '<capsule radius="0.1" length="0.6"/></geometry></{0}>'
     )
     for kind in ("visual", "collision"):
-        made = imported(hinged(WITH + f"<{kind}/>" + 2 * solid.format(kind)), tmp_path)
-        for shape in fan.model.loads(made.text).bodies[1].shapes:
+        puppet_import = imported(hinged(WITH + f"<{kind}/>" + 2 * solid.format(kind)), tmp_path)
+        for shape in fan.model.loads(puppet_import.text).bodies[1].shapes:
             assert shape.radius == 0.1
             np.testing.assert_allclose(shape.from_, [0.7, 2, 3], atol=1e-12)
             np.testing.assert_allclose(shape.to, [1.3, 2, 3], atol=1e-12)
 
 
 @pytest.mark.parametrize("number", [1e-9, 0.001, 0.3, 1.0, 7.7, 1e4])
-def test_six_numbers_that_are_alike_are_three_moments(number, tmp_path):
-    made = imported(hinged(INERTIA.format(number, number)), tmp_path)
-    assert fan.model.loads(made.text).bodies[1].inertia == (number,) * 3
-    (note,) = made.report
+def test_six_equal_numbers_are_three_moments(number, tmp_path):
+    puppet_import = imported(hinged(INERTIA.format(number, number)), tmp_path)
+    assert fan.model.loads(puppet_import.text).bodies[1].inertia == (number,) * 3
+    (note,) = puppet_import.report
     assert "here it has its moments alone" in note.message and note.line == 3
 
 
@@ -449,9 +451,9 @@ def test_products_that_no_solid_has_are_left_out(products, tmp_path):
     text = INERTIA.format(0.1, 0)
     for key, value in zip(("ixy", "ixz", "iyz"), products, strict=True):
         text = text.replace(f'{key}="0"', f'{key}="{value}"')
-    made = imported(hinged(text), tmp_path)
-    inertia = np.array(fan.model.loads(made.text).bodies[1].inertia)
-    assert np.allclose(inertia, 0.1) and "products of inertia" in str(made.report)
+    puppet_import = imported(hinged(text), tmp_path)
+    inertia = np.array(fan.model.loads(puppet_import.text).bodies[1].inertia)
+    assert np.allclose(inertia, 0.1) and "products of inertia" in str(puppet_import.report)
 
 
 @pytest.mark.parametrize(
@@ -470,10 +472,10 @@ def test_a_uri_may_have_spaces_as_percent_20(name, tmp_path):
     folder.mkdir()
     (folder / "my box.stl").write_bytes(trimesh.creation.box().export(file_type="stl"))
     uri = name.format(str(folder / "my box.stl").replace(" ", "%20"))
-    made = imported(
+    puppet_import = imported(
         hinged(f'{WITH}<visual><geometry><mesh filename="{uri}"/></geometry></visual>'), folder
     )
-    assert not made.report and len(made.meshes) == 1
+    assert not puppet_import.report and len(puppet_import.meshes) == 1
 
 
 def test_masses_of_links_without_inertia_are_those_of_their_solids(tmp_path):
@@ -485,8 +487,8 @@ def test_masses_of_links_without_inertia_are_those_of_their_solids(tmp_path):
     volumes = 0.006, 4 / 3 * np.pi * 1e-3
     for density in (None, 500.0):
         (tmp_path / "r.urdf").write_text(hinged(solids, f"<visual>{BALL}</visual>"))
-        made = import_model(tmp_path / "r.urdf", density=density)
-        base, body = fan.model.loads(made.text).bodies
+        puppet_import = import_model(tmp_path / "r.urdf", density=density)
+        base, body = fan.model.loads(puppet_import.text).bodies
         own = density or 1000.0
         assert body.mass == pytest.approx(own * sum(volumes), rel=1e-12)
         com = (0.3 * volumes[0] - 0.1 * volumes[1]) / sum(volumes)
@@ -496,27 +498,27 @@ def test_masses_of_links_without_inertia_are_those_of_their_solids(tmp_path):
             + volumes[1] * (0.4 * 0.01 + (0.1 + com) ** 2)
         )
         assert body.inertia[0] == pytest.approx(by_hand, rel=1e-12)
-        told = [str(note) for note in made.report if "has no inertia" in note.message]
-        assert len(told) == 2 and f"at {own:g} kg/m^3 (--density)" in told[1]
+        notes = [str(note) for note in puppet_import.report if "has no inertia" in note.message]
+        assert len(notes) == 2 and f"at {own:g} kg/m^3 (--density)" in notes[1]
         assert base.mass == pytest.approx(own * volumes[1])
 
 
-def test_links_without_inertia_stay_light_where_every_joint_moves_mass(tmp_path):
+def test_links_without_inertia_stay_light_if_every_joint_moves_mass(tmp_path):
     text = hinged(WITH + f"<visual>{BALL}</visual>", f"<visual>{BALL}</visual>")
-    made = imported(text, tmp_path)
-    assert not made.report and fan.model.loads(made.text).bodies[0].mass is None
+    puppet_import = imported(text, tmp_path)
+    assert not puppet_import.report and fan.model.loads(puppet_import.text).bodies[0].mass is None
 
 
 def test_the_mass_of_an_open_mesh_is_that_of_its_convex_hull(tmp_path):
     corners, faces = tetrahedron()
     (tmp_path / "a.stl").write_bytes(fan.output.exchange.solids.stl(corners, faces[1:]))
     visual = '<visual><geometry><mesh filename="a.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
-    made = imported(hinged(visual), tmp_path)
-    made.save(tmp_path / "r.yaml")
+    puppet_import = imported(hinged(visual), tmp_path)
+    puppet_import.save(tmp_path / "r.yaml")
     body = fan.model.load(tmp_path / "r.yaml").bodies[1]
     assert body.mass == pytest.approx(1000 / 6 * 1e-3) and len(body.shapes) == 1
     np.testing.assert_allclose(body.com, [0.025] * 3, rtol=1e-6)
-    assert "counts as its convex hull" in str(made.report)
+    assert "counts as its convex hull" in str(puppet_import.report)
 
 
 def test_a_density_is_positive_and_of_urdf(tmp_path):

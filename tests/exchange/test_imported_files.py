@@ -1,4 +1,4 @@
-"""What an import writes: meshes, comments and shapes that can be read; what it says of mistakes."""
+"""Files of an import: readable meshes, comments and shapes; messages for mistakes."""
 
 from __future__ import annotations
 
@@ -24,42 +24,42 @@ def test_two_imports_into_a_folder_have_meshes_of_their_own(tmp_path):
 
 
 def test_a_mesh_named_like_another_is_another(tmp_path):
-    """Cylinders have a mesh of their own; names that differ in case are one on some disks."""
+    """Cylinders have their own mesh; names that differ only in case are equal on some disks."""
     corners = "0 0 0 1 0 0 0 1 0 0 0"
     names = ("cylinder", "part", "Part")
     assets = "".join(f'<mesh name="{n}" vertex="{corners} {k + 2}"/>' for k, n in enumerate(names))
     geoms = "".join(f'<geom type="mesh" mesh="{name}"/>' for name in names)
-    made = imported(
+    puppet_import = imported(
         f"<mujoco><asset>{assets}</asset><worldbody><body><freejoint/>"
         f'<geom type="cylinder" size="0.1 0.2"/>{geoms}</body></worldbody></mujoco>',
         tmp_path,
     )
-    assert len({path.lower() for path in made.meshes}) == 4
-    made.save(tmp_path / "a.yaml")
+    assert len({path.lower() for path in puppet_import.meshes}) == 4
+    puppet_import.save(tmp_path / "a.yaml")
     shapes = fan.model.load(tmp_path / "a.yaml").bodies[0].shapes
     volumes = [fan.model.puppet.shapes.load_mesh(shape).volume for shape in shapes]
     around = 32 * np.sin(np.pi / 16) / 2
     assert np.allclose(volumes, [around * 0.1**2 * 0.4, 2 / 6, 3 / 6, 4 / 6], rtol=1e-6)
 
 
-LONG = """<mujoco><worldbody><body name="true"><joint name="a_joint_with_a_long_name" damping="1"
+JOINT = """<mujoco><worldbody><body name="true"><joint name="a_joint_with_a_long_name" damping="1"
   axis="0.1 0.2 0.3" pos="0.1 0.2 0.3" armature="0.5" frictionloss="1" stiffness="3" springref="7"/>
   <geom size="0.1"/><body name="b"><joint frictionloss="1"/><geom size="0.1"/></body></body>
   </worldbody></mujoco>"""
 
 
 def test_every_note_stands_in_the_puppet_file(tmp_path):
-    """Also about joints that take several lines, and names in quotes."""
-    made = imported(LONG.replace('"0.1"/><body', '"1e7" mass="1"/><body'), tmp_path)
-    assert "joint:\n" in made.text and len(made.report) == 4
-    for note in made.report:
-        assert made.text.count(f"{note.what}: {note.message}\n") == 1
+    """This includes notes on joints of several lines, and on names in quotes."""
+    puppet_import = imported(JOINT.replace('"0.1"/><body', '"1e7" mass="1"/><body'), tmp_path)
+    assert "joint:\n" in puppet_import.text and len(puppet_import.report) == 4
+    for note in puppet_import.report:
+        assert puppet_import.text.count(f"{note.what}: {note.message}\n") == 1
 
 
 def test_solids_that_no_puppet_has_are_left_out(tmp_path):
-    """What is written can be read."""
+    """The written file can be read."""
     corners = "0 0 0 2e6 0 0 0 2e6 0 0 0 2e6"
-    made = imported(
+    puppet_import = imported(
         f'<mujoco><asset><mesh name="m" vertex="{corners}"/>'
         '<hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset><worldbody>'
         '<geom type="mesh" mesh="m"/><geom type="hfield" hfield="h"/>'
@@ -69,14 +69,16 @@ def test_solids_that_no_puppet_has_are_left_out(tmp_path):
         "</worldbody></mujoco>",
         tmp_path,
     )
-    assert not made.meshes
-    (shape,) = fan.model.loads(made.text).bodies[0].shapes
-    assert shape.type == "sphere" and not fan.model.loads(made.text).obstacles
-    told = "\n".join(map(str, made.report))
-    assert "body a: has a mesh, left out: " in told and "body a: has a capsule, left out: " in told
-    assert "geom obstacle: has a mesh, left out: " in told
-    assert "hfield: left out, has no counterpart of its kind" in told
-    assert "box: left out, has no counterpart of its size" in told
+    assert not puppet_import.meshes
+    (shape,) = fan.model.loads(puppet_import.text).bodies[0].shapes
+    assert shape.type == "sphere" and not fan.model.loads(puppet_import.text).obstacles
+    notes = "\n".join(map(str, puppet_import.report))
+    assert (
+        "body a: has a mesh, left out: " in notes and "body a: has a capsule, left out: " in notes
+    )
+    assert "geom obstacle: has a mesh, left out: " in notes
+    assert "hfield: left out, has no counterpart of its kind" in notes
+    assert "box: left out, has no counterpart of its size" in notes
 
 
 def test_mistakes_have_the_names_of_the_model(tmp_path):
@@ -88,22 +90,22 @@ def test_mistakes_have_the_names_of_the_model(tmp_path):
     assert puppet.bodies[0].joint.damping == 0.0
 
 
-def test_looks_that_are_lost_are_told(tmp_path):
-    made = imported(
+def test_lost_properties_of_surfaces_are_reported(tmp_path):
+    puppet_import = imported(
         '<mujoco><asset><texture name="t" type="2d" builtin="flat" width="8" height="8"/>'
         '<material name="m" texture="t"/></asset><worldbody><body><freejoint/>'
         '<geom name="a" size="0.1" material="m"/><geom name="b" size="0.2" rgba="1 0 0 0.5"/>'
         '<geom name="c" size="0.3"/></body></worldbody></mujoco>',
         tmp_path,
     )
-    assert [str(n).partition(":1: ")[2] for n in made.report if n.kind == "geom"] == [
+    assert [str(n).partition(":1: ")[2] for n in puppet_import.report if n.kind == "geom"] == [
         "geom a: has a texture, left out",
         "geom b: is transparent; here it is opaque",
     ]
 
 
 def test_too_many_copies_are_refused(tmp_path):
-    """Of copies the counts are multiplied."""
+    """The counts of nested copies are multiplied."""
     text = (
         '<mujoco><worldbody><body><freejoint/><geom size="0.1"/></body>\n'
         '<replicate count="{0}"><replicate count="{0}"><geom size="0.1"/></replicate></replicate>'
@@ -116,16 +118,16 @@ def test_too_many_copies_are_refused(tmp_path):
 
 def test_meshes_that_mujoco_read_are_kept(tmp_path):
     (tmp_path / "a_meshes").mkdir()
-    kept = tmp_path / "a_meshes" / "part.stl"
+    mesh_file = tmp_path / "a_meshes" / "part.stl"
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    kept.write_bytes(b"mine" + fan.output.exchange.solids.stl(corners, faces)[4:])
-    before = kept.read_bytes()
-    made = imported(
+    mesh_file.write_bytes(b"mine" + fan.output.exchange.solids.stl(corners, faces)[4:])
+    before = mesh_file.read_bytes()
+    puppet_import = imported(
         '<mujoco><compiler meshdir="a_meshes"/><asset><mesh file="part.stl"/></asset><worldbody>'
         '<body><freejoint/><geom type="mesh" mesh="part"/></body></worldbody></mujoco>',
         tmp_path,
     )
     with pytest.raises(ExchangeError, match=r"part\.stl: is part of the model"):
-        made.save(tmp_path / "a.yaml", force=True)
-    assert kept.read_bytes() == before and not (tmp_path / "a.yaml").exists()
+        puppet_import.save(tmp_path / "a.yaml", force=True)
+    assert mesh_file.read_bytes() == before and not (tmp_path / "a.yaml").exists()

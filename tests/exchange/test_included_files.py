@@ -1,4 +1,4 @@
-"""Files that an MJCF file includes: their elements keep file and line, and their copies count."""
+"""Included files of MJCF: their elements keep file and line, and their copies count."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def written(*texts: str) -> None:
 
 
 def test_notes_name_the_included_file_and_its_line(folder):
-    made = import_model("m.xml")
-    assert [f"{n.file}:{n.line}: {n.kind} {n.name}".rstrip() for n in made.report] == [
+    puppet_import = import_model("m.xml")
+    assert [f"{n.file}:{n.line}: {n.kind} {n.name}".rstrip() for n in puppet_import.report] == [
         "m.xml:5: geom g",
         "m.xml:8: actuator pull",
         "parts/first.xml:6: joint hinge",
@@ -76,7 +76,7 @@ def test_notes_name_the_included_file_and_its_line(folder):
         "parts/last.xml:2: geom",
         "m.xml:None: contact",
     ]
-    assert [path.name for path in made.sources[:4]] == [
+    assert [path.name for path in puppet_import.sources[:4]] == [
         "m.xml",
         "first.xml",
         "inner.xml",
@@ -84,7 +84,7 @@ def test_notes_name_the_included_file_and_its_line(folder):
     ]
     m = mujoco.MjModel.from_xml_path("m.xml")
     wanted = [m.body(k).name.replace(".", "_") for k in range(1, m.nbody)]
-    assert [body.name for body in fan.model.loads(made.text).bodies] == wanted
+    assert [body.name for body in fan.model.loads(puppet_import.text).bodies] == wanted
 
 
 WRONG = {
@@ -120,9 +120,9 @@ def test_mistakes_name_the_included_file_and_its_line(folder, name, old, new, li
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(ExchangeError) as caught:
         import_model("m.xml")
-    (told,) = str(caught.value).splitlines()
-    assert told.startswith(f"{path}{line}") and text in told
-    assert "line 0" not in told
+    (message,) = str(caught.value).splitlines()
+    assert message.startswith(f"{path}{line}") and text in message
+    assert "line 0" not in message
 
 
 def test_mistakes_of_the_first_file_keep_their_lines(folder):
@@ -132,14 +132,14 @@ def test_mistakes_of_the_first_file_keep_their_lines(folder):
 
 
 def test_lines_are_known_where_meshes_are_read(folder):
-    """The text that is read for lines has no folder, and meshes are not looked for there."""
+    """The text for finding lines is read without a folder, so meshes are not looked for."""
     (folder / "x.stl").write_bytes(fan.output.exchange.solids.cylinder_stl())
     asset = '<asset><mesh name="x" file="{}.stl"/></asset>\n<worldbody>'
     text = FIRST.replace("<worldbody>", asset).replace('<geom size="0.1"/>', MESH)
     Path("parts/first.xml").write_text(text.format("x"))
-    made = import_model("m.xml")
-    assert list(made.meshes) == ["m_meshes/x.stl"]
-    assert "parts/first.xml:12: actuator push" in "\n".join(map(str, made.report))
+    puppet_import = import_model("m.xml")
+    assert list(puppet_import.meshes) == ["m_meshes/x.stl"]
+    assert "parts/first.xml:12: actuator push" in "\n".join(map(str, puppet_import.report))
     Path("parts/first.xml").write_text(text.format("none"))
     with pytest.raises(ExchangeError, match=r"^m\.xml: MuJoCo says: .*none\.stl"):
         import_model("m.xml")
@@ -230,7 +230,7 @@ prefix="p"/></replicate></worldbody></mujoco>"""
 
 
 def test_models_within_models_end(folder):
-    """MuJoCo ends with a segmentation fault where they do not."""
+    """MuJoCo ends with a segmentation fault if they do not."""
     Path("x.xml").write_text(ATTACHED.format("x", 1))
     with pytest.raises(ExchangeError, match=r"^x\.xml:1: model: 'x\.xml' contains itself"):
         import_model("x.xml")
@@ -243,29 +243,29 @@ def test_models_within_models_end(folder):
     assert len(import_model("x3.xml").joints) == 101
 
 
-def test_few_copies_are_made(folder):
+def test_a_few_copies_are_imported(folder):
     Path("parts/last.xml").write_text(f'<mujoco><replicate count="3">{GEOM}</replicate></mujoco>')
-    made = import_model("m.xml")
-    (shapes,) = (b.shapes for b in fan.model.loads(made.text).bodies if b.name == "c_d")
+    puppet_import = import_model("m.xml")
+    (shapes,) = (b.shapes for b in fan.model.loads(puppet_import.text).bodies if b.name == "c_d")
     assert len(shapes) == 3
 
 
-def test_lines_of_attached_models_are_not_taken_for_the_files_own(folder):
+def test_lines_of_attached_models_are_not_mistaken_for_those_of_the_file(folder):
     body = '<body name="b">\n<joint frictionloss="1"/><geom size="0.1"/></body>'
     Path("y.xml").write_text(f"<mujoco><worldbody>\n{body}</worldbody></mujoco>")
     Path("x.xml").write_text(ATTACHED.format("y", 1).replace("<joint/>", "\n\n<joint/>", 1))
     (joint, contact) = import_model("x.xml").report
     assert str(joint) == "x.xml: joint: has frictionloss, left out" and contact.kind == "contact"
     Path("x.xml").write_text(ATTACHED.format("y", 1).replace("<joint/>", JOINT))
-    told = [(n.kind, n.line) for n in import_model("x.xml").report]
-    assert told == [("joint", 4), ("joint", None), ("contact", None)]
+    notes = [(n.kind, n.line) for n in import_model("x.xml").report]
+    assert notes == [("joint", 4), ("joint", None), ("contact", None)]
 
 
 JOINT = '\n\n<joint frictionloss="1"/>'
 
 
 @pytest.mark.parametrize("name", ["m.xml", "parts/last.xml"])
-def test_another_encoding_is_told(folder, name):
+def test_another_encoding_is_reported(folder, name):
     text = '<?xml version="1.0" encoding="latin-1"?>\n<mujoco>\n<!-- \xe9 --></mujoco>'
     Path(name).write_bytes(text.encode("latin-1"))
     with pytest.raises(ExchangeError, match=rf"^{name}:3: is not UTF-8"):
@@ -281,13 +281,13 @@ def test_lines_are_known_beside_cdata_and_flexible_bodies(folder):
     written(MAIN.replace("</mujoco>", custom), first, INNER, LAST)
     (folder / "meshes" / "parts").mkdir(parents=True)
     (folder / "meshes" / "parts" / "x.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    told = [f"{n.file}:{n.line}: {n.kind}" for n in import_model("m.xml").report]
+    notes = [f"{n.file}:{n.line}: {n.kind}" for n in import_model("m.xml").report]
     assert {
         "m.xml:8: actuator",
         "parts/first.xml:11: actuator",
         "parts/first.xml:6: joint",
         "parts/last.xml:2: geom",
-    } <= set(told)
+    } <= set(notes)
 
 
 IN_ATTACHED = {
@@ -311,13 +311,13 @@ def test_mistakes_in_attached_models_name_their_file_and_line(folder, old, new, 
     Path("x.xml").write_text(ATTACHED.format("parts/y", 1))
     with pytest.raises(ExchangeError) as caught:
         import_model("x.xml")
-    (told,) = str(caught.value).splitlines()
+    (message,) = str(caught.value).splitlines()
     place = f"parts/y.xml{line}" if line[0] == ":" else line
-    assert place in told and text in told
+    assert place in message and text in message
 
 
-def test_a_mistake_that_an_attached_model_has_too_is_told_of_the_file(folder):
-    """MuJoCo does not look at the part of the model that is not attached."""
+def test_a_mistake_in_both_models_is_reported_for_the_file(folder):
+    """MuJoCo does not read the unattached part of the model."""
     more = '<body name="c"><joint/>\n<geom size="-1"/></body>'
     body = '<body name="b"><joint/><geom size="0.1"/></body>'
     Path("y.xml").write_text(f"<mujoco><worldbody>{body}{more}</worldbody></mujoco>")
@@ -340,10 +340,10 @@ def test_files_of_attached_models_are_kept(folder):
     Path("parts/z.xml").write_text('<mujoco><asset><mesh file="part.stl"/></asset></mujoco>')
     Path("parts/a_meshes/part.stl").write_bytes(mesh)
     Path("x.xml").write_text(ATTACHED.format("parts/y", 1))
-    made = import_model("x.xml")
-    read = {path.resolve() for path in made.sources if path.exists()}
+    puppet_import = import_model("x.xml")
+    read = {path.resolve() for path in puppet_import.sources if path.exists()}
     assert read == {
         folder / name for name in ("x.xml", "parts/y.xml", "parts/z.xml", "parts/a_meshes/part.stl")
     }
     with pytest.raises(ExchangeError, match=r"y\.xml: is part of the model"):
-        made.save("parts/y.xml", force=True)
+        puppet_import.save("parts/y.xml", force=True)

@@ -19,9 +19,9 @@ FLAGS = mujoco.mjtDisableBit
 
 
 def tree(seed: int, dof: int = 9) -> Model:
-    """A random tree of all that MuJoCo can model: no driven rotations, no quadratic drag."""
-    made = random_trees.description(seed, dof, strings=3, limits=True, drag=True)
-    for body in made["bodies"]:
+    """A random tree of parts supported by MuJoCo: no driven rotations, no quadratic drag."""
+    description = random_trees.description(seed, dof, strings=3, limits=True, drag=True)
+    for body in description["bodies"]:
         joint = body["joint"]
         body.get("drag", {}).pop("quadratic", None)
         if joint["type"] in ("ball", "free"):
@@ -30,7 +30,7 @@ def tree(seed: int, dof: int = 9) -> Model:
             joint["armature"] = 0.1
         if joint["type"] == "ball":
             joint["spring"] = {"stiffness": 3.0}
-    return Model(made)
+    return Model(description)
 
 
 def evaluated(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
@@ -43,7 +43,7 @@ def evaluated(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_accelerations_agree(seed):
-    """Without strings and limits; driven joints have the accelerations that are set."""
+    """Accelerations agree without strings and limits; those of driven joints are prescribed."""
     model = tree(seed, 6 + seed)
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
     puppet.model.opt.disableflags |= FLAGS.mjDSBL_LIMIT
@@ -60,13 +60,15 @@ def test_tendons_have_the_gaps_of_strings_and_limits(seed):
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
     data, parts = evaluated(puppet, x), model.tree
     h, later = (model.call("rows", at)["h"] for at in (x, model.moved(x, speed)))
-    most, hdot = puppet.model.tendon_range[:, 1], (later - h) / speed
-    beyond = data.ten_length - most
+    max_lengths, hdot = puppet.model.tendon_range[:, 1], (later - h) / speed
+    beyond = data.ten_length - max_lengths
     assert np.allclose(beyond[puppet.strings], h[: len(parts.strings)], atol=1e-10)
     for i, limit in enumerate(parts.limits, len(parts.strings)):
         if limit.side == "cone":
             t = puppet.model.tendon(limit.name).id
-            assert (data.ten_length[t] ** 2 - most[t] ** 2) / 2 == pytest.approx(h[i], abs=1e-12)
+            assert (data.ten_length[t] ** 2 - max_lengths[t] ** 2) / 2 == pytest.approx(
+                h[i], abs=1e-12
+            )
     for i, t, scale in zip(
         puppet.twists.places, puppet.twists.tendons, puppet.twists.scale, strict=True
     ):
@@ -110,13 +112,13 @@ def test_an_unsupported_part_is_named_with_its_line(string, body, named):
     bar = {"name": "bar", "joint": {"name": "grip", "type": "free", "driven": True}}
     bob = {"name": "bob", "joint": {"type": "ball"}, "mass": 1.0, "inertia": [1, 1, 1], **body}
     ends = [{"body": "bob"}, {"world": [0, 0, 1]}]
-    made = {
+    description = {
         "puppet": "odd",
         "bodies": [*([bar] if "parent" in body else []), bob],
         "strings": [{"name": "line", "path": ends, "length": 1.0, **string}],
     }
     with pytest.raises(ExchangeError, match=rf"^\S+:\d+: {named}: MuJoCo"):
-        mjcf(fan.loads(str(made)))
+        mjcf(fan.loads(str(description)))
 
 
 def test_a_missing_library_is_named_with_its_extra(monkeypatch):

@@ -96,7 +96,7 @@ def test_driven_joints_wires_cones_twists_and_slots_move_together(mixed, start):
     assert np.abs(theirs.at(0.4).q_D - ours.at(0.4).q_D).max() < 5e-3
     assert np.abs(theirs.q_D[-1] - ours.q_D[-1]).max() < 1e-3
     assert theirs.violation.values.max() < 2e-3
-    # The puppet comes to rest, where soft strings and limits exert the forces of rigid ones.
+    # The puppet comes to rest, and soft strings and limits then exert the forces of rigid ones.
     for there, here in ((theirs.tension, ours.tension), (theirs.limit_force, ours.limit_force)):
         assert np.allclose(there.values[-1], here.values[-1], atol=0.01)
     held = {name for name, force in theirs.limit_force.items() if force[-1] > 0.05}

@@ -1,4 +1,4 @@
-"""Colours, materials and meshes of URDF as those of shapes; what is lost of them is told."""
+"""Colours, materials and meshes of URDF as those of shapes; losses are reported."""
 
 from __future__ import annotations
 
@@ -21,41 +21,41 @@ usemtl red\nf 1 3 2\nf 1 2 4\nusemtl blue\nf 1 4 3\nf 2 3 4
 
 
 def coloured_by(visuals: str, folder: Path) -> tuple:
-    """Shapes of the one body of a robot, with a mesh in red and blue, read from the disk."""
+    """Shapes of the only body of a robot, with a mesh in red and blue, read from the disk."""
     (folder / "a.obj").write_text(RED_BLUE.format("a"))
     (folder / "a.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0.2 1\n")
-    made = imported(f'<robot name="r"><link name="a">{visuals}</link></robot>', folder)
-    made.save(folder / "r.yaml")
+    puppet_import = imported(f'<robot name="r"><link name="a">{visuals}</link></robot>', folder)
+    puppet_import.save(folder / "r.yaml")
     (body,) = fan.model.load(folder / "r.yaml").bodies
-    return body.shapes, made.report
+    return body.shapes, puppet_import.report
 
 
 MESH = '<geometry><mesh filename="a.obj"/></geometry>'
 
 
 def test_meshes_keep_the_colours_of_their_files(tmp_path):
-    """As the mesh's own file has them."""
+    """Colours are those of the mesh's own file."""
     (shape,), report = coloured_by(f"<visual>{MESH}</visual>", tmp_path)
     assert shape.colour is None and not report
     wanted = fan.model.meshes.read(tmp_path / "a.obj", tmp_path)
-    found = shape.read()
-    middles = [m.vertices[m.faces].mean(axis=1) for m in (wanted, found)]
+    file = shape.read()
+    middles = [m.vertices[m.faces].mean(axis=1) for m in (wanted, file)]
     order = [np.lexsort(x.round(6).T) for x in middles]
     assert np.allclose(middles[1][order[1]], middles[0][order[0]], atol=1e-7)
-    assert np.array_equal(found.colours[order[1]], wanted.colours[order[0]])
-    assert len(np.unique(found.colours, axis=0)) == 2 and found.closed
+    assert np.array_equal(file.colours[order[1]], wanted.colours[order[0]])
+    assert len(np.unique(file.colours, axis=0)) == 2 and file.closed
 
 
 def test_a_colour_of_urdf_hides_those_of_the_mesh(tmp_path):
     green = '<material name="green"><color rgba="0 1 0 1"/></material>'
-    (one, other), report = coloured_by(
+    (first, second), report = coloured_by(
         f"<visual>{MESH}{green}</visual><visual>{MESH}</visual>", tmp_path
     )
-    assert (one.colour, other.colour) == ("#00ff00", None) and not report
-    assert one.file == other.file
+    assert (first.colour, second.colour) == ("#00ff00", None) and not report
+    assert first.file == second.file
 
 
-LOOKS = {
+SURFACES = {
     "plain": ("Kd 1 0 0\nd 1", None),
     "transparent": ("Kd 1 0 0\nd 0.5", "has a mesh with transparency; "),
     "textured": ("map_Kd x.png", "has a mesh with textures; "),
@@ -63,9 +63,9 @@ LOOKS = {
 }
 
 
-@pytest.mark.parametrize(("red", "told"), LOOKS.values(), ids=LOOKS)
-def test_looks_of_mesh_files_that_are_lost_are_told(red, told, tmp_path):
-    """Unless a colour of URDF hides them."""
+@pytest.mark.parametrize(("red", "told"), SURFACES.values(), ids=SURFACES)
+def test_lost_properties_of_mesh_files_are_reported(red, told, tmp_path):
+    """This holds unless a colour of URDF hides them."""
     (tmp_path / "b.obj").write_text(RED_BLUE.format("b"))
     (tmp_path / "b.mtl").write_text(f"newmtl red\n{red}\nnewmtl blue\nKd 0 0 1\n")
     green = '<material name="green"><color rgba="0 1 0 1"/></material>'
@@ -80,23 +80,25 @@ def test_a_part_without_material_is_grey(tmp_path):
     corners, faces = tetrahedron()
     colours = np.array([[1, 0, 0], [np.nan] * 3, [np.nan] * 3, [0, 0, 1.0]])
     (tmp_path / "a.ply").write_bytes(fan.output.exchange.solids.ply(corners, faces, colours))
-    found = fan.model.meshes.read(tmp_path / "a.ply", tmp_path).colours
-    assert np.array_equal(found, np.array([[255, 0, 0], [178] * 3, [178] * 3, [0, 0, 255]]) / 255)
+    face_colours = fan.model.meshes.read(tmp_path / "a.ply", tmp_path).colours
+    assert np.array_equal(
+        face_colours, np.array([[255, 0, 0], [178] * 3, [178] * 3, [0, 0, 255]]) / 255
+    )
 
 
-def test_64_colours_have_room_for_a_part_without_one(tmp_path):
-    """A mesh has no more colours; one more would merge others when the file is read."""
+def test_64_colours_allow_a_part_without_one(tmp_path):
+    """A mesh has no more colours; another one would merge colours when the file is read."""
     ball = trimesh.creation.icosphere(1)
     colours = np.full((len(ball.faces), 3), np.nan)
     colours[:64] = np.column_stack([np.arange(64.0), np.full((64, 2), 178.0)]) / 255
     ply = fan.output.exchange.solids.ply(ball.vertices, ball.faces, colours)
     (tmp_path / "a.ply").write_bytes(ply)
-    found = fan.model.meshes.read(tmp_path / "a.ply", tmp_path).colours
+    face_colours = fan.model.meshes.read(tmp_path / "a.ply", tmp_path).colours
     wanted = np.where(np.isfinite(colours), colours, colours[63])
-    assert np.array_equal(np.sort(found, axis=0), np.sort(wanted, axis=0))
+    assert np.array_equal(np.sort(face_colours, axis=0), np.sort(wanted, axis=0))
 
 
-def test_materials_without_a_name_are_of_their_visuals_alone(tmp_path):
+def test_materials_without_a_name_belong_only_to_their_visuals(tmp_path):
     ball = '<geometry><sphere radius="1"/></geometry>'
     red = '<color rgba="1 0 0 1"/></material>'
     shapes, (note,) = coloured_by(
@@ -115,8 +117,8 @@ def test_materials_without_a_name_are_of_their_visuals_alone(tmp_path):
     assert note.message == "has a solid of the material 'red', which is not defined; there are none"
 
 
-def test_many_parts_of_one_mesh_without_names_are_made_at_once(tmp_path, monkeypatch):
-    """The file is read once, and numbers are not counted through from 2."""
+def test_many_parts_of_one_mesh_without_names_are_named_quickly(tmp_path, monkeypatch):
+    """The file is read once, and names are not searched from number 2 each time."""
     reads = []
     read = fan.model.meshes.read
     monkeypatch.setattr(
@@ -127,11 +129,11 @@ def test_many_parts_of_one_mesh_without_names_are_made_at_once(tmp_path, monkeyp
     draft = Draft(read_model(tmp_path / "robot.urdf"), "r")
     before = time.monotonic()
     names = [draft.take("geom", "") for _ in range(30_000)]
-    assert time.monotonic() - before < 5.0  # counted through: minutes
+    assert time.monotonic() - before < 5.0  # a search from 2 takes minutes
     assert len(set(names)) == 30_000 and names[:3] == ["geom", "geom_2", "geom_3"]
 
 
-def test_a_material_that_is_not_defined_is_told(tmp_path):
+def test_an_undefined_material_is_reported(tmp_path):
     ball = '<geometry><sphere radius="1"/></geometry>'
     red = '<material name="red"><color rgba="1 0 0 1"/></material>'
     shapes, (note,) = coloured_by(
@@ -145,13 +147,13 @@ def test_a_material_that_is_not_defined_is_told(tmp_path):
     )
 
 
-def test_textures_of_urdf_are_told(tmp_path):
-    """Of a material that another visual defines, too."""
+def test_textures_of_urdf_are_reported(tmp_path):
+    """This includes textures of a material that another visual defines."""
     wood = '<material name="wood"><texture filename="wood.png"/></material>'
-    (one, other), report = coloured_by(
+    (first, second), report = coloured_by(
         f'<visual>{MESH}{wood}</visual><visual><geometry><sphere radius="1"/></geometry>'
         '<material name="wood"/></visual>',
         tmp_path,
     )
-    assert (one.colour, other.colour) == (None, "#b2b2b2")
+    assert (first.colour, second.colour) == (None, "#b2b2b2")
     assert [n.message for n in report] == ["has the texture 'wood.png', left out"] * 2

@@ -48,7 +48,7 @@ def test_waits_are_in_the_score_and_take_no_time_offline(score):
     assert score.inputs(score.marionette.rest()).duration == pytest.approx(score.duration)
 
 
-def test_time_stands_until_go(score):
+def test_the_time_of_the_score_stops_until_go(score):
     conductor = fan.theatre.Conductor(score)
     assert not conductor.go() and conductor.waiting is None
     assert pass_by(conductor, 3.0)[-1] == 1.0
@@ -91,7 +91,7 @@ def test_the_hands_do_not_jump_where_a_loop_closes(score):
     assert conductor.t < 4.3
 
 
-def test_a_long_pause_between_two_looks_ends_inside_the_loop(score):
+def test_a_long_pause_between_two_calls_ends_inside_the_loop(score):
     conductor = fan.theatre.Conductor(score)
     conductor.seek(5.0)
     assert conductor.advance(1003.0) == pytest.approx(4.0 + (1.0 + 1003.0) % 4.0)

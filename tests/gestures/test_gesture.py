@@ -1,4 +1,4 @@
-"""Gestures: what they move, how they are changed, and how they follow one another."""
+"""Gestures: moved coordinates, changes, and sequences."""
 
 from __future__ import annotations
 
@@ -47,7 +47,9 @@ def test_directions_are_coordinates_with_signs(twins):
         "line_right.back": 0.02,
         "line_right.out": 0.03,
     }
-    found = fan.theatre.Gesture.of(twins, {name: [(0, 0), (1, by)] for name, by in points.items()})
+    gesture = fan.theatre.Gesture.of(
+        twins, {name: [(0, 0), (1, by)] for name, by in points.items()}
+    )
     expected = {
         "line_left.length": -0.1,
         "line_left.x": 0.02,
@@ -57,15 +59,17 @@ def test_directions_are_coordinates_with_signs(twins):
         "line_right.y": -0.03,
     }
     for name, by in expected.items():
-        assert offset(found, name, 1.0) == pytest.approx(by, abs=1e-15)
-        assert offset(found, name, 0.5) == pytest.approx(0.5 * by, abs=1e-15)  # minimum jerk
-    assert found.uses == ("line_left", "line_right") and found.duration == 1.0
+        assert offset(gesture, name, 1.0) == pytest.approx(by, abs=1e-15)
+        assert offset(gesture, name, 0.5) == pytest.approx(0.5 * by, abs=1e-15)  # minimum jerk
+    assert gesture.uses == ("line_left", "line_right") and gesture.duration == 1.0
 
 
 def test_lengths_may_have_units(twins):
-    found = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, "0 mm"), (1, "12 cm"), (2, 0.05)]})
-    assert offset(found, "line_left.length", 1.0) == pytest.approx(-0.12)
-    assert offset(found, "line_left.length", 2.0) == pytest.approx(-0.05)
+    gesture = fan.theatre.Gesture.of(
+        twins, {"line_left.up": [(0, "0 mm"), (1, "12 cm"), (2, 0.05)]}
+    )
+    assert offset(gesture, "line_left.length", 1.0) == pytest.approx(-0.12)
+    assert offset(gesture, "line_left.length", 2.0) == pytest.approx(-0.05)
 
 
 @pytest.mark.parametrize(
@@ -82,13 +86,13 @@ def test_lengths_may_have_units(twins):
         ({"line_left.up": 3}, "needed: a list of pairs"),
     ],
 )
-def test_mistakes_are_told(twins, points, message):
+def test_mistakes_are_named(twins, points, message):
     with pytest.raises(InputError, match=message):
         fan.theatre.Gesture.of(twins, points)
 
 
 def test_a_mirror_exchanges_left_and_right(twins):
-    one = fan.theatre.Gesture.of(
+    gesture = fan.theatre.Gesture.of(
         twins,
         {
             "line_left.up": [(0, 0), (1, 0.1)],
@@ -96,13 +100,13 @@ def test_a_mirror_exchanges_left_and_right(twins):
             "bar.y": [(0, 0), (1, 0.2)],
         },
     )
-    other = one.mirrored()
+    other = gesture.mirrored()
     assert set(other.uses) == {"line_right", "bar"}
     assert offset(other, "line_right.length", 1.0) == pytest.approx(-0.1)
     assert offset(other, "line_right.y", 1.0) == pytest.approx(-0.03)
     assert offset(other, "bar.y", 1.0) == pytest.approx(-0.2)
     twice = other.mirrored()
-    assert np.array_equal(twice.coef, one.coef) and np.array_equal(twice.named, one.named)
+    assert np.array_equal(twice.coef, gesture.coef) and np.array_equal(twice.named, gesture.named)
 
 
 def test_without_a_twin_there_is_no_mirror():
@@ -113,23 +117,23 @@ def test_without_a_twin_there_is_no_mirror():
 
 
 def test_gestures_are_scaled_sped_up_delayed_and_moved(twins):
-    one = fan.theatre.Gesture.of(
+    gesture = fan.theatre.Gesture.of(
         twins, {"line_left.up": [(0, 0), (1, 0.1), (2, 0)]}, marks={"up": 1.0}
     )
-    assert offset(one.scaled(1.5), "line_left.length", 1.0) == pytest.approx(-0.15)
-    fast = one.faster(2.0)
+    assert offset(gesture.scaled(1.5), "line_left.length", 1.0) == pytest.approx(-0.15)
+    fast = gesture.faster(2.0)
     assert fast.duration == 1.0 and fast.marks == {"up": 0.5}
     assert offset(fast, "line_left.length", 0.3) == pytest.approx(
-        offset(one, "line_left.length", 0.6)
+        offset(gesture, "line_left.length", 0.6)
     )
-    assert one.lasting(3.0).duration == pytest.approx(3.0)
-    late = one.delayed(0.5)
+    assert gesture.lasting(3.0).duration == pytest.approx(3.0)
+    late = gesture.delayed(0.5)
     assert late.duration == 2.5 and late.marks == {"up": 1.5}
     assert offset(late, "line_left.length", 0.4) == 0.0
     assert offset(late, "line_left.length", 1.1) == pytest.approx(
-        offset(one, "line_left.length", 0.6)
+        offset(gesture, "line_left.length", 0.6)
     )
-    moved = one.moved({"line_left.out": 0.05})
+    moved = gesture.moved({"line_left.out": 0.05})
     assert offset(moved, "line_left.y", 2.0) == pytest.approx(0.05)
 
 
@@ -150,22 +154,22 @@ bodies:
 
 
 def test_marks_of_repetitions_are_numbered(twins):
-    one = fan.theatre.Gesture.of(
+    gesture = fan.theatre.Gesture.of(
         twins, {"line_left.up": [(0, 0), (1, 0.1), (2, 0)]}, marks={"up": 1.0}
     )
-    assert one.repeated(3).marks == {"up": 1.0, "up 2": 3.0, "up 3": 5.0}
+    assert gesture.repeated(3).marks == {"up": 1.0, "up 2": 3.0, "up 3": 5.0}
     with pytest.raises(ValueError, match="the mark 'up' is at 7 s"):
         fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]}, marks={"up": 7.0})
     with pytest.raises(ValueError, match="a whole number"):
-        one.repeated(1.5)
+        gesture.repeated(1.5)
 
 
 def test_peaks_are_those_of_the_motion(marionette):
     for name in ("wave", "bow", "jump"):
-        one = fan.theatre.load_gesture(marionette, name)
-        t = np.linspace(0.0, one.duration, 40_001)
-        _, v_K, acc_K = one.inputs(marionette.rest()).evaluate(t)
-        speed, acceleration = one.peaks
+        gesture = fan.theatre.load_gesture(marionette, name)
+        t = np.linspace(0.0, gesture.duration, 40_001)
+        _, v_K, acc_K = gesture.inputs(marionette.rest()).evaluate(t)
+        speed, acceleration = gesture.peaks
         np.testing.assert_allclose(acceleration, np.abs(acc_K).max(axis=0), rtol=1e-4, atol=1e-9)
         fastest = np.abs(v_K).max(axis=0)
         assert np.all(speed >= fastest * (1 - 1e-6)) and np.all(speed <= fastest * 1.002 + 1e-9)
@@ -186,19 +190,19 @@ def test_two_at_once_add_up(twins):
         _ = moving + more
 
 
-def test_what_follows_is_led_to_as_fast_as_the_bounds_allow(twins):
-    """From rest to rest 1.875 d/T and 5.7735 d/T^2 are the largest speed and acceleration."""
+def test_transitions_are_as_fast_as_the_bounds_allow(twins):
+    """The largest speed and acceleration from rest to rest are 1.875 d/T and 5.7735 d/T^2."""
     up = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
     again = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
     for speed, acceleration in ((0.5, 100.0), (100.0, 4.0)):
         whole = up.then(again, speed=speed, acceleration=acceleration)
         lead = whole.duration - 2.0
-        least = max(1.875 * 0.1 / speed, np.sqrt(5.7735 * 0.1 / acceleration))
-        assert least <= lead <= 1.11 * least
+        min_time = max(1.875 * 0.1 / speed, np.sqrt(5.7735 * 0.1 / acceleration))
+        assert min_time <= lead <= 1.11 * min_time
         assert offset(whole, "line_left.length", whole.duration) == pytest.approx(-0.1)
 
 
-def test_what_is_not_named_stays_and_a_way_is_kept(twins):
+def test_other_coordinates_stay_and_travel_is_kept(twins):
     walk = fan.theatre.Gesture.of(
         twins,
         {f"line_{side}.forward": [(0, 0), (1, 0.2)] for side in ("left", "right")},
@@ -207,7 +211,7 @@ def test_what_is_not_named_stays_and_a_way_is_kept(twins):
     lift = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
     sway = fan.theatre.Gesture.of(twins, {"line_left.forward": [(0, 0), (1, 0.05), (2, 0)]})
     whole = walk.then(lift, sway, walk)
-    assert whole.duration == 5.0  # nothing has to be led over
+    assert whole.duration == 5.0  # no transition is needed
     assert offset(whole, "line_left.x", 3.0) == pytest.approx(0.25)
     assert offset(whole, "line_left.x", 5.0) == pytest.approx(0.4)
     assert offset(whole, "line_left.length", 5.0) == pytest.approx(-0.1)
@@ -218,9 +222,9 @@ def test_what_is_not_named_stays_and_a_way_is_kept(twins):
 def test_a_recording_is_a_gesture(twins):
     x0 = twins.rest()
     inputs = fan.Input.waypoints(twins, {"line_left.length": [(1, 1.0), (2, 0.9), (3, 1.0)]})
-    made = fan.theatre.Gesture.of_input(inputs)
-    assert made.duration == 2.0
-    back = made.inputs(x0)
+    gesture = fan.theatre.Gesture.of_input(inputs)
+    assert gesture.duration == 2.0
+    back = gesture.inputs(x0)
     t = np.linspace(0.0, 2.0, 41)
     for a, b in zip(back.evaluate(t), inputs.evaluate(t + 1.0), strict=True):
         i = twins.coordinates.q_K.index("line_left.length")
@@ -244,13 +248,13 @@ def test_turns_of_a_recorded_bar_are_those_of_its_hands():
     take = live.stop()
     gesture = fan.theatre.Gesture.of_input(take.inputs)
     t = np.linspace(0.0, take.duration, 1001)
-    found = gesture.inputs(take.start).evaluate(t)
+    values = gesture.inputs(take.start).evaluate(t)
     wanted = take.inputs.evaluate(t + take.start.t)
     ((q, _),) = take.marionette.coordinates.rotations.values()
-    apart = rotation.between(found[0][:, q : q + 4], wanted[0][:, q : q + 4])
+    apart = rotation.between(values[0][:, q : q + 4], wanted[0][:, q : q + 4])
     assert np.abs(apart).max() < 1e-8
-    np.testing.assert_allclose(found[1], wanted[1], atol=1e-5)
-    assert np.linalg.norm(found[0][500, q : q + 4] - found[0][0, q : q + 4]) > 0.1
+    np.testing.assert_allclose(values[1], wanted[1], atol=1e-5)
+    assert np.linalg.norm(values[0][500, q : q + 4] - values[0][0, q : q + 4]) > 0.1
     # The same turns from another orientation.
     x = take.start.replace(q_K=wanted[0][300])
     moved = gesture.inputs(x.replace(v_K=np.zeros(6))).evaluate(0.9)[0][q : q + 4]
@@ -262,30 +266,30 @@ def test_turns_of_a_recorded_bar_are_those_of_its_hands():
         )
     )
     np.testing.assert_allclose(there, here, atol=1e-12)
-    far = fan.Input.waypoints(
+    several_turns = fan.Input.waypoints(
         take.marionette, {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 2]), (2, [0, 0, 3.5])]}
     )
     with pytest.raises(StateError, match="deg at most"):
-        fan.theatre.Gesture.of_input(far)
+        fan.theatre.Gesture.of_input(several_turns)
 
 
-def test_a_thousand_in_any_order_never_jump_nor_break_bounds(marionette):
+def test_a_thousand_gestures_in_any_order_never_jump_nor_break_bounds(marionette):
     speed, acceleration, x0 = 1.2, 11.0, marionette.rest()
     library = [fan.theatre.load_gesture(marionette, name) for name in gesture_names()]
-    library += [one.mirrored() for one in library]
+    library += [gesture.mirrored() for gesture in library]
     # Parts of pieces begin and end in motion.
-    for one in library[:10]:
-        k = int(np.argmax(one.peaks_of_pieces[:, 0].max(axis=1)))
-        h = 0.25 * (one.breaks[k + 1] - one.breaks[k])
-        part = polynomial.shifted(one.coef[k : k + 1], np.array([h]))
+    for gesture in library[:10]:
+        k = int(np.argmax(gesture.peaks_of_pieces[:, 0].max(axis=1)))
+        h = 0.25 * (gesture.breaks[k + 1] - gesture.breaks[k])
+        part = polynomial.shifted(gesture.coef[k : k + 1], np.array([h]))
         cut = fan.theatre.Gesture(
-            one.coordinates, [0.0, h], part, one.named, np.zeros(21), one.name
+            gesture.coordinates, [0.0, h], part, gesture.named, np.zeros(21), gesture.name
         )
         library.append(cut)
-    assert sum(np.abs(one.ends[1]).max() > 0.1 for one in library) >= 6
-    for one in library:
-        fastest, hardest = one.peaks
-        assert fastest.max() < speed and hardest.max() < acceleration, one
+    assert sum(np.abs(gesture.ends[1]).max() > 0.1 for gesture in library) >= 6
+    for gesture in library:
+        fastest, hardest = gesture.peaks
+        assert fastest.max() < speed and hardest.max() < acceleration, gesture
     rng = np.random.default_rng(0)
     for _ in range(100):
         chosen = [library[i] for i in rng.integers(len(library), size=10)]
@@ -311,5 +315,5 @@ def test_the_right_hand_waves(marionette):
         [marionette.pose(run.state(i), "forearm_right")[:3, 3] for i in range(0, len(run.t), 20)]
     )
     assert hand[:, 2].max() - hand[0, 2] > 0.1
-    late = hand[-len(hand) // 4 :].mean(axis=0)  # it swings a little yet
+    late = hand[-len(hand) // 4 :].mean(axis=0)  # it still swings slightly
     assert np.linalg.norm(late - hand[0]) < 5e-3

@@ -40,7 +40,7 @@ def written(tmp_path, text: str):
 def check_hand(
     marionette: fan.Marionette, x0: fan.State, gesture: fan.theatre.Gesture
 ) -> fan.State:
-    """Where the puppet hangs after a second; its hand is where POSED says."""
+    """State of rest after one second; its hand is at the place of POSED."""
     q_K, _, _ = gesture.inputs(x0).evaluate(1.0)
     hangs = marionette.rest(dict(zip(marionette.coordinates.q_K, q_K, strict=True)))
     place = []
@@ -51,7 +51,7 @@ def check_hand(
     return hangs
 
 
-def test_bundled_gestures_move_what_they_say(marionette):
+def test_bundled_gestures_move_their_coordinates(marionette):
     assert set(gesture_names()) >= {
         "bow",
         "breathe",
@@ -69,15 +69,15 @@ def test_bundled_gestures_move_what_they_say(marionette):
         "wave",
     }
     for name in gesture_names():
-        found = fan.theatre.load_gesture(marionette, name)
-        assert found.name == name and found.uses
-        assert all(0.0 <= t <= found.duration for t in found.marks.values())
+        gesture = fan.theatre.load_gesture(marionette, name)
+        assert gesture.name == name and gesture.uses
+        assert all(0.0 <= t <= gesture.duration for t in gesture.marks.values())
     assert fan.theatre.load_gesture(marionette, "wave").uses == ("hand_right",)
 
 
-def test_a_file_says_what_python_says(marionette, tmp_path):
+def test_a_file_equals_a_gesture_in_python(marionette, tmp_path):
     read = fan.theatre.load_gesture(marionette, written(tmp_path, GOOD))
-    made = fan.theatre.Gesture.of(
+    gesture = fan.theatre.Gesture.of(
         marionette,
         {
             "hand_right.length": [(0, 0), (1, -0.2), (2, 0)],
@@ -86,18 +86,18 @@ def test_a_file_says_what_python_says(marionette, tmp_path):
         name="greet",
         marks={"up": 1.0},
     )
-    assert np.allclose(read.coef, made.coef, atol=1e-15) and read.marks == made.marks
+    assert np.allclose(read.coef, gesture.coef, atol=1e-15) and read.marks == gesture.marks
 
 
-def test_at_key_poses_the_puppet_hangs_where_they_say(marionette, tmp_path):
-    found = fan.theatre.load_gesture(marionette, written(tmp_path, POSED))
-    assert found.uses == ("hand_right",)
+def test_the_puppet_hangs_at_its_key_poses(marionette, tmp_path):
+    gesture = fan.theatre.load_gesture(marionette, written(tmp_path, POSED))
+    assert gesture.uses == ("hand_right",)
     x0 = marionette.rest()
-    check_hand(marionette, x0, found)
+    check_hand(marionette, x0, gesture)
 
 
-def test_key_poses_count_on_what_else_moves(marionette, tmp_path):
-    """The hand is where it is to be while the body is lowered by a centimetre."""
+def test_key_poses_include_other_motions(marionette, tmp_path):
+    """The hand is at its target while the body is lowered by one centimetre."""
     text = (
         POSED
         + "moves:\n"
@@ -106,13 +106,13 @@ def test_key_poses_count_on_what_else_moves(marionette, tmp_path):
             for name in ("head", "shoulder_left", "shoulder_right")
         )
     )
-    found = fan.theatre.load_gesture(marionette, written(tmp_path, text))
+    gesture = fan.theatre.load_gesture(marionette, written(tmp_path, text))
     x0 = marionette.rest()
-    hangs = check_hand(marionette, x0, found)
+    hangs = check_hand(marionette, x0, gesture)
     assert marionette.pose(hangs, "torso")[2, 3] < marionette.pose(x0, "torso")[2, 3] - 5e-3
 
 
-def test_a_folder_of_its_name_hides_no_bundled_gesture(marionette, tmp_path, monkeypatch):
+def test_a_folder_of_the_same_name_hides_no_bundled_gesture(marionette, tmp_path, monkeypatch):
     (tmp_path / "wave").mkdir()
     monkeypatch.chdir(tmp_path)
     assert fan.theatre.load_gesture(marionette, "wave").uses == ("hand_right",)
@@ -151,7 +151,7 @@ def test_mistakes_have_places(marionette, tmp_path, text, change, line, message)
     assert f"gesture.yaml:{line}" in str(caught.value)
 
 
-def test_a_file_that_is_not_there_is_told(marionette):
+def test_a_missing_file_is_named(marionette):
     with pytest.raises(FileError, match="did you mean 'wave'"):
         fan.theatre.load_gesture(marionette, "wawe")
 

@@ -31,13 +31,13 @@ captions:
 
 
 def hand(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
-    """(T, 3) where the right hand is in a run."""
+    """(T, 3) places of the right hand in a run."""
     pose = puppet.poses(run.q_D, run.q_K)[:, puppet.link_index(HAND[0])]
     return pose[:, :, 3] + pose[:, :, :3] @ HAND[1]
 
 
 def outermost(t: np.ndarray, y: np.ndarray, mark: float) -> float:
-    """When the right hand is farthest out near a mark."""
+    """Time at which the right hand is farthest out near a mark."""
     near = np.flatnonzero(np.abs(t - mark) < 0.3)
     return float(t[near[np.argmin(y[near])]])
 
@@ -54,7 +54,7 @@ def found(marionette, tmp_path_factory):
 
 
 def test_walk_in_place_wave_and_bow_are_on_the_beat(found):
-    """A number of 14 lines: the waving hand is within 20 ms of its beats."""
+    """The waving hand is within 20 ms of its beats in a score of 14 lines."""
     assert len(NUMBER.splitlines()) <= 20
     score = found.score
     assert score, score.changes
@@ -72,11 +72,11 @@ def test_walk_in_place_wave_and_bow_are_on_the_beat(found):
     assert np.max(np.abs(late["rehearsed"])) <= 0.02
 
 
-def test_lateness_is_what_the_path_shows(found):
+def test_lateness_agrees_with_the_path(found):
     assert found.late == lateness(found.score, found.run)
-    assert max(abs(one.seconds) for one in found.late) <= 0.02
-    assert max(abs(one.seconds) for one in found.before) > 0.1
-    strings = {(one.cue.gesture, one.string) for one in found.late}
+    assert max(abs(late.seconds) for late in found.late) <= 0.02
+    assert max(abs(late.seconds) for late in found.before) > 0.1
+    strings = {(late.cue.gesture, late.string) for late in found.late}
     assert strings == {("march", "knee_left"), ("march", "knee_right"), ("wave", "hand_right")}
 
 
@@ -91,6 +91,6 @@ def test_the_bounds_hold_and_the_inputs_are_those_of_the_run(found):
     assert np.array_equal(again.q_D[-1], found.run.q_D[-1])
 
 
-def test_what_cannot_be_rehearsed_is_told(marionette, tmp_path):
+def test_scores_that_cannot_be_rehearsed_are_refused(marionette, tmp_path):
     with pytest.raises(StateError, match="contact"):
         fan.theatre.rehearse(load(fan.puppets.promenade(), tmp_path, NUMBER))

@@ -1,4 +1,4 @@
-"""Scores: lanes and beats, what begins late, bounds, marks, and mistakes with their places."""
+"""Scores: lanes and beats, delays, bounds, marks, and mistakes with their places."""
 
 from __future__ import annotations
 
@@ -74,18 +74,18 @@ def test_gestures_are_on_their_beats(marionette, tmp_path):
 
 
 def test_lanes_add_up(marionette, tmp_path):
-    """The sum of the lanes' motions, each a score of its own, at every time."""
+    """The result is the sum of the lanes' motions, each in a score of its own, at every time."""
     x0 = marionette.rest()
     whole = fan.load_score(marionette, written(tmp_path, NUMBER)).inputs(x0)
     t = np.linspace(0.0, whole.end, 301)
     total = np.zeros((len(t), marionette.coordinates.n_qK))
     for lane in LANES:
-        one = fan.load_score(marionette, written(tmp_path, HEAD + lane)).inputs(x0)
-        total += one.evaluate(t)[0] - x0.q_K
+        motion = fan.load_score(marionette, written(tmp_path, HEAD + lane)).inputs(x0)
+        total += motion.evaluate(t)[0] - x0.q_K
     np.testing.assert_allclose(whole.evaluate(t)[0] - x0.q_K, total, atol=1e-12)
 
 
-def test_what_cannot_begin_in_time_begins_late_and_is_told(marionette, tmp_path):
+def test_delayed_cues_are_reported(marionette, tmp_path):
     text = """\
 score: late
 lanes:
@@ -107,14 +107,14 @@ def test_a_cue_before_the_end_of_another_waits_for_it(marionette, tmp_path):
     assert "bow begins at 3.80 s instead of at 1.00 s: wave ends at 3.80 s" in str(change)
 
 
-def test_what_does_not_come_back_takes_longer_to_repeat(marionette, tmp_path):
+def test_gestures_with_different_ends_take_longer_to_repeat(marionette, tmp_path):
     text = "score: late\nlanes: {body: [{gesture: sit, lasts: 4, repeat: 3}]}\n"
     score = fan.load_score(marionette, written(tmp_path, text))
     (change,) = score.changes
     assert f"sit takes {score.duration:.2f} s instead of 12.00 s" in str(change)
 
 
-def test_what_comes_after_the_end_is_told(marionette, tmp_path):
+def test_cues_after_the_end_are_reported(marionette, tmp_path):
     text = """\
 score: short
 lanes: {body: [{gesture: nod}]}
@@ -122,10 +122,10 @@ marks: {never: 500}
 captions: [{at: 1, until: 200, text: Too late}]
 """
     changes = fan.load_score(marionette, written(tmp_path, text)).changes
-    assert [one.line for one in changes] == [3, 4]
+    assert [change.line for change in changes] == [3, 4]
 
 
-def test_a_passed_bound_is_told_of_each_cue_that_passes_it(marionette, tmp_path):
+def test_an_exceeded_bound_is_reported_for_each_cue(marionette, tmp_path):
     text = """\
 score: blame
 speed: 3
@@ -139,21 +139,21 @@ lanes:
     - {gesture: march, lasts: 0.5, at: 3}
 """
     changes = fan.load_score(marionette, written(tmp_path, text)).changes
-    lines = sorted({one.line for one in changes})
-    assert lines == [8, 10] and all("knee_" in str(one) for one in changes)
-    # A bound just above the largest acceleration is none that is passed.
+    lines = sorted({change.line for change in changes})
+    assert lines == [8, 10] and all("knee_" in str(change) for change in changes)
+    # A bound just above the largest acceleration is kept.
     bow = fan.theatre.load_gesture(marionette, "bow")
-    most = 1.003 * bow.peaks[1].max()
-    text = f"score: near\nacceleration: {most}\nlanes: {{body: [{{gesture: bow}}]}}\n"
+    bound = 1.003 * bow.peaks[1].max()
+    text = f"score: near\nacceleration: {bound}\nlanes: {{body: [{{gesture: bow}}]}}\n"
     assert fan.load_score(marionette, written(tmp_path, text))
 
 
-def test_bounds_that_are_passed_are_told(marionette, tmp_path):
+def test_exceeded_bounds_are_reported(marionette, tmp_path):
     text = NUMBER.replace("lasts: 4", "lasts: 1")
     score = fan.load_score(marionette, written(tmp_path, text))
     assert not score
-    for one in score.changes:
-        assert "number.yaml:8" in str(one) and "the bound is 12" in str(one)
+    for change in score.changes:
+        assert "number.yaml:8" in str(change) and "the bound is 12" in str(change)
     _, _, acceleration = score.inputs(marionette.rest()).evaluate(np.linspace(0.0, 5.0, 5001))
     assert np.abs(acceleration).max() > 12.0
     good = fan.load_score(marionette, written(tmp_path, NUMBER)).inputs(marionette.rest())
@@ -161,7 +161,7 @@ def test_bounds_that_are_passed_are_told(marionette, tmp_path):
     assert np.abs(speed).max() <= 1.2 and np.abs(acceleration).max() <= 12.0
 
 
-def test_gestures_may_lie_beside_the_score(marionette, tmp_path):
+def test_gestures_may_be_in_the_folder_of_the_score(marionette, tmp_path):
     (tmp_path / "lift.yaml").write_text(
         "gesture: lift\nmoves: {hand_left.up: [[0, 0], [1, 9 cm]]}\n", encoding="utf-8"
     )
@@ -189,7 +189,7 @@ def silence(path, seconds: float) -> None:
         file.writeframes(bytes(2 * int(8000 * seconds)))
 
 
-def test_sounds_lie_beside_the_score(marionette, tmp_path):
+def test_sounds_are_in_the_folder_of_the_score(marionette, tmp_path):
     silence(tmp_path / "a.wav", 1.5)
     for text, starts in (
         ("sound: a.wav\n", [0.0]),
@@ -198,8 +198,8 @@ def test_sounds_lie_beside_the_score(marionette, tmp_path):
     ):
         score = fan.load_score(marionette, written(tmp_path, NUMBER + text))
         jsonschema.validate(read_file(tmp_path / "number.yaml").data, score_schema())
-        assert [one.start for one in score.sounds] == pytest.approx(starts)
-        assert all(one.path.samefile(tmp_path / "a.wav") for one in score.sounds)
+        assert [sound.start for sound in score.sounds] == pytest.approx(starts)
+        assert all(sound.path.samefile(tmp_path / "a.wav") for sound in score.sounds)
         assert score.sounds[0].duration == pytest.approx(1.5, abs=0.01)
         assert score.sounds[0].gain == (0.5 if "gain" in text else 1.0)
     late = "sound: {file: a.wav, at: 90}\n"

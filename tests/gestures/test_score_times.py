@@ -1,4 +1,4 @@
-"""Times by name, across lanes; holds; phrases."""
+"""Named times across lanes; holds; phrases."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_times_refer_to_cues_of_any_lane(marionette, tmp_path):
     assert words.end == pytest.approx(nod.marks["second"] - 0.3)
 
 
-def test_what_begins_late_takes_along_what_refers_to_it(marionette, tmp_path):
+def test_a_delay_moves_all_cues_that_refer_to_it(marionette, tmp_path):
     text = """\
 score: late
 lanes:
@@ -91,7 +91,7 @@ lanes:
     assert nod.start == pytest.approx(bow.start)
 
 
-def test_a_lane_rests_in_a_hold_and_is_led_on_at_its_end(marionette, tmp_path):
+def test_a_lane_rests_in_a_hold_and_continues_at_its_end(marionette, tmp_path):
     score = load(marionette, tmp_path, HOLDS)
     assert score, score.changes
     sit, bow, nod = score.cues
@@ -202,13 +202,13 @@ lanes:
     assert nod.start == pytest.approx(3.0) and bow.start == pytest.approx(7.0)
 
 
-def test_what_passes_a_bound_in_a_phrase_is_told_at_its_cue(marionette, tmp_path):
+def test_an_exceeded_bound_in_a_phrase_is_reported_at_its_cue(marionette, tmp_path):
     text = PHRASES.replace("phrase: hello, at: 2", "phrase: hello, at: 2, faster: 4")
     changes = load(marionette, tmp_path, text).changes
-    assert changes and {one.line for one in changes} == {13}
+    assert changes and {change.line for change in changes} == {13}
 
 
-def test_phrases_of_phrases_stay_of_a_size(marionette, tmp_path):
+def test_nested_phrases_have_a_bounded_size(marionette, tmp_path):
     text = """\
 score: big
 phrases:

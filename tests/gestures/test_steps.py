@@ -1,4 +1,4 @@
-"""Steps of any lengths and turns: where they lead, how fast, and which knees go up."""
+"""Steps of any lengths and turns: their ends, their speed, and the raised knees."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def ends_at(marionette: fan.Marionette, gesture: fan.theatre.Gesture, t: float) 
 
 
 def walked_by_hand(given) -> tuple[complex, float]:
-    """Every step is an arc of its own: chord 2 R sin(turn / 2), R = length / turn."""
+    """Every step is an arc with the chord 2 R sin(turn / 2), R = length / turn."""
     z, heading = 0j, 0.0
     for step in given:
         chord = step.length
@@ -57,7 +57,7 @@ def walked_by_hand(given) -> tuple[complex, float]:
     return z, heading
 
 
-def test_steps_lead_where_their_arcs_do(marionette):
+def test_steps_end_where_their_arcs_do(marionette):
     gesture = made(marionette)
     z, heading = walked_by_hand(GIVEN)
     assert footing_after(GIVEN) == pytest.approx((z.real, z.imag, heading), abs=1e-12)
@@ -110,7 +110,7 @@ def test_velocities_never_jump(marionette):
     assert not np.any(np.abs(gesture.ends[1]) > 1e-12)
 
 
-def test_knees_go_up_in_turn_but_not_where_it_stands(marionette):
+def test_knees_are_raised_alternately_but_not_at_rest(marionette):
     gesture, v_K = made(marionette), marionette.coordinates.v_K
     walked = [k for k, step in enumerate(GIVEN) if not step.stands]
     assert list(gesture.marks)[:4] == ["left", "right", "left 2", "right 2"]
@@ -119,7 +119,7 @@ def test_knees_go_up_in_turn_but_not_where_it_stands(marionette):
         d, _ = gesture.offsets((k + 0.5) * 0.5)
         up = {s: d[v_K.index(f"knee_{s}.length")] for s in ("left", "right")}
         side = ("left", "right")[walked.index(k) % 2] if k in walked else ""
-        # On the spot they go less high: the hips turn, and the knees would meet.
+        # On the spot they are raised less: the hips turn, and the knees would meet.
         high = 0.06 if GIVEN[k].length else 0.025
         for s, length in up.items():
             assert length == pytest.approx(-high if s == side else 0.0, abs=1e-12)
@@ -132,7 +132,7 @@ def test_equal_steps_are_a_walk(marionette):
     assert same.marks == walk.marks
 
 
-def test_what_is_no_step_is_refused(marionette):
+def test_impossible_steps_are_refused(marionette):
     for wrong in ((1.5, 0.0), (0.0, 2.0), (np.nan, 0.0)):
         with pytest.raises(ValueError, match="of a step is"):
             Step(*wrong)

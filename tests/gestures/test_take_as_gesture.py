@@ -1,4 +1,4 @@
-"""Takes as gestures: files that scores name, and what moves in them."""
+"""Takes as gestures: files in scores, and their coordinates."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fantoccini.theatre.gestures import gesture_of_take, is_gesture, piecewise
 
 @pytest.fixture(scope="module")
 def take():
-    """Half a second of a hand that goes out, while the head stays."""
+    """Half a second of a hand that moves out, while the head stays."""
     live = fan.Performance(fan.puppets.marionette())
     there = live.place("hand_left")[0] + [0.05, 0.02, 0.0]
     live.record()
@@ -31,18 +31,18 @@ def test_a_score_names_a_take_beside_it(take, tmp_path):
     x0 = puppet.rest()
     hands = score.inputs(x0)
     for t in np.linspace(0.0, take.duration, 9):
-        made, own = hands.evaluate(x0.t + 1.0 + t)[0], take.inputs.evaluate(t)[0]
-        np.testing.assert_allclose(made - x0.q_K, own - take.start.q_K, atol=1e-12)
+        moved, own = hands.evaluate(x0.t + 1.0 + t)[0], take.inputs.evaluate(t)[0]
+        np.testing.assert_allclose(moved - x0.q_K, own - take.start.q_K, atol=1e-12)
 
 
-def test_what_does_not_move_is_left_alone(take):
-    made = gesture_of_take(take.inputs, "reach")
-    assert made.uses == ("hand_left",) and made.name == "reach"
-    d, _ = piecewise.at(made.breaks, made.coef, take.duration)
+def test_coordinates_at_rest_are_not_part_of_the_gesture(take):
+    gesture = gesture_of_take(take.inputs, "reach")
+    assert gesture.uses == ("hand_left",) and gesture.name == "reach"
+    d, _ = piecewise.at(gesture.breaks, gesture.coef, take.duration)
     np.testing.assert_allclose(d, take.trajectory.q_K[-1] - take.start.q_K, atol=1e-12)
 
 
-def test_what_is_no_gesture_is_told(take, tmp_path):
+def test_files_without_a_gesture_are_refused(take, tmp_path):
     puppet = fan.puppets.marionette()
     live = fan.Performance(puppet)
     live.record()
@@ -58,5 +58,5 @@ def test_what_is_no_gesture_is_told(take, tmp_path):
             fan.theatre.load_gesture(puppet_of, tmp_path / path)
     (tmp_path / "a.yaml").write_text("gesture: a\nmoves: {head.up: [[0, 0], [1, 1 cm]]}\n")
     (tmp_path / "b.yaml").write_text("score: b\n")
-    found = [is_gesture(tmp_path / name) for name in ("a.yaml", "b.yaml", "reach.npz", "c.yaml")]
-    assert found == [True, False, False, False]
+    verdicts = [is_gesture(tmp_path / name) for name in ("a.yaml", "b.yaml", "reach.npz", "c.yaml")]
+    assert verdicts == [True, False, False, False]

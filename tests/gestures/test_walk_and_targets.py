@@ -105,7 +105,7 @@ def test_all_ends_of_a_walk_move_as_one_body_along_an_arc(marionette, steps, ste
         middle = 0.5 * (ends[1] + ends[2])
         way += np.abs(((middle - before) / arms[0]).real)
         before = middle
-    assert way == pytest.approx(steps * abs(step), rel=0.02)  # and the sway, on turning
+    assert way == pytest.approx(steps * abs(step), rel=0.02)  # and the sway, when turning
     length = steps * step
     chord = length * (np.exp(1j * turn) - 1.0) / (1j * turn) if turn else length
     assert before - home == pytest.approx(chord, abs=1e-9)
@@ -113,7 +113,7 @@ def test_all_ends_of_a_walk_move_as_one_body_along_an_arc(marionette, steps, ste
     np.testing.assert_allclose(last, before + np.exp(1j * turn) * (first - home), atol=1e-9)
 
 
-def test_knees_go_up_in_turn_at_the_marks(marionette):
+def test_knees_are_raised_alternately_at_the_marks(marionette):
     walk = fan.theatre.load_gesture(marionette, "walk", steps=4)
     assert list(walk.marks) == ["left", "right", "left 2", "right 2"]
     v_K = marionette.coordinates.v_K
@@ -136,12 +136,12 @@ def test_bounds_hold_where_walks_are_joined(marionette):
     speed, acceleration = 0.5, 4.0
     row = walk.then(wave, walk.turned(0.6), speed=speed, acceleration=acceleration)
     own = np.maximum(np.maximum(walk.peaks, wave.peaks), walk.turned(0.6).peaks)
-    most = np.maximum(own, np.array([[speed], [acceleration]])) * (1 + 2e-3)
-    assert np.all(row.peaks <= most)
+    bounds = np.maximum(own, np.array([[speed], [acceleration]])) * (1 + 2e-3)
+    assert np.all(row.peaks <= bounds)
 
 
 def test_a_second_walk_goes_on_in_the_new_direction(marionette):
-    """Two walks, the second turned as the first has turned, are one rigid motion."""
+    """Two walks, the second in the direction of the first one's end, are one rigid motion."""
     x0 = marionette.rest()
     walk = fan.theatre.load_gesture(marionette, "walk", steps=3, step=0.05, turn=0.4)
     once = fan.theatre.load_gesture(marionette, "walk", steps=6, step=0.05, turn=0.8)
@@ -163,7 +163,7 @@ def test_turning_a_gesture_turns_its_directions(marionette):
     np.testing.assert_allclose(turned.travel[v], expected)
 
 
-def test_the_puppet_walks_where_its_ends_do(marionette):
+def test_the_puppet_follows_its_ends(marionette):
     walk = fan.theatre.load_gesture(marionette, "walk", steps=4, step=0.06, turn=0.5)
     run = played(marionette, walk.then(fan.theatre.Gesture.rest(marionette, 3.0, everything=False)))
     before, after = (marionette.pose(run.at(t), "torso") for t in (0.0, run.t[-1]))
@@ -174,7 +174,7 @@ def test_the_puppet_walks_where_its_ends_do(marionette):
 
 
 def test_hands_point_at_places_in_front(marionette):
-    """Within 15 degrees, from the mark until the hand goes back, at ten places."""
+    """The direction is within 15 degrees from the mark until the hand returns, at ten places."""
     rng = np.random.default_rng(11)
     worst = 0.0
     for _ in range(10):
@@ -202,12 +202,12 @@ def test_hands_point_at_places_in_front(marionette):
 def test_a_face_turns_to_a_place(marionette, to, before, after):
     gesture = fan.theatre.load_gesture(marionette, "look", to=to)
     run, there = played(marionette, gesture), gesture.marks["there"]
-    found = []
+    angles = []
     for t in (0.0, *np.linspace(there, there + 1.5, 7)):
         pose = marionette.pose(run.at(t), "skull")
-        found.append(angle(pose[:3, 0], np.array(to) - pose[:3, 3]))
-    print(f"{to}: {found[0]:.1f} deg before, {max(found[1:]):.1f} at most after")
-    assert found[0] > before and max(found[1:]) < after
+        angles.append(angle(pose[:3, 0], np.array(to) - pose[:3, 3]))
+    print(f"{to}: {angles[0]:.1f} deg before, {max(angles[1:]):.1f} at most after")
+    assert angles[0] > before and max(angles[1:]) < after
 
 
 @pytest.mark.parametrize(("strings", "turned"), [(STRINGS, 57.0), (STRINGS[:3], 53.0)])
@@ -238,7 +238,7 @@ def test_members_have_the_bundled_gestures(marionette, visit):
 
 
 def test_a_member_points_at_places_of_the_world(visit):
-    """She looks towards -x: what is left in the world is on her right."""
+    """She looks towards -x: the left side of the world is on her right."""
     for to, side in (([0.0, 0.9, 0.5], "right"), ([-0.2, -0.8, 0.4], "left")):
         gesture = fan.theatre.load_gesture(visit, "point", of="columbine", to=to)
         assert gesture.uses == (f"columbine.hand_{side}",)
@@ -252,10 +252,10 @@ def test_scores_take_them(marionette, visit, tmp_path):
     score = fan.load_score(marionette, written(tmp_path, SCORE))
     assert score, score.changes
     assert [cue.gesture for cue in score.cues] == ["walk", "walk", "look", "point"]
-    made = fan.theatre.load_gesture(marionette, "walk", steps=4, step=0.06, turn=np.pi / 6).then(
+    walk = fan.theatre.load_gesture(marionette, "walk", steps=4, step=0.06, turn=np.pi / 6).then(
         fan.theatre.load_gesture(marionette, "walk", steps=2).turned(np.pi / 6)
     )
-    np.testing.assert_allclose(score.lanes["body"].travel, made.travel, atol=1e-12)
+    np.testing.assert_allclose(score.lanes["body"].travel, walk.travel, atol=1e-12)
     text = SCENE.replace("score: scene", "score: scene\nacceleration: 12")
     jsonschema.validate(read_file(written(tmp_path, text)).data, score_schema())
     scene = fan.load_score(visit, written(tmp_path, text))
@@ -302,7 +302,7 @@ def test_keys_of_gestures_are_not_for_phrases(marionette, tmp_path):
         fan.load_score(marionette, written(tmp_path, text))
 
 
-def test_wrong_arguments_are_told(marionette, visit):
+def test_wrong_arguments_of_gestures_are_named(marionette, visit):
     with pytest.raises(InputError, match="wave has no 'steps'"):
         fan.theatre.load_gesture(marionette, "wave", steps=3)
     with pytest.raises(UnknownNameError, match="did you mean 'pierrot'"):
@@ -328,14 +328,14 @@ def test_a_files_mistakes_keep_their_lines_for_members(visit, tmp_path):
         ("{bad: [{gesture: wve}]}", "[{gesture: bow}]", 2, "is called 'wve'"),
     ],
 )
-def test_what_would_tear_strings_apart_is_refused(tmp_path, phrases, lanes, line, message):
+def test_lanes_that_would_pull_strings_apart_are_refused(tmp_path, phrases, lanes, line, message):
     path = tmp_path / "walk.yaml"
     path.write_text(f"score: walk\nphrases: {phrases}\nlanes: {{body: {lanes}}}\n")
     with pytest.raises(FileError, match=rf"walk\.yaml:{line}: .*({message})"):
         fan.load_score(fan.puppets.marionette(), path)
 
 
-def test_turns_in_a_row_want_their_headings(tmp_path):
+def test_successive_turns_need_their_headings(tmp_path):
     path = tmp_path / "walk.yaml"
     turning = "{gesture: walk, turn: 80 deg}, {gesture: walk, turn: 80 deg"
     text = "score: walk\nlanes: {body: [" + turning + "%s}]}"
@@ -347,7 +347,7 @@ def test_turns_in_a_row_want_their_headings(tmp_path):
     assert not fan.load_score(puppet, path).changes
 
 
-def test_phrases_within_phrases_end(tmp_path):
+def test_nested_phrases_end(tmp_path):
     path = tmp_path / "deep.yaml"
     deep = "".join(f"  p{i}: [{{phrase: p{i + 1}}}]\n" for i in range(200))
     last = "  p200: [{gesture: bow}]\nlanes: {a: [{phrase: p0}]}\n"

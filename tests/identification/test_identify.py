@@ -1,7 +1,7 @@
-"""Numbers found in synthetic records agree with the truth, and their errors are as predicted.
+"""Estimates from synthetic records agree with the truth, and their errors are as predicted.
 
-Records come from event-driven runs at a tight tolerance; the fit steps in time. What may differ is
-the noise: 2 mm for every marker.
+Records come from event-driven runs at a tight tolerance; the fit uses time steps. They may differ
+by the noise, 2 mm for every marker.
 """
 
 from __future__ import annotations
@@ -28,50 +28,55 @@ def case():
     return arm()
 
 
-def test_an_arm_is_found_within_the_marks(case):
-    """Lengths and places to 1.5 mm, masses to 2 %, damping to 10 % (the elbow's 25 %), the delay
-    to 1.5 ms."""
-    found = fan.identify(record(case, 20.0, 3, gaps=0.1, outliers=0.01))
+def test_an_arm_is_estimated_within_the_tolerances(case):
+    """Lengths and places are found to 1.5 mm, masses to 2 %, damping to 10 % (the elbow's 25 %),
+    the delay to 1.5 ms.
+    """
+    estimate = fan.identify(record(case, 20.0, 3, gaps=0.1, outliers=0.01))
     for name, truth in case.truth.items():
-        apart = abs(found[name] - truth)
+        apart = abs(estimate[name] - truth)
         if name.endswith("mass"):
             assert apart < 0.02 * truth, name
         elif name.endswith("damping"):
             assert apart < 0.25 * truth if name == "elbow_damping" else apart < 0.1 * truth, name
         else:
             assert apart < 1.5e-3, name
-    assert found.converged and not found.combinations
-    assert 0.9 < found.chi2 < 1.15  # outliers count as 4 deviations
-    assert 10 < len(found.outliers) < 100  # of some 35 bad triples
-    assert not found.lost  # outliers do not make their segments count for nothing
-    assert abs(found.noise["wrist.x"] - 2e-3) < 2e-4
-    assert "delay" in found.summary()
+    assert estimate.converged and not estimate.combinations
+    assert 0.9 < estimate.chi2 < 1.15  # outliers count as 4 deviations
+    assert 10 < len(estimate.outliers) < 100  # of some 35 bad triples
+    assert not estimate.lost  # outliers do not invalidate their segments
+    assert abs(estimate.noise["wrist.x"] - 2e-3) < 2e-4
+    assert "delay" in estimate.summary()
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say(case):
-    """95 % of 95 % intervals: 12 records, 9 numbers each, at least 88 % (3 deviations)."""
+def test_intervals_contain_the_truth_at_their_rate(case):
+    """95 % of 95 % intervals contain the truth: 12 records, 9 numbers each, at least 88 % (3
+    deviations).
+    """
     inside = []
     for seed in range(12):
-        found = fan.identify(record(case, 10.0, 50 + seed))
+        estimate = fan.identify(record(case, 10.0, 50 + seed))
         for name, truth in case.truth.items():
-            low, high = found.interval(name)
+            low, high = estimate.interval(name)
             inside.append(low <= truth <= high)
     assert np.mean(inside) >= 0.88
 
 
 def test_derivatives_agree_with_differences_of_event_driven_runs(case):
-    """Of predictions by parameters, an offset and the delay; steps are of first order, so twice."""
-    one = record(case, 3.0, 1)
-    fit = fit_of(one, 0.25, 0.0005, 1)
-    at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
+    """Derivatives of predictions by parameters, an offset and the delay; steps are of first
+    order, so two sizes.
+    """
+    data = record(case, 3.0, 1)
+    fit = fit_of(data, 0.25, 0.0005, 1)
+    at = chained(fit, data.start_state(fit.inputs, float(fit.starts[0])))
     J = fit.jacobians(at).samples
-    s, m = 4, 2 * one.marionette.coordinates.n_vD
+    s, m = 4, 2 * data.marionette.coordinates.n_vD
     _, segments, _ = fit.sample_positions(at.theta, fit.dt)
     own = np.flatnonzero(segments == s)[2:-2]
 
     def seen(theta):
-        values = dict(zip([u.name for u in one.unknowns], theta, strict=False))
-        puppet = one.marionette.with_parameters(values)
+        values = dict(zip([u.name for u in data.unknowns], theta, strict=False))
+        puppet = data.marionette.with_parameters(values)
         point = fit.projected(at.q_D, at.v_D, theta, at.held)
         q_K, v_K, _ = fit.inputs.evaluate(fit.starts[s])
         offset = fit.offsets(theta)
@@ -91,8 +96,8 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
         ).resample(t)
         return fit.channels.evaluate(run.q_D, run.q_K, puppet.p, fit.places(theta))
 
-    for i, name in enumerate(one.labels):
-        step = 1e-4 * one.scales[i]
+    for i, name in enumerate(data.labels):
+        step = 1e-4 * data.scales[i]
         by = np.zeros(len(at.theta))
         by[i] = step
         slope = (seen(at.theta + by) - seen(at.theta - by)) / (2 * step)
@@ -108,30 +113,31 @@ def _moved(inputs, offset):
 
 
 def test_derivatives_of_the_steps_are_exact(case):
-    """Predictions by all unknowns and by the first states: central differences to 5e-5 by the
-    unknowns, as rotations are interpolated within steps ((omega dt)^2/8 at 4 rad/s), and 1e-4 by
-    the states, of which steps are smaller and rounding is more."""
-    one = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
-    fit = fit_of(one, 0.25, 0.005, 1)
-    at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
-    found = fit.jacobians(at)
-    J = found.samples
+    """Derivatives of predictions agree with central differences: to 5e-5 by the unknowns, since
+    rotations are interpolated within steps ((omega dt)^2/8 at 4 rad/s), and to 1e-4 by the first
+    states, whose smaller steps have more rounding.
+    """
+    data = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
+    fit = fit_of(data, 0.25, 0.005, 1)
+    at = chained(fit, data.start_state(fit.inputs, float(fit.starts[0])))
+    jacobians = fit.jacobians(at)
+    J = jacobians.samples
     m, rng = J.shape[2] - len(at.theta), np.random.default_rng(0)
     _, segments, _ = fit.sample_positions(at.theta, fit.dt)
     for i in range(len(at.theta)):
         by = np.zeros(len(at.theta))
-        by[i] = 1e-5 * one.scales[i]
+        by[i] = 1e-5 * data.scales[i]
         sides = [fit.predict(fit.moved(at, np.zeros((len(at.q_D), m)), s * by)) for s in (1, -1)]
         slope = (sides[0].y - sides[1].y) / (2 * by[i])
         exact = J[:, :, m + i]
-        assert np.max(np.abs(slope - exact)) < 5e-5 * np.max(np.abs(exact)), one.labels[i]
+        assert np.max(np.abs(slope - exact)) < 5e-5 * np.max(np.abs(exact)), data.labels[i]
     move = 1e-6 * rng.standard_normal((len(at.q_D), m))
     sides = [fit.predict(fit.moved(at, s * move, 0 * at.theta)) for s in (1, -1)]
     slope = 0.5 * (sides[0].y - sides[1].y)
     exact = np.einsum("ncm,nm->nc", J[:, :, :m], move[segments])
     assert np.max(np.abs(slope - exact)) < 1e-4 * np.max(np.abs(exact))
     rate = 0.5 * (sides[0].v_D - sides[1].v_D)
-    exact = np.einsum("sim,sm->si", found.end[:, m // 2 :, :m], move)
+    exact = np.einsum("sim,sm->si", jacobians.end[:, m // 2 :, :m], move)
     assert np.max(np.abs(rate - exact)) < 1e-4 * np.max(np.abs(exact))
 
 
@@ -151,11 +157,11 @@ pose: {pin: 40 deg}
 
 
 def swing(rng, seconds=12.0, noise=0.01):
-    """A pendulum that swings down freely: SciPy's motion, the angle with noise."""
+    """A freely swinging pendulum: SciPy's motion, the angle with noise."""
     mass, centre, damping, inertia = 0.4, -0.3, 0.03, 0.01
     whole = inertia + mass * centre**2
     t = np.arange(0.0, seconds, 0.02)
-    made = solve_ivp(
+    solution = solve_ivp(
         lambda t, y: [y[1], (mass * 9.81 * centre * np.sin(y[0]) - damping * y[1]) / whole],
         (0.0, seconds),
         [np.radians(40.0), 0.0],
@@ -163,11 +169,13 @@ def swing(rng, seconds=12.0, noise=0.01):
         rtol=1e-10,
         atol=1e-10,
     )
-    return t, made.y[0] + noise * rng.standard_normal(len(t)), (mass, centre, damping, whole)
+    return t, solution.y[0] + noise * rng.standard_normal(len(t)), (mass, centre, damping, whole)
 
 
 def test_a_pendulum_is_found_as_scipy_finds_it():
-    """Against least squares over SciPy's runs: estimates within 0.2, errors within 15 %."""
+    """Compared with least squares over SciPy's runs: estimates within 0.2 deviations, errors
+    within 15 %.
+    """
     rng = np.random.default_rng(5)
     t, angle, (mass, centre, *_) = swing(rng)
     puppet = fan.loads(PENDULUM).with_parameters({"mass": mass, "centre": centre + 0.02})
@@ -176,7 +184,7 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
     def misfit(theta):
         own, damping, start, rate = theta
         whole = 0.01 + mass * own**2
-        made = solve_ivp(
+        solution = solve_ivp(
             lambda t, y: [y[1], (mass * 9.81 * own * np.sin(y[0]) - damping * y[1]) / whole],
             (0.0, t[-1]),
             [start, rate],
@@ -184,11 +192,11 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
             rtol=1e-9,
             atol=1e-9,
         )
-        return (made.y[0] - angle) / 0.01
+        return (solution.y[0] - angle) / 0.01
 
     peer = least_squares(misfit, [centre, 0.03, np.radians(40.0), 0.0])
     errors = np.sqrt(np.diag(np.linalg.inv(peer.jac.T @ peer.jac)))
-    one = fan.lab.Record(
+    data = fan.lab.Record(
         puppet,
         fan.Input.hold(puppet, float(t[-1])),
         t,
@@ -196,42 +204,42 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
         unknown=[fan.lab.Unknown("centre", positive=False), "damping"],
         noise={"pin": 0.01},
     )
-    found = fan.identify(one, drift=(1e-4, 1e-3))
+    estimate = fan.identify(data, drift=(1e-4, 1e-3))
     for i, name in enumerate(("centre", "damping")):
-        assert abs(found[name] - peer.x[i]) < 0.2 * errors[i], name
-        assert abs(found.deviation(name) / errors[i] - 1.0) < 0.15, name
+        assert abs(estimate[name] - peer.x[i]) < 0.2 * errors[i], name
+        assert abs(estimate.deviation(name) / errors[i] - 1.0) < 0.15, name
 
 
-def test_what_a_pendulum_cannot_tell_apart_is_named():
-    """Angles tell the ratio of mass and damping only: both times one factor move alike."""
+def test_undetermined_combinations_of_a_pendulum_are_named():
+    """Angles determine only the ratio of mass and damping: a common factor changes nothing."""
     rng = np.random.default_rng(6)
     text = PENDULUM.replace("inertia: [0.01, 0.01, 0.0001]", "inertia: [1.0e-9, 1.0e-9, 1.0e-9]")
     t, angle, _ = swing(rng)
-    one = fan.lab.Record(
+    data = fan.lab.Record(
         fan.loads(text),
         fan.Input.hold(fan.loads(text), float(t[-1])),
         t,
         {"pin": angle},
         unknown=["mass", "damping", fan.lab.Unknown("centre", positive=False)],
     )
-    found = fan.identify(one)
-    assert len(found.combinations) == 1
-    parts = found.combinations[0].parts
+    estimate = fan.identify(data)
+    assert len(estimate.combinations) == 1
+    parts = estimate.combinations[0].parts
     assert set(parts) == {"mass", "damping"}
-    # Shares are relative to the larger of first and found values, the factor to those found.
-    sizes = one.sizes(found.values)
-    mass, damping = (parts[n] * sizes[i] / found[n] for i, n in enumerate(("mass", "damping")))
+    # Shares are relative to the larger of first and estimated values, the factor to the estimates.
+    sizes = data.sizes(estimate.values)
+    mass, damping = (parts[n] * sizes[i] / estimate[n] for i, n in enumerate(("mass", "damping")))
     assert abs(mass / damping - 1.0) < 0.02
     centre = (0.01 + 0.4 * 0.3**2) / (0.4 * 0.3)  # of a point mass that swings as the rod does
     ratio = (0.01 + 0.4 * 0.3**2) / (0.03 * centre**2)
-    assert abs(found["centre"] + centre) < 5e-3
-    assert abs(found["mass"] / found["damping"] / ratio - 1.0) < 0.05
-    assert np.isinf(found.deviation("mass")) and np.isfinite(found.deviation("centre"))
-    assert "only together" in found.summary()
+    assert abs(estimate["centre"] + centre) < 5e-3
+    assert abs(estimate["mass"] / estimate["damping"] / ratio - 1.0) < 0.05
+    assert np.isinf(estimate.deviation("mass")) and np.isfinite(estimate.deviation("centre"))
+    assert "only together" in estimate.summary()
 
 
 def scaled_case():
-    """An arm of which all masses, dampings and drags are unknown."""
+    """An arm with unknown masses, damping and drag."""
     truth = {
         "shoulder_damping": 2.4e-3,
         "upper_mass": 0.15,
@@ -244,8 +252,10 @@ def scaled_case():
     return replace(arm(), truth=truth, markers=markers, signed=())
 
 
-def test_only_forces_tell_the_scale_of_masses():
-    """All masses and damping times one factor move alike; a tension, or one known mass, tells."""
+def test_only_forces_determine_the_scale_of_masses():
+    """A common factor of masses and damping changes no motion; a tension or one known mass
+    determines it.
+    """
     case = scaled_case()
     silent = fan.identify(record(case, 10.0, 1))
     assert len(silent.combinations) == 1
@@ -261,19 +271,19 @@ def test_only_forces_tell_the_scale_of_masses():
     assert abs(weighed["upper_mass"] / 0.15 - 1.0) < 0.02
 
 
-def test_a_mass_known_beforehand_tells_the_scale():
+def test_a_known_mass_determines_the_scale():
     case = scaled_case()
-    one = record(case, 10.0, 1)
+    data = record(case, 10.0, 1)
     known = [
-        replace(u, about=0.11, known=1e-4) if u.name == "lower_mass" else u for u in one.unknowns
+        replace(u, about=0.11, known=1e-4) if u.name == "lower_mass" else u for u in data.unknowns
     ]
-    found = fan.identify(replace(one, unknown=known))
-    assert not found.combinations
-    assert abs(found["upper_mass"] / 0.15 - 1.0) < 0.05
+    estimate = fan.identify(replace(data, unknown=known))
+    assert not estimate.combinations
+    assert abs(estimate["upper_mass"] / 0.15 - 1.0) < 0.05
 
 
 def test_motor_parameters_are_found():
-    """Stiffness and damping of a pd drive, from the angle it moves."""
+    """Stiffness and damping of a pd drive, from the angle of its joint."""
     text = """
 puppet: crank
 bodies:
@@ -298,28 +308,28 @@ drives:
     run = fan.simulate(true, true.rest(), inputs, 8.0)
     t = np.arange(0.1, 7.9, 1 / 60)
     angle = run.resample(t)["turn"] + 0.01 * rng.standard_normal(len(t))
-    found = fan.identify(fan.lab.Record(puppet, inputs, t, {"turn": angle}, unknown=["k", "c"]))
+    estimate = fan.identify(fan.lab.Record(puppet, inputs, t, {"turn": angle}, unknown=["k", "c"]))
     for name, value in truth.items():
-        assert abs(found[name] - value) < 4 * found.deviation(name), name
-        assert found.deviation(name) < 0.1 * value, name
+        assert abs(estimate[name] - value) < 4 * estimate.deviation(name), name
+        assert estimate.deviation(name) < 0.1 * value, name
 
 
-def test_motions_that_move_tell_more(case):
-    """A candidate that stands still tells least; the best one's predicted errors are met."""
-    one = record(case, 10.0, 4)
+def test_larger_motions_are_more_informative(case):
+    """A candidate at rest informs least; the predicted errors of the best one are met."""
+    data = record(case, 10.0, 4)
     still = fan.Input.hold(case.puppet, 10.0)
-    best = fan.lab.suggest_motion(one, {"still": still, "moving": one.inputs})
+    best = fan.lab.suggest_motion(data, {"still": still, "moving": data.inputs})
     assert [c.name for c in best] == ["moving", "still"]
     assert best[1].combinations and not best[0].combinations
-    found = fan.identify(one)
+    estimate = fan.identify(data)
     for name in arm().truth:
         guess = best[0].deviations[name] * 2e-3 / 5e-3  # noise is guessed as 5 mm before a record
-        assert 0.4 < found.deviation(name) / guess < 2.5, name
+        assert 0.4 < estimate.deviation(name) / guess < 2.5, name
 
 
 def test_random_motions_are_tried_and_written(case, tmp_path):
-    one = record(case, 5.0, 4)
-    best = fan.lab.suggest_motion(one, duration=5.0, reach=0.1, draws=1, seed=1)
+    data = record(case, 5.0, 4)
+    best = fan.lab.suggest_motion(data, duration=5.0, reach=0.1, draws=1, seed=1)
     assert len(best) == 6 and best[0].gain >= best[-1].gain
     best[0].save(tmp_path / "best.csv")
     again = fan.Input.load(case.puppet, tmp_path / "best.csv")
@@ -350,7 +360,7 @@ def test_a_length_between_joints_is_found():
     columns = {f"joint.{axis}": place[:, i] for i, axis in enumerate("xyz")} | {
         "tail": seen["tail"] + 0.01 * rng.standard_normal(len(t))
     }
-    one = fan.lab.Record(
+    data = fan.lab.Record(
         puppet,
         hold,
         t,
@@ -359,13 +369,13 @@ def test_a_length_between_joints_is_found():
         [fan.lab.Unknown("reach", positive=False), "damping"],
         start={"pin": 0.1},
     )
-    found = fan.identify(one)
-    assert abs(found["reach"] + 0.46) < 1e-3
-    assert abs(found["damping"] / 0.02 - 1.0) < 0.05
+    estimate = fan.identify(data)
+    assert abs(estimate["reach"] + 0.46) < 1e-3
+    assert abs(estimate["damping"] / 0.02 - 1.0) < 0.05
 
 
 def free(about, **options):
-    """A record of a pendulum that swings freely, in which the damping is looked for."""
+    """A record of a freely swinging pendulum with unknown damping."""
     t, angle, _ = swing(np.random.default_rng(3), seconds=3.0, noise=0.05)
     puppet = fan.loads(PENDULUM).with_parameters({"mass": 0.4, "centre": -0.3})
     return fan.lab.Record(
@@ -380,32 +390,32 @@ def free(about, **options):
 
 
 def test_a_small_first_guess_hides_nothing():
-    """The damping is told to a fifth of itself, from a guess of a thirtieth as from a good one."""
-    far, near = (fan.identify(free(about)) for about in (0.001, 0.03))
-    assert not near.combinations and not far.combinations
+    """The damping is found to a fifth of itself, from a guess of a thirtieth as from a good one."""
+    distant_guess, near = (fan.identify(free(about)) for about in (0.001, 0.03))
+    assert not near.combinations and not distant_guess.combinations
     assert 0.001 < near.deviation("damping") < 0.5 * near["damping"]
-    assert abs(far["damping"] - near["damping"]) < 0.1 * near.deviation("damping")
+    assert abs(distant_guess["damping"] - near["damping"]) < 0.1 * near.deviation("damping")
     assert abs(near["damping"] - 0.03) < 3.0 * near.deviation("damping")
 
 
-def test_a_delay_is_found_near_where_it_begins_and_its_end_is_told(case):
-    """A clock 1 s ahead, with a first guess; and 0.4 s, of which 0.25 s are within reach."""
-    one = record(case, 5.0, 3)
-    ahead = fan.identify(replace(one, t=one.t + 1.0, delay=1.0))
+def test_a_delay_is_found_near_its_guess_and_its_bound_is_reported(case):
+    """A clock 1 s ahead, with a first guess; and one 0.4 s ahead, with a bound of 0.25 s."""
+    data = record(case, 5.0, 3)
+    ahead = fan.identify(replace(data, t=data.t + 1.0, delay=1.0))
     apart = abs(ahead["delay"] - 1.0 - case.truth["delay"])
     assert apart < 4.0 * ahead.deviation("delay") < 8e-3 and not ahead.at_bound
-    found = fan.identify(replace(one, t=one.t + 0.4))
-    assert found.at_bound and not found.converged
-    assert abs(found["delay"] - 0.25) < 1e-3
-    assert "begin nearer" in found.summary()
+    estimate = fan.identify(replace(data, t=data.t + 0.4))
+    assert estimate.at_bound and not estimate.converged
+    assert abs(estimate["delay"] - 0.25) < 1e-3
+    assert "begin nearer" in estimate.summary()
 
 
 def test_columns_without_samples_are_left_out(case, recwarn):
-    one = record(case, 3.0, 1)
-    columns = {name: values for name, values in one.columns.items() if name != "wrist.y"}
-    found = fan.identify(replace(one, columns=columns))
-    assert "wrist.y" not in found.rms() and np.all(np.isfinite(list(found.rms().values())))
-    assert not [one for one in recwarn if "empty slice" in str(one.message)]
+    data = record(case, 3.0, 1)
+    columns = {name: values for name, values in data.columns.items() if name != "wrist.y"}
+    estimate = fan.identify(replace(data, columns=columns))
+    assert "wrist.y" not in estimate.rms() and np.all(np.isfinite(list(estimate.rms().values())))
+    assert not [warning for warning in recwarn if "empty slice" in str(warning.message)]
 
 
 @pytest.mark.parametrize(
@@ -426,34 +436,34 @@ def test_a_record_checks_its_numbers(change, message):
 
 
 @pytest.mark.parametrize("known", [0.0, -1.0, np.nan])
-def test_what_is_known_beforehand_is_positive(known):
+def test_known_deviations_are_positive(known):
     with pytest.raises(ValueError, match="known of damping"):
         fan.lab.Unknown("damping", known=known)
 
 
-def test_sensors_whose_rows_take_turns_all_count(case):
-    """Every marker has rows of its own, as with three cameras; a third of the samples is left."""
-    one = record(case, 12.0, 4)
-    turn = np.arange(len(one.t)) % 3
+def test_sensors_with_alternating_rows_all_count(case):
+    """Every marker has rows of its own, as with three cameras; a third of the samples remains."""
+    data = record(case, 12.0, 4)
+    turn = np.arange(len(data.t)) % 3
     columns = {
         name: np.where(turn == ("middle", "wrist", "tip").index(name.split(".")[0]), x, np.nan)
-        for name, x in one.columns.items()
+        for name, x in data.columns.items()
     }
-    found = fan.identify(replace(one, columns=columns))
-    assert found.converged and all(found.noise[name] < 3e-3 for name in columns)
-    assert abs(found["tie"] - case.truth["tie"]) < 2e-3
+    estimate = fan.identify(replace(data, columns=columns))
+    assert estimate.converged and all(estimate.noise[name] < 3e-3 for name in columns)
+    assert abs(estimate["tie"] - case.truth["tie"]) < 2e-3
 
 
 def test_a_positive_number_does_not_begin_at_zero(case):
-    one = record(case, 3.0, 1)
+    data = record(case, 3.0, 1)
     for about in (0.0, -0.1):
         with pytest.raises(
             fan.errors.StateError, match=r"upper_mass begins at .* let it begin above 0"
         ):
-            replace(one, unknown=[fan.lab.Unknown("upper_mass", about=about)])
+            replace(data, unknown=[fan.lab.Unknown("upper_mass", about=about)])
 
 
-def test_what_does_not_move_by_itself_is_refused():
+def test_a_puppet_without_dynamic_coordinates_is_refused():
     rail = fan.loads("""
 puppet: rail
 bodies:

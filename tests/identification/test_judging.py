@@ -1,4 +1,4 @@
-"""Doubts: none where noise is all that is left, and some where the model is wrong."""
+"""Doubts about estimates: none if only noise remains, and some if the model is wrong."""
 
 from __future__ import annotations
 
@@ -23,43 +23,55 @@ def good():
 
 @pytest.mark.parametrize("seed", [3, 20, 21])
 def test_noise_alone_is_not_doubted(seed):
-    found = fan.identify(record(arm(), 12.0, seed, gaps=0.1))
-    assert doubts(found) == ()
-    assert all(abs(one.within - 0.954) < 0.03 for one in columns(found))  # 4 deviations of 700
+    estimate = fan.identify(record(arm(), 12.0, seed, gaps=0.1))
+    assert doubts(estimate) == ()
+    assert all(
+        abs(column.within - 0.954) < 0.03 for column in columns(estimate)
+    )  # 4 deviations of 700
 
 
 def test_a_turned_camera_is_doubted(good):
-    """By one degree: chi2 and drift do not show it, neighbouring residuals and jumps do."""
-    found = fan.identify(turned(good, 1.0))
-    assert found.chi2 < 1.15 and found.drift < 0.5
-    said = " ".join(doubts(found))
+    """The camera is turned by 1 degree: chi2 and drift do not show it, residuals and jumps do."""
+    estimate = fan.identify(turned(good, 1.0))
+    assert estimate.chi2 < 1.15 and estimate.drift < 0.5
+    said = " ".join(doubts(estimate))
     assert "are correlated" in said and "tip.z" in said
-    assert "go mostly to one side" in said and leaning(found)
+    assert "go mostly to one side" in said and leaning(estimate)
 
 
 def test_a_noise_level_that_is_wrong_is_doubted(good):
     low = fan.identify(replace(good, noise={"wrist": 1e-3}))
-    assert any("wrist.x, wrist.y, wrist.z are more than the noise" in one for one in doubts(low))
+    assert any(
+        "wrist.x, wrist.y, wrist.z are more than the noise" in doubt for doubt in doubts(low)
+    )
     high = fan.identify(replace(good, noise={"wrist": 5e-3}))
-    assert any("wrist.x, wrist.y, wrist.z are less than the noise" in one for one in doubts(high))
-    assert [one.doubtful for one in columns(low)] == [False] * 3 + [True] * 3 + [False] * 3
+    assert any(
+        "wrist.x, wrist.y, wrist.z are less than the noise" in doubt for doubt in doubts(high)
+    )
+    assert [column.doubtful for column in columns(low)] == [False] * 3 + [True] * 3 + [False] * 3
 
 
 def test_neighbours_are_samples_of_a_column(good):
     """The turned camera with every second row: its neighbours are two rows apart."""
     half = np.arange(len(good.t)) % 2 == 0
-    one = turned(good, 1.0)
-    columns_ = {name: np.where(half, x, np.nan) for name, x in one.columns.items()}
-    found = fan.identify(replace(one, columns=columns_))
-    assert any("are correlated" in said for said in doubts(found))
+    data = turned(good, 1.0)
+    columns_ = {name: np.where(half, x, np.nan) for name, x in data.columns.items()}
+    estimate = fan.identify(replace(data, columns=columns_))
+    assert any("are correlated" in said for said in doubts(estimate))
 
 
-def test_what_was_known_and_is_not_so_is_doubted(good):
-    """0.13 kg known to 1 g, and in truth 0.16 kg."""
-    known = [replace(one, known=1e-3) if one.name == "upper_mass" else one for one in good.unknown]
-    found = fan.identify(replace(good, unknown=known))
-    assert any("upper_mass" in one and "the value known beforehand" in one for one in doubts(found))
-    assert 0.0 < from_before(found)["upper_mass"] <= 1.0
+def test_a_wrong_known_value_is_doubted(good):
+    """0.13 kg is claimed to 1 g, and the true mass is 0.16 kg."""
+    known = [
+        replace(unknown, known=1e-3) if unknown.name == "upper_mass" else unknown
+        for unknown in good.unknown
+    ]
+    estimate = fan.identify(replace(good, unknown=known))
+    assert any(
+        "upper_mass" in doubt and "the value known beforehand" in doubt
+        for doubt in doubts(estimate)
+    )
+    assert 0.0 < from_before(estimate)["upper_mass"] <= 1.0
 
 
 CART = """
@@ -73,23 +85,23 @@ strings:
 """
 
 
-def test_a_missing_acceleration_is_told():
-    """A cart that a force pulls of which the model knows nothing, x = a t^2 / 2.
+def test_a_missing_acceleration_is_estimated():
+    """A cart pulled by a force outside of the model, x = a t^2 / 2.
 
-    A part of it goes into the jumps of the position and at the ends: 20 %.
+    Its residuals are partly in the jumps of the position and at the ends: 20 %.
     """
     cart = fan.loads(CART)
     t, rng = np.arange(0.2, 7.8, 1 / 60), np.random.default_rng(0)
     x = 0.5 * 0.05 * t**2 + 1e-4 * rng.standard_normal(len(t))
     known = fan.lab.Unknown("d", about=1e-6, known=1e-6)
-    one = fan.lab.Record(cart, fan.Input.hold(cart, 8.0), t, {"rail": x}, unknown=[known])
-    first = leaning(fan.identify(one))[0]
+    data = fan.lab.Record(cart, fan.Input.hold(cart, 8.0), t, {"rail": x}, unknown=[known])
+    first = leaning(fan.identify(data))[0]
     assert first.name == "velocity of rail" and first.unit == "m/s²"
     assert abs(first.acceleration - 0.05) < 0.2 * 0.05
     assert "m/s² were missing" in str(first)
 
 
-def test_units_follow_from_where_numbers_stand():
+def test_units_follow_from_the_keys_of_numbers():
     def number(name):
         return {"parameter": name, "value": 1.0}
 

@@ -1,4 +1,4 @@
-"""Record files: what they mean, and where their mistakes are."""
+"""Record files: their meaning, and mistakes with their places."""
 
 from __future__ import annotations
 
@@ -51,15 +51,15 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("record")
     (place / "arm.yaml").write_text(PLAIN, encoding="utf-8")
     (place / "swing.yaml").write_text(TEXT, encoding="utf-8")
-    one = record(arm(), 8.0, 7)
-    around = np.arange(0.0, one.t[0], 0.02), one.t, np.arange(one.t[-1] + 0.02, 8, 0.02)
+    data = record(arm(), 8.0, 7)
+    around = np.arange(0.0, data.t[0], 0.02), data.t, np.arange(data.t[-1] + 0.02, 8, 0.02)
     t = np.concatenate(around)
-    q_K, _, _ = one.inputs.evaluate(t)
+    q_K, _, _ = data.inputs.evaluate(t)
     columns: dict = {"time": t.tolist()}
-    for q, name in enumerate(one.marionette.coordinates.q_K):
+    for q, name in enumerate(data.marionette.coordinates.q_K):
         columns[name] = q_K[:, q].tolist()
-    inside = np.isin(t, one.t)
-    for name, values in one.columns.items():
+    inside = np.isin(t, data.t)
+    for name, values in data.columns.items():
         cells = np.full(len(t), np.nan)
         cells[inside] = values
         cells[200:230] = np.nan
@@ -81,13 +81,13 @@ def test_a_record_is_found_and_the_puppet_written(folder, tmp_path):
     assert data["doubts"] == []
     text = out.read_text(encoding="utf-8")
     assert "# weighed badly" in text
-    found = fan.load(out)
-    apart = abs(found.tree.parameters["tie"] + 0.305)
+    marionette = fan.load(out)
+    apart = abs(marionette.tree.parameters["tie"] + 0.305)
     assert apart < 4 * data["numbers"]["tie"]["standard_deviation"] < 4e-3
-    assert abs(found.mass - 0.1 - data["numbers"]["upper.mass"]["value"]) < 1e-6
+    assert abs(marionette.mass - 0.1 - data["numbers"]["upper.mass"]["value"]) < 1e-6
 
 
-def test_the_schema_takes_what_is_read():
+def test_the_schema_accepts_valid_records():
     from ruamel.yaml import YAML
 
     validator = Draft202012Validator(record_schema())
@@ -182,13 +182,13 @@ def test_samples_beyond_the_inputs_are_refused(folder):
         fan.lab.load_record(folder / "cut.yaml")
 
 
-def test_coordinates_that_nothing_moves_are_known(folder):
+def test_coordinates_at_rest_are_recognised(folder):
     text = "record: hung\npuppet: arm.yaml\nsamples: hung.csv\nunknown: {tie: }\ndelay: -2.0\n"
     (folder / "hung.yaml").write_text(text, encoding="utf-8")
     rows = "\n".join(f"{0.1 * i:.1f},{0.01 * i:.2f}" for i in range(20))
     (folder / "hung.csv").write_text(f"time,elbow\n{rows}\n", encoding="utf-8")
-    one = fan.lab.load_record(folder / "hung.yaml")
-    assert set(one.still) == {"hand.x", "hand.y", "hand.length"}
+    data = fan.lab.load_record(folder / "hung.yaml")
+    assert set(data.still) == {"hand.x", "hand.y", "hand.length"}
     assert fan.lab.load_record(folder / "swing.yaml").still == ()
 
 
@@ -197,9 +197,9 @@ def test_a_place_never_takes_the_name_of_a_parameter(folder):
     assert text != PLAIN
     (folder / "clash.yaml").write_text(text, encoding="utf-8")
     (folder / "both.yaml").write_text(TEXT.replace("arm.yaml", "clash.yaml"), encoding="utf-8")
-    one = fan.lab.load_record(folder / "both.yaml")
-    assert one.unknowns[0].name == "upper_mass_" and one.labels[0] == "upper.mass"
-    assert dict(one.marionette.tree.parameters)["upper_mass"] == 0.1
+    data = fan.lab.load_record(folder / "both.yaml")
+    assert data.unknowns[0].name == "upper_mass_" and data.labels[0] == "upper.mass"
+    assert dict(data.marionette.tree.parameters)["upper_mass"] == 0.1
 
 
 def test_noise_and_units_go_by_the_columns_of_the_file(folder):
@@ -208,17 +208,17 @@ columns: {hand.length: {unit: mm}}
 delay: {about: 0.02}
 """
     (folder / "units.yaml").write_text(TEXT.replace("delay: find\n", new), encoding="utf-8")
-    plain, one = (fan.lab.load_record(folder / f"{name}.yaml") for name in ("swing", "units"))
-    assert one.noise == {"wrist.x": 0.01, "middle": 0.004}
-    given = dict(zip(one.channels.names, NoiseLevels.of(one).given.tolist(), strict=True))
-    assert given["wrist.x"] == 0.01 and np.isnan(given["wrist.y"]) and given["middle.z"] == 0.004
-    q = one.marionette.coordinates.q_K.index("hand.length")
-    lengths = [x.inputs.evaluate(3.0)[0][q] for x in (plain, one)]
+    plain, data = (fan.lab.load_record(folder / f"{name}.yaml") for name in ("swing", "units"))
+    assert data.noise == {"wrist.x": 0.01, "middle": 0.004}
+    noise = dict(zip(data.channels.names, NoiseLevels.of(data).given.tolist(), strict=True))
+    assert noise["wrist.x"] == 0.01 and np.isnan(noise["wrist.y"]) and noise["middle.z"] == 0.004
+    q = data.marionette.coordinates.q_K.index("hand.length")
+    lengths = [x.inputs.evaluate(3.0)[0][q] for x in (plain, data)]
     assert np.isclose(lengths[1], 1e-3 * lengths[0])
-    assert one.find_delay and one.delay == 0.02 and one.begin[-1] == 0.02
+    assert data.find_delay and data.delay == 0.02 and data.begin[-1] == 0.02
 
 
-def test_names_of_twins_say_whose_they_are():
+def test_names_of_twins_have_their_side():
     data = {
         "bodies": [{"name": "hand_left", "mass": 0.1}],
         "mirror": {"plane": "xz", "from": "left", "to": "right"},
@@ -242,7 +242,7 @@ bodies:
 
 def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
     data = read_text(BARE).data
-    found = {
+    changes = {
         "a.mass": 0.25,
         "a.com.z": -0.2,
         "m": 0.125,
@@ -251,7 +251,7 @@ def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
         "b.drag.angular": 1e-5,
         "c.mass": 1.0,
     }
-    write_numbers(BARE, {find(data, k): x for k, x in found.items()}, tmp_path / "out.yaml")
+    write_numbers(BARE, {find(data, k): x for k, x in changes.items()}, tmp_path / "out.yaml")
     text = (tmp_path / "out.yaml").read_text(encoding="utf-8")
     expected = BARE.replace("0.5,", "0.25,").replace("-0.1]", "-0.2]").replace("3e-1", "0.125")
     expected = expected.replace("name: j, ", "name: j, damping: 0.01, ")
@@ -310,7 +310,7 @@ def test_the_report_is_a_page_or_numbers_by_its_ending(folder, tmp_path):
 def test_outputs_and_options_are_checked_first(folder, options, message):
     (folder / "old.yaml").write_text("mine", encoding="utf-8")
     before = {path: path.read_bytes() for path in folder.iterdir()}
-    done = identify(folder / "swing.yaml", *(one.format(folder) for one in options))
+    done = identify(folder / "swing.yaml", *(option.format(folder) for option in options))
     assert done.exit_code == 2
     assert message in " ".join(done.output.replace("│", " ").split())
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
@@ -333,14 +333,14 @@ def test_the_next_motion_is_written(folder, tmp_path):
     assert abs(fan.Input.load(arm().puppet, suggest).end - 2.0) < 0.5
 
 
-def test_motions_that_tell_nothing_are_called_so(capsys):
+def test_uninformative_motions_are_reported(capsys):
     still = fan.Input.hold(arm().puppet, 1.0)
     print_motions((fan.lab.identification.Candidate("still", still, 0.0, {}, (), np.inf),))
     assert "no motion gives information" in capsys.readouterr().out
 
 
-def test_a_failed_suggestion_leaves_what_was_found(folder, tmp_path):
-    """Motions that the string cannot follow: the puppet is written and printed all the same."""
+def test_a_failed_suggestion_leaves_the_estimate(folder, tmp_path):
+    """The string cannot follow these motions: the puppet is written and printed all the same."""
     out = tmp_path / "found.yaml"
     done = identify(
         folder / "swing.yaml",
@@ -384,9 +384,9 @@ unknown: {elbow_damping: }
     )
     rows = "\n".join(f"{0.1 * i:.1f},{90 - i},{1.5 if i % 2 else ''}" for i in range(10))
     (folder / "angles.csv").write_text(f"time,bend,cell\n{rows}\n", encoding="utf-8")
-    one = fan.lab.load_record(folder / "angles.yaml")
-    assert np.isclose(one.columns["elbow"][0], np.pi / 2)
-    assert np.isnan(one.columns["hand.tension"][0]) and one.columns["hand.tension"][1] == 1.5
+    data = fan.lab.load_record(folder / "angles.yaml")
+    assert np.isclose(data.columns["elbow"][0], np.pi / 2)
+    assert np.isnan(data.columns["hand.tension"][0]) and data.columns["hand.tension"][1] == 1.5
 
 
 def test_an_empty_last_column_is_left_out(folder):

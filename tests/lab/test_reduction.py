@@ -68,7 +68,7 @@ def test_the_rod_on_a_trolley_has_the_products_of_christoffels_symbols():
 
 
 def test_a_bob_on_a_winch_has_the_products_of_its_constraint_surface():
-    """On h = 0 the coordinates are theta, x and L: xb = x + L sin(theta), zb = -L cos(theta)."""
+    """Coordinates on h = 0 are theta, x and L: xb = x + L sin(theta), zb = -L cos(theta)."""
     winch, drives = fan.loads(WINCH), np.array([0.6, 0.9])
     theta, x, length = q = sp.symbols("theta x L")
     place = sp.Matrix([x + length * sp.sin(theta), -length * sp.cos(theta)])
@@ -84,14 +84,14 @@ def test_a_bob_on_a_winch_has_the_products_of_its_constraint_surface():
         products, outside = symmetric_products(winch, state, drives, rows)
         wanted = np.array(by_hand(at), dtype=float)[..., 0]
         assert products == pytest.approx(np.einsum("lm,ijm->lij", lift(at), wanted), abs=1e-12)
-        # The winch alone has <X, X> = 0: G_LL = 1 / (m + J). The carriage has not.
+        # The winch alone has <X, X> = 0: G_LL = 1 / (m + J). The carriage does not.
         alone, _ = symmetric_products(winch, state, np.array([1e12, 0.9]), rows)
         assert np.linalg.norm(alone[:, 1, 1]) < 1e-10
         assert outside > 0.05
 
 
 def test_the_products_of_turning_joints_are_the_gradient_of_the_driven_block():
-    """What is outside of the span is d(M^-1)_KK/dq_D, in the metric of M_DD, by differences."""
+    """The part outside of the span is d(M^-1)_KK/dq_D, in the metric of M_DD, by differences."""
     turned = fan.loads(TURNED)
     n, inertia, h = turned.coordinates.n_vD, np.array([0.5] * 3 + [0.02] * 3), 1e-5
     for x in states(turned, 2):
@@ -102,14 +102,14 @@ def test_the_products_of_turning_joints_are_the_gradient_of_the_driven_block():
             ends = [displaced(turned, x, sign * move) for sign in (1, -1)]
             up, down = (np.linalg.inv(metric(turned, y, inertia))[n:, n:] for y in ends)
             gradient.append((up - down) / (2 * h))
-        # The part of a covector on the puppet that forces on the drives cannot give.
+        # Part of a covector on the puppet that forces on the drives cannot produce.
         covector = np.einsum("ab,bij->aij", M, products)[:n]
         assert covector == pytest.approx(np.array(gradient), abs=2e-8)
         assert outside > 0.01
 
 
 def test_a_driven_bar_has_a_metric_of_its_own_and_products_inside():
-    """M_KK of the bar on its free joint turns with it: the products are not 0, and inside."""
+    """M_KK of the bar on its free joint turns with it: the products are inside, and not 0."""
     bar = puppets.marionette_bar()
     x = states(bar, 1)[0]
     products, outside = symmetric_products(bar, x, np.full(6, 0.1))
@@ -118,18 +118,18 @@ def test_a_driven_bar_has_a_metric_of_its_own_and_products_inside():
 
 
 def test_a_slider_on_a_turning_arm_is_block_diagonal_and_yet_not_separate():
-    found = kinetic_energy(radial := fan.loads(RADIAL), states(radial))
-    assert found.coupling == 0.0 and found.coupled == ()
-    assert found.M_DD_change > 0.1 and found.M_KK_change == 0.0
+    energy = kinetic_energy(radial := fan.loads(RADIAL), states(radial))
+    assert energy.coupling == 0.0 and energy.coupled == ()
+    assert energy.M_DD_change > 0.1 and energy.M_KK_change == 0.0
 
 
 def test_the_coupling_of_the_cart_is_m_l_cos_theta():
-    found = kinetic_energy(cart := fan.loads(CART), states(cart))
+    energy = kinetic_energy(cart := fan.loads(CART), states(cart))
     cosines = [abs(np.cos(x.q_D[0])) for x in states(cart)]
-    assert found.coupling == pytest.approx(0.5 * max(cosines) / np.sqrt(0.35 * 3.0))
-    assert found.coupled == ("swing", "trolley")
+    assert energy.coupling == pytest.approx(0.5 * max(cosines) / np.sqrt(0.35 * 3.0))
+    assert energy.coupled == ("swing", "trolley")
     # v . M_KD M_DD^-1 M_DK v / v . M_KK v
-    assert found.impact_share == pytest.approx(found.coupling**2)
+    assert energy.impact_share == pytest.approx(energy.coupling**2)
 
 
 def test_drives_weigh_as_much_as_the_puppet():
@@ -148,7 +148,7 @@ def test_winches_that_pull_on_one_bob_from_both_sides_are_tied():
     assert both.tied == ("above", "below") and both.pulls_apart
     assert both.min_acceleration == pytest.approx(0.0, abs=1e-14)
     alone = tracking(held, x, np.ones(2), np.array([0]))
-    # Mass 0.5 on a winch of 1: it accelerates 1 / 1.5 of what it would.
+    # Mass 0.5 on a winch of inertia 1: it accelerates at 1 / 1.5 of the rate without the mass.
     assert alone.tied == () and alone.min_acceleration == pytest.approx(1 / 1.5, abs=1e-14)
 
 
@@ -159,7 +159,7 @@ def test_drives_of_the_file_are_replaced():
     assert mixed.coordinates.n_vD == 2
 
 
-def test_what_has_no_mechanism_is_a_mistake():
+def test_a_puppet_without_a_mechanism_is_a_mistake():
     with pytest.raises(PuppetError, match="no coordinate is driven"):
         fan.lab.validate_reduction(puppets.string_pendulum())
 
@@ -167,12 +167,12 @@ def test_what_has_no_mechanism_is_a_mistake():
 def test_a_drive_keeps_the_part_of_its_acceleration_that_the_bob_leaves():
     winch = fan.loads(WINCH)
     for x, rows in taut_states(winch, 3, np.random.default_rng(0)):
-        found = tracking(winch, x, np.array([2.0, 2.0]), rows)
+        result = tracking(winch, x, np.array([2.0, 2.0]), rows)
         d = np.array([x.q_D[0] - x.q_K[0], x.q_D[1]]) / x.q_K[1]
         # The bob is moved along the string alone, by (-d_x, -1) of the drives' accelerations.
         a = np.array([d[0], 1.0])
         G = np.linalg.inv(2.0 * np.eye(2) + 0.5 * np.outer(a, a))
-        assert found.min_acceleration == pytest.approx(2.0 * np.linalg.eigvalsh(G)[0], abs=1e-13)
+        assert result.min_acceleration == pytest.approx(2.0 * np.linalg.eigvalsh(G)[0], abs=1e-13)
 
 
 @pytest.mark.parametrize("name", ["arm2d", "arm3d", "crane", "marionette_bar", "stand6"])

@@ -1,4 +1,4 @@
-"""Small puppets whose reduction is worked out by hand."""
+"""Small puppets with a reduction in closed form."""
 
 CART = """
 puppet: cart

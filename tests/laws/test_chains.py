@@ -56,10 +56,10 @@ def lift(puppet):
     )
 
 
-def test_a_hanging_rope_stretches_by_what_each_piece_carries():
+def test_a_hanging_rope_stretches_by_the_load_of_each_piece():
     x = rope().rest()
     m, piece = 0.03 / (N - 1), 0.8 / N
-    carried = 0.2 + m * np.arange(N)  # by the pieces, from the bob upwards
+    carried = 0.2 + m * np.arange(N)  # load of the pieces, from the bob upwards
     z = 1.0 - np.cumsum((piece * (1 + carried * G / 200))[::-1])  # from the top downwards
     assert np.allclose(x.q_D[0::3], 0, atol=1e-12)
     assert np.allclose(x.q_D[2::3], z[::-1], rtol=0, atol=1e-12)
@@ -78,7 +78,7 @@ def test_the_hand_on_the_winch_feels_the_pull_by_virtual_work():
 
 @pytest.mark.parametrize("length", [1.3, 1.05, 0.9])
 def test_a_rope_between_posts_hangs_in_the_discrete_catenary(length):
-    """One horizontal tension H, and vertical ones that differ by a mass's weight."""
+    """One horizontal tension H, and vertical ones that differ by the weight of a mass."""
     puppet = span().with_parameters({"L": length})
     x = puppet.rest().q_D.reshape(-1, 3)
     weight, piece = 0.03 / (N - 1) * G, length / N
@@ -156,8 +156,8 @@ def test_a_light_stiff_chain_moves_as_the_massless_string():
     massless = fan.loads(BOB.replace("CHAIN", ""))
     exact = fan.simulate(massless, massless.rest(), lift(massless), 0.3).q_D[-1]
     off = []
-    for much in (1, 10, 100):
-        puppet = rope().with_parameters({"EA": 200 * much, "mass": 0.002 / much, "c": 0.05})
+    for factor in (1, 10, 100):
+        puppet = rope().with_parameters({"EA": 200 * factor, "mass": 0.002 / factor, "c": 0.05})
         run = fan.simulate(
             puppet, puppet.rest(), lift(puppet), 0.3, method=fan.Event(rtol=1e-9, atol=1e-9)
         )
@@ -190,7 +190,7 @@ def test_mujoco_cannot_wind_a_chain():
         mjcf(rope())
 
 
-def test_a_step_too_long_for_the_springs_is_refused_before_it_blows_up():
+def test_a_step_too_long_for_the_springs_is_refused():
     """2 / omega, omega = 2 sqrt(k / m) cos(pi / 2n): just below it a run keeps its energy."""
     puppet = span().with_parameters({"L": 0.8, "g": 0.0})
     x = puppet.rest()
@@ -240,7 +240,7 @@ pose: {bob: 0.35, other.x: 1.1, other.z: 0.8}
 
 
 def test_rest_beside_limits_and_wires():
-    """The bob lies on its stop under half a slack rope; the other falls under its rod."""
+    """The bob lies on its stop under a slack rope; the other bob falls under its rod."""
     puppet = fan.loads(RESTING)
     x = puppet.rest()
     q = dict(zip(puppet.coordinates.q_D, x.q_D, strict=True))
@@ -253,8 +253,8 @@ def test_rest_beside_limits_and_wires():
     assert 0.2 * G < forces["bob.lower"] < (0.2 + 0.03) * G
 
 
-def test_rest_does_not_stay_where_a_push_would_leave_it():
-    """The other bob begins right above its rod's end, a saddle of V."""
+def test_rest_is_not_a_saddle():
+    """The other bob begins exactly above its rod's end, at a saddle of V."""
     puppet = fan.loads(RESTING.replace("other.x: 1.1, other.z: 0.8", "other.x: 1, other.z: 0.9"))
     q = dict(zip(puppet.coordinates.q_D, puppet.rest().q_D, strict=True))
     assert q["other.z"] == pytest.approx(0.1, abs=1e-8)

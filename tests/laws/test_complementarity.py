@@ -33,11 +33,12 @@ STATES = {"marionette": 5000, "many_strings": 5400}
 """Random states of each puppet."""
 
 TOLERANCE = 1e-12
-"""Of every condition, relative to its terms."""
+"""Tolerance of every condition, relative to its terms."""
 
 CAP = 1e5
-"""Tensions, in weights, and impulses likewise, from which runs call an input impossible; rows that
-oppose one another up to rounding ask for more."""
+"""Tensions and impulses, in weights, above which runs call an input impossible; rows that oppose
+one another up to rounding need more.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +54,17 @@ class Problem:
     b: np.ndarray
 
     def terms(self, x: np.ndarray) -> np.ndarray:
-        """(n,) size of what each s is the sum of."""
+        """(n,) sizes of the summands of each s."""
         return np.abs(self.b) + np.abs(self.W.T) @ (np.abs(self.W) @ np.abs(x))
 
     def worst(self, x: np.ndarray) -> float:
-        """The largest breach of any condition, relative to its terms."""
+        """Largest violation of any condition, relative to its terms."""
         terms, top = self.terms(x), max(np.max(np.abs(x)), 1e-300)
         s = self.W.T @ (self.W @ x) - self.b
         return float(np.max([-x / top, -s / terms, np.abs(x * s) / (top * terms)]))
 
     def apart(self, x: np.ndarray, y: np.ndarray) -> float:
-        """How far the motions of two answers are from each other, relative to their terms."""
+        """Difference of the motions of two solutions, relative to their terms."""
         terms = np.linalg.norm(np.abs(self.W) @ (np.abs(x) + np.abs(y)))
         return float(np.linalg.norm(self.W @ (x - y)) / max(terms, 1e-300))
 
@@ -84,7 +85,9 @@ def closed_limits(marionette: Marionette, rng: np.random.Generator, q_D: np.ndar
     """Moves about a third of the limited joints onto one of their limits; their links."""
     links = {limit.link for limit in marionette.tree.limits if rng.random() < 0.2}
     for link in sorted(links):
-        limit = rng.choice([one for one in marionette.tree.limits if one.link == link])
+        limit = rng.choice(
+            [candidate for candidate in marionette.tree.limits if candidate.link == link]
+        )
         place = marionette.tree.links[link].q
         if limit.b is None:
             q_D[place] = limit.bound
@@ -130,9 +133,9 @@ def random_state(marionette: Marionette, rng: np.random.Generator, still: bool) 
 def problems(name: str) -> Iterator[Problem]:
     """Problems over the closed rows of random states, of tensions and impulses by turns."""
     marionette, rng = puppet(name), np.random.default_rng(1)
-    made = 0
-    while made < STATES[name]:
-        still = made % 2 == 0
+    n_problems = 0
+    while n_problems < STATES[name]:
+        still = n_problems % 2 == 0
         x = random_state(marionette, rng, still)
         acc_K = rng.choice([0.0, 3.0]) * rng.normal(size=marionette.coordinates.n_vK)
         instant = Evaluation.of(marionette, x, acc_K)
@@ -145,18 +148,18 @@ def problems(name: str) -> Iterator[Problem]:
             yield Problem(W, instant.gamma[rows] + W.T @ instant.w0)
         else:
             yield Problem(W, instant.hdot[rows])
-        made += 1
+        n_problems += 1
 
 
 @cache
 def found(name: str) -> list[tuple[Problem, Complementarity]]:
-    """All problems and what the solver says of them."""
+    """All problems and the solver's results."""
     solve = puppet(name).library.complementarity
     return [(p, solve(p.W, p.b)) for p in problems(name)]
 
 
 def answered(name: str) -> list[tuple[Problem, Complementarity]]:
-    """The problems that have an answer below the cap, and with it."""
+    """Problems with a solution below the cap, and the solutions."""
     cap = CAP * puppet(name).weight
     return [(p, answer) for p, answer in found(name) if answer.solved and np.max(answer.x) <= cap]
 
@@ -195,7 +198,7 @@ def test_the_guess_does_not_matter(name):
 
 
 @pytest.mark.parametrize("name", STATES)
-def test_the_motion_is_the_shortest_that_the_rows_allow(name):
+def test_the_motion_is_the_shortest_allowed_one(name):
     """z = W x is the shortest z with W^T z >= b, by Lawson and Hanson's least-distance method."""
     for p, answer in answered(name)[:1000]:
         left = np.vstack([p.W, p.b])
@@ -206,9 +209,9 @@ def test_the_motion_is_the_shortest_that_the_rows_allow(name):
         assert off <= 1e-7, f"{off:.2e} apart"
 
 
-def test_rows_that_no_motion_satisfies_are_told_with_a_proof():
-    """y >= 0 with W y = 0 and b . y > 0: W^T z >= b for no z. Beside them rows that all but oppose
-    one another, with tensions beyond the cap.
+def test_unsatisfiable_rows_have_a_proof():
+    """y >= 0 with W y = 0 and b . y > 0: no z has W^T z >= b. Other rows almost oppose one
+    another, with tensions beyond the cap.
     """
     rig = puppet("many_strings")
     refused = beyond = 0
@@ -227,10 +230,10 @@ def test_rows_that_no_motion_satisfies_are_told_with_a_proof():
 
 
 def test_sixty_rows_that_all_pull():
-    """b = W^T W y with y > 0: all sixty rows hold, and no tensions that do are shorter.
+    """b = W^T W y with y > 0: all sixty rows hold, and no shorter tensions do.
 
-    The shortest x >= 0 with W x = W y is the positive part of W^T z for some z: z comes from the
-    rows that pull, and W^T z then says the same of the others. Where y = W^T z it is y itself; for
+    The shortest x >= 0 with W x = W y is the positive part of W^T z for some z: z follows from the
+    rows that pull, and then W^T z is not positive on the others. If y = W^T z, it is y itself; for
     half of the states there is a z with W^T z > 0 (Cover's theorem: sixty rows, thirty degrees of
     freedom).
     """
@@ -238,8 +241,8 @@ def test_sixty_rows_that_all_pull():
     all_pull = some_rest = 0
     for _ in range(50):
         W = Evaluation.of(rig, random_state(rig, rng, still=True)).W
-        some, shortest = rng.uniform(1.0, 1.5, W.shape[1]), all_positive(W)
-        for y in (some, shortest):
+        random, shortest = rng.uniform(1.0, 1.5, W.shape[1]), all_positive(W)
+        for y in (random, shortest):
             if y is None:
                 continue
             p = Problem(W, W.T @ (W @ y))
@@ -248,7 +251,7 @@ def test_sixty_rows_that_all_pull():
             assert p.worst(answer.x) <= TOLERANCE
             assert p.apart(answer.x, y) <= 1e-14
             assert np.linalg.norm(answer.x) <= np.linalg.norm(y) * (1.0 + 1e-14)
-            # What is left of a row that rests is 0 or the last digit of a sum.
+            # The value of a row at rest is 0 or the last digit of a sum.
             pulls = answer.x > 1e-12 * np.max(answer.x)
             z = np.linalg.lstsq(W[:, pulls].T, answer.x[pulls], rcond=1e-10)[0]
             assert np.maximum(W.T @ z, 0.0) == pytest.approx(answer.x, abs=1e-9), "the shortest"
@@ -262,14 +265,14 @@ def test_sixty_rows_that_all_pull():
 
 
 def all_positive(W: np.ndarray) -> np.ndarray | None:
-    """W^T z for the z in [-1, 1] whose least entry is greatest; None where that is not positive."""
+    """W^T z for the z in [-1, 1] with the greatest least entry; None if that is not positive."""
     m, n = W.shape
-    found = linprog(
+    solution = linprog(
         np.append(np.zeros(m), -1.0),
         A_ub=np.hstack([-W.T, np.ones((n, 1))]),
         b_ub=np.zeros(n),
         bounds=[(-1.0, 1.0)] * m + [(None, None)],
     )
-    y = W.T @ found.x[:m]
-    # So far from 0 that rounding decides nothing.
+    y = W.T @ solution.x[:m]
+    # Far enough from 0 that rounding does not matter.
     return y if np.min(y) > 1e-3 * np.max(y) else None

@@ -15,7 +15,7 @@ def puppet(request):
 
 
 def drawn(puppet, rng, n: int, driven: bool) -> np.ndarray:
-    """(n, n_q) configurations with any orientations."""
+    """(n, n_q) configurations with random orientations."""
     t = puppet.coordinates
     n_q, quaternions = (t.n_qK, t.quaternions_K) if driven else (t.n_qD, t.quaternions_D)
     q = rng.normal(size=(n, n_q))
@@ -25,7 +25,7 @@ def drawn(puppet, rng, n: int, driven: bool) -> np.ndarray:
 
 
 def same(puppet, p, q, driven) -> None:
-    """Equal, but for the signs of quaternions."""
+    """Equality, except for the signs of quaternions."""
     t, p = puppet.coordinates, np.array(p)
     for at, _ in t.quaternions_K if driven else t.quaternions_D:
         turn = slice(at, at + 4)
@@ -44,8 +44,8 @@ def test_integrate_undoes_difference(puppet, driven):
     assert dq.shape == (20, n_v)
     same(puppet, puppet.integrate(q0, dq, driven), q1, driven)
     np.testing.assert_allclose(puppet.difference(q0[3], q1[3], driven), dq[3], atol=1e-14)
-    one = puppet.difference(q0[0], q1, driven)
-    same(puppet, puppet.integrate(q0[0], one, driven), q1, driven)
+    tangent = puppet.difference(q0[0], q1, driven)
+    same(puppet, puppet.integrate(q0[0], tangent, driven), q1, driven)
     small = 0.3 * rng.normal(size=(20, n_v))
     np.testing.assert_allclose(
         puppet.difference(q0, puppet.integrate(q0, small, driven), driven), small, atol=1e-12
@@ -53,7 +53,7 @@ def test_integrate_undoes_difference(puppet, driven):
 
 
 def test_tangent_vectors_are_those_of_linearise():
-    """17.18: the accelerations' derivatives are by these tangent vectors."""
+    """17.18: derivatives of accelerations are with respect to these tangent vectors."""
     arm = fan.puppets.arm3d()
     x = arm.rest()
     lin = arm.linearise(x, rows=[])
@@ -70,8 +70,8 @@ def test_tangent_vectors_are_those_of_linearise():
     )
 
 
-def test_what_is_no_configuration_is_refused(puppet):
-    """17.18: sizes are told."""
+def test_arrays_of_other_sizes_are_refused(puppet):
+    """17.18: the message states the sizes."""
     q = puppet.state().q_D
     with pytest.raises(fan.errors.StateError, match="q has the shape"):
         puppet.difference(q[:-1], q)

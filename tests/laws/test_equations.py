@@ -1,7 +1,7 @@
-"""Laws that the equations of every puppet obey, on seeded random trees.
+"""Laws of the equations of every puppet, on seeded random trees.
 
-Derivatives along a motion are eighth-order central differences of quantities that are evaluated
-at neighbouring states, so no derivative of the package is checked against itself.
+Derivatives along a motion are eighth-order central differences of quantities at neighbouring
+states, so no derivative of the package is compared with itself.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ SCALAR = ("fixed", "revolute", "prismatic", "translation")
 def tree(seed: int, dof: int | None = None, **options) -> Model:
     """A random puppet of 3 to 14 DOF; every second dynamic joint has an armature."""
     dof = 3 + seed * 5 % 12 if dof is None else dof
-    made = random_trees.description(seed, dof, **options)
-    for body in made["bodies"][::2]:
+    description = random_trees.description(seed, dof, **options)
+    for body in description["bodies"][::2]:
         if body["joint"]["type"] != "fixed" and not body["joint"].get("driven"):
             body["joint"]["armature"] = 0.2
-    return Model(made)
+    return Model(description)
 
 
 def close(actual, desired, tolerance: float) -> None:
-    """Equal relative to the largest entry, and to 1."""
+    """Equality relative to the largest entry, and to 1."""
     actual, desired = np.asarray(actual), np.asarray(desired)
     size = max(1.0, np.abs(desired).max(initial=0.0))
     np.testing.assert_allclose(actual, desired, rtol=0.0, atol=tolerance * size)
@@ -42,8 +42,8 @@ def whole_mass(model: Model, state: State) -> np.ndarray:
     """M over (v_D, v_K)."""
     n, k = model.table.n_vD, model.table.n_vK
     function = model.equations["mass_matrix"]
-    found = function(q_D=state.q_D, q_K=state.q_K, p=model.p)
-    M, M_DK, M_KK = (np.array(found[name]) for name in ("M", "M_DK", "M_KK"))
+    blocks = function(q_D=state.q_D, q_K=state.q_K, p=model.p)
+    M, M_DK, M_KK = (np.array(blocks[name]) for name in ("M", "M_DK", "M_KK"))
     M_DK, M_KK = M_DK.reshape(n, k), M_KK.reshape(k, k)
     return np.block([[M, M_DK], [M_DK.T, M_KK]])
 
@@ -105,7 +105,7 @@ def test_lagranges_equations_with_moving_inputs(seed):
 
     def momentum(x: State) -> np.ndarray:
         p = np.zeros(t.n_vD)
-        for i, unit in enumerate(np.eye(t.n_vD)):  # L is quadratic in v: the difference is exact
+        for i, unit in enumerate(np.eye(t.n_vD)):  # L is quadratic in v, so the difference is exact
             ahead, behind = (
                 State(x.q_D, x.v_D + s * unit, x.q_K, x.v_K, x.acc_K) for s in (0.5, -0.5)
             )
@@ -142,34 +142,34 @@ def test_power_balance(seed):
     state, t = model.random(seed), model.table
     rng = np.random.default_rng(seed)
     lam, u_D = -rng.uniform(0.0, 5.0, 3), rng.normal(size=t.n_vD)
-    found = model.call("dynamics", state, u_D=u_D)
+    result = model.call("dynamics", state, u_D=u_D)
     A_D, A_K = model.one("A_D", state), model.one("A_K", state)
     M = whole_mass(model, state)[: t.n_vD, : t.n_vD]
-    free = np.array(model.equations["back"](found["L"], found["w0"])).ravel()
+    free = np.array(model.equations["back"](result["L"], result["w0"])).ravel()
     acc_D = free + np.linalg.solve(M, A_D.T @ lam)
     effort = model.one("effort", state, acc_D=acc_D, lam=lam)[:, 0]
     hdot = A_D @ state.v_D + A_K @ state.v_K
-    close(found["hdot"], hdot, 1e-12)
+    close(result["hdot"], hdot, 1e-12)
 
     def energy(x: State) -> float:
         return (model.one("kinetic", x) + model.one("potential", x))[0, 0]
 
-    power = state.v_K @ effort + lam @ hdot + u_D @ state.v_D - float(found["loss"][0])
+    power = state.v_K @ effort + lam @ hdot + u_D @ state.v_D - float(result["loss"][0])
     close(model.rate(energy, state, acc_D), power, 1e-8)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_damping_takes_power_and_nothing_else(seed):
-    """The dissipation force is what separates the motion with and without dissipation."""
+    """The dissipation force is the difference between motions with and without dissipation."""
     model = tree(seed, drag=True)
     state, t = model.random(seed, moving_inputs=False), model.table
-    found = model.call("dynamics", state)
+    result = model.call("dynamics", state)
     force = model.one("damping", state)[:, 0]
     M = whole_mass(model, state)[: t.n_vD, : t.n_vD]
     bias = model.one("bias", state)[:, 0]
     close(M @ model.acceleration(state), -bias - force, 1e-11)
-    close(force @ state.v_D, float(found["loss"][0]), 1e-12)
-    assert found["loss"][0] >= 0
+    close(force @ state.v_D, float(result["loss"][0]), 1e-12)
+    assert result["loss"][0] >= 0
 
 
 def constrained(seed: int) -> Model:
@@ -207,27 +207,27 @@ def test_Adot_v_is_the_rate_of_hdot_at_constant_velocity(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_compiled_rows_agree_with_the_papers_objects(seed):
-    """W, G, gamma, a0 of the compiled model against M, A_D, A_K, Adot_v."""
+    """W, G, gamma, a0 of the compiled model, compared with M, A_D, A_K, Adot_v."""
     model = constrained(seed)
     state, t = model.random(seed), model.table
     m = len(model.tree.strings)
-    found = model.call("dynamics", state)
+    result = model.call("dynamics", state)
     M = whole_mass(model, state)[: t.n_vD, : t.n_vD]
     A_D, A_K = model.one("A_D", state)[:m], model.one("A_K", state)[:m]
-    close(found["G"], A_D @ np.linalg.solve(M, A_D.T), 1e-11)
-    close(found["a0"], A_D @ model.acceleration(state), 1e-11)
+    close(result["G"], A_D @ np.linalg.solve(M, A_D.T), 1e-11)
+    close(result["a0"], A_D @ model.acceleration(state), 1e-11)
     gamma = model.one("Adot_v", state)[:m, 0] + A_K @ state.acc_K
-    close(found["gamma"], gamma, 1e-11)
-    close(found["hdot_K"], A_K @ state.v_K, 1e-12)
-    close(found["h"], model.one("constraint", state)[:m, 0], 1e-14)
+    close(result["gamma"], gamma, 1e-11)
+    close(result["hdot_K"], A_K @ state.v_K, 1e-12)
+    close(result["h"], model.one("constraint", state)[:m, 0], 1e-14)
     force = np.random.default_rng(seed).normal(size=t.n_vD)
-    half = model.equations["forth"](found["L"], force)
-    solved = np.array(model.equations["back"](found["L"], half)).ravel()
+    half = model.equations["forth"](result["L"], force)
+    solved = np.array(model.equations["back"](result["L"], half)).ravel()
     close(solved, np.linalg.solve(M, force), 1e-11)
-    close(found["M_DK_v_K"], whole_mass(model, state)[: t.n_vD, t.n_vD :] @ state.v_K, 1e-12)
+    close(result["M_DK_v_K"], whole_mass(model, state)[: t.n_vD, t.n_vD :] @ state.v_K, 1e-12)
     none = np.zeros(t.n_vD)
     effort = model.one("effort", state, acc_D=none, lam=np.zeros(m))[:, 0]
-    close(found["power0"][0], state.v_K @ effort, 1e-12)
+    close(result["power0"][0], state.v_K @ effort, 1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -265,7 +265,7 @@ def test_weights_as_wrenches_are_gravity(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_frozen_inputs_give_plain_euler_lagrange(seed):
-    """Driven joints that stand still act as if they were fixed joints at their poses."""
+    """Driven joints at rest act as fixed joints at their poses."""
     model = tree(seed, driven=0.4, drag=True)
     state = model.random(seed, moving_inputs=False)
     poses = dict(zip(model.table.q_K, state.q_K, strict=True))
@@ -278,7 +278,7 @@ def test_frozen_inputs_give_plain_euler_lagrange(seed):
 
 
 def _welded(description: dict, q_K: dict[str, float]) -> dict:
-    """The same puppet with its driven joints fixed where they are."""
+    """The same puppet with its driven joints fixed at their positions."""
     bodies = []
     for body in description["bodies"]:
         joint, name = body["joint"], body["name"]
@@ -320,8 +320,8 @@ def _rotate(q: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_dynamics_are_those_of_a_step_of_no_length(seed):
-    """Their factors differ in what is stored where, and their products with it do not."""
+def test_the_dynamics_equal_a_step_of_zero_length(seed):
+    """Their factors store entries at different places, but have the same products."""
     model = tree(seed, strings=3, limits=True, drag=True)
     state, rng = model.random(seed), np.random.default_rng(seed)
     u_D = rng.normal(size=model.table.n_vD)
@@ -345,12 +345,12 @@ def test_the_factor_of_a_step_has_its_damping(seed):
         if link.role == "dynamic":
             M[link.v, link.v] += dt * link.damping * np.eye(link.v.stop - link.v.start)
     L = model.call("step_dynamics", state, dt=dt)["L"]
-    found = np.array(model.equations["back"](L, model.equations["forth"](L, x))).ravel()
-    close(found, np.linalg.solve(M, x), 1e-11)
+    solution = np.array(model.equations["back"](L, model.equations["forth"](L, x))).ravel()
+    close(solution, np.linalg.solve(M, x), 1e-11)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_column_of_a_limit_is_what_forth_makes_of_it(seed):
+def test_a_column_of_a_limit_is_a_solve_with_its_jacobian(seed):
     model = constrained(seed)
     state, rng = model.random(seed), np.random.default_rng(seed)
     L = model.call("step_dynamics", state, dt=0.01)["L"]
@@ -360,9 +360,9 @@ def test_a_column_of_a_limit_is_what_forth_makes_of_it(seed):
         place, x, forces = model.tree.links[link].v, np.zeros(3), np.zeros(model.table.n_vD)
         forces[place] = x[: place.stop - place.start] = rng.normal(size=place.stop - place.start)
         right = np.array(model.equations["forth"](L, forces)).ravel()
-        found = np.zeros_like(right)
-        found[entries] = np.array(function(L, x)).ravel()
-        close(found, right, 1e-13)
+        column = np.zeros_like(right)
+        column[entries] = np.array(function(L, x)).ravel()
+        close(column, right, 1e-13)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -1,4 +1,4 @@
-"""Derivatives from interval to interval of event-driven runs, against differences of runs."""
+"""Derivatives between intervals of event-driven runs, compared with differences of runs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def caught() -> tuple[fan.Marionette, fan.State, np.ndarray]:
 
 
 def onto(puppet: fan.Marionette, x: fan.State, rows: np.ndarray) -> fan.State:
-    """The nearest state with these rows taut, in the metric of M_DD: by Newton's method."""
+    """The nearest state with these rows taut, in the metric of M_DD, by Newton's method."""
     if not len(rows):
         return x
     for _ in range(6):
@@ -43,15 +43,15 @@ def onto(puppet: fan.Marionette, x: fan.State, rows: np.ndarray) -> fan.State:
     return x.replace(v_D=x.v_D - pull @ np.linalg.solve(A @ pull, rate))
 
 
-def test_intervals_with_catches_beside_differences(caught):
+def test_intervals_with_catches_agree_with_differences(caught):
     """The end of every interval by all of (q_D, v_D, q_K, v_K), acc_K and the parameters."""
     arm, x0, acc = caught
     t = arm.coordinates
     n, k, n_p = t.n_vD, t.n_vK, len(arm.p)
     inputs = fan.Input.segments(arm, TIMES, x0.q_K, x0.v_K, acc)
     run = fan.simulate(arm, x0, inputs, TIMES[-1], **FINE)
-    found = interval_derivatives(arm, run, inputs)
-    assert sum(map(len, found.passages)) >= 2 and found.sharp
+    derivatives = interval_derivatives(arm, run, inputs)
+    assert sum(map(len, derivatives.passages)) >= 2 and derivatives.sharp
     names = list(arm.tree.parameters)
     at = np.searchsorted(run.t, TIMES + 1e-9, side="right") - 1
     for i, T in enumerate(np.diff(TIMES)):
@@ -68,15 +68,18 @@ def test_intervals_with_catches_beside_differences(caught):
                 q_K=tangent.moved(t.scalars_K, t.quaternions_K, here.q_K[None], q_K[None])[0],
             )
             puppet = arm.with_parameters(
-                {name: arm.tree.parameters[name] + one for name, one in zip(names, p, strict=True)}
+                {
+                    name: arm.tree.parameters[name] + change
+                    for name, change in zip(names, p, strict=True)
+                }
             )
             x = onto(puppet, x, np.flatnonzero(here.taut))
-            one = fan.Input.segments(puppet, [0.0, T], x.q_K, x.v_K, (acc[i] + u)[None])
-            run = fan.simulate(puppet, x, one, T, **FINE)
+            segment = fan.Input.segments(puppet, [0.0, T], x.q_K, x.v_K, (acc[i] + u)[None])
+            run = fan.simulate(puppet, x, segment, T, **FINE)
             return np.concatenate([run.q_D[-1], run.v_D[-1], run.q_K[-1], run.v_K[-1]])
 
         wanted = difference(end, 2 * n + 3 * k + n_p, 1e-5)
-        mine = np.concatenate([found.A[i], found.B[i], found.C[i]], axis=1)
+        mine = np.concatenate([derivatives.A[i], derivatives.B[i], derivatives.C[i]], axis=1)
         assert worst(mine, wanted) < 1e-8, i
 
 
@@ -84,14 +87,14 @@ def test_intervals_make_up_the_run(caught):
     arm, x0, acc = caught
     inputs = fan.Input.segments(arm, TIMES, x0.q_K, x0.v_K, acc)
     whole = fan.dynamics.sensitivity(arm, x0, inputs, TIMES[-1])
-    found = interval_derivatives(arm, whole.run, inputs)
+    derivatives = interval_derivatives(arm, whole.run, inputs)
     n = arm.coordinates.n_vD
-    z = np.eye(len(found.A[0]))
-    for A in found.A:
+    z = np.eye(len(derivatives.A[0]))
+    for A in derivatives.A:
         z = A @ z
     assert worst(z[: 2 * n, : 2 * n], whole.x0[-1]) < 1e-8
-    by_p = np.zeros_like(found.C[0])
-    for A, C in zip(found.A, found.C, strict=True):
+    by_p = np.zeros_like(derivatives.C[0])
+    for A, C in zip(derivatives.A, derivatives.C, strict=True):
         by_p = A @ by_p + C
     assert worst(by_p[: 2 * n], whole.p[-1]) < 1e-8
 

@@ -1,4 +1,4 @@
-"""Linearisations are the derivatives of what is compiled: accelerations, tensions, steps."""
+"""Linearisations are derivatives of compiled functions: accelerations, tensions, steps."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def check_partials(puppet: fan.Marionette, rows, seed: int, bound: float) -> Non
     assert worst(np.concatenate([lin.acc_D, lin.tension[held]]), here) < 1e-11
 
     def at(q_D=0.0, v_D=0.0, q_K=0.0, v_K=0.0, acc=0.0, u=0.0, p=None):
-        one = (
+        changed = (
             puppet
             if p is None
             else puppet.with_parameters(
@@ -120,16 +120,16 @@ def check_partials(puppet: fan.Marionette, rows, seed: int, bound: float) -> Non
             q_K=moved(x.q_K, zero_K + q_K, t.scalars_K, t.quaternions_K),
             v_K=x.v_K + v_K,
         )
-        return accelerations(one, rows, state, acc_K + acc, u_D + u)
+        return accelerations(changed, rows, state, acc_K + acc, u_D + u)
 
     names = {"acc_K": "acc", "u_D": "u"}
     for name in ("q_D", "v_D", "q_K", "v_K", "acc_K", "u_D", "p"):
-        found = np.concatenate([getattr(lin.acc, name), getattr(lin.pull, name)[held]])
-        if not found.shape[1]:
+        partial = np.concatenate([getattr(lin.acc, name), getattr(lin.pull, name)[held]])
+        if not partial.shape[1]:
             continue
         key = names.get(name, name)
-        wanted = difference(lambda d, key=key: at(**{key: d}), found.shape[1], 1e-3)
-        assert worst(found, wanted) < bound, name
+        wanted = difference(lambda d, key=key: at(**{key: d}), partial.shape[1], 1e-3)
+        assert worst(partial, wanted) < bound, name
     free = np.setdiff1d(np.arange(len(lin.tension)), held)
     assert not np.any(lin.pull.q_D[free])
 
@@ -187,7 +187,7 @@ def test_the_linear_system_predicts_the_motion(rig):
     lin = rig.linearise(x, acc_K, u_D, rows)
 
     def rates(z: np.ndarray) -> np.ndarray:
-        """dz/dt of a neighbour's distance to the motion through x, at its start."""
+        """dz/dt of the deviation of a neighbour from the motion through x, at its start."""
         n, k = t.n_vD, t.n_vK
         parts = np.split(z, np.cumsum([n, n, k]))
 
@@ -219,11 +219,11 @@ def test_the_linear_system_predicts_the_motion(rig):
 
 
 def derivatives_of_the_solved_form(puppet: fan.Marionette) -> ca.Function:
-    """acc_D and the tensions of all strings, solved by Cholesky, and then differentiated."""
+    """acc_D and the tensions of all strings, solved by Cholesky and then differentiated."""
     E = puppet.equations
-    s, found = E.system.symbols, E["dynamics"]
-    values = found(s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p)
-    out = dict(zip(found.name_out(), values, strict=True))
+    s, values_of = E.system.symbols, E["dynamics"]
+    values = values_of(s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p)
+    out = dict(zip(values_of.name_out(), values, strict=True))
     R, b = ca.chol(out["G"]), ca.vertsplit(out["gamma"] + out["a0"])
     n, y, tension = len(b), [], []
     for i in range(n):
@@ -240,7 +240,7 @@ def derivatives_of_the_solved_form(puppet: fan.Marionette) -> ca.Function:
 
 
 def test_derivatives_of_the_solved_form_agree(arm):
-    """On the arm, whose coordinates are scalars."""
+    """This is tested on the arm, which has scalar coordinates."""
     solved = derivatives_of_the_solved_form(arm)
     x, acc_K, u_D = somewhere(arm, 7)
     lin = arm.linearise(x, acc_K, u_D, ("hand",))
@@ -251,7 +251,7 @@ def test_derivatives_of_the_solved_form_agree(arm):
 
 
 def test_operations_of_the_marionettes_derivatives(marionette):
-    """About 31,000; six times as many where the solved form of all strings is differentiated."""
+    """About 31,000; six times as many if the solved form of all strings is differentiated."""
     counts = generate(marionette.equations, "derivatives").operations
     counts = {name: n for name, n in counts.items() if "_by" in name}
     solved = program(derivatives_of_the_solved_form(marionette)).operations
@@ -269,7 +269,7 @@ def check_step(puppet: fan.Marionette, x: fan.State, acc_K, u_D, dt: float, boun
     lin = puppet.linearise_step(x, acc_K, u_D, dt)
 
     def step(z=None, acc=0.0, u=0.0, p=None) -> np.ndarray:
-        one = (
+        changed = (
             puppet
             if p is None
             else puppet.with_parameters(
@@ -286,7 +286,7 @@ def check_step(puppet: fan.Marionette, x: fan.State, acc_K, u_D, dt: float, boun
             q_K=moved(x.q_K, parts[2], t.scalars_K, t.quaternions_K),
             v_K=x.v_K + parts[3],
         )
-        stepper = Stepper(one, start, "timestepping", one.run_options(dt=dt))
+        stepper = Stepper(changed, start, "timestepping", changed.run_options(dt=dt))
         y, to = stepper.advance(dt, acc_K + acc, u_D=u_D + u), lin.x_next
         return np.concatenate(
             [
@@ -308,16 +308,16 @@ def check_step(puppet: fan.Marionette, x: fan.State, acc_K, u_D, dt: float, boun
     for name, state, tension, size in cases:
         if not state.shape[1]:
             continue
-        found = np.concatenate([state, dt * dt * tension])
-        wanted = difference(lambda d, name=name: step(**{name: d}), found.shape[1], size)
-        assert worst(found, wanted) < bound, name
+        partial = np.concatenate([state, dt * dt * tension])
+        wanted = difference(lambda d, name=name: step(**{name: d}), partial.shape[1], size)
+        assert worst(partial, wanted) < bound, name
 
 
 def test_a_step_of_the_time_stepper(arm, rig):
     x, _, _ = somewhere(arm, 8)
     x = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=0.2 * x.v_D))
     acc_K, u_D = np.array([0.4, -0.7]), np.array([0.01, -0.02])
-    for _ in range(3):  # on its way, with the overstepping that time-stepping has
+    for _ in range(3):  # in motion, with the constraint violation of time-stepping
         check_step(arm, x, acc_K, u_D, 0.002, 1e-7)
         x = arm.linearise_step(x, acc_K, u_D).x_next
     at_rest = rig.rest()

@@ -1,7 +1,7 @@
 """A mirrored puppet moves as its mirror image.
 
-A random half is hung on a torso and reflected by the file's ``mirror``. Reflecting a state and
-letting it move must be the same as letting it move and reflecting the motion.
+A random half hangs on a torso and is reflected by the file's `mirror`. Reflecting a state and
+simulating it must equal simulating it and reflecting the motion.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def halved(seed: int, plane: str) -> dict:
     names = {b["name"] for b in half["bodies"]} | {"world"}
 
     def renamed(part):
-        """The half's own names, and attachments to its bodies, gain the token."""
+        """The half's own names, and attachments to its bodies, get the token."""
         if isinstance(part, dict):
             return {k: "l_" + v if k in ("name", "body") else renamed(v) for k, v in part.items()}
         return [renamed(p) for p in part] if isinstance(part, list) else part
@@ -40,7 +40,7 @@ def halved(seed: int, plane: str) -> dict:
     n = NORMAL[plane]
     com = [0.1, -0.05, 0.2]
     com[n] = 0.0
-    products = {0: (3, 4), 1: (3, 5), 2: (4, 5)}[n]  # ixy, ixz, iyz that hold the normal axis
+    products = {0: (3, 4), 1: (3, 5), 2: (4, 5)}[n]  # ixy, ixz, iyz that contain the normal axis
     inertia = [0.05, 0.06, 0.07, 0.003, -0.004, 0.002]
     for k in products:
         inertia[k] = 0.0
@@ -108,7 +108,7 @@ def test_reflected_motion_is_the_motion_of_the_reflection(seed, plane):
     h = dict(zip(rows, model.one("constraint", x)[:, 0], strict=True))
     image = dict(zip(rows, model.one("constraint", y)[:, 0], strict=True))
     for name, value in h.items():
-        # a twist turns the other way in the mirror: its lower bound is its twin's upper bound
+        # A twist has the opposite sense in the mirror: its lower bound is its twin's upper bound.
         other = twin(name)
         if ".twist." in name:
             side = {"lower": "upper", "upper": "lower"}[name.rpartition(".")[2]]

@@ -56,7 +56,7 @@ def frequencies(modes: fan.dynamics.Modes) -> np.ndarray:
 
 
 def test_a_bob_on_a_string_swings_two_ways(bob):
-    """omega = sqrt(g/L); an end that moves along x excites one of them, by pi a swing."""
+    """omega = sqrt(g/L); an end that moves along x excites one of them, by pi per swing."""
     modes = bob.modes(bob.rest())
     wanted = np.full(2, np.sqrt(G / 0.7))
     assert np.max(np.abs(frequencies(modes) - wanted)) < 1e-9
@@ -84,13 +84,13 @@ def test_damping_ratios(bob, c):
             assert abs(2.0 * np.pi * mode.frequency - omega) < 1e-8
     else:
         wanted = -omega * (zeta + np.array([-1, -1, 1, 1]) * np.sqrt(zeta**2 - 1.0))
-        found = np.array([mode.s for mode in modes])
+        roots = np.array([mode.s for mode in modes])
         assert not modes.swinging and "4 decaying" in str(modes)
-        assert np.max(np.abs(np.sort(found.real) - np.sort(wanted))) < 1e-7
+        assert np.max(np.abs(np.sort(roots.real) - np.sort(wanted))) < 1e-7
 
 
 def test_growth_at_resonance_is_the_gain(bob):
-    """A hand that goes to and fro by 0.1 mm for five swings; differences of the linear theory."""
+    """A hand moves to and fro by 0.1 mm for five swings; differences of the linear theory."""
     x0 = bob.rest()
     mode = bob.modes(x0)[0]
     swing, a = 1.0 / mode.frequency, 1e-4
@@ -151,7 +151,7 @@ def test_a_rod_on_two_strings():
 
 
 def test_a_pendulum_without_strings():
-    """omega^2 = m g l / (m l^2 + I) of a body on a hinge that nothing drives."""
+    """omega^2 = m g l / (m l^2 + I) of a body on a hinge without a drive."""
     hinge = fan.loads("""
 puppet: hinge
 bodies:
@@ -167,7 +167,7 @@ bodies:
 
 
 def test_the_frequency_is_that_of_the_simulated_swing():
-    """arm2d is let go near rest: its period is the mode's."""
+    """arm2d is released near rest: its period is the mode's."""
     arm = fan.puppets.arm2d()
     x0 = arm.rest({"hand.length": 0.8})
     (mode,) = arm.modes(x0).swinging
@@ -189,6 +189,6 @@ def test_the_frequency_is_that_of_the_simulated_swing():
     assert np.max(np.abs(periods * mode.frequency - 1.0)) < 1e-5
 
 
-def test_what_is_not_at_rest_has_no_modes(bob):
+def test_a_state_in_motion_has_no_modes(bob):
     with pytest.raises(fan.errors.StateError, match=r"marionette\.rest"):
         bob.modes(bob.state({"bob.x": 0.3, "bob.z": -0.5}))

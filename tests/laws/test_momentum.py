@@ -1,4 +1,4 @@
-"""Momentum about the centre of mass: the sum over the bodies, over arrays and in lanes too."""
+"""Momentum about the centre of mass is the sum over the bodies, for arrays and in lanes too."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def test_momentum_is_the_sum_over_the_bodies(seed):
     centre = sum(m * c for m, c, _, _ in parts) / sum(m for m, *_ in parts)
     linear = sum(p for _, _, p, _ in parts)
     angular = sum(np.cross(c - centre, p) + own for _, c, p, own in parts)
-    found = model.one("momentum", x)[:, 0]
-    np.testing.assert_allclose(found, [*linear, *angular], rtol=1e-11, atol=1e-11)
+    momenta = model.one("momentum", x)[:, 0]
+    np.testing.assert_allclose(momenta, [*linear, *angular], rtol=1e-11, atol=1e-11)
 
 
 def states(puppet: fan.Marionette, n: int) -> list[fan.State]:
@@ -41,9 +41,11 @@ def states(puppet: fan.Marionette, n: int) -> list[fan.State]:
 def test_many_states_at_once():
     puppet = fan.puppets.crane()
     many = states(puppet, 5)
-    given = {n: np.array([getattr(x, n) for x in many]) for n in ("q_D", "v_D", "q_K", "v_K")}
-    found = puppet.library.evaluate("momentum", **given, p=puppet.p).momentum
-    np.testing.assert_array_equal(found, [puppet.momentum(x) for x in many])
+    states_of_all = {
+        n: np.array([getattr(x, n) for x in many]) for n in ("q_D", "v_D", "q_K", "v_K")
+    }
+    momenta = puppet.library.evaluate("momentum", **states_of_all, p=puppet.p).momentum
+    np.testing.assert_array_equal(momenta, [puppet.momentum(x) for x in many])
 
 
 def test_lanes(tmp_path):
@@ -54,6 +56,6 @@ def test_lanes(tmp_path):
     many = states(puppet, 8)
     words = [part for x in many for part in (x.q_D, x.v_D, x.q_K, x.v_K)]
     text = "\n".join(repr(float(x)) for x in np.concatenate([*words, puppet.p]))
-    found = np.array(run_program(program, text).split(), dtype=float).reshape(8, 2, 6)
-    np.testing.assert_allclose(found[:, 0], found[:, 1], rtol=1e-13, atol=1e-13)
-    np.testing.assert_allclose(found[:, 1], [puppet.momentum(x) for x in many], atol=1e-13)
+    momenta = np.array(run_program(program, text).split(), dtype=float).reshape(8, 2, 6)
+    np.testing.assert_allclose(momenta[:, 0], momenta[:, 1], rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(momenta[:, 1], [puppet.momentum(x) for x in many], atol=1e-13)

@@ -1,4 +1,4 @@
-"""What resists a joint, computed link by link, is what the factorised mass matrix says."""
+"""Inertias of joints, computed link by link, are the pivots of the factorised mass matrix."""
 
 from __future__ import annotations
 
@@ -39,18 +39,20 @@ drives:
 
 @pytest.mark.parametrize("name", ["crane", "marionette_bar", "stand6", "wound"])
 def test_the_joints_inertias_are_the_blocks_and_the_pivots_of_M(name):
-    """17.30: with the joints beyond held they are M's blocks; left free, det M is their product."""
-    made = loads(WOUND) if name == "wound" else fan.load(fan.puppets.path(name))
-    table, rng = made.coordinates, np.random.default_rng(1)
+    """17.30: with outer joints held they are M's blocks; else det M is their product."""
+    marionette = loads(WOUND) if name == "wound" else fan.load(fan.puppets.path(name))
+    table, rng = marionette.coordinates, np.random.default_rng(1)
     q_D = np.nan_to_num(table.start_D, nan=1.0) + rng.normal(size=table.n_qD)
     q_K = np.nan_to_num(table.start_K, nan=1.0)
     for q, _ in table.quaternions_D:
         q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
-    times = made.equations["mass_times"]
-    M = np.column_stack([np.array(times(q_D, q_K, e, made.p))[:, 0] for e in np.eye(table.n_vD)])
+    times = marionette.equations["mass_times"]
+    M = np.column_stack(
+        [np.array(times(q_D, q_K, e, marionette.p))[:, 0] for e in np.eye(table.n_vD)]
+    )
     log_det = 0.0
-    for i, held, free in joint_inertias(made.tree, q_D, q_K, made.number):
-        v = made.tree.links[i].v
+    for i, held, free in joint_inertias(marionette.tree, q_D, q_K, marionette.number):
+        v = marionette.tree.links[i].v
         np.testing.assert_allclose(held, M[v, v], atol=1e-12 * np.abs(held).max())
         log_det += np.linalg.slogdet(free)[1]
     assert log_det == pytest.approx(np.linalg.slogdet(M)[1], abs=1e-9)
@@ -58,17 +60,17 @@ def test_the_joints_inertias_are_the_blocks_and_the_pivots_of_M(name):
 
 def test_a_puppet_is_checked_without_its_equations(monkeypatch):
     """17.30: deriving them took 41 s and 1.9 GB for ten chains of 200 pieces."""
-    made = loads(WOUND)
+    marionette = loads(WOUND)
     monkeypatch.setattr(Libraries, "equations", property(lambda _: pytest.fail("derived")))
-    check_mass_matrix(made.puppet, made.tree)
+    check_mass_matrix(marionette.puppet, marionette.tree)
 
 
 def test_an_unresisted_motion_is_named():
-    """Of a point mass on a free joint its turning, not what carries it."""
+    """For a point mass on a free joint, the rotation is named, not the joint below."""
     text = WOUND.replace(
         "drives:", "  - {name: stay, path: [{body: dot}, {world: [0, 0, 1]}], length: 1}\ndrives:"
     )
     dot = "  - {name: dot, joint: {type: free}, mass: 1}\nstrings:"
     with pytest.raises(PuppetError, match=r"dot: the mass matrix is singular: look at dot\.wx"):
-        made = loads(text.replace("strings:", dot))
-        check_mass_matrix(made.puppet, made.tree)
+        marionette = loads(text.replace("strings:", dot))
+        check_mass_matrix(marionette.puppet, marionette.tree)

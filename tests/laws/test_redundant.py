@@ -1,9 +1,8 @@
-"""More strings than a motion needs: the motion is unique, the tensions are those of least norm.
+"""Redundant strings: the motion is unique, and the tensions have least norm.
 
-A bob on strings from points of one line swings about that line; two strings hold it, and however
-many others hold with them. What the strings pull together follows from the bob's acceleration; of
-all non-negative tensions that do this the shortest vector, found by trying every set of strings, is
-the answer.
+A bob on strings from points of one line swings about that line; two strings hold it, and any others
+hold with them. The total pull follows from the bob's acceleration; the result is the shortest
+vector of non-negative tensions with this pull, found by trying every set of strings.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ HEIGHT = 2.0
 START = np.array([0.0, 0.6, 0.8])
 
 
-def bob(anchors: list[float], most: dict[int, float] | None = None) -> Marionette:
+def bob(anchors: list[float], limits: dict[int, float] | None = None) -> Marionette:
     """A bob at START on strings that just reach, from points (x, 0, HEIGHT).
 
     Args:
         anchors: x of the points.
-        most: string number -> largest tension of its winch.
+        limits: string number -> largest tension of its winch.
     """
     x = np.array(anchors)
     lengths = np.hypot(START[0] - x, np.hypot(START[1], START[2] - HEIGHT))
@@ -39,14 +38,14 @@ def bob(anchors: list[float], most: dict[int, float] | None = None) -> Marionett
     named |= {f"length{i}": float(length) for i, length in enumerate(lengths)}
     marionette = on_strings(len(anchors)).with_parameters(named)
     winches = marionette.winches.copy()
-    for i, tension in (most or {}).items():
+    for i, tension in (limits or {}).items():
         winches[i, 0] = tension
     return marionette.with_winches(winches)
 
 
 @cache
 def on_strings(n: int) -> Marionette:
-    """A bob on n strings whose points and lengths are parameters: compiled once for all bobs."""
+    """A bob on n strings with points and lengths as parameters, compiled once for all bobs."""
     strings = [
         {
             "name": f"s{i}",
@@ -87,7 +86,7 @@ def least_norm(U: np.ndarray, f: np.ndarray, upper: np.ndarray | None = None) ->
     bounds, the others at 0 or at upper.
     """
     upper = np.full(U.shape[1], np.inf) if upper is None else upper
-    places = [(0, 1, 2) if np.isfinite(most) else (0, 1) for most in upper]
+    places = [(0, 1, 2) if np.isfinite(bound) else (0, 1) for bound in upper]
     best, scale = None, np.linalg.norm(f)
     for choice in itertools.product(*places):
         inside = np.array(choice) == 1
@@ -134,7 +133,7 @@ def test_a_swinging_bob_has_the_tensions_of_least_norm(anchors):
     assert worst <= 1e-9, f"{worst:.2e} of the strings' force apart"
     assert (left_out > 0) == (anchors == ANCHORS["one string best left out"])
     assert np.max(run.violation.values) <= 1e-13
-    # The pendulum that any two of the strings make.
+    # The pendulum on two of the strings.
     two = swing(bob([anchors[0], anchors[-1]]), 0.5, 4.0)
     apart = np.max(np.abs(run.q_D[-1] - two.q_D[-1]))
     assert apart <= 1e-7, f"{apart:.2e} m from the motion on two strings"
@@ -168,7 +167,7 @@ TABLES = {
 
 @pytest.mark.parametrize("places", TABLES.values(), ids=TABLES)
 def test_a_table_stands_still_on_its_strings(places):
-    """Three strings would do; all pull, with the least norm that carries weight and moments."""
+    """Three strings would suffice; all pull, with the least norm for weight and moments."""
     marionette = table(places)
     x0 = marionette.project(marionette.state())
     run = fan.simulate(marionette, x0, t_end=5.0, effort=False)

@@ -1,9 +1,9 @@
-"""Strings that give speed back: hdot+ = -e hdot-, and no energy from nowhere.
+"""Strings with restitution: hdot+ = -e hdot-, without a gain of energy.
 
     v_D+ = v_D- - M_DD^-1 A_D^T Lambda,   Lambda >= 0,   hdot+ <= -e max(hdot-, 0), complementary
 
-A catch takes Lambda . (hdot- + hdot+) / 2 = sum_i Lambda_i (1 - e_i) hdot-_i / 2 >= 0, whatever the
-strings' e.
+A catch takes Lambda . (hdot- + hdot+) / 2 = sum_i Lambda_i (1 - e_i) hdot-_i / 2 >= 0, for any e of
+the strings.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def falling_bob(e: float, drop: float) -> tuple[Marionette, State]:
 
 
 @pytest.mark.parametrize("e", [0.5, 0.8])
-def test_a_dropped_bob_bounces_as_on_paper(e):
-    """The n-th catch is at e^n times the first one's speed, 2 e^n v / g after the one before."""
+def test_a_dropped_bob_bounces_as_in_the_closed_form(e):
+    """The n-th catch has e^n times the first one's speed, 2 e^n v / g after the previous one."""
     drop = 0.5
     marionette, x0 = falling_bob(e, drop)
     first, v = np.sqrt(2 * drop / G), np.sqrt(2 * G * drop)
@@ -61,7 +61,7 @@ def test_a_dropped_bob_bounces_as_on_paper(e):
     assert np.max(np.abs(run.ledger["residual"])) <= 1e-9
 
 
-def test_a_bob_that_loses_nothing_comes_back_to_where_it_fell_from():
+def test_a_bob_with_restitution_1_returns_to_its_height():
     marionette, x0 = falling_bob(1.0, 0.5)
     first = np.sqrt(2 * 0.5 / G)
     run = fan.simulate(marionette, x0, t_end=6 * first)
@@ -75,7 +75,7 @@ STRINGS = 5
 
 @cache
 def stone() -> Marionette:
-    """A body that spins evenly, on strings whose upper ends and lengths are driven."""
+    """A uniformly spinning body on strings with driven upper ends and lengths."""
     rng = np.random.default_rng(4)
     strings = [
         {
@@ -94,8 +94,8 @@ def stone() -> Marionette:
 
 
 def thrown(rng: np.random.Generator, flight: float) -> State | None:
-    """A stone in free flight that is caught by several strings at once after `flight` seconds; None
-    where one of them would have to be overstepped before.
+    """A stone in free flight that is caught by several strings at once after `flight` seconds;
+    None if one of them would be overstepped earlier.
     """
     puppet = stone()
     table = puppet.coordinates
@@ -126,7 +126,7 @@ def around(run: Trajectory, t: float) -> tuple[State, State]:
 
 
 def random_restitutions(rng: np.random.Generator) -> np.ndarray:
-    """(STRINGS,) of 0, 1 and numbers between."""
+    """(STRINGS,) restitutions: 0, 1 and numbers between."""
     return rng.choice([0.0, 1.0, rng.random()], STRINGS) * rng.choice([1.0, rng.random()])
 
 
@@ -135,7 +135,7 @@ def with_restitutions(e: np.ndarray) -> Marionette:
 
 
 def energy_rise(run: Trajectory) -> float:
-    """The largest rise of T + V from row to row, relative to the largest kinetic energy."""
+    """Largest rise of T + V between rows, relative to the largest kinetic energy."""
     energy = run.ledger["kinetic"] + run.ledger["potential"]
     return float(np.max(np.diff(energy)) / np.max(run.ledger["kinetic"]))
 
@@ -189,14 +189,14 @@ def test_a_stone_that_bounces_among_strings_never_gains_energy():
         scale = np.max(run.ledger["kinetic"])
         residual = np.max(np.abs(run.ledger["residual"])) / scale
         assert residual <= 1e-8, f"{residual:.2e} of the kinetic energy"
-        least = np.min(np.diff(run.ledger["impact"])) / scale
-        assert least >= -1e-10, f"a catch gives {-least:.2e} of the kinetic energy"
+        min_loss = np.min(np.diff(run.ledger["impact"])) / scale
+        assert min_loss >= -1e-10, f"a catch gives {-min_loss:.2e} of the kinetic energy"
         assert np.max(run.violation.values) <= 1e-9
         catches += sum(event.kind == "catch" for event in run.events)
     assert catches >= 200, f"{catches} catches"
 
 
-def test_bounces_too_short_to_tell_end():
+def test_unresolvable_bounces_end():
     """17.22: a stiff winch and a restitution of 1 bounced every 0.7 us, 740,000 times in 0.3 s."""
     winch = fan.loads("""
 puppet: winch

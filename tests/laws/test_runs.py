@@ -101,7 +101,7 @@ def jerk(marionette, x0, **moves) -> fan.Input:
 
 @pytest.fixture(scope="module")
 def performance(arm):
-    """arm2d thrown up and caught, more than once."""
+    """arm2d thrown up and caught, several times."""
     x0 = arm.rest({"hand.length": 0.8, "hand.x": 0.45})
     drive = jerk(
         arm,
@@ -118,8 +118,8 @@ def energy(run) -> np.ndarray:
     return run.ledger["kinetic"] + run.ledger["potential"]
 
 
-def test_energy_is_conserved_while_nothing_moves_the_strings(arm):
-    """T + V + what the impacts took is constant."""
+def test_energy_is_conserved_with_strings_at_rest(arm):
+    """T + V + the energy lost in impacts is constant."""
     hanging = arm.rest({"hand.length": 0.7})
     q = hanging.q_D + np.array([0.5, 0.3])  # the hand comes nearer to S: the string is slack
     run = fan.simulate(arm, hanging.replace(q_D=q), fan.Input.hold(arm), t_end=3.0, **TIGHT)
@@ -157,7 +157,7 @@ def test_catch_is_eqs_13_to_15(arm, performance):
 
 
 def test_catching_is_idempotent(cradle):
-    """A state right after a catch starts again without another catch and goes the same way."""
+    """A state just after a catch starts without another catch and moves equally."""
     x0 = cradle.project(start(cradle, {"rod.z": 0.1, "rod.x": 0.05}, {"rod.wy": 0.5, "rod.z": 0.3}))
     still = fan.Input.hold(cradle)
     run = fan.simulate(cradle, x0, still, t_end=1.0, **TIGHT)
@@ -188,7 +188,7 @@ def test_strings_only_pull_and_never_stretch(arm, cradle, performance):
 
 @pytest.mark.parametrize("name", ["arm2d", "cradle", "marionette"])
 def test_at_rest_the_strings_carry_the_weight(name, cradle, request):
-    """Vertical string forces sum to the weight, less what a fixed joint carries; nothing moves."""
+    """Vertical string forces sum to the weight, minus the load of a fixed joint; nothing moves."""
     marionette = cradle if name == "cradle" else getattr(fan.puppets, name)()
     x0 = marionette.rest({})
     run = fan.simulate(marionette, x0, fan.Input.hold(marionette), t_end=0.01)
@@ -215,7 +215,7 @@ def test_at_rest_the_strings_carry_the_weight(name, cradle, request):
 
 
 def test_a_run_without_strings_equals_scipys(tmp_path):
-    """Quaternions, ball and free joints, drag and springs, against DOP853 on the equations."""
+    """Quaternions, ball and free joints, drag and springs, compared with DOP853."""
     tumbler = load(TUMBLER, tmp_path)
     model, table = Model.of(tumbler.puppet), tumbler.coordinates
     rng = np.random.default_rng(4)
@@ -245,16 +245,16 @@ def test_a_run_without_strings_equals_scipys(tmp_path):
 
 
 def test_moving_inputs_that_stand_still_are_frozen_inputs(arm):
-    """An input that names every coordinate and does not move them is the same as none."""
+    """An input that names all coordinates without moving them equals no input."""
     x0 = arm.rest({"hand.length": 0.7})
     x0 = x0.replace(v_D=np.array([0.5, 0.0]))
     table = arm.coordinates
     coef = {name: np.array([[x0.q_K[i], 0, 0, 0, 0, 0]]) for i, name in enumerate(table.q_K)}
     named = polynomial_input(arm, np.array([0.0, 1.0]), coef, x0.q_K)
     x0 = arm.project(x0)
-    one = fan.simulate(arm, x0, named, t_end=1.0, **TIGHT)
+    with_input = fan.simulate(arm, x0, named, t_end=1.0, **TIGHT)
     other = fan.simulate(arm, x0, fan.Input.hold(arm, 1.0), t_end=1.0, **TIGHT)
-    np.testing.assert_array_equal(one.q_D[-1], other.q_D[-1])
+    np.testing.assert_array_equal(with_input.q_D[-1], other.q_D[-1])
 
 
 def test_the_same_run_gives_the_same_bits(arm, performance):

@@ -1,4 +1,4 @@
-"""Sensitivities of whole runs against differences of runs, and against a closed form."""
+"""Sensitivities of whole runs, compared with differences of runs and a closed form."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ FINE = {"method": fan.Event(rtol=1e-13, atol=1e-13), "effort": False}
 
 
 def fallen(z, v, length, e, t_end: float, g: float = 9.81):
-    """(z, v) at t_end of a bob that falls, bounces on its string and falls again, and how often."""
+    """(z, v) at t_end of a bob that falls, bounces on its string and falls again, and the number
+    of bounces.
+    """
     t, bounces = 0.0, 0
     while True:
         rest = (v + (v * v + 2.0 * g * (z + length)) ** 0.5) / g
@@ -52,11 +54,11 @@ def test_a_bob_that_bounces_on_its_string():
         end, bounces = fallen(*(values + step), t_end=0.9)
         wanted[:, i] = end.imag / 1e-30
     assert bounces == 3
-    found = fan.dynamics.sensitivity(drop, x0, t_end=0.9)
-    assert len(found.passages) == 3 and found.sharp
-    assert worst(found.x0[-1], wanted[:, :2]) < 1e-9
-    assert worst(found.p[-1][:, order], wanted[:, 2:]) < 1e-9
-    first = found.passages[0]
+    result = fan.dynamics.sensitivity(drop, x0, t_end=0.9)
+    assert len(result.passages) == 3 and result.sharp
+    assert worst(result.x0[-1], wanted[:, :2]) < 1e-9
+    assert worst(result.p[-1][:, order], wanted[:, 2:]) < 1e-9
+    first = result.passages[0]
     impact = np.sqrt(0.2**2 + 2 * 9.81 * 0.4)
     # dz+ = -e dz-, dv+ = -e dv- - (1 + e) g dz- / speed: the ball on a table.
     by_hand = np.array([[-0.6, 0.0], [1.6 * 9.81 / impact, -0.6]])
@@ -80,16 +82,16 @@ def end(puppet: fan.Marionette, x0: fan.State, inputs: fan.Input, t_end: float) 
 
 
 def test_a_run_through_catches_and_releases(swing):
-    """By the start, the parameters, and towards other inputs."""
+    """Derivatives by the start, the parameters, and towards other inputs."""
     arm, x0, lift = swing
     other = fan.Input.waypoints(
         arm,
         {"hand.length": [(0, 0.96), (0.6, 0.75), (0.75, 0.99)], "hand.x": [(0, 0.45), (0.75, 0.7)]},
     )
-    found = fan.dynamics.sensitivity(arm, x0, lift, 0.6, toward=[other], save_at=[0.05, 0.3])
-    assert [event.kind for event in found.run.events] == ["catch", "release"] * 2
-    assert len(found.passages) == 2 and found.sharp
-    assert {0.05, 0.3} <= set(found.t) and found.t[0] == 0.0 and found.t[-1] == 0.6
+    result = fan.dynamics.sensitivity(arm, x0, lift, 0.6, toward=[other], save_at=[0.05, 0.3])
+    assert [event.kind for event in result.run.events] == ["catch", "release"] * 2
+    assert len(result.passages) == 2 and result.sharp
+    assert {0.05, 0.3} <= set(result.t) and result.t[0] == 0.0 and result.t[-1] == 0.6
 
     def by_start(d: np.ndarray, t_end: float = 0.6) -> np.ndarray:
         start = x0.replace(q_D=x0.q_D + d[:2], v_D=x0.v_D + d[2:])
@@ -111,40 +113,42 @@ def test_a_run_through_catches_and_releases(swing):
         inputs = dataclasses.replace(ours, **mix)
         return end(arm, x0.replace(q_K=inputs.evaluate(0.0)[0]), inputs, 0.6)
 
-    assert worst(found.x0[-1], difference(by_start, 4, 1e-4)) < 1e-8
-    at = int(np.flatnonzero(found.t == 0.3)[0])
-    assert worst(found.x0[at], difference(lambda d: by_start(d, 0.3), 4, 1e-4)) < 1e-8
-    assert worst(found.p[-1], difference(by_parameters, 2, 1e-4)) < 1e-8
-    assert worst(found.toward[-1], difference(by_inputs, 1, 1e-4)) < 1e-8
+    assert worst(result.x0[-1], difference(by_start, 4, 1e-4)) < 1e-8
+    at = int(np.flatnonzero(result.t == 0.3)[0])
+    assert worst(result.x0[at], difference(lambda d: by_start(d, 0.3), 4, 1e-4)) < 1e-8
+    assert worst(result.p[-1], difference(by_parameters, 2, 1e-4)) < 1e-8
+    assert worst(result.toward[-1], difference(by_inputs, 1, 1e-4)) < 1e-8
 
 
 def test_a_run_by_the_values_of_its_waypoints(swing):
-    """17.5: exact by the value of every waypoint, through catches and releases."""
+    """17.5: derivatives by the value of every waypoint are exact, through catches and releases."""
     arm, x0, _ = swing
     # The second point's slope is a mean, not linear in the values.
     lengths = [(0, 0.95), (0.2, 0.9), (0.5, 0.70), (0.75, 0.95)]
     points = {"hand.length": lengths, "hand.x": [(0, 0.45), (0.3, 0.5), (0.75, 0.6)]}
     by = fan.motion.InputDerivative.of_waypoints(arm, points)
     inputs = fan.Input.waypoints(arm, points)
-    found = fan.dynamics.sensitivity(arm, x0, inputs, 0.6, along=by, save_at=[0.3])
-    assert found.sharp and len(found.passages) >= 2
-    assert found.toward.shape[-1] == 0 and found.along.shape[1:] == (4, len(by))
+    result = fan.dynamics.sensitivity(arm, x0, inputs, 0.6, along=by, save_at=[0.3])
+    assert result.sharp and len(result.passages) >= 2
+    assert result.toward.shape[-1] == 0 and result.along.shape[1:] == (4, len(by))
 
     def by_values(d: np.ndarray) -> np.ndarray:
         step = iter(d)
-        changed = {n: [(t, q + next(step)) for t, q in some] for n, some in points.items()}
-        given = fan.Input.waypoints(arm, changed)
-        start = given.evaluate(0.0)[0]
+        changed = {
+            n: [(t, q + next(step)) for t, q in waypoints] for n, waypoints in points.items()
+        }
+        changed_inputs = fan.Input.waypoints(arm, changed)
+        start = changed_inputs.evaluate(0.0)[0]
         q_K = np.array(x0.q_K)
         for q, v in arm.coordinates.scalars_K:
-            q_K[q] = start[q] if given.named[v] else q_K[q]
-        return end(arm, x0.replace(q_K=q_K), given, 0.6)
+            q_K[q] = start[q] if changed_inputs.named[v] else q_K[q]
+        return end(arm, x0.replace(q_K=q_K), changed_inputs, 0.6)
 
-    assert worst(found.along[-1], difference(by_values, len(by), 1e-4)) < 1e-7
+    assert worst(result.along[-1], difference(by_values, len(by), 1e-4)) < 1e-7
 
 
 def on_breaks(inputs: fan.Input, x0: fan.State, breaks: np.ndarray) -> fan.Input:
-    """The same input on more breaks: its polynomials, shifted to where the new pieces begin."""
+    """The same input with more breaks: its polynomials, shifted to the new pieces."""
     i = np.searchsorted(inputs.breaks, breaks[:-1], side="right") - 1
     coef = np.array(inputs.coef[i])
     for piece, shift in zip(coef, breaks[:-1] - inputs.breaks[i], strict=True):
@@ -154,15 +158,15 @@ def on_breaks(inputs: fan.Input, x0: fan.State, breaks: np.ndarray) -> fan.Input
 
 
 def test_a_start_on_a_taut_string(swing):
-    """A change that the string forbids stands for the nearest one that it does not."""
+    """A change that the string forbids is replaced by the nearest allowed one."""
     arm, _, _ = swing
     x0 = arm.rest({"hand.length": 0.8})
     lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (0.3, 0.7)]})
     slower = fan.Input.waypoints(arm, {"hand.length": [(0, 0.81), (0.3, 0.72)]})
-    found = fan.dynamics.sensitivity(arm, x0, lift, 0.25, toward=[slower])
+    result = fan.dynamics.sensitivity(arm, x0, lift, 0.25, toward=[slower])
     A, M = arm.A_D(x0), arm.mass_matrix(x0)
     P = np.eye(2) - np.linalg.solve(M, A.T) @ np.linalg.solve(A @ np.linalg.solve(M, A.T), A)
-    assert worst(found.x0[0][:2, :2], P) < 1e-12 and worst(found.x0[0][2:, 2:], P) < 1e-12
+    assert worst(result.x0[0][:2, :2], P) < 1e-12 and worst(result.x0[0][2:, 2:], P) < 1e-12
     free = np.linalg.svd(A)[2][1]
 
     def along(s: np.ndarray) -> np.ndarray:
@@ -177,10 +181,10 @@ def test_a_start_on_a_taut_string(swing):
         return end(arm, x.replace(v_D=v_D), lift, 0.25)
 
     wanted = difference(along, 2, 1e-3)
-    mine = found.x0[-1] @ np.kron(np.eye(2), free[:, None])
+    mine = result.x0[-1] @ np.kron(np.eye(2), free[:, None])
     assert worst(mine, wanted) < 1e-8
-    # The start on a longer string is the one that moved least.
-    assert abs(A[0] @ found.toward[0][:2, 0] - 0.01) < 1e-12
+    # The start on a longer string is the nearest one.
+    assert abs(A[0] @ result.toward[0][:2, 0] - 0.01) < 1e-12
 
 
 TUMBLER = """
@@ -203,13 +207,13 @@ strings:
 
 @pytest.mark.parametrize(("bounce", "t_end", "catches"), [(0.0, 0.8, 2), (0.4, 0.47, 4)])
 def test_a_tumbling_box(bounce, t_end, catches):
-    """Orientations and several strings: catches of one while the other is slack, taut, bounces."""
+    """Orientations and two strings: catches of one while the other is slack or taut, bounces."""
     box = fan.loads(TUMBLER).with_parameters({"bounce": bounce})
     t = box.coordinates
     x0 = box.state({"box.z": 0.3, "v:box.wx": 2.0, "v:box.wy": 1.0, "v:box.x": 0.5, "v:box.z": 1.0})
-    found = fan.dynamics.sensitivity(box, x0, t_end=t_end)
-    caught = [passage.rows for passage in found.passages]
-    assert set(caught) == {("left",), ("right",)} and len(caught) == catches and found.sharp
+    result = fan.dynamics.sensitivity(box, x0, t_end=t_end)
+    caught = [passage.rows for passage in result.passages]
+    assert set(caught) == {("left",), ("right",)} and len(caught) == catches and result.sharp
 
     def by_start(d: np.ndarray) -> np.ndarray:
         q_D = moved(x0.q_D, d[:6], t.scalars_D, t.quaternions_D)
@@ -218,35 +222,35 @@ def test_a_tumbling_box(bounce, t_end, catches):
 
     def outcome(puppet: fan.Marionette, start: fan.State) -> np.ndarray:
         run = fan.simulate(puppet, start, t_end=t_end, **FINE)
-        assert [e.name for e in run.events] == [e.name for e in found.run.events]
+        assert [e.name for e in run.events] == [e.name for e in result.run.events]
         return np.concatenate([puppet.poses(run.q_D[-1], run.q_K[-1])[0].ravel(), run.v_D[-1]])
 
     wanted = difference(by_start, 12, 1e-5)
-    here = found.run.state(-1)
+    here = result.run.state(-1)
     to_pose = difference(
         lambda d: box.poses(moved(here.q_D, d, t.scalars_D, t.quaternions_D), here.q_K)[0].ravel(),
         6,
         1e-3,
     )
-    mine = np.concatenate([to_pose @ found.x0[-1][:6], found.x0[-1][6:]])
+    mine = np.concatenate([to_pose @ result.x0[-1][:6], result.x0[-1][6:]])
     assert worst(mine, wanted) < 1e-7
     if bounce:
         wanted = difference(
             lambda d: outcome(box.with_parameters({"bounce": bounce + d[0]}), x0), 1, 1e-5
         )
-        mine = np.concatenate([to_pose @ found.p[-1][:6], found.p[-1][6:]])
+        mine = np.concatenate([to_pose @ result.p[-1][:6], result.p[-1][6:]])
         assert worst(mine, wanted) < 1e-7
 
 
 def test_the_marionettes_catches():
-    """A knee's string snaps taut and lets go all others, which are caught one after the other."""
+    """A knee's string snaps taut and releases all others, which are caught one after the other."""
     puppet = fan.puppets.marionette()
     x0, inputs, _ = performance(puppet)
     x0 = fan.simulate(puppet, x0, inputs, 3.755, **FINE).state(-1)
     t, taut, t_end = puppet.coordinates, np.flatnonzero(x0.taut), 3.7655
-    found = fan.dynamics.sensitivity(puppet, x0, inputs, t_end)
-    assert len(found.passages) == 5 and found.passages[0].rows == ("knee_left",)
-    change = found.x0[0] @ np.random.default_rng(1).normal(size=2 * t.n_vD)
+    result = fan.dynamics.sensitivity(puppet, x0, inputs, t_end)
+    assert len(result.passages) == 5 and result.passages[0].rows == ("knee_left",)
+    change = result.x0[0] @ np.random.default_rng(1).normal(size=2 * t.n_vD)
 
     def ended(s: np.ndarray) -> np.ndarray:
         """v_D at the end after a start moved along the change, and back onto its strings."""
@@ -263,23 +267,23 @@ def test_the_marionettes_catches():
         pull = np.linalg.solve(puppet.mass_matrix(x), A.T)
         x = x.replace(v_D=x.v_D - pull @ np.linalg.solve(A @ pull, rate))
         run = fan.simulate(puppet, x, inputs, t_end, **FINE)
-        kept = [(e.name, e.kind) for e in run.events]
-        assert kept == [(e.name, e.kind) for e in found.run.events]
+        events = [(e.name, e.kind) for e in run.events]
+        assert events == [(e.name, e.kind) for e in result.run.events]
         return run.v_D[-1]
 
     wanted = difference(ended, 1, 1e-6)
-    assert worst(found.x0[-1][t.n_vD :] @ change[:, None], wanted) < 1e-6
+    assert worst(result.x0[-1][t.n_vD :] @ change[:, None], wanted) < 1e-6
 
 
-def test_what_slips_has_no_sensitivity():
+def test_slipping_runs_have_no_sensitivity():
     text = DROP.replace("restitution: {parameter: bounce, value: 0.6}", "max_tension: 8")
     with pytest.raises(fan.errors.StateError, match="line slips"):
         winch = fan.loads(text)
         fan.dynamics.sensitivity(winch, winch.state(), t_end=0.6)
 
 
-def test_strings_that_catch_together_for_every_state_may_part_for_an_input():
-    """Two parallel strings catch as one after any change of the state, not of one's own length."""
+def test_simultaneous_catches_may_separate_by_a_change_of_the_input():
+    """Two parallel strings catch together after changes of the state, but not of one length."""
     twins = fan.loads("""
 puppet: twins
 bodies:
@@ -291,7 +295,7 @@ strings:
     both = fan.Input.hold(twins, 0.5)
     x0 = twins.state({"load": 0.2, "left.length": 1.0, "right.length": 1.0})
     longer = {"left.length": [(0, 1.0), (0.5, 1.01)]}
-    one = fan.Input.waypoints(twins, longer)
+    longer_left = fan.Input.waypoints(twins, longer)
     two = fan.Input.waypoints(twins, longer | {"right.length": longer["left.length"]})
 
     def sharp(other: fan.Input | None) -> list[bool]:
@@ -299,4 +303,4 @@ strings:
         answer = fan.dynamics.sensitivity(twins, x0, both, 0.5, toward=toward)
         return [passage.sharp for passage in answer.passages if "left" in passage.rows]
 
-    assert sharp(None) == [True] and sharp(two) == [True] and sharp(one) == [False]
+    assert sharp(None) == [True] and sharp(two) == [True] and sharp(longer_left) == [False]

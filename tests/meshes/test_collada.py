@@ -1,4 +1,4 @@
-"""COLLADA as shapes: units, axes, nodes that stand for others, colours."""
+"""COLLADA as shapes: units, axes, instances of nodes, colours."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ BOUND = (
     [
         ("<up_axis>Z_UP</up_axis>", 1.0, np.eye(3)),
         ("<unit name='centimeter' meter='0.01'/><up_axis>Y_UP</up_axis>", 0.01, UP),
-        ("<unit name='inch' meter='0.0254'/>", 0.0254, UP),  # y is up where nothing is said
-        # Of X_UP, minus y is right, and z comes towards the viewer.
+        ("<unit name='inch' meter='0.0254'/>", 0.0254, UP),  # y is up by default
+        # For X_UP, minus y is right, and z points towards the viewer.
         ("<up_axis>X_UP</up_axis>", 1.0, np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])),
     ],
 )
@@ -90,30 +90,30 @@ def test_units_and_axes_become_metres_and_z(tmp_path, asset, unit, up):
         (mirror @ quarter @ np.diag([1.0, 3.0, 1.0]), np.array([-4.0, 5.0, 0.0])),
     ]
     volume, com, about = of_boxes([(unit * up @ A, unit * up @ b) for A, b in maps])
-    found, unit_inertia = shape_inertia(mesh(tmp_path, "a.dae"))
+    mass, unit_inertia = shape_inertia(mesh(tmp_path, "a.dae"))
     # pycollada has numbers in single precision.
-    assert found == pytest.approx(volume, rel=1e-6)
+    assert mass == pytest.approx(volume, rel=1e-6)
     np.testing.assert_allclose(unit_inertia.com, com, rtol=1e-6, atol=1e-6 * unit)
     np.testing.assert_allclose(unit_inertia.inertia, about, rtol=1e-5, atol=1e-6 * unit**2)
 
 
 def test_colours_are_those_of_the_materials(tmp_path):
-    """Of one node; the other has none."""
+    """One node has a material and the other has none."""
     nodes = (
         f"<node><instance_geometry url='#g0'>{BOUND}</instance_geometry></node>"
         "<node><translate>3 0 0</translate><instance_geometry url='#g1'/></node>"
     )
     (tmp_path / "a.dae").write_text(dae(nodes))
-    found = read(tmp_path / "a.dae", tmp_path)
-    right = found.vertices[found.faces].mean(axis=1)[:, 0] > 1.5
-    assert np.allclose(found.colours[~right], [0.8, 0.4, 0.2], atol=0.5 / 255)
-    assert np.isnan(found.colours[right]).all() and right.sum() == 12
+    file = read(tmp_path / "a.dae", tmp_path)
+    right = file.vertices[file.faces].mean(axis=1)[:, 0] > 1.5
+    assert np.allclose(file.colours[~right], [0.8, 0.4, 0.2], atol=0.5 / 255)
+    assert np.isnan(file.colours[right]).all() and right.sum() == 12
 
 
 CLEAR = {
     "": set(),
     "<transparent><color>1 1 1 1</color></transparent>": set(),
-    "<transparency><float>0</float></transparency>": set(),  # some write it without the other
+    "<transparency><float>0</float></transparency>": set(),  # some write only one
     "<transparent><color>1 1 1 0.5</color></transparent>": {"transparency"},
     "<transparent><color>1 1 1 1</color></transparent><transparency><float>0.5</float>"
     "</transparency>": {"transparency"},
@@ -132,11 +132,11 @@ def test_transparency_is_known(more, lost, tmp_path):
 
 
 def textured(folder: Path, name: str) -> np.ndarray:
-    """Colours of a square whose halves, left and right, lie on an image that ``name`` names."""
+    """Colours of a square with its left and right half on an image of this name."""
     import collada
     from collada import material, scene, source
 
-    made = collada.Collada()
+    document = collada.Collada()
     image = material.CImage("i", name)
     surface = material.Surface("sf", image)
     sampler = material.Sampler2D("sm", surface)
@@ -144,13 +144,13 @@ def textured(folder: Path, name: str) -> np.ndarray:
         "e", [surface, sampler], "lambert", diffuse=material.Map(sampler, "UV")
     )
     own = material.Material("m1", "m1", effect)
-    made.effects.append(effect)
-    made.materials.append(own)
-    made.images.append(image)
+    document.effects.append(effect)
+    document.materials.append(own)
+    document.images.append(image)
     corners = np.array([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0], float)
     uv = np.array([0.0, 0.6, 0.4, 0.6, 0.4, 0.9, 0.6, 0.1, 0.9, 0.1, 0.9, 0.4])
     geometry = collada.geometry.Geometry(
-        made,
+        document,
         "g",
         "g",
         [
@@ -163,16 +163,16 @@ def textured(folder: Path, name: str) -> np.ndarray:
     inputs.addInput(1, "TEXCOORD", "#t", set="0")
     indices = np.array([0, 0, 1, 1, 2, 2, 0, 3, 2, 4, 3, 5])
     geometry.primitives.append(geometry.createTriangleSet(indices, inputs, "m"))
-    made.geometries.append(geometry)
+    document.geometries.append(geometry)
     bound = scene.GeometryNode(geometry, [scene.MaterialNode("m", own, inputs=[])])
-    made.scenes.append(scene.Scene("s", [scene.Node("n", children=[bound])]))
-    made.scene = made.scenes[0]
-    made.write(str(folder / "t.dae"))
+    document.scenes.append(scene.Scene("s", [scene.Node("n", children=[bound])]))
+    document.scene = document.scenes[0]
+    document.write(str(folder / "t.dae"))
     return read(folder / "t.dae", folder).colours
 
 
-def test_an_image_colours_the_triangles_that_lie_on_it(tmp_path):
-    """Upper left red, lower right blue: v goes up."""
+def test_an_image_colours_its_triangles(tmp_path):
+    """The upper left is red and the lower right blue: v points up."""
     pixels = np.zeros((8, 8, 3), "uint8")
     pixels[:4, :4], pixels[4:, 4:] = [200, 0, 0], [0, 0, 100]
     Image.fromarray(pixels).save(tmp_path / "look.png")
@@ -182,7 +182,7 @@ def test_an_image_colours_the_triangles_that_lie_on_it(tmp_path):
     assert textured(tmp_path, "lost.png") is None
 
 
-def test_without_pycollada_it_is_named(tmp_path, monkeypatch):
+def test_a_missing_pycollada_is_named(tmp_path, monkeypatch):
     (tmp_path / "a.dae").write_text(dae(""))
     monkeypatch.setitem(sys.modules, "collada", None)
     with pytest.raises(MissingLibraryError, match=r"a.dae needs pycollada.*fantoccini\[dae\]"):

@@ -25,11 +25,11 @@ from fantoccini.output.view.silhouettes import mesh
 pytestmark = pytest.mark.medium
 
 RED, BLUE, GREEN = (0.5, 0.02, 0.03), (0.03, 0.05, 0.6), (0.04, 0.4, 0.1)
-"""Linear."""
+"""Linear colours."""
 
 
 def srgb(linear) -> np.ndarray:
-    """IEC 61966-2-1."""
+    """Conversion to sRGB, by IEC 61966-2-1."""
     x = np.array(linear, dtype=float)
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
 
@@ -59,17 +59,17 @@ def head(tmp_path: Path) -> Path:
 
 
 def above(found, height: float) -> np.ndarray:
-    """Faces of a file whose middle is higher."""
+    """Faces of a file with a higher middle."""
     return found.vertices[found.faces].mean(axis=1)[:, 2] > height
 
 
 def test_base_colours_are_linear_and_screens_have_srgb(head):
-    found = read(head, head.parent)
-    hat = above(found, 0.2)
-    nose = found.vertices[found.faces].mean(axis=1)[:, 1] < -0.2
-    assert np.allclose(found.colours[hat], srgb(BLUE), atol=0.51 / 255)
-    assert np.isnan(found.colours[nose & ~hat]).all() and (nose & ~hat).sum() == 12
-    assert np.allclose(found.colours[~hat & ~nose], srgb(RED), atol=0.51 / 255)
+    file = read(head, head.parent)
+    hat = above(file, 0.2)
+    nose = file.vertices[file.faces].mean(axis=1)[:, 1] < -0.2
+    assert np.allclose(file.colours[hat], srgb(BLUE), atol=0.51 / 255)
+    assert np.isnan(file.colours[nose & ~hat]).all() and (nose & ~hat).sum() == 12
+    assert np.allclose(file.colours[~hat & ~nose], srgb(RED), atol=0.51 / 255)
 
 
 def test_corners_colour_the_faces_they_bound(tmp_path):
@@ -80,8 +80,8 @@ def test_corners_colour_the_faces_they_bound(tmp_path):
         material = None if look is None else writer.material(look)
         writer.node(writer.mesh(material=material, COLOR_0=writer.numbers(colours, True)))
         wanted = srgb(np.array([0.2, 0.4, 1.0]) * (1.0 if look is None else np.array(look)))
-        found = read(writer.save(tmp_path / "a.glb"), tmp_path)
-        assert np.allclose(found.colours, wanted, atol=0.51 / 255)
+        file = read(writer.save(tmp_path / "a.glb"), tmp_path)
+        assert np.allclose(file.colours, wanted, atol=0.51 / 255)
 
 
 def quad(folder: Path, corners: np.ndarray, image: np.ndarray, **sampler) -> np.ndarray:
@@ -94,15 +94,15 @@ def quad(folder: Path, corners: np.ndarray, image: np.ndarray, **sampler) -> np.
     return 255.0 * read(writer.save(folder / "q.glb"), folder).colours
 
 
-def test_a_texture_colours_the_triangles_that_lie_on_it(tmp_path):
-    """A palette, as low-poly models have; v goes down; beyond 1 it repeats or its edge goes on."""
+def test_a_texture_colours_its_triangles(tmp_path):
+    """A palette, as in low-poly models; v points down; beyond 1 it repeats or extends its edge."""
     image = np.array([[[250, 0, 0], [0, 250, 0]], [[0, 0, 250], [90, 90, 90]]], "uint8")
 
     def at(u: float, v: float, **sampler) -> list[float]:
         corners = np.concatenate([np.tile([u, v], (3, 1)), np.tile([0.75, 0.75], (3, 1))])
-        found = quad(tmp_path, corners, image, **sampler)
-        assert np.allclose(found[1], 90, atol=0.51)
-        return np.round(found[0]).tolist()
+        file = quad(tmp_path, corners, image, **sampler)
+        assert np.allclose(file[1], 90, atol=0.51)
+        return np.round(file[0]).tolist()
 
     assert at(0.25, 0.25) == [250, 0, 0] and at(0.75, 0.25) == [0, 250, 0]
     assert at(0.25, 0.75) == [0, 0, 250]
@@ -111,8 +111,8 @@ def test_a_texture_colours_the_triangles_that_lie_on_it(tmp_path):
     assert at(1.25, 0.25, **clamped) == [0, 250, 0] and at(0.25, 9.0, **clamped) == [0, 0, 250]
 
 
-def test_looks_that_triangles_do_not_have_are_known(tmp_path):
-    """A texture, and alpha where its mode is not that of opaque materials; of PLY any below 1."""
+def test_lost_properties_of_surfaces_are_reported(tmp_path):
+    """Textures, and alpha in modes of translucent materials; in PLY any alpha below 1."""
     writer, image = Writer(), np.zeros((2, 2, 3), "uint8")
     plain, textured, clear = writer.material(), writer.material(image=image), writer.material()
     for lost, material in (([], plain), (["textures"], textured), (["transparency"], clear)):
@@ -128,16 +128,16 @@ def test_looks_that_triangles_do_not_have_are_known(tmp_path):
 
 
 def test_a_triangle_has_the_mean_of_its_texture_in_linear_light(tmp_path):
-    """Half of it white, half black: 50 % of the light, sRGB 188."""
+    """Half of it is white, half black: 50 % of the light, sRGB 188."""
     image = np.zeros((2, 2, 3), "uint8")
     image[0] = 255
     corners = [[0.5, 0.0], [0.0, 1.0], [1.0, 1.0], [0.0, 0.0], [1.0, 0.0], [0.5, 1.0]]
-    found = quad(tmp_path, corners, image)
-    # A quarter and three quarters of the triangles' areas are white.
-    assert np.allclose(found[:, 0], 255 * srgb([0.25, 0.75]), atol=0.51)
+    file = quad(tmp_path, corners, image)
+    # White parts are a quarter and three quarters of the triangles' areas.
+    assert np.allclose(file[:, 0], 255 * srgb([0.25, 0.75]), atol=0.51)
 
 
-def test_many_colours_become_few_that_are_near(tmp_path):
+def test_many_colours_become_few_close_ones(tmp_path):
     rng = np.random.default_rng(0)
     ball = trimesh.creation.icosphere(subdivisions=3)
     image = np.linspace(0, 255, 256).astype("uint8")[None, :, None] * np.ones((4, 1, 3), "uint8")
@@ -149,12 +149,12 @@ def test_many_colours_become_few_that_are_near(tmp_path):
             ball.vertices, ball.faces, look, TEXCOORD_0=writer.numbers(uv.astype("float32"))
         )
     )
-    found = read(writer.save(tmp_path / "a.glb"), tmp_path)
-    different = np.unique(found.colours, axis=0)
+    file = read(writer.save(tmp_path / "a.glb"), tmp_path)
+    different = np.unique(file.colours, axis=0)
     assert 30 < len(different) <= LIMITS.max_colours
-    # The image grows brighter towards glTF's z, which is our -y.
-    middle = -found.vertices[found.faces].mean(axis=1)[:, 1]
-    assert np.abs(found.colours[:, 0] - (0.5 + 0.49 * middle)).max() < 0.03
+    # The image gets brighter towards glTF's z, which is our -y.
+    middle = -file.vertices[file.faces].mean(axis=1)[:, 1]
+    assert np.abs(file.colours[:, 0] - (0.5 + 0.49 * middle)).max() < 0.03
 
 
 def obj(folder: Path, material: str) -> np.ndarray:
@@ -165,13 +165,13 @@ def obj(folder: Path, material: str) -> np.ndarray:
         "usemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 1/1 2/2 4/3\n"
     )
     (folder / "a.mtl").write_text(material)
-    found = read(folder / "a.obj", folder)
-    lower = found.vertices[found.faces][:, :, 2].max(axis=1) == 0.0
-    return found.colours[np.argsort(~lower)]
+    file = read(folder / "a.obj", folder)
+    lower = file.vertices[file.faces][:, :, 2].max(axis=1) == 0.0
+    return file.colours[np.argsort(~lower)]
 
 
 def test_an_obj_has_the_colours_of_its_materials(tmp_path):
-    """Kd as it stands, or an image; what is missing or lies elsewhere is left out."""
+    """Kd is used unchanged, or an image; missing images and those in other folders are left out."""
     pixels = np.zeros((10, 10, 3), "uint8")
     pixels[:5, :5] = [10, 200, 30]
     Image.fromarray(pixels).save(tmp_path / "look.png")
@@ -179,9 +179,9 @@ def test_an_obj_has_the_colours_of_its_materials(tmp_path):
     two = "newmtl a\nKd 0.5 0.25 0.125\nnewmtl b\nKd 0 0 1\n"
     assert np.allclose(obj(tmp_path, two), [[0.5, 0.25, 0.125], [0, 0, 1]], atol=0.51 / 255)
     for name in ("look.png", "-s 1 1 1 look.png", "C:\\art\\look.png"):
-        found = obj(tmp_path, f"{two}map_Kd {name}\n")
-        assert np.allclose(found[0], [0.5, 0.25, 0.125], atol=0.51 / 255)
-        assert np.allclose(255 * found[1], [10, 200, 30], atol=0.51)
+        colours = obj(tmp_path, f"{two}map_Kd {name}\n")
+        assert np.allclose(colours[0], [0.5, 0.25, 0.125], atol=0.51 / 255)
+        assert np.allclose(255 * colours[1], [10, 200, 30], atol=0.51)
     folder = tmp_path / "in"
     folder.mkdir()
     for name in ("../secret.png", "lost.png", "http://example.org/look.png"):
@@ -191,22 +191,22 @@ def test_an_obj_has_the_colours_of_its_materials(tmp_path):
     assert read(folder / "b.obj", folder).colours is None
 
 
-def test_a_colour_of_the_shape_goes_first(head):
+def test_a_colour_of_the_shape_has_precedence(head):
     model = toy(head.parent, "head.glb", ', colour: "#102030"')
     solid = solid_of(model.puppet.bodies[0].shapes[0], 0, np.zeros(3))
     assert solid.colours is None and np.allclose(solid.colour, np.array([16, 32, 48]) / 255)
 
 
 def test_each_colour_is_one_surface(head):
-    """Their areas are those of the boxes; what has no material has the body's colour."""
+    """Their areas are those of the boxes; faces without material have the body's colour."""
     model = toy(head.parent, "head.glb")
     solid = solid_of(model.puppet.bodies[0].shapes[0], 0, np.array([1.0, 1.0, 0.0]))
     areas = {}
     for colour, surface in coloured(solid):
-        made = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-        areas[tuple(np.round(255 * colour).astype(int).tolist())] = made.area
+        mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+        areas[tuple(np.round(255 * colour).astype(int).tolist())] = mesh.area
         assert np.allclose(
-            np.sum(surface.normals[surface.faces[:, 0]] * made.face_normals, axis=1), 1.0
+            np.sum(surface.normals[surface.faces[:, 0]] * mesh.face_normals, axis=1), 1.0
         )
     wanted = {
         tuple(np.round(255 * srgb(RED)).astype(int).tolist()): 6 * 0.0625,
@@ -235,7 +235,7 @@ def test_pictures_show_the_colours(head, tmp_path, renderer):
 
 
 def test_exports_carry_the_colours(head, tmp_path):
-    """glTF: one material for each, which the validator and three.js know; USD: subsets."""
+    """glTF has one material for each, which the validator and three.js know; USD has subsets."""
     model = toy(tmp_path, "head.glb")
     run = fan.simulate(model, model.rest(), t_end=0.1)
     path = fan.export(run, tmp_path / "run.glb")
@@ -249,7 +249,7 @@ def test_exports_carry_the_colours(head, tmp_path):
         # sRGB has 8 bits: a step of 1/255 is at most 0.009 of linear light.
         assert min(np.abs(np.array(c) - wanted).max() for c in colours) < 0.005
     assert len(colours) == 3
-    # A round trip: what was written is read again.
+    # A round trip: the written file is read again.
     again = read(path, tmp_path).colours
     assert {hue(RED), hue(BLUE)} <= {
         tuple(np.round(255 * c).astype(int).tolist()) for c in np.unique(again, axis=0)
@@ -290,8 +290,8 @@ def test_usd_has_a_material_for_each_colour(head, tmp_path):
         assert np.allclose(shown[np.array(part.GetIndicesAttr().Get())], colour, atol=1e-6)
 
 
-def test_recordings_bring_all_files_along(tmp_path):
-    """A .gltf with its numbers and its image: in a run's file, read elsewhere."""
+def test_recordings_contain_all_files(tmp_path):
+    """A .gltf with its numbers and image in a run's file, read elsewhere."""
     folder = tmp_path / "there" / "art"
     folder.mkdir(parents=True)
     writer = Writer()
@@ -309,13 +309,13 @@ def test_recordings_bring_all_files_along(tmp_path):
     for file in folder.iterdir():
         file.unlink()
     again = fan.Trajectory.load(tmp_path / "run.npz")
-    found = again.puppet.bodies[0].shapes[0].read()
-    assert set(found.beside) == {"a.bin", "paint.png"}
-    assert np.allclose(255 * found.colours, 77, atol=0.51)
+    mesh_file = again.puppet.bodies[0].shapes[0].read()
+    assert set(mesh_file.beside) == {"a.bin", "paint.png"}
+    assert np.allclose(255 * mesh_file.colours, 77, atol=0.51)
 
 
 def test_the_outline_has_the_mean_by_area(tmp_path):
-    """A triangle cut into four counts as one."""
+    """A triangle divided into four counts as one."""
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     colours = np.array([[1.0, 0, 0], [0, 0, 1]])
     coarse = mesh(0, np.zeros(3), vertices, np.array([[0, 1, 2], [0, 2, 3]]), colours)

@@ -1,4 +1,4 @@
-"""glTF as shapes: nodes, primitives, numbers of all kinds, against closed forms and trimesh."""
+"""glTF as shapes: nodes, primitives, numbers of all kinds; closed forms and trimesh."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from fantoccini.model.puppet.shapes import load_mesh, shape_inertia
 
 
 def mesh(folder: Path, name: str, **keys) -> Mesh:
-    """A shape from a file."""
+    """A shape of a file."""
     extra = "".join(f", {key}: {value}" for key, value in keys.items())
-    made = loads(puppet(f"{{type: mesh, file: {name}, density: 1{extra}}}"), folder=folder)
-    return made.bodies[0].shapes[0]
+    description = loads(puppet(f"{{type: mesh, file: {name}, density: 1{extra}}}"), folder=folder)
+    return description.bodies[0].shapes[0]
 
 
 def of_boxes(maps: list[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray, np.ndarray]:
@@ -58,14 +58,14 @@ def test_nodes_carry_their_meshes_and_y_becomes_z(tmp_path):
         (np.diag([2.0, 1.0, 0.5]), np.zeros(3)),
     ]
     volume, com, about = of_boxes([(UP @ A, UP @ b) for A, b in maps])
-    found, unit = shape_inertia(mesh(tmp_path, "a.glb"))
-    assert found == pytest.approx(volume, rel=1e-12)
+    mass, unit = shape_inertia(mesh(tmp_path, "a.glb"))
+    assert mass == pytest.approx(volume, rel=1e-12)
     np.testing.assert_allclose(unit.com, com, atol=1e-12)
     np.testing.assert_allclose(unit.inertia, about, atol=1e-11)
 
 
 def test_the_scene_is_that_which_trimesh_reads(tmp_path):
-    """Files written by trimesh, of random solids; it reads them itself, y up."""
+    """Files written by trimesh, of random solids; trimesh reads them with y up."""
     rng = np.random.default_rng(5)
     scene = trimesh.Scene()
     for k in range(4):
@@ -95,24 +95,24 @@ def test_numbers_of_all_kinds_are_the_same_cube(tmp_path):
     def cube(name: str, fill) -> None:
         writer = Writer()
         writer.node(fill(writer))
-        found = read(writer.save(tmp_path / name), tmp_path)
-        np.testing.assert_allclose(np.unique(found.vertices, axis=0), plain, atol=1e-12)
-        assert len(found.faces) == 12 and is_closed(found.faces), name
+        file = read(writer.save(tmp_path / name), tmp_path)
+        np.testing.assert_allclose(np.unique(file.vertices, axis=0), plain, atol=1e-12)
+        assert len(file.faces) == 12 and is_closed(file.faces), name
 
     cube("soup.glb", lambda w: w.mesh(soup, None))
     for kind in ("uint8", "uint32"):
 
         def indexed(w: Writer, kind: str = kind) -> int:
-            made = w.mesh()
-            w.gltf.meshes[made].primitives[0].indices = w.numbers(CUBE.ravel().astype(kind))
-            return made
+            index = w.mesh()
+            w.gltf.meshes[index].primitives[0].indices = w.numbers(CUBE.ravel().astype(kind))
+            return index
 
         cube(f"{kind}.glb", indexed)
 
     def strips(w: Writer) -> int:
-        made = w.mesh(faces=[0, 2, 1, 3], mode=5)
+        index = w.mesh(faces=[0, 2, 1, 3], mode=5)
         rest = CUBE[2:]
-        of = w.gltf.meshes[made].primitives
+        of = w.gltf.meshes[index].primitives
         of.append(
             gl.Primitive(
                 attributes=of[0].attributes,
@@ -126,25 +126,25 @@ def test_numbers_of_all_kinds_are_the_same_cube(tmp_path):
             )
         )
         of.append(gl.Primitive(attributes=of[0].attributes, mode=1))
-        return made
+        return index
 
     cube("strips.glb", strips)
 
     def strided(w: Writer) -> int:
         wide = np.zeros((8, 5), "float32")
         wide[:, 1:4] = CORNERS
-        made = w.mesh()
-        about = w.gltf.accessors[w.gltf.meshes[made].primitives[0].attributes.POSITION]
+        index = w.mesh()
+        about = w.gltf.accessors[w.gltf.meshes[index].primitives[0].attributes.POSITION]
         about.bufferView, about.byteOffset = w.view(wide.tobytes(), stride=20), 4
-        return made
+        return index
 
     cube("strided.glb", strided)
 
     def sparse(w: Writer) -> int:
         moved = CORNERS.copy()
         moved[[2, 5]] = 9.0
-        made = w.mesh(moved)
-        about = w.gltf.accessors[w.gltf.meshes[made].primitives[0].attributes.POSITION]
+        index = w.mesh(moved)
+        about = w.gltf.accessors[w.gltf.meshes[index].primitives[0].attributes.POSITION]
         about.sparse = gl.Sparse(
             count=2,
             indices=gl.AccessorSparseIndices(
@@ -154,7 +154,7 @@ def test_numbers_of_all_kinds_are_the_same_cube(tmp_path):
                 bufferView=w.view(CORNERS[[2, 5]].astype("float32").tobytes())
             ),
         )
-        return made
+        return index
 
     cube("sparse.glb", sparse)
 
@@ -162,7 +162,7 @@ def test_numbers_of_all_kinds_are_the_same_cube(tmp_path):
         w.gltf.extensionsRequired = ["KHR_mesh_quantization"]
         whole = np.zeros((8, 4), "int16")
         whole[:, :3] = np.sign(CORNERS) * 32767
-        made = w.mesh()
+        index = w.mesh()
         w.gltf.accessors.append(
             gl.Accessor(
                 bufferView=w.view(whole.tobytes(), stride=8),
@@ -172,16 +172,16 @@ def test_numbers_of_all_kinds_are_the_same_cube(tmp_path):
                 normalized=True,
             )
         )
-        w.gltf.meshes[made].primitives[0].attributes.POSITION = len(w.gltf.accessors) - 1
-        return made
+        w.gltf.meshes[index].primitives[0].attributes.POSITION = len(w.gltf.accessors) - 1
+        return index
 
     writer = Writer()
     writer.node(quantised(writer), scale=[0.5] * 3)
-    found = read(writer.save(tmp_path / "q.glb"), tmp_path)
-    np.testing.assert_allclose(np.unique(found.vertices, axis=0), plain, atol=1e-12)
+    file = read(writer.save(tmp_path / "q.glb"), tmp_path)
+    np.testing.assert_allclose(np.unique(file.vertices, axis=0), plain, atol=1e-12)
 
 
-def test_a_file_holds_its_numbers_or_has_them_beside(tmp_path):
+def test_numbers_are_in_the_file_or_in_another_one(tmp_path):
     writer = Writer()
     writer.boxes(((1.0, 2.0, 3.0), (0.0, 0.0, 0.0)))
     inner = tmp_path / "meshes"
@@ -215,22 +215,22 @@ def test_the_digest_is_of_all_files(tmp_path):
     content[k : k + 4] = np.float32(0.75).tobytes()
     (tmp_path / "a.bin").write_bytes(content)
     assert shape.digest() != before
-    assert load_mesh(shape).bounds[1, 0] == 0.75  # what was read is not taken for what is there
+    assert load_mesh(shape).bounds[1, 0] == 0.75  # the file in the cache is not used after a change
 
 
-def test_files_read_again_and_again_are_kept(tmp_path):
-    """However many others there are, and whoever reads them at the same time."""
+def test_files_that_are_read_repeatedly_are_cached(tmp_path):
+    """This holds with many others in the cache, and with concurrent readers."""
     paths = [tmp_path / f"{k}.stl" for k in range(30)]
     for k, path in enumerate(paths):
         trimesh.creation.box((1, 1, 1 + k)).export(path)
     first = [read(path, tmp_path) for path in paths]
     with ThreadPoolExecutor(4) as pool:
         again = list(pool.map(lambda path: read(path, tmp_path), paths * 4))
-    assert all(one is other for one, other in zip(first * 4, again, strict=True))
+    assert all(mesh_file is other for mesh_file, other in zip(first * 4, again, strict=True))
 
 
-def test_what_is_kept_is_bounded(tmp_path, monkeypatch):
-    """The file that was read longest ago goes first."""
+def test_the_cache_is_bounded(tmp_path, monkeypatch):
+    """The least recently read file is removed first."""
     monkeypatch.setattr("fantoccini.model.meshes.files.LIMITS", LIMITS._replace(max_triangles=3500))
     paths = [tmp_path / f"{k}.stl" for k in range(4)]
     for k, path in enumerate(paths):

@@ -34,21 +34,21 @@ def blocks(relative: bool) -> str:
 def test_negative_indices_count_back_from_their_line(tmp_path):
     (tmp_path / "a.obj").write_text(blocks(relative=True))
     (tmp_path / "b.obj").write_text(blocks(relative=False))
-    found, wanted = (load_mesh(mesh(tmp_path, name)) for name in ("a.obj", "b.obj"))
-    assert found.volume == pytest.approx(sum(s**3 for s in SIZES), rel=1e-12)
-    assert np.array_equal(found.triangles, wanted.triangles)
+    relative, wanted = (load_mesh(mesh(tmp_path, name)) for name in ("a.obj", "b.obj"))
+    assert relative.volume == pytest.approx(sum(s**3 for s in SIZES), rel=1e-12)
+    assert np.array_equal(relative.triangles, wanted.triangles)
     com = np.average(PLACES, axis=0, weights=np.array(SIZES) ** 3)
-    np.testing.assert_allclose(found.center_mass, com, atol=1e-12)
+    np.testing.assert_allclose(relative.center_mass, com, atol=1e-12)
 
 
 def test_negative_indices_of_a_urdfs_mesh_count_back_from_their_line(tmp_path):
     (tmp_path / "a.obj").write_text(blocks(relative=True))
-    made = imported(
+    puppet = imported(
         '<robot name="r"><link name="a"><visual><geometry><mesh filename="a.obj"/></geometry>'
         "</visual></link></robot>",
         tmp_path,
     )
-    made.save(tmp_path / "r.yaml")
+    puppet.save(tmp_path / "r.yaml")
     (body,) = fan.model.load(tmp_path / "r.yaml").bodies
     assert load_mesh(body.shapes[0]).volume == pytest.approx(sum(s**3 for s in SIZES), rel=1e-6)
 
@@ -63,23 +63,26 @@ def test_negative_indices_of_textures_and_normals_count_likewise(tmp_path):
     for _ in range(40):
         new = rng.integers(3, 6, 3)
         keys = [key for key, n in zip(("v", "vt", "vn"), new, strict=True) for _ in range(n)]
-        given = [f"{key} {' '.join(map(repr, rng.uniform(size=3).tolist()))}" for key in keys]
+        vectors = [f"{key} {' '.join(map(repr, rng.uniform(size=3).tolist()))}" for key in keys]
         counts += new
         picked = [rng.choice(n, 3, replace=False) + 1 for n in counts]
         back += [
-            *given,
+            *vectors,
             "f "
             + " ".join(
                 "/".join(str(i - n - 1) for i, n in zip(corner, counts, strict=True))
                 for corner in zip(*picked, strict=True)
             ),
         ]
-        ahead += [*given, "f " + " ".join("/".join(map(str, c)) for c in zip(*picked, strict=True))]
+        ahead += [
+            *vectors,
+            "f " + " ".join("/".join(map(str, c)) for c in zip(*picked, strict=True)),
+        ]
     (tmp_path / "a.obj").write_text("\n".join(back))
     (tmp_path / "b.obj").write_text("\n".join(ahead))
-    found, wanted = read(tmp_path / "a.obj", tmp_path), read(tmp_path / "b.obj", tmp_path)
-    assert np.array_equal(found.vertices[found.faces], wanted.vertices[wanted.faces])
-    assert np.array_equal(found.colours, wanted.colours)
+    file, wanted = read(tmp_path / "a.obj", tmp_path), read(tmp_path / "b.obj", tmp_path)
+    assert np.array_equal(file.vertices[file.faces], wanted.vertices[wanted.faces])
+    assert np.array_equal(file.colours, wanted.colours)
 
 
 PLAIN = blocks(relative=True)
@@ -116,8 +119,8 @@ VARIANTS = {
 def test_blank_space_comments_and_ends_of_lines_are_free(text, tmp_path):
     (tmp_path / "a.obj").write_bytes(text.encode())
     (tmp_path / "b.obj").write_text(PLAIN)
-    found, wanted = read(tmp_path / "a.obj", tmp_path), read(tmp_path / "b.obj", tmp_path)
-    assert np.array_equal(found.vertices[found.faces], wanted.vertices[wanted.faces])
+    file, wanted = read(tmp_path / "a.obj", tmp_path), read(tmp_path / "b.obj", tmp_path)
+    assert np.array_equal(file.vertices[file.faces], wanted.vertices[wanted.faces])
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "cp932", "gbk", "latin-1", "utf-8-sig"])
@@ -128,13 +131,13 @@ def test_any_encoding_is_read_and_materials_stay_apart(encoding, tmp_path):
     text = "mtllib a.mtl\n" + PLAIN.replace("v ", f"usemtl {names[0]}\nv ", 1)
     text = text[::-1].replace(" v\n", f" v\n{names[1]} ltmesu\n", 1)[::-1]
     (tmp_path / "a.obj").write_bytes(text.encode(encoding))
-    found = read(tmp_path / "a.obj", tmp_path)
-    reds = np.bincount(found.colours[:, 0].astype(int))
-    assert reds.tolist() == [24, 12] and np.all(found.colours[:, 2] == 1.0)
+    file = read(tmp_path / "a.obj", tmp_path)
+    reds = np.bincount(file.colours[:, 0].astype(int))
+    assert reds.tolist() == [24, 12] and np.all(file.colours[:, 2] == 1.0)
 
 
-def test_polygons_are_fans_whatever_stands_beside_them(tmp_path):
-    """A hexagon has as many numbers as a triangle with textures."""
+def test_polygons_are_fans_with_any_other_elements(tmp_path):
+    """A hexagon may have as many numbers as a triangle with textures."""
     quads = "".join(f"f {' '.join(f'{i + 1}/1' for i in side)}\n" for side in SIDES[:3])
     quads += "".join(f"f {' '.join(f'{i + 1}' for i in side)}\n" for side in SIDES[3:])
     corners = "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS.tolist())
@@ -177,7 +180,7 @@ def test_a_mistake_of_an_obj_has_its_line(line, says, tmp_path):
 
 
 def textured(folder: Path, library: str) -> fan.model.meshes.MeshFile:
-    """A cube in a material whose image is red."""
+    """A cube in a material with a red image."""
     red = np.zeros((4, 4, 3), "uint8") + np.array([255, 0, 0], "uint8")
     Image.fromarray(red).save(folder / "p.png")
     (folder / "a.mtl").write_bytes(library.encode())
@@ -207,10 +210,10 @@ LIBRARY = "newmtl m\nKd 0 1 0\nmap_Kd p.png\nd 0.5\n"
         lambda t: t.replace("map_Kd p.png", "map_Kd\tC:\\textures\\p.png"),
     ],
 )
-def test_image_and_transparency_are_found_whatever_separates(change, tmp_path):
-    found = textured(tmp_path, change(LIBRARY))
-    assert np.allclose(found.colours, [1.0, 0.0, 0.0], atol=1e-9)
-    assert found.lost == {"textures", "transparency"}
+def test_image_and_transparency_are_found_with_any_separators(change, tmp_path):
+    file = textured(tmp_path, change(LIBRARY))
+    assert np.allclose(file.colours, [1.0, 0.0, 0.0], atol=1e-9)
+    assert file.lost == {"textures", "transparency"}
 
 
 def test_colours_of_corners_are_those_that_trimesh_reads(tmp_path):
@@ -219,6 +222,6 @@ def test_colours_of_corners_are_those_that_trimesh_reads(tmp_path):
     box.visual.vertex_colors = rng.integers(0, 256, (8, 4)).astype("uint8")
     (tmp_path / "a.obj").write_text(box.export(file_type="obj"))
     again = trimesh.load(tmp_path / "a.obj", process=False)
-    found = read(tmp_path / "a.obj", tmp_path)
+    file = read(tmp_path / "a.obj", tmp_path)
     wanted = again.visual.vertex_colors[again.faces][:, :, :3].mean(axis=1) / 255.0
-    assert np.allclose(found.colours, wanted, atol=1.01 / 255)
+    assert np.allclose(file.colours, wanted, atol=1.01 / 255)

@@ -1,4 +1,4 @@
-"""Broken and hostile mesh files: located mistakes, quickly, and no file outside the folder."""
+"""Broken and hostile mesh files: located mistakes, soon, and no file outside the folder."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fantoccini.model.puppet import loads
 
 
 def refused(folder: Path, name: str) -> str:
-    """What the mistake in the line of the file's name says."""
+    """Message of the mistake in the line of the file's name."""
     begin = time.monotonic()
     with pytest.raises(PuppetError) as caught:
         loads(puppet(f"{{type: mesh, file: {name}}}"), folder=folder)
@@ -34,7 +34,7 @@ def refused(folder: Path, name: str) -> str:
 
 
 def changed(folder: Path, change: Callable[[dict], None]) -> str:
-    """What is said of a cube in a .gltf whose JSON was changed."""
+    """Message for a cube in a .gltf with changed JSON."""
     writer = Writer()
     writer.node(writer.mesh())
     path = writer.save(folder / "a.gltf")
@@ -117,8 +117,8 @@ def test_a_corner_must_be_there(tmp_path):
     assert "a corner that does not exist" in refused(tmp_path, "a.glb")
 
 
-def test_what_multiplies_is_bounded(tmp_path, monkeypatch):
-    """Nodes that repeat a mesh; here with a smaller limit."""
+def test_repetitions_are_bounded(tmp_path, monkeypatch):
+    """Nodes that repeat a mesh; with a smaller limit here."""
     monkeypatch.setattr("fantoccini.model.meshes.part.LIMITS", LIMITS._replace(max_triangles=1000))
     writer = Writer()
     cube = writer.mesh()
@@ -184,7 +184,7 @@ def test_a_broken_collada_file_is_a_located_mistake(tmp_path, old, new, says):
     assert says in refused(tmp_path, "a.dae")
 
 
-def test_nodes_that_double_and_double_are_counted_first(tmp_path):
+def test_doubling_nodes_are_counted_first(tmp_path):
     """2^40 places of one mesh, or of nothing, in 40 lines."""
     for inner in ("<instance_geometry url='#g0'/>", ""):
         nodes = f"<node id='n0'>{inner}</node>" + "".join(
@@ -198,7 +198,7 @@ def test_nodes_that_double_and_double_are_counted_first(tmp_path):
 
 @pytest.mark.parametrize("name", ["a.glb", "a.gltf", "a.dae", "a.obj", "a.ply", "a.stl"])
 def test_any_change_is_read_or_refused(tmp_path, name):
-    """Bytes changed, left out, repeated, at random: never another error than ValueError."""
+    """Bytes are changed, omitted and repeated at random: the only error is ValueError."""
     writer = Writer()
     colour = writer.material((0.5, 0.2, 0.1), np.zeros((2, 2, 3), "uint8"))
     uv = writer.numbers(np.zeros((8, 2), "float32"))
@@ -214,7 +214,7 @@ def test_any_change_is_read_or_refused(tmp_path, name):
         path = tmp_path / name
         trimesh.creation.box().export(path)
     good, rng = path.read_bytes(), np.random.default_rng(11)
-    kept = 0
+    n_read = 0
     for _ in range(300):
         bad = bytearray(good)
         for _ in range(rng.integers(1, 4)):
@@ -230,17 +230,17 @@ def test_any_change_is_read_or_refused(tmp_path, name):
                     bad[at] = ord(rng.choice(list('0123456789-.e[]{},"')))
         path.write_bytes(bad)
         try:
-            found = read(path, tmp_path)
+            file = read(path, tmp_path)
         except ValueError:
             continue
-        kept += 1
-        assert found.faces.max() < len(found.vertices) and np.isfinite(found.vertices).all()
-    assert 0 < kept < 300
+        n_read += 1
+        assert file.faces.max() < len(file.vertices) and np.isfinite(file.vertices).all()
+    assert 0 < n_read < 300
 
 
 @pytest.mark.parametrize("shared", [True, False])
 def test_a_small_gltf_takes_little_memory(tmp_path, shared):
-    """Arrays without content, named by many primitives or one by each."""
+    """Arrays without content, named by many primitives or by one each."""
     accessors = [{"componentType": 5126, "type": "VEC3", "count": 3_000_000} for _ in range(30)]
     none = {"componentType": 5125, "type": "SCALAR", "count": 0}
     primitives = [
@@ -255,7 +255,7 @@ def test_a_small_gltf_takes_little_memory(tmp_path, shared):
     (tmp_path / "a.gltf").write_text(json.dumps(content))
     tracemalloc.start()
     message = refused(tmp_path, "a.gltf")
-    most = tracemalloc.get_traced_memory()[1]
+    peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert ("no triangles" if shared else "too many elements in total") in message
-    assert most < 6e8
+    assert peak < 6e8

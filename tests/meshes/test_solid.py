@@ -1,4 +1,4 @@
-"""Pieces of closed surfaces: those that touch stay apart; hollows belong to what is around."""
+"""Pieces of closed surfaces: touching ones stay separate; hollows belong to the outer piece."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from fantoccini.model.puppet.shapes import load_mesh, shape_inertia
 
 
 def joined(*solids: trimesh.Trimesh) -> trimesh.Trimesh:
-    """One mesh with every place once, as files are read."""
-    made = trimesh.util.concatenate(solids)
-    made.merge_vertices()
-    return made
+    """One mesh with merged vertices, as from a file."""
+    mesh = trimesh.util.concatenate(solids)
+    mesh.merge_vertices()
+    return mesh
 
 
 def cube(*at: float, size: tuple[float, ...] = (1.0, 1.0, 1.0)) -> trimesh.Trimesh:
-    made = trimesh.creation.box(size)
-    made.apply_translation(at)
-    return made
+    box = trimesh.creation.box(size)
+    box.apply_translation(at)
+    return box
 
 
 def stl(folder: Path, solid: trimesh.Trimesh, **keys) -> Mesh:
@@ -37,7 +37,7 @@ def stl(folder: Path, solid: trimesh.Trimesh, **keys) -> Mesh:
 
 
 def test_three_boxes_in_one_file_have_the_inertia_of_three_box_shapes(tmp_path):
-    """To 1e-12: their sizes are single-precision numbers, as files have them."""
+    """Agreement to 1e-12: their sizes are single-precision numbers, as in files."""
     rng, writer = np.random.default_rng(2), Writer()
     boxes = [
         (np.float32(rng.uniform(0.1, 0.4, 3)), np.float32(rng.uniform(-1, 1, 3))) for _ in range(3)
@@ -68,7 +68,7 @@ def test_three_boxes_in_one_file_have_the_inertia_of_three_box_shapes(tmp_path):
 
 
 def test_boxes_that_touch_in_a_face_an_edge_or_a_corner_are_pieces():
-    """Their corners are the same vertices; each is found whole, whatever the order of faces."""
+    """Their corners are the same vertices; each piece is found whole, in any order of faces."""
     rng = np.random.default_rng(4)
     rows = [
         (cube(0, 0, 0), cube(1, 0, 0), cube(2, 0, 0)),  # faces
@@ -77,21 +77,21 @@ def test_boxes_that_touch_in_a_face_an_edge_or_a_corner_are_pieces():
         (cube(0, 0, 0), cube(1, 0, 0), cube(0, 1, 0), cube(1, 1, 0), cube(0.5, 0.5, 4)),
     ]
     for solids in rows:
-        made = joined(*solids)
-        made.faces = made.faces[rng.permutation(len(made.faces))]
-        assert is_closed(made.faces)
-        found = pieces(made)
-        assert len(found) == len(solids)
-        centres = np.array([p.center_mass for p in found])
+        mesh = joined(*solids)
+        mesh.faces = mesh.faces[rng.permutation(len(mesh.faces))]
+        assert is_closed(mesh.faces)
+        parts = pieces(mesh)
+        assert len(parts) == len(solids)
+        centres = np.array([p.center_mass for p in parts])
         wanted = np.array([s.center_mass for s in solids])
-        assert all(p.is_volume and len(p.faces) == 12 for p in found)
+        assert all(p.is_volume and len(p.faces) == 12 for p in parts)
         apart = np.linalg.norm(centres[:, None] - wanted[None], axis=2)
         assert np.allclose(np.sort(apart.min(axis=0)), 0.0, atol=1e-12)
-        assert [p.volume for p in found] == pytest.approx([1.0] * len(solids), rel=1e-12)
+        assert [p.volume for p in parts] == pytest.approx([1.0] * len(solids), rel=1e-12)
 
 
 def test_a_hollow_belongs_to_the_piece_around_it(tmp_path):
-    """Two balls, one of them hollow with a ball in the hollow; closed forms of meshed balls."""
+    """Two balls, one of them hollow with a ball inside; closed forms of meshed balls."""
     ball = trimesh.creation.icosphere(subdivisions=2)
     outer, hollow, core = (ball.copy() for _ in range(3))
     hollow.apply_scale(0.7)
@@ -99,17 +99,17 @@ def test_a_hollow_belongs_to_the_piece_around_it(tmp_path):
     core.apply_scale(0.3)
     other = ball.copy()
     other.apply_translation([3, 0, 0])
-    made = joined(outer, hollow, core, other)
-    found = pieces(made)
+    mesh = joined(outer, hollow, core, other)
+    parts = pieces(mesh)
     v = ball.volume
-    volumes = sorted(p.volume for p in found)
+    volumes = sorted(p.volume for p in parts)
     assert volumes == pytest.approx([0.027 * v, (1 - 0.343) * v, v], rel=1e-12)
-    volume, _ = shape_inertia(stl(tmp_path, made))
+    volume, _ = shape_inertia(stl(tmp_path, mesh))
     assert volume == pytest.approx(v * (2 - 0.343 + 0.027), rel=1e-12)
 
 
 def test_pieces_that_face_inwards_are_turned_over(tmp_path):
-    """Not subtracted: one of three, or all of them."""
+    """They are not subtracted: one of three, or all of them."""
     for flipped in ({1}, {0, 1, 2}, {0, 2}):
         solids = [cube(2.0 * k, 0, 0, size=(1, 1, 1 + k)) for k in range(3)]
         for k in flipped:
@@ -133,13 +133,13 @@ def test_each_piece_must_be_closed(tmp_path):
 
 
 def test_each_convex_piece_is_one_hull(tmp_path):
-    """Boxes that nearly fill a box together are not fused; what lies in another one is left out."""
+    """Boxes that nearly fill a box together are not merged; a box inside another is left out."""
     boxes = [cube(1.01 * k, 0, 0) for k in range(3)]
     inner = trimesh.creation.icosphere(subdivisions=1, radius=0.2)
     hulls = mesh_hulls(stl(tmp_path, joined(*boxes, inner)))
     assert sorted(hull.centroid[0] for hull in hulls) == pytest.approx([0.0, 1.01, 2.02])
     assert all(len(hull.vertices) == 8 and len(hull.planes) == 6 for hull in hulls)
-    # One body of parts that touch, as bricks do, is those parts.
+    # A body of touching parts, such as bricks, is those parts.
     walls = joined(*(cube(float(x), 0.0, float(z)) for x in range(3) for z in range(2)))
     assert len(mesh_hulls(stl(tmp_path, walls))) == 6
 
@@ -157,7 +157,7 @@ def test_a_dented_piece_is_cut_and_the_others_are_not(tmp_path, monkeypatch):
         assert np.array_equal(a.vertices, b.vertices) and np.array_equal(a.centroid, b.centroid)
     cubes = [h for h in first if len(h.vertices) == 8 and np.ptp(h.vertices, axis=0).min() > 0.99]
     assert len(cubes) == 2
-    # Apart from the cubes, the pieces are those of the hook alone.
+    # Except for the cubes, the pieces are those of the hook alone.
     alone = mesh_hulls(stl(tmp_path, bend))
     assert len(alone) == len(first) - 2
 
@@ -168,9 +168,9 @@ def test_too_many_pieces_are_refused_for_contact(tmp_path):
         mesh_hulls(shape)
 
 
-def test_winding_numbers_tell_in_from_out():
-    """Of a ball and a cube, at random points, against trimesh's nearest triangles."""
-    made = joined(trimesh.creation.icosphere(subdivisions=2), cube(3, 0, 0))
+def test_winding_numbers_separate_inside_from_outside():
+    """Random points in a ball and a cube, compared with trimesh's nearest triangles."""
+    mesh = joined(trimesh.creation.icosphere(subdivisions=2), cube(3, 0, 0))
     points = np.random.default_rng(0).uniform([-1.2, -1.2, -1.2], [3.6, 1.2, 1.2], (300, 3))
     planes = trimesh.creation.icosphere(subdivisions=2)
     flat = (
@@ -178,7 +178,7 @@ def test_winding_numbers_tell_in_from_out():
         - np.sum(planes.face_normals * planes.triangles_center, axis=1)[:, None]
     )
     wanted = (flat.max(axis=0) < 0) | np.all(np.abs(points - [3, 0, 0]) < 0.5, axis=1)
-    assert np.array_equal(inside(made, points), wanted) and 20 < wanted.sum() < 280
+    assert np.array_equal(inside(mesh, points), wanted) and 20 < wanted.sum() < 280
 
 
 def test_a_sphere_of_triangles_tends_to_the_sphere(tmp_path):
@@ -195,13 +195,13 @@ def test_a_sphere_of_triangles_tends_to_the_sphere(tmp_path):
 
 
 def test_pieces_within_pieces_are_bounded(tmp_path, monkeypatch):
-    """Shells that alternate, one in another; here with smaller limits."""
+    """Shells that alternate, one in another; with smaller limits here."""
     shells = [cube(0, 0, 0, size=(1 + k, 1 + k, 1 + k)) for k in range(8)]
     for k in range(0, 8, 2):
         shells[k].invert()
     onion = joined(*shells)
     volume, _ = shape_inertia(stl(tmp_path, onion))
-    # Those that face inwards are hollows of what is around them.
+    # Pieces with inward normals are hollows of the pieces around them.
     assert volume == pytest.approx(sum((-1) ** k * k**3 for k in range(8, 0, -1)), rel=1e-12)
     (tmp_path / "a.obj").unlink()
     monkeypatch.setattr("fantoccini.model.meshes.solid.LIMITS", LIMITS._replace(max_tested=100))

@@ -1,4 +1,4 @@
-"""STL files as programs write them: binary with more behind, and text in any shape."""
+"""STL files as programs write them: binary with trailing data, and text in any layout."""
 
 from __future__ import annotations
 

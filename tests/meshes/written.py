@@ -1,4 +1,4 @@
-"""Writes glTF with pygltflib, number by number, for readers to be compared with closed forms."""
+"""A writer of glTF by `pygltflib`, number by number, for comparisons with closed forms."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SIDES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (
 CUBE = np.array([t for a, b, c, d in SIDES for t in ((a, b, c), (a, c, d))])
 """Triangles of the unit cube, anticlockwise from outside."""
 UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""From glTF's axes, y up, to ours, z up."""
+"""Rotation from glTF's axes, y up, to ours, z up."""
 
 _TYPES = {1: gl.SCALAR, 2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4}
 _KINDS = {
@@ -29,14 +29,14 @@ _KINDS = {
 
 
 class Writer:
-    """A glTF file that is put together."""
+    """A glTF file in preparation."""
 
     def __init__(self) -> None:
         self.gltf = gl.GLTF2(scenes=[gl.Scene(nodes=[])], scene=0)
         self.data = bytearray()
 
     def view(self, content: bytes, stride: int | None = None) -> int:
-        """Bytes in the buffer."""
+        """Add bytes to the buffer."""
         self.data += b"\0" * (-len(self.data) % 4)
         self.gltf.bufferViews.append(
             gl.BufferView(
@@ -47,7 +47,7 @@ class Writer:
         return len(self.gltf.bufferViews) - 1
 
     def numbers(self, values: np.ndarray, normalized: bool = False) -> int:
-        """An accessor."""
+        """Add an accessor."""
         values = np.ascontiguousarray(values)
         width = 1 if values.ndim == 1 else values.shape[1]
         self.gltf.accessors.append(
@@ -62,7 +62,7 @@ class Writer:
         return len(self.gltf.accessors) - 1
 
     def material(self, colour=(1.0, 1.0, 1.0), image: np.ndarray | None = None, **sampler) -> int:
-        """A material of a linear colour, and of an image (height, width, 3)."""
+        """Add a material of a linear colour, and of an image (height, width, 3)."""
         look = gl.PbrMetallicRoughness(baseColorFactor=[*colour, 1.0])
         if image is not None:
             stream = io.BytesIO()
@@ -86,20 +86,20 @@ class Writer:
         mode: int | None = None,
         **attributes: int,
     ) -> int:
-        """A mesh of one primitive."""
+        """Add a mesh of one primitive."""
         indices = None if faces is None else self.numbers(np.asarray(faces, "uint16").reshape(-1))
         corners = self.numbers(vertices.astype("float32"))
-        made = gl.Primitive(
+        primitive = gl.Primitive(
             attributes=gl.Attributes(POSITION=corners, **attributes),
             indices=indices,
             material=material,
             mode=mode,
         )
-        self.gltf.meshes.append(gl.Mesh(primitives=[made]))
+        self.gltf.meshes.append(gl.Mesh(primitives=[primitive]))
         return len(self.gltf.meshes) - 1
 
     def node(self, mesh: int | None = None, parent: int | None = None, **pose) -> int:
-        """A node of the scene, or of another node."""
+        """Add a node to the scene, or to another node."""
         self.gltf.nodes.append(gl.Node(mesh=mesh, **pose))
         k = len(self.gltf.nodes) - 1
         above = self.gltf.scenes[0].nodes if parent is None else self.gltf.nodes[parent].children
@@ -107,7 +107,7 @@ class Writer:
         return k
 
     def boxes(self, *boxes: tuple) -> None:
-        """Boxes: size, centre, in glTF's axes, and material if any."""
+        """Add boxes: size, centre, in glTF's axes, and material if any."""
         mesh: dict[int | None, int] = {}
         for size, at, *material in boxes:
             look = material[0] if material else None
@@ -116,7 +116,7 @@ class Writer:
             self.node(mesh[look], translation=list(at), scale=list(size))
 
     def save(self, path: Path) -> Path:
-        """Writes a .glb; or a .gltf with a file of numbers beside it."""
+        """Write a .glb; or a .gltf with a file of numbers beside it."""
         if path.suffix == ".glb":
             self.gltf.buffers = [gl.Buffer(byteLength=len(self.data))]
             self.gltf.set_binary_blob(bytes(self.data))
@@ -129,7 +129,7 @@ class Writer:
         return path
 
     def inline(self, path: Path) -> Path:
-        """Writes a .gltf that holds its numbers."""
+        """Write a .gltf that contains its numbers."""
         uri = "data:application/octet-stream;base64," + base64.b64encode(self.data).decode()
         self.gltf.buffers = [gl.Buffer(byteLength=len(self.data), uri=uri)]
         self.gltf.save_json(str(path))

@@ -1,4 +1,4 @@
-"""A small coordinate table by hand: two driven lengths, a bar, and a puppet that hangs on them."""
+"""A handwritten coordinate table: two driven lengths, a bar, and a puppet that hangs on them."""
 
 from __future__ import annotations
 

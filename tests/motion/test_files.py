@@ -1,4 +1,4 @@
-"""Inputs files: the same input as from Python, and every mistake with its line."""
+"""Input files equal inputs in Python, and every mistake has its line."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def same(one: Input, two: Input) -> bool:
     ) and np.array_equal(one.named, two.named)
 
 
-def test_yaml_is_what_python_says(table, tmp_path):
+def test_yaml_equals_python(table, tmp_path):
     path = tmp_path / "greet.yaml"
     path.write_text(GOOD)
     read = Input.load(table, path)
-    made = (
+    inputs = (
         Input.waypoints(
             table,
             {
@@ -53,8 +53,8 @@ def test_yaml_is_what_python_says(table, tmp_path):
         .with_forces({"elbow": [(0.25, 0), (1, 2)]})
         .extended(4.0)
     )
-    assert same(read, made)
-    assert np.array_equal(read.force, made.force)
+    assert same(read, inputs)
+    assert np.array_equal(read.force, inputs.force)
     assert read.end == 4.0 and read.name == "greeting"
 
 
@@ -77,12 +77,12 @@ forces:
     assert not np.any(v_K) and not np.any(acc_K[:-1])
     assert not np.any(read.evaluate_force(before))
     assert np.allclose(read.evaluate_force(1.625).max(), 1.0)
-    # Recorded samples begin where the recorder's clock did.
+    # Recorded samples begin at the recorder's clock.
     (tmp_path / "late.csv").write_text("t,hand.length\n1,0.8\n2,0.7\n")
     assert Input.load(table, tmp_path / "late.csv").start == 1.0
 
 
-def test_a_length_that_ends_below_zero_is_told_with_all_other_mistakes(table, tmp_path):
+def test_a_negative_final_length_is_reported_with_all_other_mistakes(table, tmp_path):
     """17.11: all mistakes are reported at once, even when one value is out of range."""
     path = tmp_path / "bad.yaml"
     path.write_text("""\
@@ -99,13 +99,13 @@ def test_samples_from_csv_and_npz_are_those_from_python(table, tmp_path):
     t = np.linspace(0, 2, 30)
     q = rotation.exp(np.outer(np.sin(t), [0.3, 0.2, 0.1]))
     columns = {"hand.length": 1 + 0.1 * np.cos(t), **dict(zip(table.q_K[4:8], q.T, strict=True))}
-    made = Input.samples(table, t, columns)
+    inputs = Input.samples(table, t, columns)
     np.savez(tmp_path / "a.npz", t=t, **columns)
-    assert same(Input.load(table, tmp_path / "a.npz"), made)
+    assert same(Input.load(table, tmp_path / "a.npz"), inputs)
     rows = np.column_stack([t, *columns.values()])
     text = "\n".join([",".join(["t", *columns]), *(",".join(map(repr, r)) for r in rows.tolist())])
     (tmp_path / "a.csv").write_text(text + "\n")
-    assert same(Input.load(table, tmp_path / "a.csv"), made)
+    assert same(Input.load(table, tmp_path / "a.csv"), inputs)
 
 
 SEPARATED = {
@@ -281,8 +281,8 @@ def test_ten_megabytes_of_yaml(table, tmp_path):
 def test_aliases_that_explode(table, tmp_path):
     path = tmp_path / "bomb.yaml"
     lines = ["a: &a [0, 0, 0, 0, 0, 0, 0, 0, 0]"]
-    for one, two in zip("abcdefgh", "bcdefghi", strict=True):
-        lines.append(f"{two}: &{two} [{', '.join(['*' + one] * 9)}]")
+    for anchor, two in zip("abcdefgh", "bcdefghi", strict=True):
+        lines.append(f"{two}: &{two} [{', '.join(['*' + anchor] * 9)}]")
     path.write_text("\n".join(lines))
     assert problems(table, path)
 
@@ -300,7 +300,7 @@ def test_npz_with_objects_or_wrong_shapes(table, tmp_path):
     assert problems(table, path)
 
 
-def test_a_number_from_python_that_no_float_is(table):
+def test_a_number_beyond_floats_is_refused(table):
     for bad in (10**400, -(10**400), 10**5000, 1 + 2j, np.complex128(1.0), np.bool_(True)):
         for pair in ((bad, 1.0), (1.0, bad)):
             with pytest.raises(InputError, match="needed: a"):
@@ -308,7 +308,7 @@ def test_a_number_from_python_that_no_float_is(table):
 
 
 def taken(table, **changes) -> dict:
-    """What a take's file holds for :func:`numpy.savez`; None leaves out."""
+    """Arrays of a take's file for `numpy.savez`; None omits one."""
     about = {"format": RECORDING_FORMAT, "coordinates": [*table.q_D, *table.q_K]}
     about |= changes.pop("about", {})
     arrays = {
@@ -354,10 +354,12 @@ DAMAGED = {
 @pytest.mark.parametrize("what", DAMAGED)
 def test_a_damaged_take_is_one_mistake(table, tmp_path, what):
     path, changes = tmp_path / "take.npz", dict(DAMAGED[what])
-    given = changes.get("about")
-    arrays = taken(table, **{**changes, "about": given if isinstance(given, dict) else {}})
-    if isinstance(given, np.ndarray):
-        arrays["about"] = given
+    description = changes.get("about")
+    arrays = taken(
+        table, **{**changes, "about": description if isinstance(description, dict) else {}}
+    )
+    if isinstance(description, np.ndarray):
+        arrays["about"] = description
     np.savez(path, **arrays)
     (problem,) = problems(table, path)
     assert problem.message

@@ -1,4 +1,4 @@
-"""Inputs are C^1, do not overshoot, hold still where nothing is said, and refuse steps."""
+"""Inputs are C^1, do not overshoot, hold other coordinates, and refuse steps."""
 
 from __future__ import annotations
 
@@ -38,60 +38,60 @@ def derivative(f, t, h=1e-4):
     return (8 * (f(t + h) - f(t - h)) - (f(t + 2 * h) - f(t - 2 * h))) / (12 * h)
 
 
-def angular_velocity(made, t, h=1e-3):
+def angular_velocity(inputs, t, h=1e-3):
     """Body angular velocity from rotations alone, by differences of fourth order."""
 
     def turn(d):
-        return rotation.between(made.evaluate(t)[0][:, 4:8], made.evaluate(t + d)[0][:, 4:8])
+        return rotation.between(inputs.evaluate(t)[0][:, 4:8], inputs.evaluate(t + d)[0][:, 4:8])
 
     return (8 * (turn(h) - turn(-h)) - (turn(2 * h) - turn(-2 * h))) / (12 * h)
 
 
-def inner_times(made, n=400, margin=3e-3):
-    t = np.linspace(made.start, made.end, n)
-    return t[np.min(np.abs(t[:, None] - made.breaks), axis=1) > margin]
+def inner_times(inputs, n=400, margin=3e-3):
+    t = np.linspace(inputs.start, inputs.end, n)
+    return t[np.min(np.abs(t[:, None] - inputs.breaks), axis=1) > margin]
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_velocity_and_acceleration_are_the_derivatives(table, seed):
-    made = Input.waypoints(table, random_points(seed))
-    t = inner_times(made)
-    _, v, acc = made.evaluate(t)
+    inputs = Input.waypoints(table, random_points(seed))
+    t = inner_times(inputs)
+    _, v, acc = inputs.evaluate(t)
     for q, row in table.scalars_K:
-        numeric = derivative(lambda x, q=q: made.evaluate(x)[0][:, q], t)
-        if made.named[row]:
+        numeric = derivative(lambda x, q=q: inputs.evaluate(x)[0][:, q], t)
+        if inputs.named[row]:
             assert np.allclose(v[:, row], numeric, atol=1e-6)
-    assert np.allclose(acc, derivative(lambda x: made.evaluate(x)[1], t), atol=1e-6)
-    assert np.allclose(v[:, 4:7], angular_velocity(made, t), atol=1e-6)
+    assert np.allclose(acc, derivative(lambda x: inputs.evaluate(x)[1], t), atol=1e-6)
+    assert np.allclose(v[:, 4:7], angular_velocity(inputs, t), atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_breaks_are_smooth(table, seed):
-    made = Input.waypoints(table, random_points(seed))
-    assert made.checked() is made
-    inner = made.breaks[1:-1]
-    (q_0, v_0, acc_0), (q_1, v_1, acc_1) = made.evaluate(inner - 1e-9), made.evaluate(inner)
-    named = made.named
+    inputs = Input.waypoints(table, random_points(seed))
+    assert inputs.checked() is inputs
+    inner = inputs.breaks[1:-1]
+    (q_0, v_0, acc_0), (q_1, v_1, acc_1) = inputs.evaluate(inner - 1e-9), inputs.evaluate(inner)
+    named = inputs.named
     assert np.allclose(q_0[:, :8], q_1[:, :8], atol=1e-7, equal_nan=True)
     assert np.allclose(v_0[:, named], v_1[:, named], atol=1e-6)
     assert np.allclose(acc_0[:, named], acc_1[:, named], atol=1e-4)
-    for t in (made.start, made.end):
-        assert np.allclose(made.evaluate(t)[1], 0, atol=1e-12)
+    for t in (inputs.start, inputs.end):
+        assert np.allclose(inputs.evaluate(t)[1], 0, atol=1e-12)
 
 
 def test_waypoints_are_met(table):
     points = random_points(3)
-    made = Input.waypoints(table, points)
+    inputs = Input.waypoints(table, points)
     for t, value in points["hand.length"]:
-        assert made.evaluate(t)[0][0] == pytest.approx(value, abs=1e-13)
+        assert inputs.evaluate(t)[0][0] == pytest.approx(value, abs=1e-13)
     for t, value in points["bar.rotation"]:
-        away = rotation.between(made.evaluate(t)[0][4:8], rotation.normalised(value))
+        away = rotation.between(inputs.evaluate(t)[0][4:8], rotation.normalised(value))
         assert np.linalg.norm(away) < 1e-13
 
 
 def test_quaternions_stay_unit_and_continuous(table):
-    made = Input.waypoints(table, random_points(4))
-    q = made.evaluate(np.linspace(0, made.end + 1, 5000))[0][:, 4:8]
+    inputs = Input.waypoints(table, random_points(4))
+    q = inputs.evaluate(np.linspace(0, inputs.end + 1, 5000))[0][:, 4:8]
     assert np.allclose(np.linalg.norm(q, axis=-1), 1.0, atol=1e-14)
     assert np.max(np.abs(np.diff(q, axis=0))) < 0.02
 
@@ -107,75 +107,81 @@ def test_no_overshoot(gaps, values):
 
     t = np.concatenate([[0.0], np.cumsum(gaps)])
     values = np.array(values[: len(t)])
-    made = scalar_waypoints(t, values)
+    inputs = scalar_waypoints(t, values)
     s = np.linspace(0, 1, 101) * np.diff(t)[:, None]
-    p, _, _ = evaluate(made.coef[:, 0, None, :], s)
+    p, _, _ = evaluate(inputs.coef[:, 0, None, :], s)
     rising = np.sign(np.diff(values))[:, None]
     assert np.all(np.diff(p, axis=1) * rising >= -1e-12)
 
 
 def test_turns_about_one_axis_follow_the_scalar_rule(table):
     t, angles = [0.0, 1.0, 1.7, 3.0], np.array([0.0, 0.4, 1.9, 2.2])
-    made = Input.waypoints(
+    inputs = Input.waypoints(
         table,
         {
             "crank": [*zip(t, angles, strict=True)],
             "bar.rotation": [(x, [0, 0, a]) for x, a in zip(t, angles, strict=True)],
         },
     )
-    _, v, acc = made.evaluate(np.linspace(0, 3, 200))
+    _, v, acc = inputs.evaluate(np.linspace(0, 3, 200))
     assert np.allclose(v[:, 6], v[:, 8], atol=1e-12)
     assert np.allclose(acc[:, 6], acc[:, 8], atol=1e-11)
 
 
 def test_two_points_are_the_minimum_jerk_move(table):
-    made = Input.waypoints(table, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
+    inputs = Input.waypoints(table, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
     s = np.linspace(0, 1, 50)
     law = 0.8 - 0.3 * (10 * s**3 - 15 * s**4 + 6 * s**5)
-    assert np.allclose(made.evaluate(1.5 * s)[0][:, 0], law, atol=1e-15)
+    assert np.allclose(inputs.evaluate(1.5 * s)[0][:, 0], law, atol=1e-15)
 
 
 def test_held_before_and_after(table):
-    made = Input.waypoints(table, {"hand.length": [(1, 0.8), (2, 0.5)], "bar.x": [(0, 0), (3, 1)]})
-    q, v, acc = made.evaluate([-5.0, 0.5, 2.5, 9.0])
+    inputs = Input.waypoints(
+        table, {"hand.length": [(1, 0.8), (2, 0.5)], "bar.x": [(0, 0), (3, 1)]}
+    )
+    q, v, acc = inputs.evaluate([-5.0, 0.5, 2.5, 9.0])
     assert np.array_equal(q[:, 0], [0.8, 0.8, 0.5, 0.5])
     assert not v[:, 0].any() and not acc[:, 0].any()
     assert not v[[0, 3]].any() and not acc[[0, 3]].any()
-    assert np.array_equal(made.breaks, [0, 1, 2, 3])
+    assert np.array_equal(inputs.breaks, [0, 1, 2, 3])
 
 
 def test_times_may_have_any_shape(table):
-    made = Input.waypoints(table, random_points(2))
-    assert [x.shape for x in made.evaluate(0.5)] == [(10,), (9,), (9,)]
-    assert [x.shape for x in made.evaluate(np.zeros((2, 0)))] == [(2, 0, 10), (2, 0, 9), (2, 0, 9)]
-    assert made.evaluate_force(np.zeros((3, 2))).shape == (3, 2, 5)
+    inputs = Input.waypoints(table, random_points(2))
+    assert [x.shape for x in inputs.evaluate(0.5)] == [(10,), (9,), (9,)]
+    assert [x.shape for x in inputs.evaluate(np.zeros((2, 0)))] == [
+        (2, 0, 10),
+        (2, 0, 9),
+        (2, 0, 9),
+    ]
+    assert inputs.evaluate_force(np.zeros((3, 2))).shape == (3, 2, 5)
 
 
 def test_nothing_driven_is_an_input_too(table):
     free = dataclasses.replace(
         table, q_K=(), v_K=(), quaternions_K=(), scalars_K=(), rotations={}, start_K=np.zeros(0)
     )
-    made = Input.hold(free).with_forces({"elbow": [(0, 1), (1, 2)]}).bound(np.zeros(0))
-    assert made.evaluate([0.0, 1.0])[0].shape == (2, 0)
-    assert made.evaluate_force(0.5)[0] == 1.5
+    inputs = Input.hold(free).with_forces({"elbow": [(0, 1), (1, 2)]}).bound(np.zeros(0))
+    assert inputs.evaluate([0.0, 1.0])[0].shape == (2, 0)
+    assert inputs.evaluate_force(0.5)[0] == 1.5
 
 
 def test_nearly_equal_times_are_one_break(table):
-    made = Input.waypoints(
+    inputs = Input.waypoints(
         table, {"hand.length": [(0, 1), (0.1 + 0.2, 2)], "bar.x": [(0, 0), (0.3, 1), (0.6, 2)]}
     )
-    assert len(made.breaks) == 3
+    assert len(inputs.breaks) == 3
 
 
 # -- binding -----------------------------------------------------------------------------------
 
 
-def test_what_is_not_named_holds_the_start(table):
-    made = Input.waypoints(table, {"hand.length": [(0, 0.8), (1, 0.6)]}).bound(START)
-    q, v, _ = made.evaluate(np.linspace(0, 1, 7))
+def test_other_coordinates_hold_the_start(table):
+    inputs = Input.waypoints(table, {"hand.length": [(0, 0.8), (1, 0.6)]}).bound(START)
+    q, v, _ = inputs.evaluate(np.linspace(0, 1, 7))
     assert np.array_equal(q[:, 1:], np.tile(START[1:], (7, 1)))
     assert not v[:, 1:].any()
-    assert not made.named[1:].any()
+    assert not inputs.named[1:].any()
 
 
 def test_hold_holds_everything(table):
@@ -185,11 +191,11 @@ def test_hold_holds_everything(table):
 
 
 def test_a_start_elsewhere_is_named_with_both_values(table):
-    made = Input.waypoints(
+    inputs = Input.waypoints(
         table, {"hand.length": [(0, 0.9), (1, 0.6)], "bar.rotation": [(0, [0, 0, 0.1])]}
     )
     with pytest.raises(InputError) as error:
-        made.bound(START)
+        inputs.bound(START)
     text = str(error.value)
     assert "hand.length" in text and "0.9" in text and "0.8" in text
     assert "bar.rotation" in text
@@ -199,8 +205,8 @@ def test_a_start_elsewhere_is_named_with_both_values(table):
 def test_the_opposite_quaternion_is_the_same_start(table):
     q_K = START.copy()
     q_K[4:8] *= -1
-    made = Input.waypoints(table, {"bar.rotation": [(0, [1, 0, 0, 0]), (1, [0, 0, 1.0])]})
-    assert np.array_equal(made.bound(q_K).evaluate(0.0)[0][4:8], q_K[4:8])
+    inputs = Input.waypoints(table, {"bar.rotation": [(0, [1, 0, 0, 0]), (1, [0, 0, 1.0])]})
+    assert np.array_equal(inputs.bound(q_K).evaluate(0.0)[0][4:8], q_K[4:8])
 
 
 # -- other sources -----------------------------------------------------------------------------
@@ -210,15 +216,15 @@ def test_the_opposite_quaternion_is_the_same_start(table):
 def test_samples_are_met_and_smooth(table, rest):
     t = np.linspace(0, 3, 40)
     turns = np.stack([np.sin(t), 0.7 * np.cos(2 * t), 0.3 * t], axis=-1)
-    given = {"hand.length": 1 + 0.3 * np.cos(t), "bar.rotation": rotation.exp(turns)}
-    made = Input.samples(table, t, given, rest=rest).checked()
-    q, v, _ = made.evaluate(t)
-    assert np.allclose(q[:, 0], given["hand.length"], atol=1e-14)
-    assert np.allclose(rotation.between(q[:, 4:8], given["bar.rotation"]), 0, atol=1e-13)
-    before, after = made.evaluate(t[1:-1] - 1e-9), made.evaluate(t[1:-1])
+    columns = {"hand.length": 1 + 0.3 * np.cos(t), "bar.rotation": rotation.exp(turns)}
+    inputs = Input.samples(table, t, columns, rest=rest).checked()
+    q, v, _ = inputs.evaluate(t)
+    assert np.allclose(q[:, 0], columns["hand.length"], atol=1e-14)
+    assert np.allclose(rotation.between(q[:, 4:8], columns["bar.rotation"]), 0, atol=1e-13)
+    before, after = inputs.evaluate(t[1:-1] - 1e-9), inputs.evaluate(t[1:-1])
     assert np.allclose(before[2], after[2], atol=1e-5)
-    at = inner_times(made, margin=4e-3)
-    assert np.allclose(made.evaluate(at)[1][:, 4:7], angular_velocity(made, at), atol=1e-6)
+    at = inner_times(inputs, margin=4e-3)
+    assert np.allclose(inputs.evaluate(at)[1][:, 4:7], angular_velocity(inputs, at), atol=1e-6)
     if rest:
         assert np.allclose(v[[0, -1]], 0, atol=1e-13)
 
@@ -233,9 +239,9 @@ def test_splines_through_rotations_converge(table):
                 np.stack([np.sin(x) ** 2, 0.5 * np.sin(x) ** 2, (1 - np.cos(x)) * 0.6], axis=-1)
             )
 
-        made = Input.samples(table, t, {"bar.rotation": motion(t), "crank": speed})
+        inputs = Input.samples(table, t, {"bar.rotation": motion(t), "crank": speed})
         x = np.linspace(0, 2 * np.pi, 777)
-        return np.max(np.abs(rotation.between(made.evaluate(x)[0][:, 4:8], motion(x))))
+        return np.max(np.abs(rotation.between(inputs.evaluate(x)[0][:, 4:8], motion(x))))
 
     assert np.log2(worst(41) / worst(81)) > 3.5
 
@@ -254,11 +260,11 @@ def test_segments_follow_their_accelerations(table):
     t = np.array([0.0, 0.5, 0.9, 1.6])
     v, acc = 0.1 * rng.normal(size=table.n_vK), rng.normal(size=(3, table.n_vK))
     acc[:, [0, 7]] *= 0.1
-    made = Input.segments(table, t, START, v, acc)
-    assert made.named.all()
-    q_K, v_K, _ = made.evaluate(t[-1])
+    inputs = Input.segments(table, t, START, v, acc)
+    assert inputs.named.all()
+    q_K, v_K, _ = inputs.evaluate(t[-1])
     assert v_K[8] == pytest.approx(v[8] + np.diff(t) @ acc[:, 8])
-    again = Input.segments(table, t, made.evaluate(t[:-1])[0], made.evaluate(t[:-1])[1], acc)
+    again = Input.segments(table, t, inputs.evaluate(t[:-1])[0], inputs.evaluate(t[:-1])[1], acc)
     assert np.allclose(again.evaluate(t[-1])[0], q_K, atol=1e-14)
 
 
@@ -277,47 +283,47 @@ def test_then_plays_one_after_the_other(table):
     up = Input.waypoints(table, {"hand.length": [(0, 0.8), (1, 0.6)]})
     turn = Input.waypoints(table, {"bar.rotation": [(5, [1, 0, 0, 0]), (7, [0, 0, 1.0])]})
     down = Input.waypoints(table, {"hand.length": [(0, 0.6), (1, 0.8)]})
-    made = up.then(turn, down).bound(START)
-    assert np.array_equal(made.breaks, [0, 1, 3, 4])
-    assert np.allclose(made.evaluate([0.0, 1.0, 2.0, 4.0])[0][:, 0], [0.8, 0.6, 0.6, 0.8])
+    inputs = up.then(turn, down).bound(START)
+    assert np.array_equal(inputs.breaks, [0, 1, 3, 4])
+    assert np.allclose(inputs.evaluate([0.0, 1.0, 2.0, 4.0])[0][:, 0], [0.8, 0.6, 0.6, 0.8])
     with pytest.raises(InputError, match=r"hand.length: jumps in position by 0.2 at t = 1 s"):
         up.then(up)
 
 
 def test_shifted_is_later(table):
-    made = Input.waypoints(table, {"hand.length": [(0, 0.8), (1, 0.6)]})
-    assert made.shifted(2.0).evaluate(2.3)[0][0] == pytest.approx(made.evaluate(0.3)[0][0])
+    inputs = Input.waypoints(table, {"hand.length": [(0, 0.8), (1, 0.6)]})
+    assert inputs.shifted(2.0).evaluate(2.3)[0][0] == pytest.approx(inputs.evaluate(0.3)[0][0])
 
 
 def test_cutting_pieces_changes_nothing(table):
-    made = Input.waypoints(table, random_points(1)).bound(
+    inputs = Input.waypoints(table, random_points(1)).bound(
         Input.waypoints(table, random_points(1)).evaluate(0.0)[0]
         + np.where(np.isin(np.arange(10), [0, 1, 4, 5, 6, 7, 9]), 0, np.nan_to_num(START))
     )
-    cut = made.with_forces({"elbow": [(x, x) for x in np.linspace(-1, made.end + 1, 37)]})
-    assert len(cut.breaks) > len(made.breaks) + 30
-    t = np.linspace(-2, made.end + 2, 500)
-    for ours, theirs in zip(cut.evaluate(t), made.evaluate(t), strict=True):
+    cut = inputs.with_forces({"elbow": [(x, x) for x in np.linspace(-1, inputs.end + 1, 37)]})
+    assert len(cut.breaks) > len(inputs.breaks) + 30
+    t = np.linspace(-2, inputs.end + 2, 500)
+    for ours, theirs in zip(cut.evaluate(t), inputs.evaluate(t), strict=True):
         assert np.allclose(ours, theirs, atol=1e-11)
     cut.checked()
 
 
 def test_forces_are_piecewise_linear(table):
-    made = Input.hold(table).with_forces(
+    inputs = Input.hold(table).with_forces(
         {"elbow": [(0.5, 1.0), (1.5, 2.0), (1.5, 0.0), (2.0, 4.0)], "head.wx": [(0, 1), (3, 1)]}
     )
-    u = made.evaluate_force([0.2, 0.5, 1.0, 1.5, 1.75, 2.5, 3.5])
+    u = inputs.evaluate_force([0.2, 0.5, 1.0, 1.5, 1.75, 2.5, 3.5])
     assert np.allclose(u[:, 0], [0, 1, 1.5, 0, 2, 0, 0])
     assert np.allclose(u[:, 1], [1, 1, 1, 1, 1, 1, 0])
     assert not u[:, 2:].any()
-    assert made.force.flags["C_CONTIGUOUS"] and made.coef.flags["C_CONTIGUOUS"]
+    assert inputs.force.flags["C_CONTIGUOUS"] and inputs.coef.flags["C_CONTIGUOUS"]
 
 
 def test_forces_next_to_a_break_do_not_move_it(table):
-    made = Input.waypoints(table, {"crank": [(0, 0), (1, 1), (2, 5)]})
-    near = made.with_forces({"elbow": [(5e-10, 0), (1 - 5e-10, 1), (2 + 5e-10, 2)]})
-    assert np.array_equal(near.breaks, made.breaks)
-    assert np.array_equal(near.coef, made.coef, equal_nan=True)
+    inputs = Input.waypoints(table, {"crank": [(0, 0), (1, 1), (2, 5)]})
+    near = inputs.with_forces({"elbow": [(5e-10, 0), (1 - 5e-10, 1), (2 + 5e-10, 2)]})
+    assert np.array_equal(near.breaks, inputs.breaks)
+    assert np.array_equal(near.coef, inputs.coef, equal_nan=True)
 
 
 # -- mistakes ----------------------------------------------------------------------------------
@@ -352,7 +358,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("what", MISTAKES)
-def test_mistakes_say_what_and_where(table, what):
+def test_mistakes_name_the_cause_and_the_place(table, what):
     points, message = MISTAKES[what]
     with pytest.raises(InputError) as error:
         Input.waypoints(table, points)
@@ -366,8 +372,8 @@ def test_all_mistakes_at_once(table):
 
 
 def test_angles_may_say_deg(table):
-    made = Input.waypoints(table, {"crank": [(0, "90 deg")]})
-    assert made.evaluate(0.0)[0][9] == pytest.approx(np.pi / 2)
+    inputs = Input.waypoints(table, {"crank": [(0, "90 deg")]})
+    assert inputs.evaluate(0.0)[0][9] == pytest.approx(np.pi / 2)
 
 
 def test_unknown_forces(table):
@@ -375,7 +381,7 @@ def test_unknown_forces(table):
         Input.hold(table).with_forces({"elbo": [(0, 1)]})
 
 
-def test_samples_that_cannot_be(table):
+def test_impossible_samples_are_refused(table):
     t = np.array([0.0, 1.0, 1.0, 3.0])
     columns = {"bar.x": [0, 1, np.nan, 2], "bar.qw": [1, 1, 1, 1], "nose": t, "crank": [1, 2]}
     with pytest.raises(InputError) as error:

@@ -1,4 +1,4 @@
-"""17.5: derivatives of inputs by the values of their waypoints, against differences of inputs."""
+"""17.5: derivatives of inputs by values of waypoints, compared with differences."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import pytest
 import fantoccini as fan
 from fantoccini.motion import Input, InputDerivative
 
-LOOKED_AT = np.linspace(-0.2, 3.0, 161)
+TIMES = np.linspace(-0.2, 3.0, 161)
 
 
 def motion(table, points: dict) -> np.ndarray:
-    """(3, T, n_vK): q_K, v_K and acc_K of what is named, 0 of the rest and of rotations."""
+    """(3, T, n_vK) q_K, v_K and acc_K of named coordinates; 0 for others and for rotations."""
     inputs = Input.waypoints(table, points)
-    q, v, acc = inputs.evaluate(LOOKED_AT)
-    found = np.zeros((3, *v.shape))
-    found[1:] = v, acc
+    q, v, acc = inputs.evaluate(TIMES)
+    motion_values = np.zeros((3, *v.shape))
+    motion_values[1:] = v, acc
     for at, row in table.scalars_K:
         if inputs.named[row]:
-            found[0][:, row] = q[:, at]
-    return found
+            motion_values[0][:, row] = q[:, at]
+    return motion_values
 
 
 def moved(points: dict, name: str, k: int, d: float) -> dict:
@@ -58,12 +58,14 @@ def test_derivatives_by_random_waypoints(table, seed):
             t = np.linspace(0.0, 2.0, 6)
         steps = rng.choice([-1.0, 1.0, 1.0], 6) * rng.choice([0.01, 0.03, 0.08], 6)
         points[name] = list(zip(t, at + np.cumsum(steps * rng.uniform(0.8, 1.2, 6)), strict=True))
-    found = InputDerivative.of_waypoints(table, points)
-    assert [one.name for one in found] == [f"{n}[{k}]" for n in points for k in range(6)]
-    for one in found:
-        name, k = one.name[:-3], int(one.name[-2])
-        assert one.smooth
-        wanted, got = central(table, points, name, k), np.array(one.evaluate(LOOKED_AT))
+    derivatives = InputDerivative.of_waypoints(table, points)
+    assert [derivative.name for derivative in derivatives] == [
+        f"{n}[{k}]" for n in points for k in range(6)
+    ]
+    for derivative in derivatives:
+        name, k = derivative.name[:-3], int(derivative.name[-2])
+        assert derivative.smooth
+        wanted, got = central(table, points, name, k), np.array(derivative.evaluate(TIMES))
         for w, g in zip(wanted, got, strict=True):
             assert np.max(np.abs(g - w)) < 1e-6 * max(1.0, np.max(np.abs(w)))
 
@@ -71,7 +73,7 @@ def test_derivatives_by_random_waypoints(table, seed):
 KINKS = {
     "two equal values": [(0, 0.8), (1, 0.8), (2, 0.7)],
     "three equal values": [(0, 0.8), (0.8, 0.8), (2, 0.8)],
-    # Gaps 1 and 4 with secants of which the mean is just twice the smaller one.
+    # Gaps 1 and 4 with secants whose mean is exactly twice the smaller one.
     "the bound begins to act": [(0, 0.0), (1, 6.0), (5, 10.0)],
 }
 
@@ -79,17 +81,17 @@ KINKS = {
 @pytest.mark.parametrize("what", KINKS)
 @pytest.mark.parametrize("side", ["above", "below"])
 def test_where_the_sides_differ(table, what, side):
-    """17.5: at a kink each side has its own derivative, and says so."""
+    """17.5: at a kink each side has its own derivative, which is not smooth."""
     points = {"crank": KINKS[what]}
-    found = InputDerivative.of_waypoints(table, points, side=side)
+    derivatives = InputDerivative.of_waypoints(table, points, side=side)
     sign = 1.0 if side == "above" else -1.0
-    for k, one in enumerate(found):
+    for k, derivative in enumerate(derivatives):
         wanted = sided(table, points, "crank", k, sign * 1e-6)
-        assert np.max(np.abs(np.array(one.evaluate(LOOKED_AT)) - wanted)) < 1e-4
-    assert not all(one.smooth for one in found)
+        assert np.max(np.abs(np.array(derivative.evaluate(TIMES)) - wanted)) < 1e-4
+    assert not all(derivative.smooth for derivative in derivatives)
 
 
-def test_mistakes_are_told(table):
+def test_mistakes_are_refused(table):
     """17.5: rotations, unknown names and sides are refused."""
     points = {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 1])], "crank": [(0, 0.0), (1, 1.0)]}
     assert len(InputDerivative.of_waypoints(table, points, only=["crank"])) == 2

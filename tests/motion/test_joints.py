@@ -1,4 +1,4 @@
-"""Joints of inputs: small jumps are taken up, larger ones are refused, by one rule."""
+"""Joints of inputs: small jumps are removed and larger ones refused, by one rule."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ def x0(arm):
 
 
 def nearly_stopped(arm, left: float) -> Input:
-    """Constant accelerations, as planners make them, that end with a speed that is left."""
+    """Constant accelerations, as planners use them, with a remaining final speed."""
     acc = np.array([[0.0, -1.0], [0.0, 1.0 - left / 0.3]])
     return Input.segments(arm, [0.0, 0.3, 0.6], [0.45, 0.8], [0.0, 0.0], acc)
 
 
-def is_smooth(made: Input) -> None:
-    for t in made.breaks[1:-1]:
-        before, after = (made.evaluate(t + s) for s in (-1e-10, 1e-10))
+def is_smooth(inputs: Input) -> None:
+    for t in inputs.breaks[1:-1]:
+        before, after = (inputs.evaluate(t + s) for s in (-1e-10, 1e-10))
         for a, b in zip(before[:2], after[:2], strict=True):
             np.testing.assert_allclose(a, b, atol=1e-9)
 
 
-def test_small_jumps_where_inputs_meet_are_taken_up(arm):
+def test_small_jumps_between_inputs_are_removed(arm):
     """17.7: a plan that ends with 1.25e-5 m/s can be followed by standing still."""
     plan = nearly_stopped(arm, 1.25e-5)
     assert plan.evaluate(0.6)[1][1] == pytest.approx(-1.25e-5)
-    made = plan.then(Input.hold(arm, 0.5))
-    is_smooth(made)
+    inputs = plan.then(Input.hold(arm, 0.5))
+    is_smooth(inputs)
     t = np.linspace(0.0, 0.6, 50)
-    for own, joined in zip(plan.evaluate(t)[:2], made.evaluate(t)[:2], strict=True):
+    for own, joined in zip(plan.evaluate(t)[:2], inputs.evaluate(t)[:2], strict=True):
         np.testing.assert_allclose(own, joined, atol=3e-5)
-    assert made.evaluate(0.6)[1].tolist() == [0.0, 0.0]
+    assert inputs.evaluate(0.6)[1].tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_a_run_goes_beyond_inputs_that_nearly_stop(arm, x0, method):
-    """17.7: t_end beyond them, for one run and for many; the books close as they do otherwise."""
+    """17.7: t_end is beyond them, for one run and for many; the energies balance as usual."""
     plan = nearly_stopped(arm, 1.25e-5)
     run = fan.simulate(arm, x0, plan, t_end=1.0, method=method)
     assert run.v_K[-1].tolist() == [0.0, 0.0]
@@ -54,8 +54,8 @@ def test_a_run_goes_beyond_inputs_that_nearly_stop(arm, x0, method):
     np.testing.assert_allclose(many.trajectory(1).q_D[-1], run.q_D[-1], atol=1e-9)
 
 
-def test_noise_at_the_start_is_taken_up(arm, x0):
-    """17.7: a spline that begins with 5.8e-9 m/s begins at rest."""
+def test_noise_at_the_start_is_removed(arm, x0):
+    """17.7: a spline with an initial speed of 5.8e-9 m/s begins at rest."""
     for speed in (5.8e-9, 2e-5):
         noisy = Input.segments(arm, [0.0, 0.3, 0.6], [0.45, 0.8], [0.0, speed], [[0, -1], [0, 1]])
         bound = noisy.bound(x0.q_K, 0.0, x0.v_K)
@@ -66,7 +66,7 @@ def test_noise_at_the_start_is_taken_up(arm, x0):
 
 
 def test_positions_are_met_to_a_part_of_the_move(arm, x0):
-    """17.7: a start that is 1e-7 m off a move of 0.3 m."""
+    """17.7: a start is 1e-7 m away from the beginning of a move of 0.3 m."""
     lift = Input.waypoints(arm, {"hand.length": [(0.0, 0.8 + 1e-7), (1.0, 0.5)]})
     bound = lift.bound(x0.q_K, 0.0, x0.v_K)
     assert bound.evaluate(0.0)[0][1] == x0.q_K[1]
@@ -76,7 +76,7 @@ def test_positions_are_met_to_a_part_of_the_move(arm, x0):
         fan.simulate(arm, x0, Input.waypoints(arm, {"hand.length": [(0.0, 0.80001), (1.0, 0.5)]}))
 
 
-def test_what_is_more_is_refused(arm, x0):
+def test_larger_jumps_are_refused(arm, x0):
     """17.7: the rule is relative to the largest speed in the inputs."""
     for left in (2e-3, 0.1):
         with pytest.raises(InputError, match=r"hand.length: jumps in velocity by .* at t = 0.6"):
@@ -90,28 +90,28 @@ def test_what_is_more_is_refused(arm, x0):
         fan.simulate_batch(arm, x0, [nearly_stopped(arm, 0.0), fast], t_end=0.5)
 
 
-def test_rotations_take_up_angular_velocity():
-    """17.7: where two turns meet."""
+def test_rotations_remove_jumps_of_angular_velocity():
+    """17.7: two turns meet with different angular velocities."""
     bar = fan.puppets.marionette_bar()
     x, t = bar.state(), bar.coordinates
     rng = np.random.default_rng(0)
     v = 0.3 * rng.normal(size=t.n_vK)
     v[[name.endswith(".length") for name in t.v_K]] = 0.0
-    one = Input.segments(bar, [0.0, 0.5], x.q_K, v, np.zeros((1, t.n_vK)))
-    q, w, _ = one.evaluate(0.5)
+    first = Input.segments(bar, [0.0, 0.5], x.q_K, v, np.zeros((1, t.n_vK)))
+    q, w, _ = first.evaluate(0.5)
     off = np.where(v != 0.0, 1e-6, 0.0)
     two = Input.segments(bar, [0.0, 0.5], q, w + off, np.zeros((1, t.n_vK)))
-    made = one.then(two)
-    is_smooth(made)
-    np.testing.assert_allclose(made.evaluate(0.5)[1], w + off, atol=1e-12)
-    here = one.evaluate(0.2)
-    bound = one.bound(here[0], 0.2, here[1] + off)
+    inputs = first.then(two)
+    is_smooth(inputs)
+    np.testing.assert_allclose(inputs.evaluate(0.5)[1], w + off, atol=1e-12)
+    here = first.evaluate(0.2)
+    bound = first.bound(here[0], 0.2, here[1] + off)
     np.testing.assert_allclose(bound.evaluate(0.2)[1], here[1] + off, atol=1e-12)
     np.testing.assert_allclose(bound.evaluate(0.5)[0], q, atol=1e-12)
 
 
-def test_equal_inputs_stay_as_they_are(arm, x0):
-    """17.7: where nothing jumps not a bit is changed."""
+def test_inputs_without_jumps_are_unchanged(arm, x0):
+    """17.7: inputs without jumps are unchanged to the last bit."""
     lift = Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
     assert lift.checked() is lift and lift.at_rest() is lift
     bound = lift.bound(x0.q_K, 0.0, x0.v_K)
@@ -120,19 +120,19 @@ def test_equal_inputs_stay_as_they_are(arm, x0):
     assert many.at_rest() is many
 
 
-def test_an_input_is_told_in_a_line(arm):
+def test_the_repr_of_an_input_is_one_line(arm):
     """17.18: repr is short."""
     lift = Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]}).called("lift")
     assert repr(lift) == "<Input 'lift': 0 to 1.5 s, hand.length, 1 piece>"
     t = np.linspace(0, 1, 1000)
     samples = Input.samples(arm, t, {"hand.length": 0.8 + 0.0 * t})
-    told = repr(samples.with_forces({"elbow": [(0, 1)]}))
-    assert len(told) < 100 and "forces" in told
+    text = repr(samples.with_forces({"elbow": [(0, 1)]}))
+    assert len(text) < 100 and "forces" in text
 
 
 def test_lengths_without_a_value_do_not_matter(table):
-    """17.7: inputs are joined before the lengths that they do not name are known."""
+    """17.7: inputs are joined before lengths of other coordinates are known."""
     assert np.isnan(table.start_K[0])
     crank = Input.waypoints(table, {"crank": [(0.0, 0.0), (1.0, 1.0)]})
-    made = crank.then(Input.waypoints(table, {"crank": [(0.0, 1.0 + 1e-8), (1.0, 0.0)]}))
-    assert np.isnan(made.coef[0, 0, 0]) and made.evaluate(1.0)[0][9] == pytest.approx(1.0)
+    inputs = crank.then(Input.waypoints(table, {"crank": [(0.0, 1.0 + 1e-8), (1.0, 0.0)]}))
+    assert np.isnan(inputs.coef[0, 0, 0]) and inputs.evaluate(1.0)[0][9] == pytest.approx(1.0)

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.medium
 
 @pytest.fixture(scope="module")
 def files(arm, tmp_path_factory):
-    """A file of every kind that is read, and what reads it."""
+    """A file of every kind, and its reader."""
     folder = tmp_path_factory.mktemp("npz")
     x0 = arm.rest({"hand.length": 0.8})
     fan.simulate(arm, x0, t_end=0.05, method="timestepping").save(folder / "run.npz")
@@ -55,7 +55,7 @@ def test_damage_is_a_located_error(files, kind):
 
 @pytest.mark.parametrize("kind", ["run", "take", "inputs"])
 def test_a_file_that_expands_without_bound_is_refused(files, kind, tmp_path):
-    """17.26: 0.3 MB that would be 300 MB; nothing is expanded to find that out."""
+    """17.26: a file of 0.3 MB would expand to 300 MB; its size is found without expanding."""
     whole, load = files[kind]
     place = tmp_path / "bomb.npz"
     with zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
@@ -74,7 +74,7 @@ def test_a_file_that_expands_without_bound_is_refused(files, kind, tmp_path):
 
 
 def changed(files, kind: str, tmp_path, change):
-    """The file with its entries changed, read."""
+    """Result of reading the file with its entries changed."""
     whole, load = files[kind]
     content = entries(whole.read_bytes())
     about = json.loads(npz.read(whole, only="about")["about"].tobytes())
@@ -120,7 +120,7 @@ def changed(files, kind: str, tmp_path, change):
     ],
 )
 def test_recordings_are_checked(files, tmp_path, change, message, kind):
-    """17.28: winches, puppets, steps, events and rows as no recording has them."""
+    """17.28: winches, puppets, steps, events and rows that no recording has."""
     with pytest.raises(FileError, match=rf"a\.npz: is not a recording .*{message}"):
         changed(files, kind, tmp_path, change)
 
@@ -146,8 +146,8 @@ def test_trajectories_are_checked(files, tmp_path, change, message):
         changed(files, "run", tmp_path, change)
 
 
-def test_what_decoders_raise_is_caught(files, tmp_path):
-    """17.28: LZMAError and tokenize.TokenError were let through."""
+def test_errors_of_decoders_are_caught(files, tmp_path):
+    """17.28: LZMAError and tokenize.TokenError were not caught."""
     place = tmp_path / "a.npz"
     whole = entries(files["run"][0].read_bytes())
     raw = bytearray(packed(whole, zipfile.ZIP_LZMA))
@@ -159,8 +159,8 @@ def test_what_decoders_raise_is_caught(files, tmp_path):
             Trajectory.load(place)
 
 
-def test_entries_that_are_there_twice_are_refused():
-    """And many entries are looked through at once, not each beside all others."""
+def test_duplicate_entries_are_refused():
+    """Many entries are compared at once, not in pairs."""
 
     def refuse(name: str, text: str) -> FileError:
         return FileError([Mistake("run.npz", None, name, text)])
@@ -180,39 +180,39 @@ def test_entries_that_are_there_twice_are_refused():
         npz.check_names([*names, "7.npy"], refuse)
 
 
-def test_headers_must_agree_with_what_there_is(tmp_path):
-    """17.26: a header that claims more than its entry has takes no memory."""
+def test_headers_must_agree_with_their_entries(tmp_path):
+    """17.26: a header that claims more data than its entry has takes no memory."""
     place, entry = tmp_path / "a.npz", stored(np.zeros(4))
     place.write_bytes(packed({"q.npy": entry.replace(b"(4,), }      ", b"(4000000000,)}")}))
     with pytest.raises(FileError, match=r"a\.npz: q: is not a plain array: its header says"):
         npz.read(place)
     for array in (np.zeros(0), np.array(3.0), np.asfortranarray(np.eye(3)[:2])):
         np.savez(place, t=array)
-        found = npz.read(place)["t"]
-        assert np.array_equal(found, array) and found.shape == array.shape
+        array_in_file = npz.read(place)["t"]
+        assert np.array_equal(array_in_file, array) and array_in_file.shape == array.shape
 
 
 def test_damaged_cases_of_a_sweep_count_as_none(tmp_path):
-    """17.28: a store makes them again."""
+    """17.28: a store runs them again."""
     store = Store(tmp_path / "store", {"study": "s"})
     store.write("ab12", Outcome({"height": np.array(1.5)}, 0.1, None), {})
     (place,) = (tmp_path / "store").rglob("ab12.npz")
     whole = place.read_bytes()
     assert store.read("ab12").figures["height"] == 1.5
-    found = []
+    cases = []
 
     def load(path):
         place.write_bytes(path.read_bytes())
-        found.append(store.read("ab12"))
+        cases.append(store.read("ab12"))
 
     copy = tmp_path / "whole.npz"
     copy.write_bytes(whole)
     fuzz(load, copy, 60, seed=3)
-    assert sum(x is None for x in found) > 30
+    assert sum(x is None for x in cases) > 30
 
 
 def test_a_file_that_is_being_written_is_not_among_those_with_its_ending(tmp_path):
-    """18.8: whoever lists a folder's npz files sees whole ones only."""
+    """18.8: a list of a folder's npz files contains only complete ones."""
     with replacing(tmp_path / "run.npz") as part:
         part.write_bytes(b"half")
         assert list(tmp_path.glob("*.npz")) == []

@@ -1,4 +1,4 @@
-"""Rotations against matrices, and the derivatives of exp against differences."""
+"""Rotations compared with matrices, and derivatives of exp with differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""States are values: copies that nobody can change."""
+"""States are values: immutable copies."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_events_have_kinds():
 
 
 def test_states_are_equal_by_their_values():
-    """17.18: x == y where all numbers and flags are the same."""
+    """17.18: x == y if all numbers and flags are the same."""
     x = State(0.0, [1.0], [2.0], [3.0], [4.0], [True], [0.0])
     y = State(0.0, [1.0], [2.0], [3.0], [4.0], [True])
     assert x == y and hash(x) == hash(y) and x in {y}
@@ -63,7 +63,7 @@ def test_a_coordinate_has_its_name(table):
 
 
 def test_the_mode_goes_with_the_motion():
-    """17.1: what moves a state drops its mode, unless it is given as well."""
+    """17.1: changing a state clears its mode, unless a new mode is given."""
     x = State(0.0, [1.0], [2.0], [3.0], [4.0], [True])
     assert x.replace(t=1.0).taut[0] and x.replace(q_D=[1.0]).taut[0]
     for name in ("q_D", "v_D", "q_K", "v_K"):

@@ -1,4 +1,4 @@
-"""Trajectories: read back to the same bits, resampled at high order, right at impacts."""
+"""Trajectories: saved to the same bits, resampled at high order, correct at impacts."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def course(t):
     rate = np.stack([0.5 * cos, -0.4 * sin, 0.3 + 0 * t], axis=-1)
     curve = np.stack([-0.5 * sin, -0.4 * cos, 0 * t], axis=-1)
     w, wdot = rotation.body_motion(phi, rate, curve)
-    one = np.stack([sin, cos, -sin], axis=0)
+    first = np.stack([sin, cos, -sin], axis=0)
     two = np.stack([np.sin(3 * t), 3 * np.cos(3 * t), -9 * np.sin(3 * t)], axis=0)
-    q = np.concatenate([one[0][:, None], rotation.exp(phi), two[0][:, None]], axis=-1)
-    v = np.concatenate([one[1][:, None], w, two[1][:, None]], axis=-1)
-    acc = np.concatenate([one[2][:, None], wdot, two[2][:, None]], axis=-1)
+    q = np.concatenate([first[0][:, None], rotation.exp(phi), two[0][:, None]], axis=-1)
+    v = np.concatenate([first[1][:, None], w, two[1][:, None]], axis=-1)
+    acc = np.concatenate([first[2][:, None], wdot, two[2][:, None]], axis=-1)
     return q, v, acc
 
 
@@ -39,7 +39,7 @@ def run_of(table, t, **changes) -> Trajectory:
     q, v, acc = course(t)
     still = np.tile(np.nan_to_num(table.start_K, nan=0.8), (len(t), 1))
     none = np.zeros((len(t), table.n_vK))
-    given = {
+    fields = {
         "t": t,
         "q_D": q,
         "v_D": v,
@@ -59,7 +59,7 @@ def run_of(table, t, **changes) -> Trajectory:
         "method": "event",
         "coordinates": table,
     }
-    return Trajectory(**{**given, **changes})
+    return Trajectory(**{**fields, **changes})
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def run(table):
     return run_of(table, np.concatenate([np.linspace(0, 1, 11), np.linspace(1, 2, 11)]))
 
 
-# -- resampling --------------------------------------------------------------------------------
+# -- interpolation -----------------------------------------------------------------------------
 
 
 def test_resampling_converges_at_order_six(table):
@@ -89,7 +89,7 @@ def test_resampling_converges_at_order_six(table):
     assert np.all(order > [5.5, 5.5, 4.5, 3.5])
 
 
-def test_rows_come_back_to_the_same_bits(table, run):
+def test_rows_are_resampled_to_the_same_bits(table, run):
     same = run.resample(np.unique(run.t))
     rows = np.concatenate([np.arange(10), np.arange(11, 22)])
     assert np.array_equal(same.q_D, run.q_D[rows])
@@ -139,7 +139,7 @@ def test_outside_of_the_run(run):
 # -- files -------------------------------------------------------------------------------------
 
 
-def test_npz_comes_back_to_the_same_bits(run, tmp_path):
+def test_npz_is_read_to_the_same_bits(run, tmp_path):
     path = tmp_path / "lift.npz"
     run.save(path)
     back = Trajectory.load(path)
@@ -159,7 +159,7 @@ def test_npz_comes_back_to_the_same_bits(run, tmp_path):
     assert np.array_equal(back.resample([0.3]).q_D, run.resample([0.3]).q_D)
 
 
-def test_slip_and_blame_come_back(table, run, tmp_path):
+def test_slip_and_attribution_are_saved(table, run, tmp_path):
     slip = Columns(("hand", "knee"), np.stack([0.1 * run.t, 0 * run.t], axis=-1), "string")
     events = (EventRecord(0.5, "slip", "hand", 0.0, 0.1), EventRecord(1.5, "grip", "hand"))
     stopped = run_of(
@@ -182,19 +182,19 @@ def test_slip_and_blame_come_back(table, run, tmp_path):
     assert columns["slip:hand"].tolist() == slip["hand"].tolist()
     stopped.to_csv(tmp_path / "a.csv")
     assert "slip:knee" in (tmp_path / "a.csv").read_text().splitlines()[0].split(",")
-    # Runs saved without either, as those of earlier versions are.
+    # Runs saved without either, as those of earlier versions.
     run.save(tmp_path / "b.npz")
     back = Trajectory.load(tmp_path / "b.npz")
     assert back.slip is None and back.blamed == ()
     assert not [name for name in run.columns() if name.startswith("slip:")]
 
 
-def test_a_run_without_events_comes_back(table, tmp_path):
+def test_a_run_without_events_is_saved(table, tmp_path):
     run_of(table, np.linspace(0, 1, 3), events=()).save(tmp_path / "a.npz")
     assert Trajectory.load(tmp_path / "a.npz").events == ()
 
 
-def test_the_puppet_comes_back(table, run, tmp_path):
+def test_the_puppet_is_saved(table, run, tmp_path):
     puppet = loads(
         "puppet: bob\nbodies: [{name: bob, joint: {type: free}, mass: 1, inertia: [1, 1, 1]}]\n"
     )
@@ -202,7 +202,7 @@ def test_the_puppet_comes_back(table, run, tmp_path):
     assert Trajectory.load(tmp_path / "a.npz").puppet == puppet
 
 
-def test_meshes_travel_with_the_puppet(table, run, tmp_path):
+def test_meshes_are_saved_with_the_puppet(table, run, tmp_path):
     trimesh = pytest.importorskip("trimesh")
     folder = tmp_path / "puppet"
     (folder / "meshes").mkdir(parents=True)
@@ -218,7 +218,7 @@ def test_meshes_travel_with_the_puppet(table, run, tmp_path):
     assert Trajectory.load(tmp_path / "a.npz").puppet.canonical() == before
 
 
-def test_saving_in_vain_leaves_what_was_there(run, tmp_path, monkeypatch):
+def test_a_failed_save_leaves_the_old_file(run, tmp_path, monkeypatch):
     path = tmp_path / "a.npz"
     path.write_bytes(b"old")
 
@@ -233,7 +233,7 @@ def test_saving_in_vain_leaves_what_was_there(run, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("content", [b"", b"junk", b"PK\x03\x04junk", None])
-def test_what_is_no_trajectory_is_refused(tmp_path, content):
+def test_files_without_a_trajectory_are_refused(tmp_path, content):
     path = tmp_path / "a.npz"
     if content is not None:
         path.write_bytes(content)

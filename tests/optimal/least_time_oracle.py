@@ -1,10 +1,18 @@
 """Least times of chains of bobs below a trolley, by collocation with CasADi and IPOPT.
 
-    min T + w/2 h sum a_i^2,  h = T / N,   a constant in every interval,  |a|, |v| bounded
+    min T + w/2 h sum a_i^2,  h = T / N,   a constant in every interval,
 
-All states are polynomials of degree 4 in every piece of an interval, which meet the equations of
-motion at Gauss-Legendre's points. The chain's equations follow from its Lagrangian by CasADi; none
-of the package's code is used.
+a
+
+,
+
+v
+
+ bounded
+
+All states are polynomials of degree 4 in every piece of an interval, which satisfy the equations of
+motion at Gauss-Legendre points. The chain's equations follow from its Lagrangian by CasADi; none of
+the package's code is used.
 """
 
 from __future__ import annotations
@@ -19,15 +27,15 @@ GRAVITY, DEGREE = 9.81, 4
 
 @dataclass(frozen=True)
 class Problem:
-    """From rest to rest over a way.
+    """Motion from rest to rest over a distance.
 
     Attributes:
-        lengths, masses: of the chain, from the trolley on [m, kg].
-        way: of the trolley [m].
+        lengths, masses: lengths and masses of the chain, from the trolley on [m, kg].
+        way: displacement of the trolley [m].
         speed, acceleration: its bounds.
         duration: the shortest and the longest [s].
         N: intervals.
-        weight: of the accelerations' squares.
+        weight: weight of the squared accelerations.
     """
 
     lengths: tuple[float, ...]
@@ -41,11 +49,11 @@ class Problem:
 
 
 def least_time(problem: Problem, guess: float, pieces: int = 1) -> float:
-    """The duration that IPOPT finds [s].
+    """The duration found by IPOPT [s].
 
     Args:
-        problem: see :class:`Problem`.
-        guess: of the duration [s].
+        problem: see `Problem`.
+        guess: guess of the duration [s].
         pieces: polynomials in an interval.
     """
     n = len(problem.lengths)

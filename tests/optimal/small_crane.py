@@ -1,6 +1,6 @@
 """The file of a bob on a winch that moves along x."""
 
-SMALL_CRANE = """
+CRANE_TEXT = """
 puppet: small_crane
 bodies:
   - name: bob

@@ -1,4 +1,4 @@
-"""Steps within bounds in real time, beside the interior point method on the same programs."""
+"""Real-time steps within bounds, compared with the interior point method on the same programs."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def motion(arm: fan.Marionette, task: fan.Task, acc_K: np.ndarray | None = None)
     """The prediction from the task's start."""
     if acc_K is None:
         acc_K = np.zeros((N, arm.coordinates.n_vK))
-    made = Predictions(arm, 0.01, 1).make(task.x0, 0.0, INTERVAL, acc_K[None])[0]
-    assert made is not None
-    return made[0]
+    prediction = Predictions(arm, 0.01, 1).make(task.x0, 0.0, INTERVAL, acc_K[None])[0]
+    assert prediction is not None
+    return prediction[0]
 
 
 def task_of(arm: fan.Marionette, by: float, **bounds: object) -> fan.Task:
-    """The tip is to be elsewhere, after a kick."""
+    """The tip has to move, after a kick."""
     x0 = arm.project(arm.rest().replace(v_D=[1.0, -1.5]))
     pose = arm.pose(arm.rest(), "lower")
     place = pose[:3, 3] + pose[:3, :3] @ np.array(TIP) + [by, 0.0, 0.0]
@@ -44,19 +44,19 @@ def task_of(arm: fan.Marionette, by: float, **bounds: object) -> fan.Task:
 
 
 def both(arm: fan.Marionette, task: fan.Task, nodes: Nodes):
-    """The step found, the program, and its solution by the interior point method."""
+    """The step, the program, and its solution by the interior point method."""
     objective, steps = Objective(task), ClampedSteps(arm, 0.01, 1)
-    found = steps.solve(objective, nodes, steps.linearise(nodes, True), DAMPING, -1)
+    step = steps.solve(objective, nodes, steps.linearise(nodes, True), DAMPING, -1)
     linear = TimeSteps(arm, 0.01, 1).linearise(nodes)
     linear.e[:] = 0.0
     program = objective.program(nodes, linear, DAMPING * objective.unit, 0.0)
     solution = StageSolver(1e-9).solve(program, objective.unit)
     assert solution.solved
-    return found, program, solution, objective
+    return step, program, solution, objective
 
 
 def decrease(program: StageProgram, u: np.ndarray) -> float:
-    """Of the cost of a program without rows, by the sum over its stages."""
+    """Decrease of the cost of a program without rows, by the sum over its stages."""
     total, z, before = 0.0, np.zeros(program.A.shape[1]), np.zeros(u.shape[1])
     for i, own in enumerate(u):
         coupled = np.concatenate([before, z]) @ program.cross[i] @ own if i else 0.0
@@ -79,19 +79,19 @@ def decrease(program: StageProgram, u: np.ndarray) -> float:
 )
 def test_the_step_is_that_of_the_interior_point_method(arm, by, bounds):
     task = task_of(arm, by, **bounds)
-    found, program, solution, objective = both(arm, task, motion(arm, task))
+    step, program, solution, objective = both(arm, task, motion(arm, task))
     _, u, _ = objective.widened(solution)
-    assert found.decrease == pytest.approx(decrease(program, solution.u), rel=1e-5)
-    if found.solved:  # else it ended where the cost is flat
-        assert found.u == pytest.approx(u, abs=0.02 * np.max(np.abs(u)))
+    assert step.decrease == pytest.approx(decrease(program, solution.u), rel=1e-5)
+    if step.solved:  # else it ended where the cost is flat
+        assert step.u == pytest.approx(u, abs=0.02 * np.max(np.abs(u)))
     if "held" in bounds:
-        assert np.all(found.u[:, arm.coordinates.v_K.index("hand.length")] == 0.0)
+        assert np.all(step.u[:, arm.coordinates.v_K.index("hand.length")] == 0.0)
     else:
-        assert decrease(program, found.u) == pytest.approx(found.decrease, rel=1e-9)
+        assert decrease(program, step.u) == pytest.approx(step.decrease, rel=1e-9)
 
 
 def test_steps_from_a_motion_in_its_bounds_are_as_good(arm):
-    """Inputs of the motion before are where they may be and pull away from there."""
+    """Inputs of the previous motion are within their bounds, and move away from there."""
     task = task_of(arm, 0.2, acceleration=2.0, speed=0.15)
     random = np.random.default_rng(3)
     acc_K = np.zeros((N, 2))
@@ -99,11 +99,11 @@ def test_steps_from_a_motion_in_its_bounds_are_as_good(arm):
         sign = random.choice([-1.0, 1.0])
         acc_K[:3, j], acc_K[20:26, j] = sign * 2.0, -sign * 2.0
     nodes = motion(arm, task, acc_K)
-    found, program, solution, _ = both(arm, task, nodes)
-    assert found.decrease == pytest.approx(decrease(program, solution.u), rel=1e-4)
+    step, program, solution, _ = both(arm, task, nodes)
+    assert step.decrease == pytest.approx(decrease(program, solution.u), rel=1e-4)
 
 
-def test_every_motion_keeps_its_bounds_however_little_work_is_left(arm, monkeypatch):
+def test_every_motion_keeps_its_bounds_with_any_amount_of_work(arm, monkeypatch):
     task = task_of(arm, 0.4, acceleration=2.0, speed=0.3, position={"hand.x": (0.2, 0.52)})
     nodes = motion(arm, task)
     place = arm.coordinates.v_K.index("hand.x")
@@ -112,32 +112,32 @@ def test_every_motion_keeps_its_bounds_however_little_work_is_left(arm, monkeypa
         monkeypatch.setattr(clamped, "MIN_FACTORISATIONS", work)
         monkeypatch.setattr(clamped, "MAX_FACTORISATIONS", work)
         steps = ClampedSteps(arm, 0.01, 1)
-        found = steps.solve(Objective(task), nodes, steps.linearise(nodes, True), DAMPING, -1)
-        assert found.stages <= (work + 0.2) * N
-        after = motion(arm, task, nodes.acc_K + found.u)
+        step = steps.solve(Objective(task), nodes, steps.linearise(nodes, True), DAMPING, -1)
+        assert step.stages <= (work + 0.2) * N
+        after = motion(arm, task, nodes.acc_K + step.u)
         assert np.all(np.abs(after.acc_K) <= 2.0 + 1e-9)
         assert np.all(np.abs(after.v_K) <= 0.3 + 1e-9)
         assert np.all(after.q_K[:, place] <= 0.52 + 1e-9)
-        assert found.decrease >= last > -1.0
-        last = found.decrease
+        assert step.decrease >= last > -1.0
+        last = step.decrease
     assert np.max(after.q_K[:, place]) > 0.51
 
 
-def test_bounds_that_may_be_passed_cost_what_they_cost_there(arm):
+def test_soft_bounds_have_their_price(arm):
     free = task_of(arm, 0.2, acceleration=20.0)
     task = task_of(arm, 0.2, acceleration=20.0, joint={"elbow": (0.2, 1.55)})
     nodes = motion(arm, task)
-    found, _, solution, objective = both(arm, task, nodes)
+    step, _, solution, objective = both(arm, task, nodes)
     _, u, _ = objective.widened(solution)
     assert np.max(np.abs(u - both(arm, free, nodes)[0].u)) > 1.0
-    assert found.u == pytest.approx(u, abs=0.05 * np.max(np.abs(u)))
+    assert step.u == pytest.approx(u, abs=0.05 * np.max(np.abs(u)))
 
 
 def test_bounds_of_jerks_are_kept_by_the_interior_point_method(arm):
     task = task_of(arm, 0.02, acceleration=20.0, jerk=200.0)
     nodes = motion(arm, task)
-    found, _, solution, _ = both(arm, task, nodes)
-    jumps = np.diff(nodes.acc_K + found.u, axis=0, prepend=0.0)
+    step, _, solution, _ = both(arm, task, nodes)
+    jumps = np.diff(nodes.acc_K + step.u, axis=0, prepend=0.0)
     assert np.max(np.abs(jumps)) < 200.0 * INTERVAL + np.max(solution.passed) + 0.02
     assert np.max(np.abs(jumps)) > 3.9
 
@@ -147,13 +147,13 @@ def test_a_tracked_tension_is_part_of_the_program(arm):
     pull = float(arm.forward_dynamics(arm.rest()).tension[0])
     more = fan.control.Track.tension("hand", 1.2 * pull, weight=1.0)
     task = replace(task, x0=arm.rest(), tracks=[*task.tracks, more])
-    found, _, solution, objective = both(arm, task, motion(arm, task))
+    step, _, solution, objective = both(arm, task, motion(arm, task))
     _, u, _ = objective.widened(solution)
     assert np.max(np.abs(u)) > 0.1
-    assert found.u == pytest.approx(u, abs=2e-3)
+    assert step.u == pytest.approx(u, abs=2e-3)
 
 
-def test_a_program_like_the_one_before_needs_less_work(arm):
+def test_a_program_similar_to_the_previous_one_needs_less_work(arm):
     task = task_of(arm, 0.2, acceleration=1.0)
     nodes, steps, objective = motion(arm, task), ClampedSteps(arm, 0.01, 1), Objective(task)
     slopes = steps.linearise(nodes, True)

@@ -47,7 +47,7 @@ obstacles:
 
 
 def lowering(ball_arm: fan.Marionette, clearance: float | None = None) -> fan.Task:
-    """The ball goes down past the post, to a place where it would touch it."""
+    """The ball moves down past the post, to a place where it would touch it."""
     x0 = ball_arm.rest()
     at = (ball_arm.pose(x0, "ball") @ [0, 0, -0.2, 1])[:3]
     goal = at + np.array([0.12, 0.0, -0.25])
@@ -80,12 +80,14 @@ def test_clearances_of_all_parts_are_those_of_the_whole():
 
 def test_obstacles_of_a_task_count_as_those_of_the_file_do(ball_arm: fan.Marionette):
     task = replace(lowering(ball_arm.with_obstacles([]), 0.02), obstacles=ball_arm.puppet.obstacles)
-    own, of_file = (fan.optimise(one, iterations=2) for one in (task, lowering(ball_arm, 0.02)))
+    own, of_file = (
+        fan.optimise(version, iterations=2) for version in (task, lowering(ball_arm, 0.02))
+    )
     assert own.cost == of_file.cost and own.violation == of_file.violation
 
 
-def test_obstacles_of_a_task_are_kept_off_without_a_clearance(ball_arm: fan.Marionette):
-    """As a plan of the same task keeps off them."""
+def test_obstacles_of_a_task_are_avoided_without_a_clearance(ball_arm: fan.Marionette):
+    """A plan of the same task avoids them too."""
     task = replace(lowering(ball_arm.with_obstacles([])), obstacles=ball_arm.puppet.obstacles)
     assert np.min(Clearance(ball_arm).of(fan.optimise(task).run)) > -1e-3
 
@@ -128,9 +130,11 @@ def test_a_motion_that_begins_too_near_is_violated(ball_arm: fan.Marionette):
     assert best.violation > 0.01
 
 
-def test_bodies_of_one_puppet_keep_apart_where_asked():
+def test_bodies_of_one_puppet_keep_apart_on_request():
     puppet = fan.puppets.marionette()
     nodes = Nodes.still(puppet, puppet.rest(), 1.0, 1)
     j = ClearRows(puppet, 0.01, own_body=True).names.index("forearm_right")
-    found = [ClearRows(puppet, 0.01, own_body=one).value(nodes)[0, j] for one in (True, False)]
-    assert found[0] < found[1]
+    clearances = [
+        ClearRows(puppet, 0.01, own_body=own_body).value(nodes)[0, j] for own_body in (True, False)
+    ]
+    assert clearances[0] < clearances[1]

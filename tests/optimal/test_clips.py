@@ -1,4 +1,4 @@
-"""What a run did, as the path of a track."""
+"""Runs as paths of tracks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TIP = (0.3, 0.0, 0.0)
 
 @pytest.fixture(scope="module")
 def take(arm: fan.Marionette) -> fan.Trajectory:
-    """The hand lifts the arm and lets it down."""
+    """The hand lifts the arm and lowers it."""
     x0 = arm.rest()
     up = fan.Input.waypoints(
         arm, {"hand.length": [(0, x0.q_K[1]), (0.5, x0.q_K[1] - 0.06), (1.0, x0.q_K[1])]}
@@ -32,7 +32,7 @@ def path(arm: fan.Marionette, track: fan.control.Track, t: np.ndarray) -> np.nda
     return track.path.values(arm, track.kind, track.name, track.at, t)
 
 
-def test_a_clip_is_what_the_run_did(arm: fan.Marionette, take: fan.Trajectory):
+def test_a_clip_equals_its_run(arm: fan.Marionette, take: fan.Trajectory):
     t = np.linspace(0.0, 1.0, 41)
     run = take.resample(t)
     clip = fan.control.Clip(take)
@@ -66,7 +66,7 @@ def test_a_clip_begins_later_runs_faster_and_is_moved(arm: fan.Marionette, take:
     assert speed[0] == speed[4] == 0.0
 
 
-def test_the_residual_of_a_puppet_on_its_own_clip_is_none(
+def test_the_residual_of_a_puppet_on_its_own_clip_is_zero(
     arm: fan.Marionette, take: fan.Trajectory
 ):
     still = Nodes.still(arm, take.state(0), 1.0, 10)
@@ -83,7 +83,7 @@ def test_the_residual_of_a_puppet_on_its_own_clip_is_none(
 
 
 def test_a_puppet_follows_a_run(arm: fan.Marionette, take: fan.Trajectory):
-    """The inputs that made the run are among those that may follow it, so it comes near."""
+    """The run's own inputs are admissible, so the result is close."""
     best = fan.follow(arm, {("lower", TIP): fan.control.Clip(take)}, duration=1.0)
     assert best.holds, best.summary()
     off = tip_of(arm, best.run.resample(best.t)) - tip_of(arm, take.resample(best.t))
@@ -108,7 +108,7 @@ pose: {ball.x: 0.3, ball.z: 0.1, line.length: 0.9}
     assert lifted == pytest.approx(np.tile([0.0, 0.0, 0.2], (11, 1)), abs=1e-12)
 
 
-def test_clips_that_are_none(arm: fan.Marionette, take: fan.Trajectory):
+def test_invalid_clips_are_refused(arm: fan.Marionette, take: fan.Trajectory):
     with pytest.raises(ValueError, match="speed is 0"):
         fan.control.Clip(take, speed=0.0)
     with pytest.raises(fan.errors.StateError, match="3 finite numbers"):
@@ -166,5 +166,5 @@ def test_mistakes_have_places(
     path.write_text(TASK.replace(*change, 1), encoding="utf-8")
     with pytest.raises(fan.errors.FileError) as caught:
         fan.control.load_task(path)
-    (said,) = (str(one) for one in caught.value.mistakes)
+    (said,) = (str(mistake) for mistake in caught.value.mistakes)
     assert f"t.yaml:{line}: {key}" in said and words in said

@@ -1,4 +1,4 @@
-"""Optimal control with contact: a block pulled over a floor, against closed forms."""
+"""Optimal control with contact: a block pulled over a floor, compared with closed forms."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def block() -> fan.Marionette:
 
 
 def pulled(block: fan.Marionette, dt: float, **options) -> fan.Task:
-    """The block is to be 0.4 m farther after a second, at 0.5 m/s, with little acceleration."""
+    """The block's target is 0.4 m farther after 1 s, at 0.5 m/s, with little acceleration."""
     place, speed = WEIGHTS
     return fan.Task(
         block,
@@ -53,7 +53,7 @@ def pulled(block: fan.Marionette, dt: float, **options) -> fan.Task:
 
 
 def closed_form() -> tuple[np.ndarray, float]:
-    """The accelerations and cost of a point mass that the string takes along, by least squares."""
+    """Accelerations and cost of a point mass that the string moves, by least squares."""
     h, (place, speed) = T / N, WEIGHTS
     way, rate = h * h * (N - np.arange(N) - 0.5), np.full(N, h)
     H = h * np.eye(N) + place * np.outer(way, way) + speed * np.outer(rate, rate)
@@ -71,7 +71,8 @@ def test_a_block_is_pulled_with_least_effort(found):
     dt, best = found
     acc, cost = closed_form()
     assert best.status is fan.control.AnswerStatus.SOLVED, best.summary()
-    # The motion is event-driven, so no cost is below the least; derivatives are of time steps.
+    # The motion is event-driven, so no cost is below the least; derivatives are those of time
+    # steps.
     assert -1e-9 < best.cost / cost - 1.0 < 2.0 * dt**2
     assert np.max(np.abs(best.nodes.acc_K[:, 0] - acc)) < 5.0 * dt
 
@@ -85,16 +86,16 @@ def test_it_is_confirmed_by_an_event_driven_run_that_pulls_against_friction(foun
     assert np.max(np.abs(run.tension["line"][at] - expected)) < 1e-6
 
 
-def test_an_answer_whose_event_driven_run_does_not_end_is_not_confirmed(
+def test_an_answer_with_an_incomplete_event_driven_run_is_not_confirmed(
     block: fan.Marionette, monkeypatch: pytest.MonkeyPatch
 ):
     simulated = shooting.uninterrupted
 
-    def late(*given, method=None, **options):
-        """Event-driven runs, which are given no method, are out of time."""
+    def late(*arguments, method=None, **options):
+        """Event-driven runs, which have no method argument, reach their time limit."""
         if method is None:
             raise TimeoutError
-        return simulated(*given, method=method, **options)
+        return simulated(*arguments, method=method, **options)
 
     monkeypatch.setattr(shooting, "uninterrupted", late)
     best = fan.optimise(pulled(block, 0.01), iterations=3)
@@ -104,7 +105,7 @@ def test_an_answer_whose_event_driven_run_does_not_end_is_not_confirmed(
 
 
 def test_the_derivatives_are_those_of_the_time_steps_of_the_search(block: fan.Marionette):
-    """A step of the inputs changes the run as A and B say, through sticking and sliding."""
+    """A step of the inputs changes the run by A and B, through sticking and sliding."""
     from fantoccini.control.optimal.dynamics import TimeSteps
     from fantoccini.control.tasks.chosen import Chosen
     from fantoccini.control.tasks.nodes import Nodes
@@ -119,8 +120,8 @@ def test_the_derivatives_are_those_of_the_time_steps_of_the_search(block: fan.Ma
     for i in range(N):
         z[i + 1] = linear.A[i] @ z[i] + linear.B[i] @ du[i]
     ends = [runs.run(nodes.moved(0.0 * z, sign * du))[0] for sign in (1.0, -1.0)]
-    found = ends[1].between(ends[0].q_D, ends[0].v_D, ends[0].q_K, ends[0].v_K, first=0) / 2.0
-    assert np.max(np.abs(found - z)) < 1e-4 * np.max(np.abs(z))
+    difference = ends[1].between(ends[0].q_D, ends[0].v_D, ends[0].q_K, ends[0].v_K, first=0) / 2.0
+    assert np.max(np.abs(difference - z)) < 1e-4 * np.max(np.abs(z))
 
 
 def test_periodic_ends_are_the_start_moved(block: fan.Marionette):

@@ -1,4 +1,4 @@
-"""Derivatives of optimal control, beside central differences."""
+"""Derivatives of optimal control, compared with central differences."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STEP = 1e-6
 
 @pytest.fixture(scope="module")
 def nodes(crane: fan.Marionette) -> Nodes:
-    """Some states that do not rest, with all strings taut."""
+    """Several states in motion, with all strings taut."""
     x0 = crane.rest()
     random = np.random.default_rng(3)
     still = Nodes.still(crane, x0, 0.8, 8)
@@ -44,7 +44,7 @@ def nodes(crane: fan.Marionette) -> Nodes:
 )
 def test_residuals_by_changes_of_states(crane: fan.Marionette, nodes: Nodes, track: Track):
     residual = residual_of(crane, track, nodes)
-    found = residual.by(Looks(crane, nodes))
+    derivative = residual.by(Looks(crane, nodes))
     for j in range(nodes.n_z):
         z = np.zeros((len(nodes) + 1, nodes.n_z))
         z[:, j] = STEP
@@ -52,11 +52,11 @@ def test_residuals_by_changes_of_states(crane: fan.Marionette, nodes: Nodes, tra
         up, down = (
             residual.value(Looks(crane, nodes.moved(sign * z, none))) for sign in (1.0, -1.0)
         )
-        assert found[:, :, j] == pytest.approx((up - down) / (2.0 * STEP), abs=1e-7)
+        assert derivative[:, :, j] == pytest.approx((up - down) / (2.0 * STEP), abs=1e-7)
 
 
 def test_a_search_keeps_its_number_of_steps_where_a_free_duration_gets_shorter(crane):
-    """Else the dynamics would jump where the duration crosses a multiple of the step."""
+    """Otherwise the dynamics would jump where the duration crosses a multiple of the step."""
     steps = TimeSteps(crane, 0.012, longest=0.05)
     for interval in np.linspace(0.005, 0.05, 50):
         assert steps.steps(interval) == (5, pytest.approx(interval / 5))
@@ -64,13 +64,13 @@ def test_a_search_keeps_its_number_of_steps_where_a_free_duration_gets_shorter(c
 
 def test_extrapolated_derivatives_are_off_by_the_square_of_the_step(crane, nodes: Nodes):
     runs = EventRuns(TimeSteps(crane, 0.05), Chosen(crane, crane.rest(), {}))
-    made = runs.run(nodes)
-    assert made is not None
-    exact = ExactRuns(runs.steps, runs.chosen).linearise(made[0], runs.ends(*made))
+    runs_made = runs.run(nodes)
+    assert runs_made is not None
+    exact = ExactRuns(runs.steps, runs.chosen).linearise(runs_made[0], runs.ends(*runs_made))
     off = []
     for dt in (0.025, 0.0125):
-        found = TimeSteps(crane, dt).extrapolated(made[0])
-        off.append([np.max(np.abs(getattr(found, n) - getattr(exact, n))) for n in ("B", "by_c")])
+        linear = TimeSteps(crane, dt).extrapolated(runs_made[0])
+        off.append([np.max(np.abs(getattr(linear, n) - getattr(exact, n))) for n in ("B", "by_c")])
     assert np.all(np.array(off[1]) < 0.35 * np.array(off[0]))
     assert np.max(off[1]) < 1e-2
 
@@ -80,26 +80,28 @@ def test_ends_of_intervals_by_states_and_accelerations(crane: fan.Marionette, no
     steps = TimeSteps(crane, 0.025)
     assert steps.steps(nodes.interval) == (4, pytest.approx(0.025))
     parts = {name: getattr(nodes, name)[i : i + 2] for name in ("q_D", "v_D", "q_K", "v_K")}
-    one = Nodes(nodes.table, 0.0, nodes.interval, **parts, acc_K=nodes.acc_K[i : i + 1])
-    n_z, k = one.n_z, one.acc_K.shape[1]
-    # The second node lies where the interval ends: changes are small there.
-    away = np.concatenate([np.zeros((1, n_z)), steps.linearise(one).e])
-    one = one.moved(away, np.zeros((1, k)))
-    found = steps.linearise(one)
-    assert np.all(found.settled) and np.all(found.taut)
-    assert found.e == pytest.approx(0.0, abs=1e-12)
-    both = np.concatenate([found.A, found.B], axis=2)[0]
+    interval_nodes = Nodes(nodes.table, 0.0, nodes.interval, **parts, acc_K=nodes.acc_K[i : i + 1])
+    n_z, k = interval_nodes.n_z, interval_nodes.acc_K.shape[1]
+    # The second node is at the end of the interval, where changes are small.
+    away = np.concatenate([np.zeros((1, n_z)), steps.linearise(interval_nodes).e])
+    interval_nodes = interval_nodes.moved(away, np.zeros((1, k)))
+    linear = steps.linearise(interval_nodes)
+    assert np.all(linear.settled) and np.all(linear.taut)
+    assert linear.e == pytest.approx(0.0, abs=1e-12)
+    both = np.concatenate([linear.A, linear.B], axis=2)[0]
     for j in range(n_z + k):
         z, u = np.zeros((2, n_z)), np.zeros((1, k))
         if j < n_z:
             z[0, j] = STEP
         else:
             u[0, j - n_z] = STEP
-        up, down = (steps.linearise(one.moved(sign * z, sign * u)) for sign in (1.0, -1.0))
+        up, down = (
+            steps.linearise(interval_nodes.moved(sign * z, sign * u)) for sign in (1.0, -1.0)
+        )
         assert both[:, j] == pytest.approx((up.e - down.e)[0] / (2.0 * STEP), abs=2e-6)
         pulled = (up.tension - down.tension)[0] / (2.0 * STEP)
         size = 1.0 + np.max(np.abs(pulled))
-        assert found.pull[0, :, j] / size == pytest.approx(pulled / size, abs=1e-5)
+        assert linear.pull[0, :, j] / size == pytest.approx(pulled / size, abs=1e-5)
 
 
 def test_ends_by_the_length_of_intervals(crane: fan.Marionette):
@@ -110,10 +112,10 @@ def test_ends_by_the_length_of_intervals(crane: fan.Marionette):
     at = runs.run(swing)
     assert at is not None
     nodes, run = at
-    found = runs.linearise(nodes, runs.ends(nodes, run))
-    # All intervals get longer by d: the last state moves by what `later` sums to through A.
+    linear = runs.linearise(nodes, runs.ends(nodes, run))
+    # All intervals get longer by d: the last state moves by the sum of `later` through A.
     z = np.zeros(16)
-    for A, later in zip(found.A, found.by_c[..., 0], strict=True):
+    for A, later in zip(linear.A, linear.by_c[..., 0], strict=True):
         z = A @ z + later
     states = [
         runs.run(swing.moved(np.zeros((4, 16)), 0.0 * acc, np.array([d]))) for d in (1e-4, -1e-4)
@@ -123,10 +125,10 @@ def test_ends_by_the_length_of_intervals(crane: fan.Marionette):
     assert z == pytest.approx(moved, abs=0.01 * np.max(np.abs(moved)))
 
 
-def test_nodes_move_back_by_what_lies_between(crane: fan.Marionette, nodes: Nodes):
+def test_nodes_move_by_their_difference(crane: fan.Marionette, nodes: Nodes):
     random = np.random.default_rng(0)
     z, u = 0.3 * random.normal(size=(9, nodes.n_z)), random.normal(size=(8, 2))
-    made = nodes.moved(z, u)
-    there = (made.q_D, made.v_D, made.q_K, made.v_K)
+    moved = nodes.moved(z, u)
+    there = (moved.q_D, moved.v_D, moved.q_K, moved.v_K)
     assert nodes.between(*there, first=0) == pytest.approx(z, abs=1e-12)
-    assert made.acc_K - nodes.acc_K == pytest.approx(u, abs=1e-12)
+    assert moved.acc_K - nodes.acc_K == pytest.approx(u, abs=1e-12)

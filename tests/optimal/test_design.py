@@ -47,7 +47,7 @@ pose: {pin: 60 deg, swing: -60 deg, line.length: 0.5}
 
 
 def lifting(lever: fan.Marionette, parameters: Mapping[str, Interval] | None = None) -> fan.Task:
-    """The winch lets the rod's end down by 0.15 rad, and is not to accelerate much."""
+    """The winch lowers the rod's end by 0.15 rad, with little acceleration."""
     hanging = lever.rest()
     s = np.linspace(0, 1, 101)
     down = 0.15 * (10 * s**3 - 15 * s**4 + 6 * s**5)
@@ -63,7 +63,7 @@ def lifting(lever: fan.Marionette, parameters: Mapping[str, Interval] | None = N
 
 
 @pytest.mark.parametrize("dt", [0.001, 0.00025])
-def test_the_cost_changes_with_parameters_as_its_program_says(lever: fan.Marionette, dt: float):
+def test_the_cost_changes_with_parameters_as_in_its_program(lever: fan.Marionette, dt: float):
     task = lifting(lever, parameters={"tie": TIE, "load": (0.1, 2.0), "hinge": (-0.1, 0.1)})
     bob = fan.control.Track.point("bob", (0.4, 0, -0.8), at=(0, 0, -0.2), weight=10.0)
     task = replace(task, tracks=[*task.tracks, bob], dt=dt)
@@ -75,13 +75,13 @@ def test_the_cost_changes_with_parameters_as_its_program_says(lever: fan.Marione
     )
 
     def cost(change: np.ndarray) -> float:
-        made = runs.run(replace(first, parameters=first.parameters + change))
-        assert made is not None
-        return objective.cost(made[0], runs.ends(*made))
+        run = runs.run(replace(first, parameters=first.parameters + change))
+        assert run is not None
+        return objective.cost(run[0], runs.ends(*run))
 
-    made = runs.run(first)
-    assert made is not None
-    nodes, ends = made[0], runs.ends(*made)
+    run = runs.run(first)
+    assert run is not None
+    nodes, ends = run[0], runs.ends(*run)
     program = objective.program(nodes, runs.linearise(nodes, ends), 0.0, 0.0)
     n_c, n_z = 3, program.A.shape[1]
     k = program.B.shape[2]
@@ -94,7 +94,7 @@ def test_the_cost_changes_with_parameters_as_its_program_says(lever: fan.Marione
             z = program.A[j] @ z + program.B[j] @ u[j]
             slope[i] += program.g[j] @ np.concatenate([u[j], z])
     d = 1e-4 * np.eye(n_c)
-    differences = [(cost(one) - cost(-one)) / 2e-4 for one in d]
+    differences = [(cost(direction) - cost(-direction)) / 2e-4 for direction in d]
     assert slope == pytest.approx(differences, rel=10 * dt)
 
 
@@ -104,13 +104,13 @@ def test_the_place_of_a_string_is_found_along_with_the_motion(lever: fan.Marione
 
     def least(tie: float) -> float:
         other = lever.with_parameters({"tie": tie})
-        # The path stays that of the puppet as it is.
+        # The path stays that of the original puppet.
         task = replace(lifting(lever), marionette=other, x0=other.rest(lever.rest()))
         return fan.optimise(task, cost_tolerance=0.0).cost
 
-    found = minimize_scalar(least, bounds=TIE, method="bounded", options={"xatol": 1e-4})
-    assert best.parameters["tie"] == pytest.approx(found.x, abs=2e-3)
-    assert best.cost == pytest.approx(found.fun, rel=1e-4)
+    minimum = minimize_scalar(least, bounds=TIE, method="bounded", options={"xatol": 1e-4})
+    assert best.parameters["tie"] == pytest.approx(minimum.x, abs=2e-3)
+    assert best.cost == pytest.approx(minimum.fun, rel=1e-4)
     assert (
         dict(zip(lever.tree.parameters, best.marionette.p, strict=True))["tie"]
         == best.parameters["tie"]

@@ -1,4 +1,4 @@
-"""Searches with the derivatives of event-driven runs themselves, through catches."""
+"""Searches with the derivatives of event-driven runs, through catches."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TIP = (0.3, 0.0, 0.0)
 
 
 def reaching(arm: fan.Marionette, x0: fan.State) -> fan.Task:
-    """The tip goes up by 3 cm and stays there, calmly."""
+    """The tip rises by 3 cm and stays there, with little motion."""
     pose = arm.pose(arm.rest(), "lower")
     goal = pose[:3, 3] + pose[:3, :3] @ np.array(TIP) + np.array([0.0, 0.0, 0.03])
     tracks = [
@@ -31,7 +31,7 @@ def reaching(arm: fan.Marionette, x0: fan.State) -> fan.Task:
 
 
 def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette):
-    """J by accelerations and by the length of the intervals, along a run that is caught twice."""
+    """J by accelerations and by the length of the intervals, along a run with two catches."""
     values = {"shoulder": -0.2, "elbow": 0.6, "hand.length": 0.95, "v:elbow": 0.5}
     x0 = arm.project(arm.state(values | {"v:shoulder": -0.3}))
     task = reaching(arm, x0)
@@ -44,15 +44,15 @@ def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette
     first = replace(Nodes.still(arm, x0, 0.8, 16), acc_K=acc)
 
     def cost(nodes: Nodes) -> float:
-        made = runs.run(nodes)
-        assert made is not None
-        return objective.cost(made[0], runs.ends(*made))
+        run = runs.run(nodes)
+        assert run is not None
+        return objective.cost(run[0], runs.ends(*run))
 
-    made = runs.run(first)
-    assert made is not None
-    caught = [event for event in made[1].events if event.kind is fan.motion.EventKind.CATCH]
+    run = runs.run(first)
+    assert run is not None
+    caught = [event for event in run[1].events if event.kind is fan.motion.EventKind.CATCH]
     assert len(caught) >= 2
-    nodes, ends = made[0], runs.ends(*made)
+    nodes, ends = run[0], runs.ends(*run)
     program = objective.program(nodes, runs.linearise(nodes, ends), 0.0, 0.0)
     assert not runs.reasons
     costate = np.zeros(program.A.shape[1])
@@ -81,7 +81,7 @@ def test_it_ends_at_the_optimum_of_the_run_itself(arm: fan.Marionette):
     best = fan.optimise(task, cost_tolerance=0.0, exact=True)
     assert best.status is fan.control.AnswerStatus.SOLVED
     assert best.cost < steps.cost
-    # Where the run is optimal, its cost rises with the square of any change.
+    # At the optimum of the run, its cost rises with the square of any change.
     random = np.random.default_rng(0)
     chosen = Chosen(arm, task.x0, {})
     runs, objective = ExactRuns(TimeSteps(arm, 0.005, 1, chosen), chosen), Objective(task)
@@ -89,9 +89,9 @@ def test_it_ends_at_the_optimum_of_the_run_itself(arm: fan.Marionette):
         u = random.normal(size=best.nodes.acc_K.shape)
         costs = []
         for size in (-1e-2, 1e-2, -2e-2, 2e-2):
-            made = runs.run(replace(best.nodes, acc_K=best.nodes.acc_K + size * u))
-            assert made is not None
-            costs.append(objective.cost(made[0], runs.ends(*made)) - best.cost)
+            run = runs.run(replace(best.nodes, acc_K=best.nodes.acc_K + size * u))
+            assert run is not None
+            costs.append(objective.cost(run[0], runs.ends(*run)) - best.cost)
         assert min(costs) > 0.0
         assert abs(costs[1] - costs[0]) < 0.05 * (costs[1] + costs[0])
         assert costs[2] + costs[3] == pytest.approx(4.0 * (costs[0] + costs[1]), rel=0.05)
@@ -129,9 +129,9 @@ bodies:
     u, h = best.nodes.acc_K[:, 0], 1e-4
     assert cost(u) == pytest.approx(best.cost, rel=1e-12)
     slope = np.array([cost(u + h * e) - cost(u - h * e) for e in np.eye(len(u))]) / (2.0 * h)
-    room = np.where(slope < 0.0, 2.0 - u, 2.0 + u)
-    assert np.sum(room < 1e-6) == 4
-    assert np.max(np.abs(slope * room)) < 1e-8
+    distances = np.where(slope < 0.0, 2.0 - u, 2.0 + u)
+    assert np.sum(distances < 1e-6) == 4
+    assert np.max(np.abs(slope * distances)) < 1e-8
 
 
 def test_driven_rotations_are_refused():

@@ -1,4 +1,4 @@
-"""Bounds of the forces that drive coordinates."""
+"""Bounds of the forces on driven coordinates."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ def cart() -> fan.Marionette:
 
 @pytest.mark.parametrize(("most", "within"), [(2.0 * MASS * g, 1e-5), (1.5 * MASS * g, 2e-3)])
 def test_a_hoist_is_as_fast_as_its_force_allows(hoist: fan.Marionette, most: float, within: float):
-    """From rest to rest with a force of 0 to `most`: as hard as it may, then in free fall."""
+    """The force from rest to rest is 0 to `most`: first the largest, then free fall."""
     up = most / MASS - g
-    least = np.sqrt(2.0 * WAY * (up + g) / (up * g))
+    least_time = np.sqrt(2.0 * WAY * (up + g) / (up * g))
     task = fan.Task(
         hoist,
         hoist.rest(),
@@ -76,7 +76,7 @@ def test_a_hoist_is_as_fast_as_its_force_allows(hoist: fan.Marionette, most: flo
     )
     best = fan.optimise(task, iterations=100, cost_tolerance=0.0)
     assert best.holds, best.summary()
-    assert best.run.t[-1] == pytest.approx(least, rel=within)
+    assert best.run.t[-1] == pytest.approx(least_time, rel=within)
     effort = fan.simulate(hoist, hoist.rest(), best.inputs, best.run.t[-1]).effort["lift"]
     assert np.min(effort) > -1e-3 and np.max(effort) < most + 1e-3
 
@@ -86,7 +86,7 @@ def test_a_winch_pulls_with_the_tension(arm: fan.Marionette):
     x0 = arm.rest()
     pull = arm.forward_dynamics(x0).tension[0]
     low, high = 0.9 * pull, 1.05 * pull
-    found = []
+    optima = []
     for bounds in (
         fan.control.Bounds(tension={"hand": (low, high)}),
         fan.control.Bounds(tension={"hand": (1e-3, np.inf)}, force={"hand.length": (-high, -low)}),
@@ -100,17 +100,17 @@ def test_a_winch_pulls_with_the_tension(arm: fan.Marionette):
             bounds,
             interval=0.05,
         )
-        # Derivatives of time steps, not being those of tensions at nodes, end a percent above: the
-        # search goes on with exact ones.
-        found.append(fan.optimise(task, cost_tolerance=0.0, iterations=100))
-    free = fan.optimise(replace(found[0].task, bounds=fan.control.Bounds()), cost_tolerance=0.0)
-    assert all(found) and free.cost < 0.99 * found[0].cost  # the bounds count
-    assert all(one.status is fan.control.AnswerStatus.SOLVED for one in found)
-    assert found[1].cost == pytest.approx(found[0].cost, rel=1e-6)
+        # Derivatives of time steps differ from those of tensions at nodes, and end one percent
+        # above: the search continues with exact ones.
+        optima.append(fan.optimise(task, cost_tolerance=0.0, iterations=100))
+    free = fan.optimise(replace(optima[0].task, bounds=fan.control.Bounds()), cost_tolerance=0.0)
+    assert all(optima) and free.cost < 0.99 * optima[0].cost  # the bounds count
+    assert all(optimum.status is fan.control.AnswerStatus.SOLVED for optimum in optima)
+    assert optima[1].cost == pytest.approx(optima[0].cost, rel=1e-6)
 
 
-def test_forces_change_with_motions_as_their_rows_say(cart: fan.Marionette):
-    """Beside central differences of event-driven runs, with masses that the cart carries."""
+def test_forces_change_with_motions_as_in_their_rows(cart: fan.Marionette):
+    """They are compared with central differences of event-driven runs, with masses on the cart."""
     x0 = cart.rest()
     x0 = x0.replace(v_D=np.array([0.2, *x0.v_D[1:]]))
     x0 = cart.project(x0)
@@ -137,9 +137,9 @@ def test_forces_change_with_motions_as_their_rows_say(cart: fan.Marionette):
         nodes = replace(
             first, acc_K=first.acc_K + step * way, parameters=first.parameters + step * load
         )
-        made = runs.run(nodes)
-        assert made is not None
-        return objective.rows.values(made[0], runs.ends(*made))[0]
+        run = runs.run(nodes)
+        assert run is not None
+        return objective.rows.values(run[0], runs.ends(*run))[0]
 
     nodes, run = runs.run(first)
     ends = runs.ends(nodes, run)
@@ -165,17 +165,17 @@ def test_the_force_of_a_cart_holds_its_bounds(cart: fan.Marionette):
     bounds = fan.control.Bounds(force={"rail": (-0.6, 0.6)}, held=("line.length",))
     task = fan.Task(cart, x0, 1.0, tracks, fan.control.Smooth(1e-3, 1e-6), bounds, interval=0.04)
     free = fan.optimise(replace(task, bounds=fan.control.Bounds(held=("line.length",))))
-    kept = fan.optimise(task)
-    assert kept.holds, kept.summary()
-    most = []
-    for best in (free, kept):
+    bounded = fan.optimise(task)
+    assert bounded.holds, bounded.summary()
+    efforts = []
+    for best in (free, bounded):
         run = fan.simulate(cart, x0, best.inputs, 1.0, save_at=best.t)
         after = np.searchsorted(run.t, best.t[:-1] + 1e-9) - 1
-        most.append(float(np.max(np.abs(run.effort["rail"][after]))))
-    assert most[0] > 1.0
-    assert most[1] == pytest.approx(0.6, abs=1e-3)
-    assert np.max(np.abs(run.effort["rail"])) < 0.6 + 0.05  # between the nodes the rod swings on
-    assert kept.cost > free.cost
+        efforts.append(float(np.max(np.abs(run.effort["rail"][after]))))
+    assert efforts[0] > 1.0
+    assert efforts[1] == pytest.approx(0.6, abs=1e-3)
+    assert np.max(np.abs(run.effort["rail"])) < 0.6 + 0.05  # the rod swings between the nodes
+    assert bounded.cost > free.cost
 
 
 def test_the_force_of_a_motor_is_bounded_through_its_command():
@@ -192,7 +192,7 @@ drives:
         fan.control.Track.coordinate("lift", x0.q_D[0] + 0.2, weight=0.0, end_weight=1e3),
         fan.control.Track.velocity("lift", weight=0.0, end_weight=1e2),
     ]
-    most = []
+    efforts = []
     for bounds in (
         fan.control.Bounds(),
         fan.control.Bounds(force={"lift.command": (0.0, 1.15 * MASS * g)}),
@@ -202,12 +202,12 @@ drives:
         )
         best = fan.optimise(task)
         run = fan.simulate(lift, x0, best.inputs, 0.6, save_at=best.t)
-        most.append(float(np.max(run.effort["lift.command"])))
+        efforts.append(float(np.max(run.effort["lift.command"])))
     assert best.holds, best.summary()
-    assert most[0] > 1.3 * MASS * g and most[1] < 1.17 * MASS * g
+    assert efforts[0] > 1.3 * MASS * g and efforts[1] < 1.17 * MASS * g
 
 
-def test_what_has_no_force_is_refused(arm: fan.Marionette, tmp_path):
+def test_coordinates_without_a_force_are_refused(arm: fan.Marionette, tmp_path):
     x0 = arm.rest()
 
     def task(force: dict, **more) -> fan.Task:

@@ -16,7 +16,7 @@ TOLERANCE = 1e-3
 
 
 def chain(lengths: tuple[float, ...], masses: tuple[float, ...], on: str = "string"):
-    """Bobs below a driven trolley, each on a string, or on a rod, from the one before."""
+    """Bobs below a driven trolley, each on a string or a rod of the previous one."""
     lines = ["puppet: chain", "bodies:"]
     if on == "rod":
         lines.append("- {name: trolley, joint: {type: translation, axes: [x], driven: true}}")
@@ -62,7 +62,7 @@ def optimum(
         interval=interval,
         dt=step,
     )
-    return fan.optimise(task, time_limit=600.0)  # of a machine that others use as well
+    return fan.optimise(task, time_limit=600.0)  # of a machine with other load
 
 
 def intervals(duration: tuple[float, float], interval: float) -> int:
@@ -90,7 +90,7 @@ def test_the_least_time_is_that_of_collocation_on_the_same_grid(name: str):
     N = intervals(duration, interval)
     problem = Problem(lengths, masses, way, speed, acceleration, duration, N)
     best = optimum(problem, interval, step, on)
-    found = best.run.t[-1]
-    least = least_time(problem, guess=0.5 * sum(duration))
+    duration_found = best.run.t[-1]
+    exact_duration = least_time(problem, guess=0.5 * sum(duration))
     assert best.status is fan.control.AnswerStatus.SOLVED, best.summary()
-    assert found == pytest.approx(least, rel=TOLERANCE)
+    assert duration_found == pytest.approx(exact_duration, rel=TOLERANCE)

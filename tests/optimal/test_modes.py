@@ -1,4 +1,4 @@
-"""Motions through strings that go slack and are caught: derivatives, searches, what they find."""
+"""Motions with slack strings and catches: derivatives, searches, and their results."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ TUGS = -30.0 * np.cos(5.0 * np.pi * (0.04 * np.arange(25) + 0.02))
 
 @pytest.fixture(scope="module")
 def thrown(arm: fan.Marionette) -> tuple[HybridRuns, Nodes]:
-    """A motion with releases and catches, thrown by hand."""
+    """A motion with releases and catches, by prescribed accelerations."""
     x0 = arm.rest({"hand.x": 0.3, "hand.length": 0.8})
     chosen = Chosen(arm, x0, {})
     runs = HybridRuns(TimeSteps(arm, 0.005, 1, chosen), chosen)
     acc = np.stack([2.0 * np.sin(np.arange(25.0)), TUGS - np.mean(TUGS)], axis=1)
     nodes = replace(Nodes.still(arm, x0, 1.0, len(acc)), acc_K=acc)
-    made = runs.run(nodes)
-    assert made is not None
-    return runs, made[0]
+    run = runs.run(nodes)
+    assert run is not None
+    return runs, run[0]
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +44,12 @@ def swing_up() -> fan.control.Optimum:
 @pytest.fixture
 def few_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small explorations."""
-    few = replace(exploring.SETTINGS, runs=32, best=8, generations=5)
-    monkeypatch.setattr(exploring, "SETTINGS", few)
+    small = replace(exploring.SETTINGS, runs=32, best=8, generations=5)
+    monkeypatch.setattr(exploring, "SETTINGS", small)
 
 
 def elbow_straight(explore: int) -> fan.Task:
-    """The arm, to be stretched for a while."""
+    """The arm, to be stretched for some time."""
     tracks = [fan.control.Track.coordinate("elbow", 0.5, weight=100.0)]
     return replace(
         fan.control.load_task("swing_up"), duration=0.5, end=None, tracks=tracks, explore=explore
@@ -65,7 +65,7 @@ def events(run: fan.Trajectory) -> list[str]:
 def test_derivatives_through_releases_and_catches_are_those_of_the_run(
     thrown: tuple[HybridRuns, Nodes],
 ):
-    """Of the end, along random changes of all accelerations and of the duration, to 1e-8."""
+    """Derivatives of the end, along random changes of accelerations and duration, to 1e-8."""
     runs, nodes = thrown
     run = runs.run(nodes)[1]
     assert events(run).count("release") >= 2
@@ -84,10 +84,10 @@ def test_derivatives_through_releases_and_catches_are_those_of_the_run(
                 moved = replace(
                     nodes, acc_K=nodes.acc_K + sign * u, interval=nodes.interval + sign * longer
                 )
-                made = runs.run(moved)
-                assert made is not None
-                assert events(made[1]) == events(run)
-                ends.append(made[0].numbers[-1])
+                run_made = runs.run(moved)
+                assert run_made is not None
+                assert events(run_made[1]) == events(run)
+                ends.append(run_made[0].numbers[-1])
             return (ends[0] - ends[1]) / (2.0 * step)
 
         coarse, fine = change(2e-4), change(1e-4)
@@ -95,23 +95,23 @@ def test_derivatives_through_releases_and_catches_are_those_of_the_run(
         assert np.max(np.abs(differences - z)) < 1e-8 * max(1.0, np.max(np.abs(z)))
 
 
-def test_tensions_change_as_derivatives_say(thrown: tuple[HybridRuns, Nodes]):
-    """Of every interval, along its own acceleration; the state at its start stays."""
+def test_tensions_change_as_their_derivatives(thrown: tuple[HybridRuns, Nodes]):
+    """Derivatives in every interval, along its own acceleration, with a fixed initial state."""
     runs, nodes = thrown
     run = runs.run(nodes)[1]
     linear = runs.linearise(nodes, runs.ends(nodes, run))
     taut = np.flatnonzero(runs.ends(nodes, run).tension[:, 0] > 0.1)
     assert 5 < len(taut) < len(nodes)
     for i in taut:
-        found = []
+        tensions = []
         for step in (1e-3, -1e-3):
             acc = nodes.acc_K.copy()
             acc[i, 1] += step
             moved = runs.run(replace(nodes, acc_K=acc))
             assert moved is not None
-            found.append(runs.ends(*moved).tension[i, 0])
+            tensions.append(runs.ends(*moved).tension[i, 0])
         by = linear.pull[i, 0, nodes.n_z + 1]
-        assert by == pytest.approx((found[0] - found[1]) / 2e-3, rel=1e-6)
+        assert by == pytest.approx((tensions[0] - tensions[1]) / 2e-3, rel=1e-6)
 
 
 def test_driven_rotations_are_refused_by_name():
@@ -127,13 +127,13 @@ def test_the_arm_is_thrown_up_on_a_slack_string_and_caught(swing_up: fan.control
     slack = np.sum(np.diff(run.t) * (run.tension["hand"][:-1] == 0.0))
     assert slack > 0.2
     assert events(run)[-1] == "catch"
-    # The inputs alone bring it there, in a run of their own, and it stays there.
+    # The inputs alone reach the end, in a run of their own, and the arm stays there.
     again = fan.simulate(task.marionette, task.x0, swing_up.inputs, 1.0)
     assert again.q_D[-1] == pytest.approx(task.end.q_D, abs=1e-5)
     assert again.v_D[-1] == pytest.approx(0.0, abs=1e-4)
     later = fan.simulate(task.marionette, again.state(len(again) - 1).replace(t=0.0), None, 3.0)
     assert np.max(np.abs(later.q_D - task.end.q_D)) < 1e-3
-    at = again.resample(swing_up.t)  # where bounds hold
+    at = again.resample(swing_up.t)  # where bounds apply
     for name, (low, high) in task.bounds.position.items():
         value = at.q_K[:, task.marionette.coordinates.q_K.index(name)]
         assert np.min(value) > low - 1e-6
@@ -142,22 +142,22 @@ def test_the_arm_is_thrown_up_on_a_slack_string_and_caught(swing_up: fan.control
     assert np.max(np.abs(swing_up.nodes.acc_K)) <= 30.0
 
 
-def test_without_exploration_it_is_not_found_and_the_status_says_so():
+def test_without_exploration_the_status_is_violated():
     task = replace(fan.control.load_task("swing_up"), explore=0)
-    found = fan.optimise(task, iterations=30)
-    assert found.status is fan.control.AnswerStatus.VIOLATED
-    assert found.end_gap > 0.1
+    best = fan.optimise(task, iterations=30)
+    assert best.status is fan.control.AnswerStatus.VIOLATED
+    assert best.end_gap > 0.1
 
 
-def test_another_optimiser_comes_to_the_same_motion_from_beside_it(swing_up: fan.control.Optimum):
-    """SciPy's, over event-driven runs alone, with gradients of its own differences."""
+def test_another_optimiser_finds_the_same_motion_from_nearby(swing_up: fan.control.Optimum):
+    """SciPy's optimiser uses only event-driven runs, with gradients by differences."""
     task, nodes = swing_up.task, swing_up.nodes
     arm, h, t = task.marionette, nodes.interval, nodes.t
     shape = nodes.acc_K.shape
     start, end = nodes.acc_K.ravel(), np.concatenate([task.end.q_D, [0.0, 0.0], task.end.q_K])
 
     def left(a: np.ndarray) -> np.ndarray:
-        """What is left at the end: q_D, v_D, q_K; inputs that end at rest are bounds below."""
+        """Residual at the end: q_D, v_D, q_K; the final rest of the inputs is a bound below."""
         move = fan.Input.segments(arm, t, task.x0.q_K, task.x0.v_K, a.reshape(shape))
         run = fan.simulate(arm, task.x0, move, t[-1], effort=False)
         now = np.concatenate([run.q_D[-1], run.v_D[-1], run.q_K[-1]])
@@ -174,20 +174,23 @@ def test_another_optimiser_comes_to_the_same_motion_from_beside_it(swing_up: fan
     low, high = np.transpose([task.bounds.position[name] for name in arm.coordinates.q_K])
 
     def room(a: np.ndarray) -> np.ndarray:
-        """How far places at the nodes are within their bounds."""
+        """Distances of places at the nodes from their bounds."""
         acc = a.reshape(shape)
         v = np.concatenate([np.zeros((1, 2)), np.cumsum(h * acc, axis=0)])
         q = task.x0.q_K + np.cumsum(0.5 * h * (v[1:] + v[:-1]), axis=0)
         return np.concatenate([q - low, high - q]).ravel()
 
-    # Differences of 1e-6 m/s^2, and of the independent rows only: a taut end follows by itself.
-    kept = [0, 2, 4, 5, 6, 7]
+    # Differences of 1e-6 m/s^2, for independent rows only: a taut end follows by itself.
+    independent = [0, 2, 4, 5, 6, 7]
     other = minimize(
         cost,
         start + 0.02 * np.random.default_rng(0).standard_normal(len(start)),
         method="SLSQP",
         options={"maxiter": 100, "ftol": 1e-9, "eps": 1e-6},
-        constraints=[{"type": "eq", "fun": lambda a: left(a)[kept]}, {"type": "ineq", "fun": room}],
+        constraints=[
+            {"type": "eq", "fun": lambda a: left(a)[independent]},
+            {"type": "ineq", "fun": room},
+        ],
     )
     assert other.success, other.message
     assert np.max(np.abs(left(other.x))) < 1e-8
@@ -195,26 +198,26 @@ def test_another_optimiser_comes_to_the_same_motion_from_beside_it(swing_up: fan
 
 
 def test_the_seed_decides_and_threads_do_not(few_runs: None):
-    made = [
+    optima = [
         fan.optimise(elbow_straight(1), seed=seed, threads=threads, iterations=3)
         for seed, threads in ((0, 1), (0, 2), (1, 1))
     ]
-    assert np.array_equal(made[0].nodes.acc_K, made[1].nodes.acc_K)
-    assert not np.array_equal(made[0].nodes.acc_K, made[2].nodes.acc_K)
+    assert np.array_equal(optima[0].nodes.acc_K, optima[1].nodes.acc_K)
+    assert not np.array_equal(optima[0].nodes.acc_K, optima[2].nodes.acc_K)
 
 
 def test_the_best_of_several_explorations_is_kept(few_runs: None):
-    one, several = (fan.optimise(elbow_straight(n), iterations=3) for n in (1, 3))
-    assert several.cost <= one.cost
-    assert several.iterations > one.iterations
+    single, several = (fan.optimise(elbow_straight(n), iterations=3) for n in (1, 3))
+    assert several.cost <= single.cost
+    assert several.iterations > single.iterations
 
 
 def test_a_free_duration_ends_where_it_is_best():
-    """The same cost with time at a price: shorter than the longest, and the price is paid."""
+    """The same cost with a price on time: the motion is shorter than the longest one."""
     task = replace(fan.control.load_task("swing_up"), duration=(0.7, 1.1), time_weight=20.0)
-    found = fan.optimise(task, iterations=60, time_limit=300.0, seed=1)
-    assert found.holds, found.summary()
-    assert 0.7 <= found.run.t[-1] < 1.1 - 1e-3
+    best = fan.optimise(task, iterations=60, time_limit=300.0, seed=1)
+    assert best.holds, best.summary()
+    assert 0.7 <= best.run.t[-1] < 1.1 - 1e-3
 
 
 def test_ctrl_c_while_it_explores_keeps_the_best_so_far():
@@ -225,13 +228,13 @@ def test_ctrl_c_while_it_explores_keeps_the_best_so_far():
         if len(seen) == 8:
             raise KeyboardInterrupt
 
-    found = fan.optimise(elbow_straight(1), progress=interrupt)
-    assert found.status is fan.control.AnswerStatus.STOPPED
-    assert found.cost < found.curve[0][1]
+    best = fan.optimise(elbow_straight(1), progress=interrupt)
+    assert best.status is fan.control.AnswerStatus.STOPPED
+    assert best.cost < best.curve[0][1]
 
 
-def test_random_inputs_keep_within_their_bounds(arm: fan.Marionette):
-    """And can stop there: motions that would go on for ever come to rest at the bound."""
+def test_random_inputs_stay_within_their_bounds(arm: fan.Marionette):
+    """They can also stop there: unlimited motions come to rest at the bound."""
     task = fan.control.load_task("swing_up")
     driven, h = Driven.of(task), 0.03
     rng = np.random.default_rng(0)
@@ -239,10 +242,10 @@ def test_random_inputs_keep_within_their_bounds(arm: fan.Marionette):
     pushed = np.full((2, 80, 2), 40.0)
     pushed[1] = -40.0
     for acc in (wild, pushed):
-        made = driven.within(acc, h)
-        v = np.cumsum(h * made, axis=1)
-        q = task.x0.q_K + np.cumsum(h * (v - 0.5 * h * made), axis=1)
-        assert np.max(np.abs(made)) <= 30.0
+        limited = driven.within(acc, h)
+        v = np.cumsum(h * limited, axis=1)
+        q = task.x0.q_K + np.cumsum(h * (v - 0.5 * h * limited), axis=1)
+        assert np.max(np.abs(limited)) <= 30.0
         assert np.max(np.abs(v)) <= 3.0 + 1e-12
         for k, name in enumerate(arm.coordinates.q_K):
             low, high = task.bounds.position[name]

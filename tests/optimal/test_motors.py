@@ -24,10 +24,10 @@ MASS, WAY, g = 2.0, 0.5, 9.81
 INERTIA, GEAR, DRUM, VISCOUS = 4e-5, 3.0, 0.02, 1e-5
 CONSTANT, RESISTANCE = 0.05, 1.2
 TURNS = GEAR / DRUM
-"""Of the rotor, a metre [rad/m]."""
+"""Turns of the rotor per metre [rad/m]."""
 MOVED = MASS + TURNS**2 * INERTIA
 DRAG = TURNS**2 * VISCOUS
-"""At the lift [N s/m]."""
+"""Viscous friction at the lift [N s/m]."""
 FOLLOWS = "{type: computed_torque, bandwidth: 30}"
 
 HOIST = f"""
@@ -96,7 +96,7 @@ def least_time(
     intervals: int,
     guess: fan.Input | None = None,
 ) -> fan.control.Optimum:
-    """From rest to rest over WAY."""
+    """Motion from rest to rest over WAY."""
     end = hoist.rest({"lift.command": WAY})
     task = fan.Task(
         hoist,
@@ -122,7 +122,7 @@ def voltages(run: fan.Trajectory, drag: float = DRAG) -> np.ndarray:
 
 
 def by_linear_programs(current: float, voltage: float, intervals: int) -> float:
-    """The least time in which a linear program finds a way of WAY [s]."""
+    """Least time in which a linear program covers WAY [s]."""
 
     def excess(T: float) -> float:
         h, gain = T / intervals, TURNS * CONSTANT
@@ -131,16 +131,16 @@ def by_linear_programs(current: float, voltage: float, intervals: int) -> float:
         i = (MOVED * np.tile(np.eye(intervals), (2, 1)) + DRAG * v) / gain
         hold = MASS * g / gain
         A, b = [], []
-        for rows, still, most in (
+        for rows, still, bound in (
             (i, hold, current),
             (RESISTANCE * i + gain * v, RESISTANCE * hold, voltage),
         ):
-            if most == np.inf:
+            if bound == np.inf:
                 continue
             A += [rows, -rows]
-            b += [np.full(2 * intervals, most - still), np.full(2 * intervals, most + still)]
+            b += [np.full(2 * intervals, bound - still), np.full(2 * intervals, bound + still)]
         way = h * h * (np.arange(intervals)[::-1] + 0.5)
-        found = linprog(
+        solution = linprog(
             -way,
             np.concatenate(A),
             np.concatenate(b),
@@ -148,13 +148,13 @@ def by_linear_programs(current: float, voltage: float, intervals: int) -> float:
             [0.0],
             bounds=(None, None),
         )
-        return -found.fun - WAY
+        return -solution.fun - WAY
 
     return brentq(excess, 0.2, 2.0, xtol=1e-11)
 
 
 def by_two_arcs(most: float) -> float:
-    """The least time with a voltage of most, then -most: two exponential arcs [s]."""
+    """Least time with the voltages `most`, then -`most`: two exponential arcs [s]."""
     gain = CONSTANT * TURNS
     rate = (gain**2 / RESISTANCE + DRAG) / MOVED
 
@@ -171,7 +171,7 @@ def by_two_arcs(most: float) -> float:
 
 
 def test_a_hoist_is_as_fast_as_its_voltage_allows(hoist: fan.Marionette):
-    """Beside linear programs over the same intervals, and the closed form in their limit."""
+    """Compared with linear programs over the same intervals, and their closed form in the limit."""
     times = []
     for intervals in (40, 80):
         best = least_time(hoist, fan.control.Bounds(voltage={"lift.command": 12.0}), intervals)
@@ -197,8 +197,8 @@ def test_a_hoist_is_as_fast_as_its_current_and_voltage_allow(hoist, current, vol
     assert np.max(np.abs(voltages(run))) < voltage + 1e-3
 
 
-def test_a_search_from_a_motor_at_its_limit_finds_the_way_back():
-    """With a bound at the supply's voltage, from a motion that asks for far more."""
+def test_a_search_from_a_motor_at_its_limit_returns_within_it():
+    """The bound is the supply's voltage, and the initial motion needs much more."""
     weak = fan.loads(HOIST.replace("voltage: 48", "voltage: 12"))
     hurried = fan.Input.waypoints(weak, {"lift.command": [(0, 0.0), (0.25, WAY)]})
     best = least_time(weak, fan.control.Bounds(voltage=12.0), 40, hurried)
@@ -211,11 +211,13 @@ def test_a_drive_that_follows_takes_the_least_time_of_its_command(hoist: fan.Mar
     assert best.run.t[-1] == pytest.approx(2.0 * np.sqrt(WAY / 8.0), rel=1e-6)
 
 
-def test_what_is_asked_for_is_the_law_of_the_controller():
-    """Beyond the motor's limits, too, where the effort is less."""
+def test_the_requested_voltage_is_that_of_the_controller():
+    """This includes states beyond the motor's limits, where the effort is smaller."""
     weak = fan.loads(HOIST.replace(FOLLOWS, "{type: pd, stiffness: 2000, damping: 120}"))
-    near, far = (weak.state({"lift": 0.0, "lift.command": e, "v:lift": 0.3}) for e in (0.02, 0.5))
-    for x, exerts in ((near, True), (far, False)):
+    near, distant = (
+        weak.state({"lift": 0.0, "lift.command": e, "v:lift": 0.3}) for e in (0.02, 0.5)
+    )
+    for x, exerts in ((near, True), (distant, False)):
         at = {name: getattr(x, name) for name in ("q_D", "v_D", "q_K", "v_K")}
         (asked,) = weak.library.evaluate("motor_demands", **at, acc_K=[0.0], p=weak.p).f_D
         (effort,) = weak.effort(**at, acc_D=np.zeros(1), acc_K=np.zeros(1), tension=np.zeros(0))
@@ -224,9 +226,9 @@ def test_what_is_asked_for_is_the_law_of_the_controller():
 
 
 def test_a_spring_behind_a_command_keeps_its_voltage():
-    """The motor lags: what is bounded is the voltage of its law at the state of the run."""
+    """The motor lags: the bounded voltage is that of its law at the state of the run."""
     lift = fan.loads(HOIST.replace(FOLLOWS, "{type: pd, stiffness: 2000, damping: 120}"))
-    x0, most = lift.rest(), []
+    x0, voltages_used = lift.rest(), []
     tracks = [
         fan.control.Track.coordinate("lift", x0.q_D[0] + 0.3, weight=0.0, end_weight=1e3),
         fan.control.Track.velocity("lift", weight=0.0, end_weight=1e2),
@@ -237,16 +239,18 @@ def test_a_spring_behind_a_command_keeps_its_voltage():
         )
         best = fan.optimise(task)
         run = fan.simulate(lift, x0, best.inputs, 0.5, save_at=best.t)
-        most.append(float(np.max(np.abs(voltages(run)))))
+        voltages_used.append(float(np.max(np.abs(voltages(run)))))
         assert best.holds, best.summary()
-    assert most[0] > 10.0
+    assert voltages_used[0] > 10.0
     at = np.searchsorted(run.t, best.t + 1e-9) - 1
     assert np.max(np.abs(voltages(run))[at]) == pytest.approx(9.0, abs=1e-3)
-    assert most[1] < 9.0 + 0.05  # between the nodes
+    assert voltages_used[1] < 9.0 + 0.05  # between the nodes
 
 
-def test_voltages_change_with_motions_as_their_rows_say(cart: fan.Marionette):
-    """Beside central differences of event-driven runs: masses, resistance and gear as well."""
+def test_voltages_change_with_motions_as_in_their_rows(cart: fan.Marionette):
+    """Compared with central differences of event-driven runs, by masses, resistance and gear
+    too.
+    """
     x0 = cart.rest()
     x0 = cart.project(x0.replace(v_D=x0.v_D + 0.1, v_K=x0.v_K + 0.05))
     spans = {"load": (0.2, 0.8), "gear": (1.0, 3.0), "R": (1.0, 2.0)}
@@ -268,11 +272,11 @@ def test_voltages_change_with_motions_as_their_rows_say(cart: fan.Marionette):
     ways, p = rng.normal(size=(N, k)), np.array([0.2, 0.4, -0.3])
 
     def values(step: float) -> np.ndarray:
-        made = runs.run(
+        run = runs.run(
             replace(first, acc_K=first.acc_K + step * ways, parameters=first.parameters + step * p)
         )
-        assert made is not None
-        return rows.values(made[0], runs.ends(*made))[0]
+        assert run is not None
+        return rows.values(run[0], runs.ends(*run))[0]
 
     nodes, run = runs.run(first)
     ends = runs.ends(nodes, run)
@@ -283,12 +287,12 @@ def test_voltages_change_with_motions_as_their_rows_say(cart: fan.Marionette):
     z = np.concatenate([z, p])
     for i in range(N):
         after = linear.A[i] @ z + linear.B[i] @ ways[i]
-        found = by[i][:, k:] @ np.concatenate([z, ways[i], after])
-        assert found == pytest.approx(change[i], rel=2e-5, abs=2e-5)
+        derivative = by[i][:, k:] @ np.concatenate([z, ways[i], after])
+        assert derivative == pytest.approx(change[i], rel=2e-5, abs=2e-5)
         z = after
 
 
-def test_what_has_no_motor_is_refused(hoist: fan.Marionette, tmp_path):
+def test_coordinates_without_a_motor_are_refused(hoist: fan.Marionette, tmp_path):
     def found(puppet: fan.Marionette, **bounds) -> None:
         fan.optimise(fan.Task(puppet, puppet.rest(), 1.0, [], bounds=fan.control.Bounds(**bounds)))
 

@@ -1,4 +1,4 @@
-"""Feedback by model predictive control: what it keeps, what it follows, what it counts."""
+"""Feedback by model predictive control: bounds, tracking, and counts of updates."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def holding(arm: fan.Marionette, **more: object) -> fan.MPC:
     return fan.MPC(arm, {("lower", TIP): place}, horizon=0.6, nodes=30, **more)
 
 
-def test_a_kicked_arm_is_calm_and_in_place_long_before_it_is_without(arm):
+def test_a_kicked_arm_settles_earlier_with_feedback(arm):
     x0, place = kicked(arm, 2.0), tip(arm, arm.rest())
     left = [
         np.linalg.norm(tip(arm, followed(arm, mpc, x0, 75)) - place) for mpc in (holding(arm), None)
@@ -48,7 +48,7 @@ def test_a_kicked_arm_is_calm_and_in_place_long_before_it_is_without(arm):
     assert left[1] > 5.0 * left[0]
 
 
-def test_an_undisturbed_arm_that_hangs_in_place_is_left_alone(arm):
+def test_an_undisturbed_arm_at_rest_is_not_moved(arm):
     mpc, x0 = holding(arm), arm.rest()
     stepper = arm.stepper(x0)
     for _ in range(5):
@@ -60,18 +60,18 @@ def test_an_undisturbed_arm_that_hangs_in_place_is_left_alone(arm):
 def test_bounds_of_inputs_are_never_left(arm):
     bounds = fan.control.Bounds(acceleration=0.2, speed=0.08)
     mpc = holding(arm, bounds=bounds)
-    stepper, most = arm.stepper(kicked(arm, 2.0)), []
+    stepper, accelerations = arm.stepper(kicked(arm, 2.0)), []
     for _ in range(40):
         acc_K = mpc.step(stepper.state)
         stepper.advance(mpc.interval, acc_K)
         assert np.all(np.abs(acc_K) <= 0.2 + 1e-12)
         assert np.all(np.abs(stepper.state.v_K) <= 0.08 * (1.0 + 1e-6))
-        most.append(np.max(np.abs(acc_K)))
-    assert max(most) > 0.19
+        accelerations.append(np.max(np.abs(acc_K)))
+    assert max(accelerations) > 0.19
 
 
-def test_what_holds_after_the_measurement_is_predicted(arm):
-    """The same answers where the state is older, but what was done since is known."""
+def test_the_state_after_the_measurement_is_predicted(arm):
+    """The answers are the same for an older state with known inputs since then."""
     now, late = holding(arm), holding(arm)
     x = kicked(arm, 1.0)
     for mpc in (now, late):
@@ -94,8 +94,8 @@ def test_missed_deadlines_and_skipped_intervals_are_counted(arm):
     assert (quick.missed, slow.missed) == (0, 2)
 
 
-def test_a_task_goes_along_with_time(arm):
-    """A path is followed beyond the horizon; tracks that do not count yet are no mistake."""
+def test_a_task_advances_with_time(arm):
+    """A path is followed beyond the horizon; tracks that do not count yet are allowed."""
     place = tip(arm, arm.rest())
 
     def path(t: float) -> np.ndarray:
@@ -123,7 +123,7 @@ def test_mistakes_are_named(arm):
         fan.MPC(arm, {"lowr": (0.0, 0.0, 0.0)})
 
 
-def test_a_marionette_draws_its_circle_after_a_kick():
+def test_a_marionette_continues_its_circle_after_a_kick():
     """25 degrees of freedom, 21 inputs, 50 nodes; strings go slack on the way."""
     task = fan.control.load_task("circle")
     puppet = task.marionette
@@ -147,8 +147,8 @@ def test_a_marionette_draws_its_circle_after_a_kick():
     assert mpc.braked == 0
 
 
-def test_a_puppet_on_its_feet_is_kept_where_it_stands():
-    """Kicked at 0.45 m/s, its feet on the floor: without hands that answer it swings on."""
+def test_a_standing_puppet_is_kept_in_place():
+    """It is kicked at 0.45 m/s, with its feet on the floor: without feedback it keeps swinging."""
     stage = fan.puppets.promenade()
     still, x0 = stage.pose(stage.rest(), "torso")[:3, 3], stage.rest()
     kick = np.zeros(stage.coordinates.n_vD)

@@ -1,11 +1,11 @@
-"""Motions of least cost, beside closed forms and beside another optimiser."""
+"""Motions of least cost, compared with closed forms and another optimiser."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from scipy.optimize import fsolve, minimize
-from tests.optimal.small_crane import SMALL_CRANE
+from tests.optimal.small_crane import CRANE_TEXT
 
 import fantoccini as fan
 
@@ -20,7 +20,7 @@ TURN = 2.0 * np.pi * (TURN + 6.0 * np.linspace(0, 1, 81) ** 5)
 
 @pytest.fixture(scope="module")
 def circle(arm: fan.Marionette) -> np.ndarray:
-    """(81, 3) the arm's tip goes round, beginning and ending at rest."""
+    """(81, 3) circle of the arm's tip, beginning and ending at rest."""
     pose = arm.pose(arm.rest(), "lower")
     tip = pose[:3, 3] + pose[:3, :3] @ np.array(TIP)
     return tip + 0.03 * np.stack([1.0 - np.cos(TURN), 0.0 * TURN, np.sin(TURN)], axis=1)
@@ -34,8 +34,8 @@ def round_trip(arm: fan.Marionette, circle: np.ndarray) -> fan.control.Optimum:
 def shortest() -> float:
     """The least time from rest to rest of a linear crane with bounded acceleration [s].
 
-    Accelerations are + - + - MOST, antisymmetric about the middle; the way and the swing about the
-    middle give the first switch and the time.
+    Accelerations are + - + - MOST, antisymmetric about the middle; the displacement and the swing
+    at the middle determine the first switch and the time.
     """
     rate = np.sqrt(9.81 / LENGTH)
 
@@ -47,9 +47,9 @@ def shortest() -> float:
         swing = np.sum(acc * -np.diff(np.cos(rate * (edges - 0.5 * T))))
         return way - WAY, swing
 
-    found = fsolve(left, [0.7, 2.4], xtol=1e-12)
-    assert left(found) == pytest.approx((0.0, 0.0), abs=1e-12)
-    return float(found[1])
+    solution = fsolve(left, [0.7, 2.4], xtol=1e-12)
+    assert left(solution) == pytest.approx((0.0, 0.0), abs=1e-12)
+    return float(solution[1])
 
 
 @pytest.mark.parametrize("name", ["crane", pytest.param("circle", marks=pytest.mark.slow)])
@@ -77,7 +77,7 @@ def test_a_crane_goes_from_rest_to_rest_in_the_least_time(small_crane: fan.Mario
     assert best.holds, best.summary()
     assert best.run.t[-1] == pytest.approx(shortest(), rel=1e-4)
     assert np.max(np.abs(best.nodes.acc_K)) <= MOST * (1.0 + 1e-6)
-    # Beyond the end the load hangs still: swing below 1e-6 rad.
+    # Beyond the end the load hangs still: the swing is below 1e-6 rad.
     later = fan.simulate(small_crane, best.run.state(len(best.run) - 1).replace(t=0.0), None, 5.0)
     swing = (later.q_D[:, 0] - later.q_K[:, 0]) / LENGTH
     assert np.max(np.abs(swing)) < 1e-6
@@ -114,7 +114,7 @@ def test_the_cost_is_the_integral_of_the_run(
 
 
 def test_another_optimiser_finds_no_lower_cost(small_crane: fan.Marionette):
-    """Few accelerations, each tried by differences of event-driven runs."""
+    """Few accelerations, each varied by differences of event-driven runs."""
     x0, N, T = small_crane.rest(), 6, 1.2
     tracks = [
         fan.control.Track.coordinate("bob.x", lambda t: 0.1 * t**2, weight=50.0, end_weight=20.0)
@@ -145,25 +145,25 @@ def test_another_optimiser_finds_no_lower_cost(small_crane: fan.Marionette):
     )
     assert best.cost == pytest.approx(other.fun, rel=1e-4)
     assert best.nodes.acc_K[:, 0] == pytest.approx(other.x, abs=5e-3)
-    assert np.max(np.abs(best.nodes.acc_K)) == pytest.approx(0.4, abs=1e-6)  # the bound counts
+    assert np.max(np.abs(best.nodes.acc_K)) == pytest.approx(0.4, abs=1e-6)  # the bound is active
 
 
 def test_bounds_of_tensions_jerks_and_joints_hold(arm: fan.Marionette, circle: np.ndarray):
     free = fan.follow(arm, {("lower", TIP): circle}, 2.0)
     tension = free.run.tension["hand"]
-    least = 0.5 * (np.min(tension) + tension[0])
+    min_tension = 0.5 * (np.min(tension) + tension[0])
     elbow = free.run.q_D[:, 1]
     lowest = float(np.min(elbow)) + 0.02
     bounds = fan.control.Bounds(
-        tension={"hand": (least, np.inf)}, joint={"elbow": (lowest, 3.0)}, jerk=10.0
+        tension={"hand": (min_tension, np.inf)}, joint={"elbow": (lowest, 3.0)}, jerk=10.0
     )
-    kept = fan.follow(arm, {("lower", TIP): circle}, 2.0, bounds=bounds)
-    assert kept.holds, kept.summary()
-    assert np.min(kept.run.resample(kept.t[:-1]).tension["hand"]) > least - 2e-3
-    assert np.min(kept.run.q_D[:, 1]) > lowest - 2e-3
-    jumps = np.diff(kept.nodes.acc_K, axis=0, prepend=0.0, append=0.0) / kept.nodes.interval
+    bounded = fan.follow(arm, {("lower", TIP): circle}, 2.0, bounds=bounds)
+    assert bounded.holds, bounded.summary()
+    assert np.min(bounded.run.resample(bounded.t[:-1]).tension["hand"]) > min_tension - 2e-3
+    assert np.min(bounded.run.q_D[:, 1]) > lowest - 2e-3
+    jumps = np.diff(bounded.nodes.acc_K, axis=0, prepend=0.0, append=0.0) / bounded.nodes.interval
     assert np.max(np.abs(jumps)) <= 10.0 * (1.0 + 1e-3)
-    assert kept.rms()["lower"] > free.rms()["lower"]
+    assert bounded.rms()["lower"] > free.rms()["lower"]
 
 
 def test_a_start_beyond_its_bounds_is_named(arm: fan.Marionette):
@@ -174,18 +174,18 @@ def test_a_start_beyond_its_bounds_is_named(arm: fan.Marionette):
         fan.follow(arm, {"elbow": 0.5}, 1.0, bounds=bounds)
 
 
-def test_an_end_that_cannot_be_reached_is_told(small_crane: fan.Marionette):
+def test_an_unreachable_end_is_reported(small_crane: fan.Marionette):
     bounds = fan.control.Bounds(acceleration=0.01, held=("line.length",))
     end = small_crane.rest({"line.x": 0.5})
     task = fan.Task(small_crane, small_crane.rest(), 1.0, [], bounds=bounds, end=end, interval=0.1)
-    found = fan.optimise(task, iterations=10)
-    assert not found
-    assert found.status is fan.control.AnswerStatus.VIOLATED
-    assert found.end_gap > 0.4
-    assert "does not reach its end" in found.summary()
+    best = fan.optimise(task, iterations=10)
+    assert not best
+    assert best.status is fan.control.AnswerStatus.VIOLATED
+    assert best.end_gap > 0.4
+    assert "does not reach its end" in best.summary()
 
 
-def test_it_goes_on_from_what_was_found(arm: fan.Marionette, circle: np.ndarray):
+def test_it_continues_from_a_result(arm: fan.Marionette, circle: np.ndarray):
     first = fan.follow(arm, {("lower", TIP): circle}, 2.0, iterations=2)
     assert first.status is fan.control.AnswerStatus.ITERATIONS
     again = fan.optimise(first.task, first)
@@ -195,19 +195,19 @@ def test_it_goes_on_from_what_was_found(arm: fan.Marionette, circle: np.ndarray)
 
 
 def test_it_is_deterministic_with_any_number_of_threads(arm: fan.Marionette, circle: np.ndarray):
-    one, two = (
+    single_thread, two = (
         fan.follow(arm, {("lower", TIP): circle}, 2.0, iterations=4, threads=n) for n in (1, 2)
     )
-    assert np.array_equal(one.nodes.acc_K, two.nodes.acc_K)
+    assert np.array_equal(single_thread.nodes.acc_K, two.nodes.acc_K)
 
 
 def test_ctrl_c_keeps_the_best_so_far(arm: fan.Marionette, circle: np.ndarray):
     def interrupt(now: object) -> None:
         raise KeyboardInterrupt
 
-    found = fan.follow(arm, {("lower", TIP): circle}, 2.0, progress=interrupt)
-    assert found.status is fan.control.AnswerStatus.STOPPED
-    assert found.cost < found.curve[0][1]
+    best = fan.follow(arm, {("lower", TIP): circle}, 2.0, progress=interrupt)
+    assert best.status is fan.control.AnswerStatus.STOPPED
+    assert best.cost < best.curve[0][1]
 
 
 def test_gains_bring_a_disturbed_arm_back(arm: fan.Marionette, round_trip: fan.control.Optimum):
@@ -247,7 +247,7 @@ def test_gains_bring_a_disturbed_arm_back(arm: fan.Marionette, round_trip: fan.c
         ({"elbow": lambda t: np.nan}, "needed: 1 finite number"),
     ],
 )
-def test_targets_that_are_none(arm: fan.Marionette, targets: dict, words: str):
+def test_invalid_targets_are_refused(arm: fan.Marionette, targets: dict, words: str):
     with pytest.raises(fan.FantocciniError, match=words):
         fan.follow(arm, targets, 1.0)
 
@@ -265,26 +265,26 @@ def test_targets_that_are_none(arm: fan.Marionette, targets: dict, words: str):
         (fan.control.Bounds(held=("hand.z",)), r"hand\.x"),
     ],
 )
-def test_bounds_that_are_none(arm: fan.Marionette, bounds: fan.control.Bounds, words: str):
+def test_invalid_bounds_are_refused(arm: fan.Marionette, bounds: fan.control.Bounds, words: str):
     with pytest.raises(fan.FantocciniError, match=words):
         fan.follow(arm, {"elbow": 0.5}, 1.0, bounds=bounds)
 
 
 def test_the_motion_does_not_depend_on_the_unit_of_the_cost(arm: fan.Marionette):
     x0 = arm.rest()
-    found = []
+    optima = []
     for unit in (1.0, 1e-4):
         tracks = [fan.control.Track.coordinate("elbow", 2.1, weight=unit)]
         smooth = fan.control.Smooth(1e-4 * unit, 1e-6 * unit)
         bounds = fan.control.Bounds().staying_taut(arm, x0)
         task = fan.Task(arm, x0, 1.0, tracks, smooth, bounds, interval=0.05)
-        found.append(fan.optimise(task))
-    assert found[1].iterations > 3
-    assert found[1].cost / 1e-4 == pytest.approx(found[0].cost, rel=0.05)
+        optima.append(fan.optimise(task))
+    assert optima[1].iterations > 3
+    assert optima[1].cost / 1e-4 == pytest.approx(optima[0].cost, rel=0.05)
 
 
-def test_a_guess_is_of_the_task_that_is_asked_for(small_crane: fan.Marionette):
-    """Its own duration and start, held inputs that do not move, accelerations within bounds."""
+def test_a_guess_is_adapted_to_its_task(small_crane: fan.Marionette):
+    """Its own duration and start, fixed inputs that do not move, accelerations within bounds."""
     x0 = small_crane.rest()
     tracks = [fan.control.Track.coordinate("bob.x", 0.1)]
     short = fan.optimise(fan.Task(small_crane, x0, 1.0, tracks, interval=0.1), iterations=2)
@@ -292,23 +292,23 @@ def test_a_guess_is_of_the_task_that_is_asked_for(small_crane: fan.Marionette):
     task = fan.Task(
         small_crane, x0.replace(t=5.0), 2.0, tracks, fan.control.Smooth(), bounds, interval=0.2
     )
-    found = fan.optimise(task, short, iterations=0)
-    assert found.run.t[[0, -1]] == pytest.approx([5.0, 7.0])
-    assert np.max(np.abs(found.nodes.acc_K[:, 0])) <= 0.2
-    assert np.all(found.run.q_K[:, 1] == x0.q_K[1])
+    best = fan.optimise(task, short, iterations=0)
+    assert best.run.t[[0, -1]] == pytest.approx([5.0, 7.0])
+    assert np.max(np.abs(best.nodes.acc_K[:, 0])) <= 0.2
+    assert np.all(best.run.q_K[:, 1] == x0.q_K[1])
     bounds = fan.control.Bounds(speed={"line.x": 1e-3})
     fast = fan.Task(small_crane, x0, 1.0, tracks, fan.control.Smooth(), bounds, interval=0.1)
-    assert not fan.optimise(fast, short, iterations=0)  # what is beyond its bounds does not hold
+    assert not fan.optimise(fast, short, iterations=0)  # a motion beyond its bounds does not hold
 
 
-def test_what_is_not_differentiated_is_refused(small_crane: fan.Marionette):
+def test_tasks_without_derivatives_are_refused(small_crane: fan.Marionette):
     x0 = small_crane.rest()
     moving = [fan.control.Track.coordinate("bob.x", lambda t: 0.1 * t)]
     with pytest.raises(fan.errors.StateError, match="paths must be values"):
         fan.optimise(fan.Task(small_crane, x0, (1.0, 2.0), moving))
     with pytest.raises(fan.errors.StateError, match="a bound of jerk"):
         fan.optimise(fan.Task(small_crane, x0, (1.0, 2.0), [], bounds=fan.control.Bounds(jerk=1.0)))
-    winch = fan.loads(SMALL_CRANE.replace("length: driven", "length: driven\n    max_tension: 9.0"))
+    winch = fan.loads(CRANE_TEXT.replace("length: driven", "length: driven\n    max_tension: 9.0"))
     with pytest.raises(fan.errors.StateError, match="the winch of line may slip"):
         fan.optimise(fan.Task(winch, winch.rest(), 1.0, []))
     pushed = x0.replace(v_K=np.array([0.0, 0.1]))
@@ -328,12 +328,12 @@ def test_what_is_not_differentiated_is_refused(small_crane: fan.Marionette):
         (lambda: fan.control.Track.tension("line", 4.0, end_weight=1.0), "end_weight"),
     ],
 )
-def test_tracks_that_are_none(small_crane: fan.Marionette, track, words: str):
+def test_invalid_tracks_are_refused(small_crane: fan.Marionette, track, words: str):
     with pytest.raises(fan.errors.StateError, match=words):
         fan.optimise(fan.Task(small_crane, small_crane.rest(), 1.0, [track()], interval=0.1))
 
 
-def test_tasks_that_are_none(arm: fan.Marionette):
+def test_invalid_tasks_are_refused(arm: fan.Marionette):
     x0 = arm.rest()
     with pytest.raises(fan.errors.StateError, match="a lower and a higher one"):
         fan.Task(arm, x0, (2.0, 1.0), [])

@@ -1,4 +1,4 @@
-"""Hanging poses nearest to places, beside closed forms, SciPy and sweeps."""
+"""Hanging poses nearest to places, compared with closed forms, SciPy and sweeps."""
 
 from __future__ import annotations
 
@@ -62,17 +62,17 @@ def hand_of(marionette: fan.Marionette, x: fan.State) -> np.ndarray:
 def test_a_plumb_bob_hangs_straight_below_its_end():
     plumb = fan.loads(PLUMB)
     places = np.array([[0.3, -0.2, 0.7], [-0.5, 0.1, 1.2]])
-    found = fan.reach(plumb, {"bob": places})
-    assert found and found.distance.max() < 1e-6
-    np.testing.assert_allclose(found.q_D, places, atol=1e-6)
+    poses = fan.reach(plumb, {"bob": places})
+    assert poses and poses.distance.max() < 1e-6
+    np.testing.assert_allclose(poses.q_D, places, atol=1e-6)
     ends = np.column_stack([places[:, :2], 2.0 - places[:, 2]])
-    np.testing.assert_allclose(found.q_K, ends, atol=1e-6)
-    np.testing.assert_allclose(found.tension[:, 0], 9.81, rtol=1e-9)
-    np.testing.assert_allclose(found.by_K[0], np.diag([1.0, 1.0, -1.0]), atol=1e-9)
-    assert found[0].still == () and found[0].taut == ("line",)
+    np.testing.assert_allclose(poses.q_K, ends, atol=1e-6)
+    np.testing.assert_allclose(poses.tension[:, 0], 9.81, rtol=1e-9)
+    np.testing.assert_allclose(poses.by_K[0], np.diag([1.0, 1.0, -1.0]), atol=1e-9)
+    assert poses[0].still == () and poses[0].taut == ("line",)
 
 
-def test_what_keeps_a_bob_from_its_place_is_named():
+def test_limits_of_a_bob_are_named():
     plumb = fan.loads(PLUMB)
     high = fan.reach(
         plumb,
@@ -92,32 +92,32 @@ def test_what_keeps_a_bob_from_its_place_is_named():
 
 def test_a_free_direction_does_not_count():
     plumb = fan.loads(PLUMB)
-    found = fan.reach(
+    poses = fan.reach(
         plumb, {"bob": [np.nan, 0.3, 0.8]}, bounds=fan.control.Bounds(held=("line.x",))
     )
-    assert found and found.q_D[0] == pytest.approx([0.0, 0.3, 0.8], abs=1e-6)
+    assert poses and poses.q_D[0] == pytest.approx([0.0, 0.3, 0.8], abs=1e-6)
 
 
-def test_two_strings_lower_a_bob_to_where_their_circles_meet():
+def test_two_strings_lower_a_bob_to_the_intersection_of_their_circles():
     between = fan.loads(BETWEEN)
     place = np.array([0.3, 0.0, -0.7])
-    found = fan.reach(between, {"bob": place})
-    assert found
+    poses = fan.reach(between, {"bob": place})
+    assert poses
     lengths = [np.hypot(1.3, 0.7), np.hypot(0.7, 0.7)]
-    np.testing.assert_allclose(found.q_K[0], lengths, atol=1e-6)
+    np.testing.assert_allclose(poses.q_K[0], lengths, atol=1e-6)
 
 
-def test_places_that_contradict_are_weighed():
-    """The least squares of two places of one bob: their weighted mean."""
+def test_contradictory_places_are_weighted():
+    """Two places of one bob contradict: the result is their weighted mean, by least squares."""
     plumb = fan.loads(PLUMB)
     first, second = np.array([0.3, 0.0, 0.8]), np.array([-0.1, 0.2, 1.2])
     above = ("bob", (0.0, 0.0, 0.1))
     targets = {"bob": first, above: second + np.array([0.0, 0.0, 0.1])}
-    found = fan.reach(plumb, targets, weights={above: 3.0})[0]
-    np.testing.assert_allclose(found.state.q_D, (first + 3.0 * second) / 4.0, atol=1e-5)
+    poses = fan.reach(plumb, targets, weights={above: 3.0})[0]
+    np.testing.assert_allclose(poses.state.q_D, (first + 3.0 * second) / 4.0, atol=1e-5)
     apart = np.linalg.norm(first - second)
-    assert not found
-    assert found.distances == pytest.approx(
+    assert not poses
+    assert poses.distances == pytest.approx(
         {"bob": 0.75 * apart, "bob at (0, 0, 0.1)": 0.25 * apart}, abs=1e-5
     )
     with pytest.raises(fan.errors.UnknownNameError, match="no target is called 'bib'"):
@@ -126,23 +126,23 @@ def test_places_that_contradict_are_weighed():
         fan.reach(plumb, targets, weights={"bob": 0.0})
 
 
-def test_what_weighs_nothing_is_not_reached():
-    """Weights choose the pose; whether it is there is a matter of distance, and of bounds."""
+def test_a_target_without_weight_is_not_reached():
+    """Weights choose the pose; its success depends on distance and bounds."""
     between = fan.loads(BETWEEN)
     place = np.array([1.4, 0.0, -0.7])
-    one = fan.reach(between, {"bob": place}, weights={"bob": 1e-12})[0]
-    assert not one and one.distance > 0.1
+    pose = fan.reach(between, {"bob": place}, weights={"bob": 1e-12})[0]
+    assert not pose and pose.distance > 0.1
     rod = fan.loads(ROD)
     tip = ("rod", (0.0, 0.0, -1.0))
     held = fan.control.Bounds(joint={"pin": (0.5, 0.8)})
     place = [np.sin(0.85), 0.0, -np.cos(0.85)]
     for once in (False, True):
-        found = fan.reach(rod, {tip: place}, bounds=held, once=once, tolerance=0.06)
-        assert not found or found.q_D[0, 0] <= 0.8 + 1e-6
+        poses = fan.reach(rod, {tip: place}, bounds=held, once=once, tolerance=0.06)
+        assert not poses or poses.q_D[0, 0] <= 0.8 + 1e-6
 
 
 def test_a_path_is_followed_pose_by_pose(marionette):
-    """Each pose from the last one only: the same poses as where each is looked for again."""
+    """Each pose starts from the previous one only: the poses equal those of a repeated search."""
     x = marionette.rest()
     places = hand_of(marionette, x) + np.linspace(0, 1, 30)[:, None] * [0.03, -0.04, 0.08]
     once = fan.reach(marionette, {HAND: places}, x, once=True)
@@ -150,8 +150,8 @@ def test_a_path_is_followed_pose_by_pose(marionette):
     for pose in (once[7], once[29]):
         assert np.abs(marionette.forward_dynamics(pose.state).acc_D).max() < 1e-6
     rod = fan.loads(ROD)
-    far = np.linspace([0.6, 0.0, -0.8], [1.2, 0.0, -1.6], 20)
-    lost = fan.reach(rod, {("rod", (0, 0, -1.0)): far}, once=True)
+    distant = np.linspace([0.6, 0.0, -0.8], [1.2, 0.0, -1.6], 20)
+    lost = fan.reach(rod, {("rod", (0, 0, -1.0)): distant}, once=True)
     np.testing.assert_allclose(lost.distance, np.linspace(0.0, 1.0, 20), atol=1e-5)
     assert lost[0] and not lost[19]
 
@@ -161,35 +161,35 @@ def test_beside_its_ends_a_bob_hangs_from_one_string(slack):
     """Beyond x = 1 the left string would push: both pull between the ends only."""
     between = fan.loads(BETWEEN)
     place = np.array([1.4, 0.0, -0.7])
-    one = fan.reach(between, {"bob": place}, slack=slack)[0]
-    assert not one
+    pose = fan.reach(between, {"bob": place}, slack=slack)[0]
+    assert not pose
     if slack:
-        assert one.state.q_D == pytest.approx([1.0, -0.7], abs=1e-5)
-        assert one.distance == pytest.approx(0.4, abs=1e-6)
+        assert pose.state.q_D == pytest.approx([1.0, -0.7], abs=1e-5)
+        assert pose.distance == pytest.approx(0.4, abs=1e-6)
     else:
-        least = 5e-3 * between.weight
-        assert one.tension["left"] == pytest.approx(least, rel=1e-4)
-        assert "left would pull with less than" in one.limits[0]
+        min_tension = 5e-3 * between.weight
+        assert pose.tension["left"] == pytest.approx(min_tension, rel=1e-4)
+        assert "left would pull with less than" in pose.limits[0]
 
 
-def test_an_arm_reaches_as_far_as_it_is_long():
+def test_an_arm_reaches_up_to_its_length():
     rod = fan.loads(ROD)
     for place in ([1.5, 0.0, -0.8], [0.4, 0.0, -0.2]):
-        one = fan.reach(rod, {("rod", (0, 0, -1.0)): place})[0]
+        pose = fan.reach(rod, {("rod", (0, 0, -1.0)): place})[0]
         size = np.hypot(place[0], place[2])
-        assert one.distance == pytest.approx(abs(size - 1.0), abs=1e-6)
-        tip = rod.pose(one.state, "rod")[:3, 2] * -1.0
+        assert pose.distance == pytest.approx(abs(size - 1.0), abs=1e-6)
+        tip = rod.pose(pose.state, "rod")[:3, 2] * -1.0
         np.testing.assert_allclose(tip, np.array(place) / size, atol=1e-4)
-        assert one.limits[0].startswith("nothing that is driven moves rod any further")
+        assert pose.limits[0].startswith("nothing that is driven moves rod any further")
 
 
-def test_poses_hang_and_inputs_move_them_as_told(marionette):
+def test_poses_hang_and_inputs_move_them_by_their_derivatives(marionette):
     """Each pose is an equilibrium that rest finds too; dq_D/dq_K is that of rest."""
     x = marionette.rest()
     places = hand_of(marionette, x) + np.linspace(0, 1, 9)[:, None] * [0.03, -0.04, 0.08]
-    found = fan.reach(marionette, {HAND: places}, x)
-    assert found and found.iterations.max() <= 8
-    pose = found[4]
+    poses = fan.reach(marionette, {HAND: places}, x)
+    assert poses and poses.iterations.max() <= 8
+    pose = poses[4]
     assert np.abs(marionette.forward_dynamics(pose.state).acc_D).max() < 1e-7
     assert hand_of(marionette, pose.state) == pytest.approx(places[4], abs=1e-6)
     again = marionette.rest(pose.state)
@@ -201,7 +201,7 @@ def test_poses_hang_and_inputs_move_them_as_told(marionette):
         q_K[k] += side
         ends.append(marionette.rest(pose.state.replace(q_K=q_K)))
     slope = marionette.difference(ends[1].q_D, ends[0].q_D) / (2.0 * step)
-    # Legs that hang straight turn about themselves almost freely: rest leaves them as they are.
+    # Legs that hang straight turn about themselves almost freely: rest leaves their angle.
     turns = [
         i
         for i, v in enumerate(marionette.coordinates.v_D)
@@ -209,19 +209,19 @@ def test_poses_hang_and_inputs_move_them_as_told(marionette):
     ]
     smooth = np.setdiff1d(np.arange(25), turns)
     assert len(smooth) == 23
-    apart = np.abs(found.by_K[4][smooth, k] - slope[smooth])
+    apart = np.abs(poses.by_K[4][smooth, k] - slope[smooth])
     assert apart.max() < 1e-6 * np.abs(slope).max()
 
 
-def test_the_marionettes_hand_is_as_near_as_scipy_brings_it(marionette):
-    """A place too high for the hand's own string: SciPy over rests finds no nearer pose."""
+def test_the_marionettes_hand_is_as_near_as_with_scipy(marionette):
+    """The place is too high for the hand's own string: SciPy over rests finds no nearer pose."""
     x = marionette.rest()
     own = ["hand_right.x", "hand_right.length"]
     columns = [marionette.coordinates.q_K.index(name) for name in own]
     held = tuple(name for name in marionette.coordinates.v_K if name not in own)
     place = hand_of(marionette, x) + np.array([0.0, 0.15, 0.05])
-    one = fan.reach(marionette, {HAND: place}, x, bounds=fan.control.Bounds(held=held))[0]
-    assert one.status is fan.control.AnswerStatus.OUT_OF_REACH and one.distance > 0.05
+    pose = fan.reach(marionette, {HAND: place}, x, bounds=fan.control.Bounds(held=held))[0]
+    assert pose.status is fan.control.AnswerStatus.OUT_OF_REACH and pose.distance > 0.05
 
     def away(u: np.ndarray) -> float:
         q_K = x.q_K.copy()
@@ -231,23 +231,23 @@ def test_the_marionettes_hand_is_as_near_as_scipy_brings_it(marionette):
 
     options = {"xatol": 1e-4, "fatol": 1e-8, "maxfev": 150}
     best = minimize(away, x.q_K[columns], method="Nelder-Mead", options=options)
-    assert one.distance == pytest.approx(best.fun, abs=2e-6)
-    assert away(one.state.q_K[columns]) == pytest.approx(one.distance, abs=1e-8)
+    assert pose.distance == pytest.approx(best.fun, abs=2e-6)
+    assert away(pose.state.q_K[columns]) == pytest.approx(pose.distance, abs=1e-8)
 
 
 def test_poses_begin_at_the_nearest_one_found_before(marionette):
-    """Places of two far groups in turn cost as little as those of one."""
+    """Alternating places of two distant groups cost as little as those of one."""
     hanging = marionette.rest()
     home = hand_of(marionette, hanging)
     rng, n = np.random.default_rng(0), 20
     near = home + 1e-3 * rng.normal(size=(n, 3))
-    far = home + np.array([0.1, 0.0, 0.1]) + 1e-3 * rng.normal(size=(n, 3))
+    distant = home + np.array([0.1, 0.0, 0.1]) + 1e-3 * rng.normal(size=(n, 3))
     in_turn = np.empty((2 * n, 3))
-    in_turn[::2], in_turn[1::2] = near, far
-    found = fan.reach(marionette, {HAND: in_turn}, hanging)
-    assert all(found)
-    assert found.iterations[1] > 4 > np.median(found.iterations[2:])
-    assert found.iterations[2:].sum() < 3 * len(in_turn)
+    in_turn[::2], in_turn[1::2] = near, distant
+    poses = fan.reach(marionette, {HAND: in_turn}, hanging)
+    assert all(poses)
+    assert poses.iterations[1] > 4 > np.median(poses.iterations[2:])
+    assert poses.iterations[2:].sum() < 3 * len(in_turn)
     again = fan.reach(marionette, {HAND: [*in_turn[:2], in_turn[0]]}, hanging)
     np.testing.assert_allclose(again.q_D[2], again.q_D[0], atol=1e-9)
 
@@ -256,7 +256,7 @@ def test_a_knee_rises_when_its_slack_string_comes_taut(marionette):
     x = marionette.rest()
     assert "knee_left" not in fan.reach(marionette, {HAND: hand_of(marionette, x)}, x)[0].taut
     knee = marionette.pose(x, "shin_left")[:3, 3]
-    one = fan.reach(
+    pose = fan.reach(
         marionette,
         {"shin_left": [np.nan, np.nan, knee[2] + 0.05]},
         x,
@@ -264,15 +264,15 @@ def test_a_knee_rises_when_its_slack_string_comes_taut(marionette):
             held=tuple(n for n in marionette.coordinates.v_K if not n.startswith("knee_left"))
         ),
     )[0]
-    assert one and "knee_left" in one.taut
-    assert marionette.pose(one.state, "shin_left")[2, 3] == pytest.approx(knee[2] + 0.05, abs=1e-6)
+    assert pose and "knee_left" in pose.taut
+    assert marionette.pose(pose.state, "shin_left")[2, 3] == pytest.approx(knee[2] + 0.05, abs=1e-6)
 
 
 def test_a_tie_lets_a_lever_down_lowest_where_its_string_is_square_to_it():
-    """With the string's end and length given; the tip's height by the law of cosines."""
+    """The string's end and length are fixed; the tip's height follows from the law of cosines."""
     lever = fan.loads(LEVER)
     down = {("rod", (0, 0, -1.0)): [np.nan, np.nan, -9.0]}
-    one = fan.reach(lever, down, parameters={"tie": (-0.9, -0.4)})[0]
+    pose = fan.reach(lever, down, parameters={"tie": (-0.9, -0.4)})[0]
 
     def height(a: float) -> float:
         c = np.hypot(0.8, 0.2)
@@ -281,23 +281,24 @@ def test_a_tie_lets_a_lever_down_lowest_where_its_string_is_square_to_it():
 
     best = minimize_scalar(height, bounds=(0.4, 0.9), method="bounded", options={"xatol": 1e-9})
     assert best.x == pytest.approx(np.sqrt(0.68 - 0.25), abs=1e-6)
-    assert one.parameters["tie"] == pytest.approx(-best.x, abs=1e-4)
-    assert one.distance == pytest.approx(9.0 + best.fun, abs=1e-7)
+    assert pose.parameters["tie"] == pytest.approx(-best.x, abs=1e-4)
+    assert pose.distance == pytest.approx(9.0 + best.fun, abs=1e-7)
 
 
 def test_the_place_of_a_knees_string_is_confirmed_by_a_sweep():
-    """Attachment in front of the thigh, with the hand's travel given: the knee lifts highest."""
+    """An attachment in front of the thigh lifts the knee highest for a given motion of the hand."""
     file = importlib.resources.files("fantoccini") / "model" / "puppets" / "marionette.yaml"
     text = file.read_text()
     fixed, tie = "at: [0.018, 0, -0.115]}", "at: [{parameter: tie, value: 0.018}, 0, -0.09]}"
     tied = text.replace(fixed, tie)
-    made = fan.loads(tied.replace("puppet: marionette", "puppet: tied", 1))
-    start = made.rest(
-        dict(zip(made.coordinates.q_K, made.rest().q_K, strict=True)) | {"knee_left.length": 0.95}
+    tied_puppet = fan.loads(tied.replace("puppet: marionette", "puppet: tied", 1))
+    start = tied_puppet.rest(
+        dict(zip(tied_puppet.coordinates.q_K, tied_puppet.rest().q_K, strict=True))
+        | {"knee_left.length": 0.95}
     )
-    span, held = (0.0, 0.06), tuple(made.coordinates.v_K)
-    one = fan.reach(
-        made,
+    span, held = (0.0, 0.06), tuple(tied_puppet.coordinates.v_K)
+    pose = fan.reach(
+        tied_puppet,
         {"shin_left": [np.nan, np.nan, 9.0]},
         start,
         bounds=fan.control.Bounds(held=held),
@@ -305,18 +306,18 @@ def test_the_place_of_a_knees_string_is_confirmed_by_a_sweep():
     )[0]
     ties, heights = np.linspace(*span, 17), []
     for tie in ties:
-        other = made.with_parameters({"tie": float(tie)})
+        other = tied_puppet.with_parameters({"tie": float(tie)})
         heights.append(other.pose(other.rest(start), "shin_left")[2, 3])
     best = float(ties[int(np.argmax(heights))])
-    assert abs(one.parameters["tie"] - best) <= ties[1] - ties[0]
-    assert 9.0 - one.distance >= max(heights) - 1e-6
+    assert abs(pose.parameters["tie"] - best) <= ties[1] - ties[0]
+    assert 9.0 - pose.distance >= max(heights) - 1e-6
 
 
-def test_follow_tells_first_what_is_out_of_reach():
+def test_follow_warns_of_targets_out_of_reach():
     plumb = fan.loads(PLUMB)
     bounds = fan.control.Bounds(position={"line.x": (-0.1, 0.1)})
-    told = r"bob hangs no nearer than 200 mm .* line.x would have to be above 0.1"
-    with pytest.warns(UserWarning, match=told):
+    message = r"bob hangs no nearer than 200 mm .* line.x would have to be above 0.1"
+    with pytest.warns(UserWarning, match=message):
         fan.follow(plumb, {"bob": [0.3, 0.0, 1.0]}, 0.4, bounds=bounds, iterations=1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

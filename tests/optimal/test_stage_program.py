@@ -1,4 +1,4 @@
-"""Programs of stages, beside the same programs written as one dense system."""
+"""Programs of stages, compared with the same programs as one dense system."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ S = K + N_Z
 
 
 def program(rows: int = 0, seed: int = 1) -> StageProgram:
-    """Random, convex, without bounds."""
+    """A random convex program without bounds."""
     random = np.random.default_rng(seed)
     root = random.normal(size=(N, S, S))
     H = root @ root.swapaxes(1, 2) + np.eye(S)
@@ -36,47 +36,47 @@ def program(rows: int = 0, seed: int = 1) -> StageProgram:
     )
 
 
-def dense(given: StageProgram) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """P, c, A, b of the same: min 1/2 x^T P x + c^T x, A x = b."""
+def dense(stages: StageProgram) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """P, c, A, b of the program: min 1/2 x^T P x + c^T x, A x = b."""
     P, A = np.zeros((N * S, N * S)), np.zeros((N * N_Z, N * S))
     for i in range(N):
         own, before = slice(S * i, S * (i + 1)), slice(S * (i - 1), S * i)
         rows = slice(N_Z * i, N_Z * (i + 1))
-        P[own, own] = given.H[i]
-        A[rows, own] = np.concatenate([given.B[i], -np.eye(N_Z)], axis=1)
+        P[own, own] = stages.H[i]
+        A[rows, own] = np.concatenate([stages.B[i], -np.eye(N_Z)], axis=1)
         if i:
             u = slice(S * i, S * i + K)
-            P[before, u] += given.cross[i]
-            P[u, before] += given.cross[i].T
-            A[rows, S * (i - 1) + K : S * i] = given.A[i]
-    return P, given.g.ravel(), A, -given.e.ravel()
+            P[before, u] += stages.cross[i]
+            P[u, before] += stages.cross[i].T
+            A[rows, S * (i - 1) + K : S * i] = stages.A[i]
+    return P, stages.g.ravel(), A, -stages.e.ravel()
 
 
 def test_without_bounds_it_is_the_linear_system_of_the_conditions_of_optimality():
-    given = program()
-    P, c, A, b = dense(given)
+    stages = program()
+    P, c, A, b = dense(stages)
     zero = np.zeros((len(b), len(b)))
     kkt = np.linalg.solve(np.block([[P, A.T], [A, zero]]), np.concatenate([-c, b]))
-    found = StageSolver(1e-10).solve(given)
-    assert found.solved
-    x = np.concatenate([found.u, found.z[1:]], axis=1).ravel()
+    solution = StageSolver(1e-10).solve(stages)
+    assert solution.solved
+    x = np.concatenate([solution.u, solution.z[1:]], axis=1).ravel()
     assert x == pytest.approx(kkt[: len(c)], abs=1e-6)
-    assert found.costate.ravel() == pytest.approx(kkt[len(c) :], abs=1e-5)
+    assert solution.costate.ravel() == pytest.approx(kkt[len(c) :], abs=1e-5)
 
 
-def test_bounds_and_rows_that_are_passed_at_a_price_are_those_of_another_solver():
-    given = program(rows=2)
-    given.low[:, :K], given.high[:, :K] = -0.15, 0.15
-    P, c, A, b = dense(given)
-    m = given.C.shape[1]
+def test_bounds_and_elastic_rows_agree_with_another_solver():
+    stages = program(rows=2)
+    stages.low[:, :K], stages.high[:, :K] = -0.15, 0.15
+    P, c, A, b = dense(stages)
+    m = stages.C.shape[1]
     n = N * S
     rows = np.zeros((N * m, n))
     for i in range(N):
         at = slice(m * i, m * (i + 1))
-        rows[at, S * i : S * (i + 1)] = given.C[i, :, S:]
+        rows[at, S * i : S * (i + 1)] = stages.C[i, :, S:]
         if i:
-            rows[at, S * (i - 1) : S * i] += given.C[i, :, :S]
-    price = given.elastic.ravel()
+            rows[at, S * (i - 1) : S * i] += stages.C[i, :, :S]
+    price = stages.elastic.ravel()
 
     def cost(y: np.ndarray) -> float:
         x, s = y[:n], y[n:]
@@ -86,13 +86,15 @@ def test_bounds_and_rows_that_are_passed_at_a_price_are_those_of_another_solver(
         x, s = y[:n], y[n:]
         return np.concatenate([P @ x + c, price + price * s])
 
-    one, none = np.eye(N * m), np.zeros((len(b), N * m))
-    low = np.concatenate([given.low.ravel(), np.zeros(N * m)])
-    high = np.concatenate([given.high.ravel(), np.full(N * m, np.inf)])
+    identity, none = np.eye(N * m), np.zeros((len(b), N * m))
+    low = np.concatenate([stages.low.ravel(), np.zeros(N * m)])
+    high = np.concatenate([stages.high.ravel(), np.full(N * m, np.inf)])
     constraints = [
         LinearConstraint(np.concatenate([A, none], axis=1), b, b),
-        LinearConstraint(np.concatenate([rows, -one], axis=1), -np.inf, given.row_high.ravel()),
-        LinearConstraint(np.concatenate([rows, one], axis=1), given.row_low.ravel(), np.inf),
+        LinearConstraint(
+            np.concatenate([rows, -identity], axis=1), -np.inf, stages.row_high.ravel()
+        ),
+        LinearConstraint(np.concatenate([rows, identity], axis=1), stages.row_low.ravel(), np.inf),
     ]
     best = minimize(
         cost,
@@ -104,122 +106,122 @@ def test_bounds_and_rows_that_are_passed_at_a_price_are_those_of_another_solver(
         options={"ftol": 1e-14, "maxiter": 500},
     )
     assert best.success
-    found = StageSolver(1e-10).solve(given)
-    x = np.concatenate([found.u, found.z[1:]], axis=1).ravel()
-    assert found.solved
+    solution = StageSolver(1e-10).solve(stages)
+    x = np.concatenate([solution.u, solution.z[1:]], axis=1).ravel()
+    assert solution.solved
     assert x == pytest.approx(best.x[:n], abs=2e-5)
-    assert found.passed.ravel() == pytest.approx(best.x[n:], abs=2e-5)
-    assert np.max(found.passed) > 0.01 and np.max(np.abs(found.u)) > 0.149
+    assert solution.passed.ravel() == pytest.approx(best.x[n:], abs=2e-5)
+    assert np.max(solution.passed) > 0.01 and np.max(np.abs(solution.u)) > 0.149
 
 
 def test_a_solver_solves_program_after_program_of_one_shape():
     solver = StageSolver(1e-10)
     for seed in range(3):
-        given = program(seed=seed)
-        again, alone = solver.solve(given), StageSolver(1e-10).solve(given)
+        stages = program(seed=seed)
+        again, alone = solver.solve(stages), StageSolver(1e-10).solve(stages)
         assert again.u == pytest.approx(alone.u, abs=1e-6)
 
 
-def test_gains_are_what_the_best_inputs_do_where_the_start_is_another():
-    given = replace(program(), g=np.zeros((N, S)), e=np.zeros((N, N_Z)))
-    # What costs have between neighbouring inputs, or an input and the state after it, is left out.
-    given.cross[:, :K] = given.H[:, :K, K:] = given.H[:, K:, :K] = 0.0
-    gains = given.gains
+def test_gains_are_the_change_of_the_optimum_with_the_start():
+    stages = replace(program(), g=np.zeros((N, S)), e=np.zeros((N, N_Z)))
+    # Costs between neighbouring inputs, or between an input and the next state, are left out.
+    stages.cross[:, :K] = stages.H[:, :K, K:] = stages.H[:, K:, :K] = 0.0
+    gains = stages.gains
     random = np.random.default_rng(5)
     z0 = random.normal(size=N_Z)
-    # The first state is 0 in programs: what it would add stands in e and g of the first stage.
-    given.e[0] = given.A[0] @ z0
-    given.g[0, :K] = given.cross[0, K:].T @ z0
-    found = StageSolver(1e-10).solve(given)
-    states = np.concatenate([z0[None], found.z[1:]])
+    # The first state is 0 in programs: its contributions are in e and g of the first stage.
+    stages.e[0] = stages.A[0] @ z0
+    stages.g[0, :K] = stages.cross[0, K:].T @ z0
+    solution = StageSolver(1e-10).solve(stages)
+    states = np.concatenate([z0[None], solution.z[1:]])
     for i in range(N):
-        assert found.u[i] == pytest.approx(gains[i] @ states[i], abs=1e-6)
+        assert solution.u[i] == pytest.approx(gains[i] @ states[i], abs=1e-6)
 
 
 @pytest.mark.parametrize("highest", [5.0, -0.3])
 def test_constants_move_the_start_and_all_ends(highest: float):
-    """Two states stay what they are from the start on, which they move as well."""
+    """Two states are constant from the start on, which they move as well."""
     random = np.random.default_rng(9)
     start = np.concatenate([random.normal(size=(N_Z - 2, 2)), np.eye(2)])
-    given = program(seed=3)
-    given.A[:, -2:], given.B[:, -2:], given.e[:, -2:] = np.eye(2, N_Z, N_Z - 2), 0.0, 0.0
-    given.low[:], given.high[:], given.C[:] = -UNBOUNDED, UNBOUNDED, 0.0
+    stages = program(seed=3)
+    stages.A[:, -2:], stages.B[:, -2:], stages.e[:, -2:] = np.eye(2, N_Z, N_Z - 2), 0.0, 0.0
+    stages.low[:], stages.high[:], stages.C[:] = -UNBOUNDED, UNBOUNDED, 0.0
     L = random.normal(size=(N_Z, N_Z))
     Q, q = L @ L.T, random.normal(size=N_Z)
     low, high = np.full(2, -5.0), np.array([5.0, highest])
-    found = StageSolver(1e-11).solve(given.with_constants(start, Q, q, low, high, 1e-6))
-    assert found.solved
-    c = found.u[0, K:]
+    solution = StageSolver(1e-11).solve(stages.with_constants(start, Q, q, low, high, 1e-6))
+    assert solution.solved
+    c = solution.u[0, K:]
     assert np.all(c <= high + 1e-6) and (highest > 1.0) == (c[1] < highest - 1e-3)
-    assert found.z[1:, -2:] == pytest.approx(np.repeat(c[None], N, axis=0), abs=1e-6)
+    assert solution.z[1:, -2:] == pytest.approx(np.repeat(c[None], N, axis=0), abs=1e-6)
 
     def cost(u: np.ndarray, c: np.ndarray) -> float:
         z = start @ c
         J = 0.5 * z @ Q @ z + q @ z + 5e-7 * c @ c
         for i in range(N):
             before = np.concatenate([u[i - 1] if i else np.zeros(K), z])
-            z = given.A[i] @ z + given.B[i] @ u[i] + given.e[i]
+            z = stages.A[i] @ z + stages.B[i] @ u[i] + stages.e[i]
             x = np.concatenate([u[i], z])
-            J += 0.5 * x @ given.H[i] @ x + given.g[i] @ x + before @ given.cross[i] @ u[i]
+            J += 0.5 * x @ stages.H[i] @ x + stages.g[i] @ x + before @ stages.cross[i] @ u[i]
         return float(J)
 
-    least = cost(found.u[:, :K], c)
+    least_cost = cost(solution.u[:, :K], c)
     for _ in range(100):
         du, dc = 1e-2 * random.normal(size=(N, K)), 1e-2 * random.normal(size=2)
-        assert cost(found.u[:, :K] + du, np.minimum(c + dc, high)) > least
+        assert cost(solution.u[:, :K] + du, np.minimum(c + dc, high)) > least_cost
 
 
-def crossed(given: StageProgram) -> tuple[np.ndarray, ...]:
-    """P, c, A, low, high of the same for a solver of sparse programs: x, then elastic parts."""
-    P, c, dynamics, b = dense(given)
-    m, n = given.C.shape[1], N * S
+def crossed(stages: StageProgram) -> tuple[np.ndarray, ...]:
+    """P, c, A, low, high of the program for a solver of sparse programs: x, then elastic parts."""
+    P, c, dynamics, b = dense(stages)
+    m, n = stages.C.shape[1], N * S
     rows = np.zeros((N * m, n))
     for i in range(N):
         at = slice(m * i, m * (i + 1))
-        rows[at, S * i : S * (i + 1)] = given.C[i, :, S:]
+        rows[at, S * i : S * (i + 1)] = stages.C[i, :, S:]
         if i:
-            rows[at, S * (i - 1) : S * i] += given.C[i, :, :S]
-    price, one = given.elastic.ravel(), np.eye(N * m)
+            rows[at, S * (i - 1) : S * i] += stages.C[i, :, :S]
+    price, identity = stages.elastic.ravel(), np.eye(N * m)
     none = np.zeros((len(b), N * m))
     P = np.block([[P, np.zeros((n, N * m))], [np.zeros((N * m, n)), np.diag(price)]])
-    A = np.block([[dynamics, none], [rows, -one], [rows, one]])
+    A = np.block([[dynamics, none], [rows, -identity], [rows, identity]])
     inf = np.full(N * m, np.inf)
-    low = np.concatenate([b, -inf, given.row_low.ravel()])
-    high = np.concatenate([b, given.row_high.ravel(), inf])
+    low = np.concatenate([b, -inf, stages.row_low.ravel()])
+    high = np.concatenate([b, stages.row_high.ravel(), inf])
     return P, np.concatenate([c, price]), A, low, high
 
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("couples", [True, False])
 def test_solutions_are_those_of_qpoases(seed: int, couples: bool):
-    """Bounds of inputs and states, rows at a price; with and without costs between inputs."""
-    given = program(rows=2, seed=seed)
+    """Bounds of inputs and states, rows with a price; with and without costs between inputs."""
+    stages = program(rows=2, seed=seed)
     if not couples:
-        given.cross[:, :K] = given.H[:, :K, K:] = given.H[:, K:, :K] = 0.0
-        given.C[:, :, :K] = 0.0
-    given.low[:, :K], given.high[:, :K] = -0.15, 0.15
+        stages.cross[:, :K] = stages.H[:, :K, K:] = stages.H[:, K:, :K] = 0.0
+        stages.C[:, :, :K] = 0.0
+    stages.low[:, :K], stages.high[:, :K] = -0.15, 0.15
     drift = np.zeros((N + 1, N_Z))  # without inputs, so that there is a solution
     for i in range(N):
-        drift[i + 1] = given.A[i] @ drift[i] + given.e[i]
-    given.high[:, K] = drift[1:, 0] + 0.02
-    P, c, A, low, high = crossed(given)
-    m = given.C.shape[1]
-    lowest = np.concatenate([given.low.ravel(), np.zeros(N * m)])
-    highest = np.concatenate([given.high.ravel(), np.full(N * m, UNBOUNDED)])
+        drift[i + 1] = stages.A[i] @ drift[i] + stages.e[i]
+    stages.high[:, K] = drift[1:, 0] + 0.02
+    P, c, A, low, high = crossed(stages)
+    m = stages.C.shape[1]
+    lowest = np.concatenate([stages.low.ravel(), np.zeros(N * m)])
+    highest = np.concatenate([stages.high.ravel(), np.full(N * m, UNBOUNDED)])
     sizes = {"h": casadi.DM(P).sparsity(), "a": casadi.DM(A).sparsity()}
     options = {"print_time": False, "printLevel": "none", "terminationTolerance": 1e-14}
     other = casadi.conic("other", "qpoases", sizes, options)
     best = other(h=P, g=c, a=A, lba=low, uba=high, lbx=lowest, ubx=highest)
     x = np.array(best["x"]).ravel()[: N * S].reshape(N, S)
-    found = StageSolver(1e-11).solve(given)
-    assert found.solved
+    solution = StageSolver(1e-11).solve(stages)
+    assert solution.solved
     assert np.max(np.abs(x[:, :K])) > 0.1499
-    assert found.u == pytest.approx(x[:, :K], abs=1e-8)
-    assert found.z[1:] == pytest.approx(x[:, K:], abs=1e-8)
+    assert solution.u == pytest.approx(x[:, :K], abs=1e-8)
+    assert solution.z[1:] == pytest.approx(x[:, K:], abs=1e-8)
 
 
-def test_driven_states_that_are_double_integrators_are_kept_as_bands():
-    """The same program with its states in another order, which has no rows of few entries last."""
+def test_driven_double_integrators_are_stored_as_bands():
+    """The same program with reordered states, which has no rows of few entries at the end."""
     random, n, k, dense_rows = np.random.default_rng(3), 8, 2, 4
     h = 0.1
     A, B = np.zeros((6, n + dense_rows, n + dense_rows)), np.zeros((6, n + dense_rows, k))
@@ -231,7 +233,7 @@ def test_driven_states_that_are_double_integrators_are_kept_as_bands():
     A[:, q, v], B[:, v, [0, 1]], B[:, q, [0, 1]] = h, h, 0.5 * h * h
     s = k + size
     root = random.normal(size=(6, s, s))
-    given = StageProgram(
+    stages = StageProgram(
         H=root @ root.swapaxes(1, 2) + np.eye(s),
         g=random.normal(size=(6, s)),
         cross=0.1 * random.normal(size=(6, s, k)),
@@ -248,20 +250,20 @@ def test_driven_states_that_are_double_integrators_are_kept_as_bands():
     turned = np.arange(size)[::-1]
     both = np.concatenate([np.arange(k), k + turned])
     other = replace(
-        given,
-        H=given.H[:, both][:, :, both],
-        g=given.g[:, both],
-        cross=given.cross[:, both],
+        stages,
+        H=stages.H[:, both][:, :, both],
+        g=stages.g[:, both],
+        cross=stages.cross[:, both],
         A=A[:, turned][:, :, turned],
         B=B[:, turned],
-        e=given.e[:, turned],
+        e=stages.e[:, turned],
     )
-    found, again = StageSolver(1e-10).solve(given), StageSolver(1e-10).solve(other)
-    assert found.u == pytest.approx(again.u, rel=1e-10, abs=1e-10)
-    assert found.z == pytest.approx(again.z[:, turned], rel=1e-10, abs=1e-10)
+    solution, again = StageSolver(1e-10).solve(stages), StageSolver(1e-10).solve(other)
+    assert solution.u == pytest.approx(again.u, rel=1e-10, abs=1e-10)
+    assert solution.z == pytest.approx(again.z[:, turned], rel=1e-10, abs=1e-10)
 
 
 def test_the_first_gain_is_riccatis():
-    given = replace(program(), g=np.zeros((N, S)), e=np.zeros((N, N_Z)))
-    given.cross[:, :K] = given.H[:, :K, K:] = given.H[:, K:, :K] = 0.0
-    assert StageSolver(1e-10).solve(given).gain == pytest.approx(given.gains[0], rel=1e-10)
+    stages = replace(program(), g=np.zeros((N, S)), e=np.zeros((N, N_Z)))
+    stages.cross[:, :K] = stages.H[:, :K, K:] = stages.H[:, K:, :K] = 0.0
+    assert StageSolver(1e-10).solve(stages).gain == pytest.approx(stages.gains[0], rel=1e-10)

@@ -1,4 +1,4 @@
-"""Task files: what they say, and mistakes with their places."""
+"""Task files: their meaning, and mistakes with their places."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def written(folder, text: str, name: str = "task.yaml"):
     return path
 
 
-def test_bundled_tasks_are_as_they_say():
+def test_bundled_tasks_have_their_stated_content():
     assert set(task_names()) == {"circle", "crane", "swing_up"}
     crane = fan.control.load_task("crane")
     assert crane.name == "crane" and crane.is_free and crane.end is not None
@@ -78,7 +78,7 @@ def test_bundled_tasks_are_as_they_say():
     }
 
 
-def test_a_file_says_what_python_says(tmp_path):
+def test_a_file_equals_a_gesture_in_python(tmp_path):
     read = fan.control.load_task(written(tmp_path, TRACK))
     arm = fan.puppets.arm2d()
     x0 = arm.rest({"hand.length": 0.8})
@@ -89,11 +89,11 @@ def test_a_file_says_what_python_says(tmp_path):
     def circle(t):
         s = t / 0.4
         phi = 2.0 * np.pi * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        # Begins below the centre, and turns about y: from -z towards -x.
+        # It begins below the centre, and turns about y: from -z towards -x.
         return place + 0.02 * np.array([-np.sin(phi), 0.0, 1.0 - np.cos(phi)])
 
     elbow = [0.0, 0.2, 0.4], [np.radians(50), np.radians(60), 1.0]
-    made = fan.Task(
+    task = fan.Task(
         arm,
         x0,
         0.4,
@@ -116,12 +116,12 @@ def test_a_file_says_what_python_says(tmp_path):
         dt=0.025,
     )
     assert np.array_equal(read.x0.q_D, x0.q_D)
-    assert read.bounds == made.bounds
-    assert (read.durations, read.interval, read.dt) == (made.durations, made.interval, made.dt)
-    # The cost of holding still has all weights, paths and times in it; a step has the bounds.
-    a, b = (fan.optimise(task, iterations=1) for task in (read, made))
-    for (_, one), (_, other) in zip(a.curve, b.curve, strict=True):
-        assert one == pytest.approx(other, rel=1e-10) and one > 0.0
+    assert read.bounds == task.bounds
+    assert (read.durations, read.interval, read.dt) == (task.durations, task.interval, task.dt)
+    # The cost of a rest includes all weights, paths and times; a step depends on the bounds.
+    a, b = (fan.optimise(task, iterations=1) for task in (read, task))
+    for (_, first), (_, other) in zip(a.curve, b.curve, strict=True):
+        assert first == pytest.approx(other, rel=1e-10) and first > 0.0
 
 
 def test_free_durations_ends_and_slack(tmp_path):
@@ -161,7 +161,7 @@ def test_a_circle_begins_and_ends_at_rest(turns):
     place, centre = np.array([0.3, 0.1, 0.2]), np.array([0.2, 0.0, 0.4])
     circle = Circle.near(place, centre, normal, 0.05, turns, 1.0, 3.0)
     t = np.linspace(0.5, 3.5, 3001)
-    p = np.array([circle(one) for one in t]) - centre
+    p = np.array([circle(instant) for instant in t]) - centre
     assert np.linalg.norm(p, axis=1) == pytest.approx(0.05)
     assert p @ normal == pytest.approx(0.0, abs=1e-15)
     speed = np.linalg.norm(np.diff(p, axis=0), axis=1) / np.diff(t)
@@ -220,23 +220,23 @@ def test_mistakes_have_places(tmp_path, text, change, line, key, message):
     assert change[0] in text
     with pytest.raises(FileError) as caught:
         fan.control.load_task(written(tmp_path, text.replace(*change, 1)))
-    (said,) = (str(one) for one in caught.value.mistakes)
+    (said,) = (str(mistake) for mistake in caught.value.mistakes)
     assert f"task.yaml:{line}: {key}" in said and message in said
 
 
-def test_all_mistakes_are_told_at_once(tmp_path):
+def test_all_mistakes_of_a_task_are_reported_at_once(tmp_path):
     text = TRACK.replace("hand.length: 0.8", "hnd: 1").replace("held: [hand.x]", "held: [x]")
     with pytest.raises(FileError) as caught:
         fan.control.load_task(written(tmp_path, text))
-    assert [one.line for one in caught.value.mistakes] == [3, 23]
+    assert [mistake.line for mistake in caught.value.mistakes] == [3, 23]
 
 
-def test_a_table_is_told_its_own_lines(tmp_path):
+def test_mistakes_of_a_table_have_its_own_lines(tmp_path):
     written(tmp_path, "t,value\n0,1\n1,two\n2,three\n", "numbers.csv")
     text = TRACK.replace("value: 1.0", "csv: numbers.csv")
     with pytest.raises(FileError) as caught:
         fan.control.load_task(written(tmp_path, text))
-    assert [one.line for one in caught.value.mistakes] == [14, 14]
+    assert [mistake.line for mistake in caught.value.mistakes] == [14, 14]
     assert "numbers.csv:3: value[1]: found 'two'" in str(caught.value)
     written(tmp_path, "t,v\n0,1\n", "numbers.csv")
     with pytest.raises(FileError, match="no column value"):

@@ -1,4 +1,4 @@
-"""Ten seconds with ten tosses: followed to the end of the search, through every catch."""
+"""Ten seconds with ten tosses: a complete search through every catch."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ def test_it_is_solved_with_its_catches(followed):
     assert followed.run.t[-1] == tosses.DURATION
 
 
-def test_no_direction_saves_anything(followed):
-    """Slopes of the cost along random changes, by runs of their own, beside the curvature."""
+def test_no_direction_lowers_the_cost(followed):
+    """Slopes of the cost along random changes, by separate runs, compared with the curvature."""
     task, nodes, J = followed.task, followed.nodes, followed.cost
     chosen, objective = Chosen(task.marionette, task.x0, {}), Objective(task)
     runs = EventRuns(TimeSteps(task.marionette, task.dt, 1, chosen), chosen)
     rng = np.random.default_rng(0)
 
     def cost(change: np.ndarray) -> float:
-        made = runs.run(replace(nodes, acc_K=nodes.acc_K + change, run=None))
-        assert made is not None
-        return objective.cost(made[0], runs.ends(*made))
+        run = runs.run(replace(nodes, acc_K=nodes.acc_K + change, run=None))
+        assert run is not None
+        return objective.cost(run[0], runs.ends(*run))
 
     for _ in range(5):
         change = rng.standard_normal(nodes.acc_K.shape)
@@ -48,5 +48,5 @@ def test_no_direction_saves_anything(followed):
         up, down = cost(change), cost(-change)
         curvature = up + down - 2.0 * J
         assert curvature > 0.0
-        # A Newton step along the change would save so much; of the cost, it is next to nothing.
+        # A Newton step along the change would save this amount, a negligible part of the cost.
         assert (up - down) ** 2 / (8.0 * curvature) < 1e-6 * J

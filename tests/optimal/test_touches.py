@@ -1,4 +1,4 @@
-"""Places that are passed at times to be found, beside SciPy's optima over these times."""
+"""Places that are passed at free times, compared with SciPy's optima over these times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TIP = (0.3, 0.0, 0.0)
 
 @pytest.fixture(scope="module")
 def pen() -> fan.Marionette:
-    """A pen that is driven along x and z, with a bob below it."""
+    """A pen driven along x and z, with a bob below it."""
     return fan.loads("""
 puppet: plotter
 bodies:
@@ -35,7 +35,7 @@ bodies:
 
 
 def drawing(pen: fan.Marionette, touches: list[fan.control.Touch], duration=T) -> fan.Task:
-    """The pen goes from rest at (0, 0) to rest at (1, 0)."""
+    """The pen moves from rest at (0, 0) to rest at (1, 0)."""
     tracks = [
         getattr(fan.control.Track, kind)(name, value, weight=0.0, end_weight=END)
         for kind, name, value in (
@@ -57,7 +57,7 @@ def drawing(pen: fan.Marionette, touches: list[fan.control.Touch], duration=T) -
 
 
 def least_cost(times: np.ndarray, places: np.ndarray, duration: float = T) -> float:
-    """Of the same accelerations through (n, 2) places at given times: one linear system."""
+    """Cost of such accelerations through (n, 2) places at given times: one linear system."""
     h = duration / N
     k = h * np.arange(N)
 
@@ -90,11 +90,11 @@ def test_the_time_of_a_touch_is_the_best_one(pen: fan.Marionette):
         options={"xatol": 1e-10},
     )
     assert best.status is fan.control.AnswerStatus.SOLVED
-    (found,) = best.touched
-    assert found.t == pytest.approx(other.x, abs=1e-7)
+    (touch,) = best.touched
+    assert touch.t == pytest.approx(other.x, abs=1e-7)
     assert best.cost == pytest.approx(other.fun, rel=1e-10)
-    assert found.distance < 1e-9
-    assert str(found) in best.summary()
+    assert touch.distance < 1e-9
+    assert str(touch) in best.summary()
     usual = fan.optimise(best.task)
     assert usual.holds and usual.cost == pytest.approx(other.fun, rel=1e-4)
 
@@ -110,7 +110,7 @@ def test_the_time_stays_in_its_window(pen: fan.Marionette, between: tuple, t: fl
     assert best.cost == pytest.approx(least_cost([t], [[0.3, 0.2]]), rel=1e-6)
 
 
-def test_touches_in_turn_come_in_their_order(pen: fan.Marionette):
+def test_successive_touches_keep_their_order(pen: fan.Marionette):
     places = [[0.6, 0.15], [0.35, 0.1]]
     touches = [fan.control.Touch("pen", (x, 0.0, z)) for x, z in places]
     free = fan.optimise(drawing(pen, touches[::-1]), cost_tolerance=0.0)
@@ -126,7 +126,7 @@ def test_touches_in_turn_come_in_their_order(pen: fan.Marionette):
         options={"ftol": 1e-15, "gtol": 1e-8},
     )
     assert best.holds, best.summary()
-    assert [one.t for one in best.touched] == pytest.approx(np.cumsum(other.x), abs=1e-3)
+    assert [touch.t for touch in best.touched] == pytest.approx(np.cumsum(other.x), abs=1e-3)
     assert best.cost == pytest.approx(other.fun, rel=1e-7)
     assert best.cost > free.cost
 
@@ -150,7 +150,7 @@ def test_the_duration_may_be_free_as_well(pen: fan.Marionette):
 
 
 def test_an_arm_passes_a_place_at_the_best_time(arm: fan.Marionette):
-    """Beside SLSQP by differences of event-driven runs, the time among its unknowns."""
+    """Compared with SLSQP by differences of event-driven runs, with the time as an unknown."""
     x0, n, end = arm.rest(), 8, 0.8
     pose = arm.pose(x0, "lower")
     place = pose[:3, 3] + pose[:3, :3] @ np.array(TIP) + [0.05, 0.0, 0.05]
@@ -202,7 +202,7 @@ def test_an_arm_passes_a_place_at_the_best_time(arm: fan.Marionette):
 
 
 def test_parameters_are_chosen_along_with_touches():
-    """Beside SciPy's minimum over searches with the parameter fixed."""
+    """Compared with SciPy's minimum over searches with a fixed parameter."""
     lever = fan.loads("""
 puppet: lever
 bodies:
@@ -231,11 +231,11 @@ pose: {pin: 60 deg, line.length: 0.5}
     )
 
     def cost(tie: float) -> float:
-        one = lever.with_parameters({"tie": tie})
-        fixed = replace(task, marionette=one, x0=one.rest(x0), parameters={})
-        found = fan.optimise(fixed, cost_tolerance=1e-4)
-        assert found.holds, found.summary()
-        return found.cost
+        tied = lever.with_parameters({"tie": tie})
+        fixed = replace(task, marionette=tied, x0=tied.rest(x0), parameters={})
+        best = fan.optimise(fixed, cost_tolerance=1e-4)
+        assert best.holds, best.summary()
+        return best.cost
 
     best = fan.optimise(task, cost_tolerance=1e-4)
     assert best.holds, best.summary()
@@ -244,7 +244,7 @@ pose: {pin: 60 deg, line.length: 0.5}
     assert best.parameters["tie"] == pytest.approx(other.x, abs=0.01)
 
 
-def test_it_goes_on_from_what_was_found_and_has_gains(pen: fan.Marionette):
+def test_it_continues_from_a_result_and_has_gains(pen: fan.Marionette):
     first = fan.optimise(drawing(pen, [fan.control.Touch("pen", (0.3, 0.0, 0.2))]), iterations=6)
     again = fan.optimise(first.task, first)
     assert again.cost <= first.cost + 1e-2 and again.kkt < first.kkt
@@ -262,14 +262,14 @@ def test_a_place_that_is_missed_is_violated(arm: fan.Marionette):
         interval=0.1,
         touches=[fan.control.Touch("lower", (3.0, 0.0, 0.0), TIP)],
     )
-    found = fan.optimise(task, iterations=10)
-    assert not found and found.status is fan.control.AnswerStatus.VIOLATED
-    assert found.touched[0].distance > 1.0
-    assert "does not reach its end or a place" in found.summary()
+    best = fan.optimise(task, iterations=10)
+    assert not best and best.status is fan.control.AnswerStatus.VIOLATED
+    assert best.touched[0].distance > 1.0
+    assert "does not reach its end or a place" in best.summary()
 
 
-def test_places_move_as_their_derivatives_say():
-    """At a time that is given, through rotations, lengths of intervals and parameters."""
+def test_places_move_as_their_derivatives():
+    """The time is fixed; rotations, lengths of intervals and parameters change."""
     puppet = fan.loads("""
 puppet: flail
 bodies:
@@ -306,8 +306,8 @@ pose: {hand.x: 0.1, hand.z: -0.31}
 
 def test_equally_near_moments_are_spread(pen: fan.Marionette):
     touches = [fan.control.Touch("pen", (0.3, 0.0, 0.2), in_turn=k > 0) for k in range(3)]
-    found = fan.optimise(drawing(pen, touches), iterations=0)
-    assert [one.t for one in found.touched] == pytest.approx([0.25, 0.5, 0.75], abs=0.01)
+    best = fan.optimise(drawing(pen, touches), iterations=0)
+    assert [touch.t for touch in best.touched] == pytest.approx([0.25, 0.5, 0.75], abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -320,12 +320,12 @@ def test_equally_near_moments_are_spread(pen: fan.Marionette):
         ({"between": (1.5, 2.0)}, "the motion is from 0 s to 1 s"),
     ],
 )
-def test_touches_that_are_none(pen: fan.Marionette, options: dict, words: str):
+def test_invalid_touches_are_refused(pen: fan.Marionette, options: dict, words: str):
     with pytest.raises(fan.FantocciniError, match=words):
         drawing(pen, [fan.control.Touch(**{"body": "pen", "place": (0.3, 0.0, 0.2), **options})])
 
 
-def test_what_does_not_go_with_touches_is_refused(pen: fan.Marionette):
+def test_options_that_exclude_touches_are_refused(pen: fan.Marionette):
     late = fan.control.Touch("pen", (0.3, 0.0, 0.2), between=(0.6, 0.9))
     early = fan.control.Touch("pen", (0.5, 0.0, 0.2), between=(0.1, 0.5), in_turn=True)
     with pytest.raises(fan.errors.StateError, match=r"in turn, and by 0\.5 s"):
@@ -353,7 +353,7 @@ interval: 0.05
 """
 
 
-def test_a_file_says_what_python_says(tmp_path, arm: fan.Marionette):
+def test_a_file_equals_a_gesture_in_python(tmp_path, arm: fan.Marionette):
     path = tmp_path / "dab.yaml"
     path.write_text(FILE, encoding="utf-8")
     first, second = fan.control.load_task(path).touches
@@ -381,18 +381,18 @@ def test_mistakes_in_a_file_have_places(tmp_path, change, line: int, key: str, w
     path.write_text(FILE.replace(*change, 1), encoding="utf-8")
     with pytest.raises(fan.errors.FileError) as caught:
         fan.control.load_task(path)
-    (said,) = (str(one) for one in caught.value.mistakes)
+    (said,) = (str(mistake) for mistake in caught.value.mistakes)
     assert f"dab.yaml:{line}: {key}" in said and words in said
 
 
 def test_the_picture_shows_the_places(tmp_path, pen: fan.Marionette):
-    found = fan.optimise(drawing(pen, [fan.control.Touch("pen", (0.3, 0.0, 0.2))]), iterations=5)
-    without = replace(found, touched=())
-    shown = found.plot(tmp_path / "with.png").read_bytes()
+    best = fan.optimise(drawing(pen, [fan.control.Touch("pen", (0.3, 0.0, 0.2))]), iterations=5)
+    without = replace(best, touched=())
+    shown = best.plot(tmp_path / "with.png").read_bytes()
     assert shown != without.plot(tmp_path / "without.png").read_bytes()
 
 
-def test_a_place_beyond_reach_is_told_before(arm: fan.Marionette):
+def test_a_place_beyond_reach_is_reported_beforehand(arm: fan.Marionette):
     task = fan.Task(
         arm, arm.rest(), 1.0, [], touches=[fan.control.Touch("lower", (3.0, 0.0, 0.0), TIP)]
     )

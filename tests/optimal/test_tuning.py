@@ -1,4 +1,4 @@
-"""tune: numbers of motions without derivatives, beside closed forms."""
+"""tune: parameters of motions without derivatives, compared with closed forms."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ bodies:
 
 
 def two_moves(trolley: fan.Marionette, delay: float) -> fan.Input:
-    """Half of the way, and the other half later."""
+    """Half of the displacement, and the other half later."""
     first = [(0.0, 0.0), (0.1, 0.5 * AWAY)]
     second = [(delay, 0.5 * AWAY), (delay + 0.1, AWAY), (2.0, AWAY)]
     return fan.Input.waypoints(trolley, {"trolley.x": first + second})
 
 
 def swing(run: fan.Trajectory) -> float:
-    """Energy left of the swing, per m g L."""
+    """Remaining energy of the swing, per m g L."""
     omega = np.sqrt(9.81 / LENGTH)
     return float(run.q_D[-1] @ run.q_D[-1] + (run.v_D[-1] @ run.v_D[-1]) / omega**2)
 
 
 @pytest.mark.parametrize("method", ["event", fan.TimeStepping(dt=1e-3)])
-def test_the_second_move_comes_half_a_swing_later(trolley, method):
+def test_the_second_move_is_half_a_period_later(trolley, method):
     """Zero vibration: two equal moves half a period apart leave no swing (Smith, 1957)."""
     half = np.pi * np.sqrt(LENGTH / 9.81)
-    found = fan.tune(
+    tuned = fan.tune(
         trolley,
         lambda v: two_moves(trolley, max(v["delay"], 0.11)),
         {"delay": (0.4, 0.2)},
@@ -51,22 +51,22 @@ def test_the_second_move_comes_half_a_swing_later(trolley, method):
         method=method,
         draws=Draws(runs=20, generations=30, narrow=0.0001),
     )
-    assert found.status is AnswerStatus.NARROW
-    assert found.values["delay"] == pytest.approx(half, abs=2e-3)
-    assert found.spread["delay"] <= 1e-4 * 0.2
-    assert found.cost == found.curve[-1, 0] == swing(found.run)
+    assert tuned.status is AnswerStatus.NARROW
+    assert tuned.values["delay"] == pytest.approx(half, abs=2e-3)
+    assert tuned.spread["delay"] <= 1e-4 * 0.2
+    assert tuned.cost == tuned.curve[-1, 0] == swing(tuned.run)
     again, early = (
         swing(fan.simulate(trolley, trolley.rest(), inputs, method=method))
-        for inputs in (found.inputs, two_moves(trolley, 0.4))
+        for inputs in (tuned.inputs, two_moves(trolley, 0.4))
     )
-    assert found.cost == pytest.approx(again, abs=1e-6 * early) and found.cost < 1e-3 * early
-    assert np.all(np.diff(found.curve[:, 0]) <= 0.0)
-    assert found.inputs.end == found.run.t[-1] == 2.0
+    assert tuned.cost == pytest.approx(again, abs=1e-6 * early) and tuned.cost < 1e-3 * early
+    assert np.all(np.diff(tuned.curve[:, 0]) <= 0.0)
+    assert tuned.inputs.end == tuned.run.t[-1] == 2.0
 
 
 @pytest.mark.parametrize("method", ["event", fan.TimeStepping(dt=1e-2)])
 def test_the_cost_sees_the_whole_run(trolley, method):
-    """The largest swing on the way, from a start at another time; and how it was sampled."""
+    """The largest swing on the way, from another start time, with any sampling."""
     x0 = trolley.rest().replace(t=1.0)
     seen = []
 
@@ -74,7 +74,7 @@ def test_the_cost_sees_the_whole_run(trolley, method):
         seen.append(run.t)
         return float(np.max(np.abs(run.q_D[run.t > 1.5])))
 
-    found = fan.tune(
+    tuned = fan.tune(
         trolley,
         lambda v: two_moves(trolley, max(v["delay"], 0.11)).shifted(1.0),
         {"delay": (0.4, 0.1)},
@@ -84,7 +84,7 @@ def test_the_cost_sees_the_whole_run(trolley, method):
         draws=Draws(runs=8, generations=3),
     )
     assert all(len(t) == 201 and t[0] == 1.0 and t[-1] == 3.0 for t in seen)
-    assert found.cost == largest(found.run) > 0.0
+    assert tuned.cost == largest(tuned.run) > 0.0
 
 
 def test_the_users_random_numbers_stay(trolley):
@@ -116,8 +116,8 @@ def test_the_same_seed_gives_the_same(trolley):
     assert found(1).status is AnswerStatus.GENERATIONS
 
 
-def test_motions_that_fail_are_passed_by(trolley):
-    """A family that raises for a third of the numbers, and starts that do not fit for another."""
+def test_failing_motions_are_skipped(trolley):
+    """A family that raises an error for a third of the numbers, and has wrong starts for others."""
 
     def family(v: dict[str, float]) -> fan.Input:
         if v["delay"] < 0.5:
@@ -126,19 +126,19 @@ def test_motions_that_fail_are_passed_by(trolley):
             return fan.Input.waypoints(trolley, {"trolley.x": [(0.0, 1.0), (2.0, 1.1)]})
         return two_moves(trolley, v["delay"])
 
-    found = fan.tune(
+    tuned = fan.tune(
         trolley,
         family,
         {"delay": (0.7, 0.3)},
         lambda run: np.inf if run.q_K[-1, 0] > 0.9 else swing(run),
         draws=Draws(runs=20, generations=15),
     )
-    assert found.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.02)
-    assert np.isfinite(found.cost)
+    assert tuned.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.02)
+    assert np.isfinite(tuned.cost)
 
 
 def test_two_numbers(trolley):
-    """Half of the way is the best part to go first."""
+    """The best first part is half of the displacement."""
 
     def family(v: dict[str, float]) -> fan.Input:
         way = [(0.0, 0.0), (0.1, v["part"] * AWAY), (max(v["delay"], 0.11), v["part"] * AWAY)]
@@ -146,14 +146,14 @@ def test_two_numbers(trolley):
         return fan.Input.waypoints(trolley, {"trolley.x": way})
 
     numbers = {"part": (0.3, 0.2), "delay": (0.5, 0.2)}
-    found = fan.tune(
+    tuned = fan.tune(
         trolley, family, numbers, swing, draws=Draws(runs=16, generations=40, narrow=0.001)
     )
-    assert found.values["part"] == pytest.approx(0.5, abs=0.01)
-    assert found.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.01)
+    assert tuned.values["part"] == pytest.approx(0.5, abs=0.01)
+    assert tuned.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.01)
 
 
-def test_what_makes_no_sense_is_refused(trolley):
+def test_invalid_arguments_of_tune_are_refused(trolley):
     def tune(numbers=None, cost=swing, **options) -> fan.control.Tuned:
         return fan.tune(
             trolley,
@@ -197,7 +197,7 @@ def test_an_interrupted_search_keeps_the_best(trolley):
     def progress(at: object) -> None:
         raise KeyboardInterrupt
 
-    found = fan.tune(
+    tuned = fan.tune(
         trolley,
         lambda v: two_moves(trolley, 0.5),
         {"a": (0.0, 1.0)},
@@ -205,16 +205,16 @@ def test_an_interrupted_search_keeps_the_best(trolley):
         draws=Draws(runs=4),
         progress=progress,
     )
-    assert found.status is AnswerStatus.STOPPED
-    assert len(found.curve) == 1
+    assert tuned.status is AnswerStatus.STOPPED
+    assert len(tuned.curve) == 1
 
 
 def test_time_is_limited(trolley):
-    found = fan.tune(
+    tuned = fan.tune(
         trolley,
         lambda v: two_moves(trolley, max(v["delay"], 0.2)),
         {"delay": (0.4, 0.1)},
         swing,
         draws=Draws(runs=4, time_limit=1e-06),
     )
-    assert found.status is AnswerStatus.TIMEOUT and len(found.curve) == 1
+    assert tuned.status is AnswerStatus.TIMEOUT and len(tuned.curve) == 1

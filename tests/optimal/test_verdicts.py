@@ -1,4 +1,4 @@
-"""Tasks that an optimisation refuses at once, and its report on an answer that is not valid."""
+"""Tasks that an optimisation refuses at once, and reports on invalid answers."""
 
 from __future__ import annotations
 
@@ -17,8 +17,12 @@ pytestmark = pytest.mark.medium
 
 
 def task(small_crane: fan.Marionette, bounds: fan.control.Bounds, **options) -> fan.Task:
-    given = {"duration": 1.0, "end": small_crane.rest({"line.x": 0.2}), "interval": 0.1} | options
-    return fan.Task(small_crane, small_crane.rest(), tracks=[], bounds=bounds, **given)
+    options_of_task = {
+        "duration": 1.0,
+        "end": small_crane.rest({"line.x": 0.2}),
+        "interval": 0.1,
+    } | options
+    return fan.Task(small_crane, small_crane.rest(), tracks=[], bounds=bounds, **options_of_task)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +71,7 @@ def test_a_task_that_holds_everything_is_refused_at_once(small_crane):
         fan.optimise(task(small_crane, held, end=None))
 
 
-def test_files_name_the_line_of_an_end_outside_bounds_and_of_what_holds_everything(tmp_path):
+def test_files_name_the_lines_of_an_end_outside_bounds_and_of_fixed_inputs(tmp_path):
     text = "task: t\npuppet: crane\nstart: {trolley: 0}\nend: {trolley: 2}\nduration: 3\n"
     (tmp_path / "t.yaml").write_text(text + "bounds: {position: {trolley: [-1, 1]}}\n")
     with pytest.raises(
@@ -82,51 +86,51 @@ def test_files_name_the_line_of_an_end_outside_bounds_and_of_what_holds_everythi
 
 def test_a_violated_bound_is_named_with_its_coordinate_and_time(small_crane):
     bounds = fan.control.Bounds(acceleration=0.01, held=("line.length",))
-    found = fan.optimise(task(small_crane, bounds), iterations=6)
-    assert found.status is fan.control.AnswerStatus.VIOLATED
-    assert "x ends 0." in found.reason and "at 1 s" in found.reason, found.reason
-    assert found.reason in found.summary()
+    best = fan.optimise(task(small_crane, bounds), iterations=6)
+    assert best.status is fan.control.AnswerStatus.VIOLATED
+    assert "x ends 0." in best.reason and "at 1 s" in best.reason, best.reason
+    assert best.reason in best.summary()
     # A tension that no motion reaches, from the first node on.
     strong = fan.control.Bounds(tension={"line": (9.0, np.inf)}, acceleration=0.5)
-    found = fan.optimise(task(small_crane, strong, end=None), iterations=6)
-    assert found.status is fan.control.AnswerStatus.VIOLATED
-    assert "the tension of line is" in found.reason and "beyond its bounds 9 to inf" in found.reason
+    best = fan.optimise(task(small_crane, strong, end=None), iterations=6)
+    assert best.status is fan.control.AnswerStatus.VIOLATED
+    assert "the tension of line is" in best.reason and "beyond its bounds 9 to inf" in best.reason
 
 
-def test_a_search_without_progress_names_what_is_left(small_crane, monkeypatch):
+def test_a_search_without_progress_names_its_residual(small_crane, monkeypatch):
     monkeypatch.setattr(Filter, "accepts", lambda self, before, now, falls: False)
     bounds = fan.control.Bounds(acceleration=1.0, held=("line.length",))
     track = fan.control.Track.coordinate("bob.x", 0.2)
-    found = fan.optimise(replace(task(small_crane, bounds, end=None), tracks=[track]))
-    assert found.status is fan.control.AnswerStatus.STALLED
-    assert "the acceleration of line.x at " in found.reason and "within -1 to 1" in found.reason
+    best = fan.optimise(replace(task(small_crane, bounds, end=None), tracks=[track]))
+    assert best.status is fan.control.AnswerStatus.STALLED
+    assert "the acceleration of line.x at " in best.reason and "within -1 to 1" in best.reason
 
 
 def test_a_stationary_motion_that_is_no_minimum_is_not_the_answer(small_crane):
-    """At rest the bob's height does not change, to first order, whatever the trolley does."""
+    """At rest the bob's height is stationary, for any motion of the trolley."""
     bounds = fan.control.Bounds(acceleration=3.0, held=("line.length",))
     bounds = bounds.staying_taut(small_crane, small_crane.rest())
     high = fan.control.Track.coordinate("bob.z", -0.95, weight=100.0)
     rocked = replace(task(small_crane, bounds, end=None, duration=1.5), tracks=[high])
-    found = fan.optimise(rocked, time_limit=600.0)
-    assert found.curve[0][1] > 0.18
-    assert found.cost < 0.5 * found.curve[0][1], found.summary()
+    best = fan.optimise(rocked, time_limit=600.0)
+    assert best.curve[0][1] > 0.18
+    assert best.cost < 0.5 * best.curve[0][1], best.summary()
 
 
 def test_an_end_that_no_input_reaches_is_explained():
-    """The load hangs from one point, about which nothing turns it."""
+    """The load hangs from one point, and has no control about it."""
     crane = fan.puppets.crane()
     x0, end = crane.rest(), crane.rest({"trolley": 0.3})
     turn = np.zeros(len(end.v_D))
     turn[5] = 2e-4
     end = end.replace(q_D=crane.integrate(end.q_D, turn))
     bounds = fan.control.Bounds(acceleration=1.0, held=("hoist.length",))
-    found = fan.optimise(
+    best = fan.optimise(
         fan.Task(crane, x0, 3.0, [], fan.control.Smooth(1e-3, 0.0), bounds, end=end, interval=0.1),
         iterations=30,
     )
-    assert found.status is not fan.control.AnswerStatus.SOLVED
-    assert "ends 0.0002 from" in found.reason and "no input moves it" in found.reason, found.reason
+    assert best.status is not fan.control.AnswerStatus.SOLVED
+    assert "ends 0.0002 from" in best.reason and "no input moves it" in best.reason, best.reason
 
 
 def test_ctrl_c_in_the_first_motion_is_no_mistake_of_the_task(small_crane, monkeypatch):
@@ -148,26 +152,26 @@ def test_ctrl_c_in_a_later_motion_keeps_the_best(small_crane, monkeypatch):
         return replace(run, status=fan.Status.STOPPED) if next(count) >= 4 else run
 
     monkeypatch.setattr(shooting, "simulate", stopped)
-    found = fan.optimise(
+    best = fan.optimise(
         replace(
             task(small_crane, fan.control.Bounds(), end=None),
             tracks=[fan.control.Track.coordinate("bob.x", lambda t: 0.1 * t**2)],
         )
     )
-    assert found.status is fan.control.AnswerStatus.STOPPED
-    assert found.cost < found.curve[0][1]
+    assert best.status is fan.control.AnswerStatus.STOPPED
+    assert best.cost < best.curve[0][1]
 
 
 @pytest.mark.slow
 def test_ctrl_c_at_any_time_is_either_raised_or_kept(small_crane):
     goal = task(small_crane, fan.control.Bounds(acceleration=1.0), interval=0.02)
     for delay in np.linspace(0.0005, 0.08, 60):
-        found = interrupted_after(delay, goal)  # early it may not reach its end yet
-        assert found is None or found.run.t[-1] == pytest.approx(1.0)
+        best = interrupted_after(delay, goal)  # early it may not have reached its end
+        assert best is None or best.run.t[-1] == pytest.approx(1.0)
 
 
 def interrupted_after(delay: float, goal: fan.Task) -> fan.control.Optimum | None:
-    """The optimum where Ctrl-C comes after some time [s]; None where it was raised."""
+    """The optimum after Ctrl-C at a time [s]; None if it was raised."""
     timer = threading.Timer(delay, signal.raise_signal, (signal.SIGINT,))
     try:
         timer.start()

@@ -1,4 +1,4 @@
-"""Steps of the bundled marionette: they repeat themselves, carry it, and hardly slip."""
+"""Steps of the bundled marionette: periodic, load-bearing and almost without slip."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ def test_it_walks_and_slips_by_less_than_a_millimetre_a_step(promenade, dt):
     end, method = gait.duration * (STEPS + 1), fan.TimeStepping(dt=dt)
     inputs = gait.inputs(promenade, STEPS, x0)
     run = fan.simulate(promenade, x0, inputs, end, method=method, save_every=round(2e-3 / dt))
-    found = walk.walked(promenade, run, gait, STEPS)
-    assert found.slip.max(axis=1).mean() < walk.SLIP
-    assert found.lift.min() > 4e-3
-    assert found.way == pytest.approx(2.0 * gait.stride, abs=1e-3)
-    assert found.repeats.max() < 0.02
-    assert found.carried > 0.2
-    assert found.upright > 0.97
+    steps = walk.walked(promenade, run, gait, STEPS)
+    assert steps.slip.max(axis=1).mean() < walk.SLIP
+    assert steps.lift.min() > 4e-3
+    assert steps.way == pytest.approx(2.0 * gait.stride, abs=1e-3)
+    assert steps.repeats.max() < 0.02
+    assert steps.carried > 0.2
+    assert steps.upright > 0.97
 
 
-def test_it_ends_standing_as_it_began_but_for_the_way(promenade):
+def test_it_ends_standing_as_it_began_except_for_the_displacement(promenade):
     gait, x0 = Gait(), promenade.rest()
     inputs = gait.inputs(promenade, 5, x0).bound(x0.q_K, x0.t)
     q_K = inputs.evaluate(inputs.end)[0]
@@ -51,14 +51,14 @@ def test_it_ends_standing_as_it_began_but_for_the_way(promenade):
         assert way == pytest.approx(wanted, abs=1e-12), name
 
 
-def test_steps_begin_where_and_when_they_are_told(promenade):
+def test_steps_begin_at_their_given_places_and_times(promenade):
     x0 = promenade.rest().replace(t=3.0)
     points = Gait().waypoints(x0, 2)
     assert all(times[0] == (3.0, float(x0[name])) for name, times in points.items())
     assert all(np.all(np.diff([t for t, _ in times]) > 0.0) for times in points.values())
 
 
-def test_what_cannot_walk_is_refused(promenade):
+def test_puppets_that_cannot_walk_are_refused(promenade):
     with pytest.raises(ValueError, match="at least 2"):
         Gait().inputs(promenade, 1)
     with pytest.raises(fan.errors.UnknownNameError, match=r"head\.x"):

@@ -1,5 +1,5 @@
-"""Independent answers that the package is compared with.
+"""Independent results for comparison with the package.
 
-Nothing here imports the equations of the package, except where a module says so: the answers come
-from the paper's text, from closed forms, and from SymPy, SciPy and MuJoCo.
+No module imports the equations of the package, except where it says so: the results come from the
+paper's text, from closed forms, and from SymPy, SciPy and MuJoCo.
 """

@@ -1,9 +1,8 @@
 """The planar arm on its string, slack and taut, integrated by SciPy's DOP853 (Eqs. 10-15).
 
-The multiplier here has the sign of Eq. 10; the tension is -lambda. A release is where the tension
-of the taut mode falls through 0, a catch where h rises through 0. Between an event and the last
-step before it the state is found by integrating to the event's time, by a secant search on that
-time, not read off the dense output.
+The multiplier here has the sign of Eq. 10; the tension is -lambda. At a release the tension of the
+taut mode falls through 0; at a catch h rises through 0. The state at an event is integrated from
+the last step before it, with a secant search for the time, not interpolated.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ def waypoints(knots_x, knots_L) -> Polynomials:
 
 @dataclass
 class Run:
-    """What happened.
+    """Events, end state and samples of a run.
 
     Attributes:
         events: (t, "catch" | "release", impulse [N s], state after (4,)).
@@ -72,11 +71,11 @@ class Mode:
     """The arm in one mode on one piece of the input.
 
     Attributes:
-        numbers: of the arm.
+        numbers: numbers of the arm.
         drive: the inputs.
-        piece: which piece.
+        piece: index of the piece.
         taut: whether the string pulls.
-        tolerance: of DOP853, relative; absolute it is a tenth.
+        tolerance: relative tolerance of DOP853; the absolute one is a tenth of it.
     """
 
     numbers: tuple[float, ...]
@@ -112,7 +111,7 @@ class Mode:
         return DOP853(self.rhs, t, y, stop, rtol=self.tolerance, atol=self.tolerance / 10)
 
     def state(self, t0: float, y0: np.ndarray, t: float) -> np.ndarray:
-        """The state at a time close by, integrated."""
+        """The state at a nearby time, integrated."""
         if t == t0:
             return y0
         s = self.integrator(t0, y0, t)
@@ -121,9 +120,9 @@ class Mode:
         return s.y
 
     def guard(self, t: float, y: np.ndarray) -> float:
-        """Rises through 0 at the next event."""
-        found = self.solve(t, y)
-        return -found["tension"] if self.taut else found["h"]
+        """Function that rises through 0 at the next event."""
+        solution = self.solve(t, y)
+        return -solution["tension"] if self.taut else solution["h"]
 
     def next_event(self, s: DOP853, armed: bool) -> tuple[float | None, bool]:
         """Time of an event within the integrator's last step, and whether a catch is armed."""
@@ -182,10 +181,10 @@ def simulate(
             run.events.append((t, "release", 0.0, y.copy()))
         else:
             t, y = event, now.state(s.t_old, y, event)
-            found = now.solve(t, y)
-            y = np.concatenate([y[:2], y[2:] + found["pull"] * found["catch"]])  # Eqs. 14, 15
+            solution = now.solve(t, y)
+            y = np.concatenate([y[:2], y[2:] + solution["pull"] * solution["catch"]])  # Eqs. 14, 15
             taut = now.solve(t, y)["tension"] > 0
-            run.events.append((t, "catch", -found["catch"], y.copy()))
+            run.events.append((t, "catch", -solution["catch"], y.copy()))
     run.t, run.state = t, y
     return run
 

@@ -2,7 +2,7 @@
 
 The arm lies in the x-z plane; theta_1 is measured from +x towards +z and theta_2 is relative.
 The string runs from the tip to the point S = (x, height) and has the length L, so that
-q_K = (x, L). Where the paper slips, the corrected form stands here:
+q_K = (x, L). These slips of the paper are corrected:
 
 * Eq. 6 gains the gravitational acceleration, and gravity acts along z;
 * in the Euler-Lagrange line the first partial is by velocity, the second by configuration;
@@ -26,7 +26,7 @@ class Arm:
         m1, m2: masses [kg].
         I1, I2: moments of inertia about the centres of mass, which are the links' middles [kg m^2].
         L1, L2: lengths [m].
-        height: of the string's upper end [m].
+        height: height of the string's upper end [m].
         gravity: [m/s^2].
         xs, zs: place of the shoulder [m].
     """
@@ -43,7 +43,7 @@ class Arm:
     zs: float = 0.0
 
     def numbers(self) -> tuple[float, ...]:
-        """In the order in which the lambdified functions take them."""
+        """Numbers in the order of the arguments of the compiled functions."""
         return tuple(float(getattr(self, name)) for name in NAMES)
 
 
@@ -133,7 +133,7 @@ def model() -> dict[str, object]:
         )
 
     Adot_D, Adot_K = rate_of(A_D), rate_of(A_K)
-    found = {
+    expressions = {
         "M": M,
         "C": C,
         "g": g,
@@ -152,8 +152,8 @@ def model() -> dict[str, object]:
     }
     symbols = [*q_D, *v_D, *q_K, *v_K, *p.values()]
     vectors = {"g", "A_D", "A_K", "Adot_D", "Adot_K", "V_1", "V_2"}
-    functions = {name: _numeric(symbols, e, name in vectors) for name, e in found.items()}
-    stacked = sp.Matrix([*M, *(C * v_D + g), h, *A_D, *A_K, found["Adot_v"]])
+    functions = {name: _numeric(symbols, e, name in vectors) for name, e in expressions.items()}
+    stacked = sp.Matrix([*M, *(C * v_D + g), h, *A_D, *A_K, expressions["Adot_v"]])
     functions["stacked"] = _numeric(symbols, stacked, True)
     return functions
 

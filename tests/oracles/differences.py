@@ -1,4 +1,4 @@
-"""Derivatives by differences, and small moves of configurations."""
+"""Derivatives by differences, and small changes of configurations."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ def difference(f: Callable[[np.ndarray], np.ndarray], n: int, step: float) -> np
     """df(d)/dd at d = 0, (m, n): a central difference of sixth order in each of n directions."""
     columns = []
     for e in np.eye(n):
-        one, two, three = (
+        first, second, third = (
             (f(k * step * e) - f(-k * step * e)) / (2.0 * k * step) for k in (1, 2, 3)
         )
-        columns.append(1.5 * one - 0.6 * two + 0.1 * three)
+        columns.append(1.5 * first - 0.6 * second + 0.1 * third)
     return np.array(columns).T.reshape(-1, n)
 
 
@@ -40,7 +40,7 @@ def apart(q: np.ndarray, other: np.ndarray, n: int, scalars, quaternions) -> np.
     return d
 
 
-def worst(found: np.ndarray, wanted: np.ndarray) -> float:
-    """Largest difference, relative to the largest entry of what is wanted, or to 1e-3."""
+def worst(result: np.ndarray, wanted: np.ndarray) -> float:
+    """Largest difference, relative to the largest entry of `wanted`, or to 1e-3."""
     size = max(1e-3, float(np.max(np.abs(wanted), initial=0.0)))
-    return float(np.max(np.abs(found - wanted), initial=0.0)) / size
+    return float(np.max(np.abs(result - wanted), initial=0.0)) / size

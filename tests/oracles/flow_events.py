@@ -1,10 +1,10 @@
 """Event-driven simulation with any SciPy integrator, for comparison with the compiled one.
 
 Between events the active set is fixed and the motion is the ordinary differential equation of
-``marionette.flow`` (Sec. III-C: any numeric integrator will do). Its rate, guards and active set
-are the package's, and so is the mass matrix. SciPy makes the steps. An event is where a guard turns
-positive, as found by integrating to it. Impulses are found by trying every set of closed strings
-and limits (Eqs. 13-15):
+`marionette.flow` (Sec. III-C: any numeric integrator will do). Its rate, guards, active set and
+mass matrix are the package's. SciPy makes the steps. An event is the time at which a guard turns
+positive, located by integration. Impulses are found by trying every set of closed strings and
+limits (Eqs. 13-15):
 
     v+ = v- - M^-1 A_D^T Lambda,   0 <= Lambda  complementary to  -(hdot+ + e hdot-) >= 0
 """
@@ -29,12 +29,12 @@ or of the winch speed is unambiguous."""
 NOISE = 10.0
 """Guard values below this multiple of rtol are integration error."""
 NODES = np.linspace(0.0, 1.0, 9)[1:]
-"""Where guards are evaluated, shares of the step."""
+"""Shares of the step at which guards are evaluated."""
 
 
 @dataclass(frozen=True)
 class Happened:
-    """An event, as of ``fan.motion.EventRecord``."""
+    """An event, with the attributes of `fan.motion.EventRecord`."""
 
     t: float
     kind: str
@@ -49,9 +49,9 @@ class Run:
 
     Attributes:
         x: the state reached.
-        events: what happened, in order.
-        n_steps: steps that the integrator made.
-        stopped: why the run ended early; empty where it did not.
+        events: events in order.
+        n_steps: steps of the integrator.
+        stopped: reason for an early end; empty without one.
     """
 
     x: object
@@ -74,11 +74,11 @@ def simulate(
     """The run from a state, by a method of SciPy or a subclass of its ``OdeSolver``.
 
     Args:
-        marionette, x0, inputs, t_end: as of ``fan.simulate``.
+        marionette, x0, inputs, t_end: arguments of ``fan.simulate``.
         integrator: name or class.
         rtol, atol: its tolerances.
         max_step: its largest step [s]; guards are evaluated eight times in each step.
-        max_events: after which the run stops.
+        max_events: number of events at which the run stops.
     """
     solver = getattr(integrate, integrator) if isinstance(integrator, str) else integrator
     run, slipping = Run(x0), set()
@@ -88,7 +88,7 @@ def simulate(
 
 
 def _one_flow(marionette, run, inputs, t_end, slipping, how):
-    """Integrates to the next event or the end of the flow, and applies the event."""
+    """Integrate to the next event or the end of the flow, and apply the event."""
     flow = marionette.flow(run.x, inputs)
     rows, n = flow.rows, len(marionette.tree.strings)
     held = flow.taut.copy()
@@ -128,7 +128,7 @@ def _one_flow(marionette, run, inputs, t_end, slipping, how):
 
 
 def _followed(marionette, run, flow, end, how):
-    """Time, y and row of the flow's first event; the end and None where there is none."""
+    """Time, y and row of the flow's first event; its end and None without an event."""
     make, rtol, atol, max_step = how
     noise = NOISE * rtol
     n = len(flow.rows)
@@ -156,7 +156,7 @@ def _followed(marionette, run, flow, end, how):
 
 
 def _root(flow, step, fired, limits, how):
-    """Time, y and row of the first of the guards that turn positive in a step."""
+    """Time, y and row of the first guard that turns positive in a step."""
     t0, y0, t1 = step
     first = t1, None, int(fired[0])
     for row in map(int, fired):
@@ -173,7 +173,7 @@ def _root(flow, step, fired, limits, how):
 
 
 def _reached(flow, t0, y0, t, how):
-    """y (n_y,) at a time, from a step's begin."""
+    """y (n_y,) at a time, integrated from a step's beginning."""
     if not t > t0:
         return y0
     make, rtol, atol, _ = how
@@ -189,7 +189,7 @@ def _past(flow, t, y):
 
 
 def _back_on_rows(marionette, x, held, slipping):
-    """The state with h = 0 and hdot = 0 on the rows held, and no other row beyond its bound."""
+    """The state with h = 0 and hdot = 0 on the held rows, and no other row beyond its bound."""
     firm = held & ~np.isin(np.arange(len(held)), list(slipping))
     for _ in range(2):
         at = Evaluation.of(marionette, x)
@@ -206,7 +206,7 @@ def _correction(at, rows, off):
 
 
 def _struck(marionette, x, held, name):
-    """The state after the impulse of a catch; row -> (impulse, speed) of those that are caught."""
+    """The state after the impulse of a catch; row -> (impulse, speed) of the caught rows."""
     marionette, at = marionette, Evaluation.of(marionette, x)
     row = marionette.tree.row_names.index(name)
     closed = held | (np.abs(at.h) <= CLOSED * marionette.row_scales(x.q_D, x.q_K))

@@ -4,7 +4,7 @@
 rest length 1/2 on a massless road of length 1 that turns about its left end so that its right end
 is at the height r sin(w t); the left point stays on the road's normal; a rod of length 1 joins the
 points; the gravitational acceleration is 1. As a puppet: the road is a driven revolute joint, the
-left point a prismatic joint on it, the rod a wire.
+left point is on a prismatic joint of the road, the rod is a wire.
 
 *A02* (IFToMM's library, N = 2): two windows of five uniform rods of 1 m and 1 kg. All cranks turn
 alike, 3 theta'' = -3.5 g cos(theta). As a puppet: crank 0 carries both horizontal rods, cranks 1
@@ -91,7 +91,7 @@ def road(t):
 
 
 def hermite(t, q, v, acc) -> np.ndarray:
-    """Quintic pieces with the given values at the times t.
+    """Quintic pieces with values and derivatives at the times t.
 
     Args:
         t, q, v, acc: (n + 1,).

@@ -1,9 +1,9 @@
 """A puppet's description as a MuJoCo model, and the residual of MuJoCo's equations of motion.
 
-Bodies, joints, inertia, damping, joint springs and point-to-point springs are carried over; there
-are no contacts, limits or strings. Driven joints are joints here too. A free joint is three
-slides and a ball, which is what it means; at a root without offset it is MuJoCo's own free joint.
-A body with shapes and no explicit inertia leaves the sum to MuJoCo's geoms.
+Bodies, joints, inertia, damping, joint springs and point-to-point springs are translated, but no
+contacts, limits or strings. Driven joints are joints too. A free joint becomes three slides and a
+ball, its definition; at a root without offset it is MuJoCo's own free joint. A body with shapes and
+no explicit inertia leaves the sum to MuJoCo's geoms.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ SUFFIX_V = {"ball": (".wx", ".wy", ".wz"), "hinge": ("",), "slide": ("",)}
 
 @dataclass(frozen=True)
 class Mirror:
-    """A MuJoCo model beside a puppet.
+    """A MuJoCo model of a puppet.
 
     Attributes:
-        model, data: MuJoCo's.
+        model, data: objects of MuJoCo.
         q, v: fantoccini's name of a coordinate -> place in qpos, qvel.
     """
 
@@ -45,7 +45,7 @@ class Mirror:
     def residual(self, names: tuple[str, ...]) -> tuple[np.ndarray, float]:
         """M qacc + bias - passive on the rows of the given names, and the size of its terms."""
         m, d = self.model, self.data
-        qacc = d.qacc.copy()  # mj_forward writes its own
+        qacc = d.qacc.copy()  # mj_forward overwrites it
         mujoco.mj_forward(m, d)
         inertial = np.zeros(m.nv)
         mujoco.mj_mulM(m, d, inertial, qacc)
@@ -72,15 +72,15 @@ def mirror(puppet: dict) -> Mirror:
     model = mujoco.MjModel.from_xml_string(text)
     q, v = {}, {}
     for joint, name, kind in order:
-        one = model.joint(joint)
+        mj_joint = model.joint(joint)
         if kind == "free":
             names_q = [name + s for s in (".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz")]
             names_v = [name + s for s in (".x", ".y", ".z", ".wx", ".wy", ".wz")]
         else:
             names_q = [name + s for s in SUFFIX_Q[kind]]
             names_v = [name + s for s in SUFFIX_V[kind]]
-        q |= {n: int(one.qposadr[0]) + i for i, n in enumerate(names_q)}
-        v |= {n: int(one.dofadr[0]) + i for i, n in enumerate(names_v)}
+        q |= {n: int(mj_joint.qposadr[0]) + i for i, n in enumerate(names_q)}
+        v |= {n: int(mj_joint.dofadr[0]) + i for i, n in enumerate(names_v)}
     return Mirror(model, mujoco.MjData(model), q, v)
 
 
@@ -187,14 +187,14 @@ def _joints(body: dict, joint: dict, order) -> list[str]:
         order.append((name, name, "free"))
         return [f"<freejoint name={quoteattr(name)}/>"]
     if kind in ("revolute", "prismatic"):
-        spring, made = joint.get("spring"), {"revolute": "hinge", "prismatic": "slide"}[kind]
+        spring, mj_type = joint.get("spring"), {"revolute": "hinge", "prismatic": "slide"}[kind]
         extra = ""
         if spring:
             stiffness, rest = _text([spring["stiffness"]]), _text([spring.get("rest", 0)])
             extra = f" stiffness={stiffness} springref={rest}"
-        order.append((name, name, made))
+        order.append((name, name, mj_type))
         axis = f"axis={_text(joint['axis'])}"
-        return [f"<joint name={quoteattr(name)} type='{made}' {axis} {damping}{extra}/>"]
+        return [f"<joint name={quoteattr(name)} type='{mj_type}' {axis} {damping}{extra}/>"]
     parts = []
     axes = {"translation": joint.get("axes"), "free": ["x", "y", "z"], "ball": []}[kind]
     for axis in axes:

@@ -1,9 +1,9 @@
-"""A point mass thrown up on its string again and again, in closed form.
+"""A point mass thrown up on its string repeatedly, in closed form.
 
-Launched from the bottom with v0^2 = k g L and k a little above 2, the mass leaves its circle just
-above the middle, is caught just below it on the same side, swings through the bottom and does the
-same on the other side. The catch takes away 2 loss / (m g L) of k, some 64 s^3 with s = (k - 2)/3,
-so that the throws go on for ever. Circle arcs are Jacobi's elliptic functions, flights parabolas.
+Launched from the bottom with v0^2 = k g L and k slightly above 2, the mass leaves its circle just
+above the middle, is caught just below it on the same side, swings through the bottom and repeats
+this on the other side. The catch reduces k by 2 loss / (m g L), about 64 s^3 with s = (k - 2)/3, so
+that the throws never end. Circle arcs are Jacobi's elliptic functions, flights parabolas.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from .string_pendulum import Flight, flight, time_on_circle
 
 @dataclass(frozen=True)
 class Throw:
-    """From the bottom through release, flight and catch back to the bottom.
+    """Motion from the bottom through release, flight and catch to the bottom.
 
     Attributes:
         begin, end: times at the bottom [s].
         side: 1 when the mass moves towards +x at the beginning, else -1.
         k: v^2 / (g L) at the beginning.
-        k_after: the same at the end.
+        k_after: v^2 / (g L) at the end.
         flight: times from the beginning, places for side = 1.
     """
 
@@ -38,13 +38,13 @@ class Throw:
 
 @dataclass(frozen=True)
 class Chain:
-    """Throws one after the other, the mass starting at the bottom towards +x.
+    """Successive throws; the mass starts at the bottom towards +x.
 
     Attributes:
-        length: of the string [m].
-        mass: [kg].
-        gravity: [m/s^2].
-        throws: in order of time.
+        length: length of the string [m].
+        mass: mass [kg].
+        gravity: gravitational acceleration [m/s^2].
+        throws: throws in order of time.
     """
 
     length: float
@@ -61,7 +61,7 @@ class Chain:
         Args:
             t_end: [s].
             k: v0^2 / (g L) at the start, between 2 and about 2.6.
-            length: of the string [m].
+            length: length of the string [m].
             mass: [kg].
             gravity: [m/s^2].
         """
@@ -79,26 +79,26 @@ class Chain:
 
     def events(self, t_end: float) -> list[tuple[float, str, float]]:
         """(time [s], "release" or "catch", impulse [N s]) up to ``t_end``."""
-        found = []
+        events = []
         for throw in self.throws:
-            found.append((throw.begin + throw.flight.t_release, "release", 0.0))
-            found.append((throw.begin + throw.flight.t_catch, "catch", throw.flight.impulse))
-        return [event for event in found if event[0] <= t_end]
+            events.append((throw.begin + throw.flight.t_release, "release", 0.0))
+            events.append((throw.begin + throw.flight.t_catch, "catch", throw.flight.impulse))
+        return [event for event in events if event[0] <= t_end]
 
     def state(self, t: float) -> np.ndarray:
         """(x, z, vx, vz) at a time [m], [m/s]."""
         throw = next(w for w in self.throws if t <= w.end)
         since, f = t - throw.begin, throw.flight
         if since <= f.t_release:
-            made = self._on_circle(throw.k, since)
+            state = self._on_circle(throw.k, since)
         elif since <= f.t_catch:
             fall, s = np.array([0.0, -self.gravity]), since - f.t_release
             x = f.x_release + f.v_release * s + fall * s * s / 2.0
-            made = np.concatenate([x, f.v_release + fall * s])
+            state = np.concatenate([x, f.v_release + fall * s])
         else:
-            # The way down is the way up, run backwards.
-            made = self._on_circle(throw.k_after, throw.end - t) * [1.0, 1.0, -1.0, -1.0]
-        return made * [throw.side, 1.0, throw.side, 1.0]
+            # The way down is the reversed way up.
+            state = self._on_circle(throw.k_after, throw.end - t) * [1.0, 1.0, -1.0, -1.0]
+        return state * [throw.side, 1.0, throw.side, 1.0]
 
     def _on_circle(self, k: float, t: float) -> np.ndarray:
         """State a time after the bottom, moving towards +x, k < 4."""

@@ -1,8 +1,8 @@
 """A point mass on a string in a vertical plane, slack and taut, integrated by SciPy's DOP853.
 
-Taut, the angle a from the bottom obeys a'' = -g/L sin(a), and the string pulls while
-L a'^2 + g cos(a) > 0. Slack, the mass falls freely until it is a length away from the pivot, where
-the radial velocity is lost. SciPy's own events end every arc.
+Taut, the angle a from the bottom obeys a'' = -g/L sin(a), and the string pulls while L a'^2 + g
+cos(a) > 0. Slack, the mass falls freely until its distance from the pivot is the length; then the
+radial velocity is lost. SciPy's own events end every arc.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 CLEAR = 0.01
-"""Time [s] that a mass leaving the circle is given before it may be caught."""
+"""Time after leaving the circle during which a mass cannot be caught [s]."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """What happened.
+    """End state and events of a run.
 
     Attributes:
         state: (x, z, vx, vz) at the end [m], [m/s].
@@ -30,14 +30,14 @@ class Run:
 
 
 def simulate(state, t_end: float, length: float, gravity: float, tolerance: float = 1e-13) -> Run:
-    """The motion from a state inside or on the circle about the pivot (0, 0).
+    """Motion from a state inside or on the circle about the pivot (0, 0).
 
     Args:
         state: (x, z, vx, vz); on the circle it moves along it, and the string pulls.
-        t_end: [s].
-        length: of the string [m].
-        gravity: [m/s^2].
-        tolerance: relative; absolute it is a tenth.
+        t_end: end time [s].
+        length: length of the string [m].
+        gravity: gravitational acceleration [m/s^2].
+        tolerance: relative tolerance; the absolute one is a tenth of it.
     """
 
     def swing(t, y):
@@ -54,23 +54,23 @@ def simulate(state, t_end: float, length: float, gravity: float, tolerance: floa
 
     pull.terminal, pull.direction = True, -1
     reach.terminal, reach.direction = True, 1
-    # SciPy looks at the ends of a step only, so that steps must be short beside every arc.
+    # SciPy evaluates events only at the ends of steps, so steps must be short relative to an arc.
     options = {"method": "DOP853", "rtol": tolerance, "atol": tolerance / 10.0, "max_step": 0.02}
     y, t, events = np.array(state, dtype=float), 0.0, []
     taut, leaves = bool(abs(reach(t, y)) < 1e-12), False
     while t < t_end:
         if taut:
-            made = solve_ivp(swing, (t, t_end), _polar(y, length), events=pull, **options)
-            y = _plane(made.y[:, -1], length)
+            solution = solve_ivp(swing, (t, t_end), _polar(y, length), events=pull, **options)
+            y = _plane(solution.y[:, -1], length)
         else:
             if leaves:
                 ahead = min(t + CLEAR, t_end)
                 y, t = solve_ivp(fall, (t, ahead), y, **options).y[:, -1], ahead
                 if t == t_end:
                     break
-            made = solve_ivp(fall, (t, t_end), y, events=reach, **options)
-            y = made.y[:, -1]
-        t = float(made.t[-1])
+            solution = solve_ivp(fall, (t, t_end), y, events=reach, **options)
+            y = solution.y[:, -1]
+        t = float(solution.t[-1])
         if t == t_end:
             break
         if taut:

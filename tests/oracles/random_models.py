@@ -10,7 +10,7 @@ HINGES = ("hinge", "slide")
 
 
 def mjcf(seed: int, bodies: int = 5) -> str:
-    """Bodies with 0 to 3 joints each, about points of their own, with references and springs.
+    """Bodies with 0 to 3 joints each at different points, with references and springs.
 
     Two limited tendons run through three sites each, one spring joins two. Two motors have rotors.
     """

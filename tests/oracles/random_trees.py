@@ -1,7 +1,6 @@
-"""Seeded random puppets: every joint type, driven joints among them, strings on request.
+"""Seeded random puppets with every joint type, driven joints, and strings on request.
 
-A puppet comes as a plain description with the keys of a puppet file, so that both fantoccini and
-MuJoCo can be given it.
+A puppet is a plain description with the keys of a puppet file, for both fantoccini and MuJoCo.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ import numpy as np
 
 DOF = {"fixed": 0, "revolute": 1, "prismatic": 1, "translation": 2, "ball": 3, "free": 6}
 ABOVE = np.array([0.0, 0.0, 2.0])
-"""Where strings end [m]."""
+"""Middle of the upper ends of strings [m]."""
 
 WEIGHT = {"fixed": 1, "revolute": 5, "prismatic": 2, "translation": 1, "ball": 2.5, "free": 1}
 
@@ -36,7 +35,7 @@ def description(
         kinds: joint types to draw from.
         dissipative: joint damping.
         springs: joint springs and springs between points.
-        strings: how many strings, with paths of 2 to 4 points, some with driven ends or lengths.
+        strings: number of strings, with paths of 2 to 4 points, some with driven ends or lengths.
         limits: scalar limits, cones and twists.
         drag: air drag on half of the bodies.
     """
@@ -108,7 +107,7 @@ def _attachment(rng, names) -> dict:
 
 
 def _two_ends(rng, names) -> list[dict]:
-    """Two attachments that are not on the same body."""
+    """Two attachments on different bodies."""
     ends = [_attachment(rng, names), _attachment(rng, names)]
     if ends[0].get("body") == ends[1].get("body"):
         ends[1] = {"world": _floats(rng.uniform(-1.0, 1.0, 3))}

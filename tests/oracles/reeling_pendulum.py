@@ -1,4 +1,4 @@
-"""A pendulum whose pivot moves sideways while its taut string is reeled, as one scalar equation.
+"""A pendulum with a laterally moving pivot and a reeled taut string, as one scalar equation.
 
 With the pivot at (X(t), 0), the length L(t) and the angle a from straight down,
 
@@ -74,7 +74,7 @@ class Reeling:
         Args:
             drive: X and L.
             times: (n,) increasing, some of the drive's breaks, the first one 0 [s].
-            tolerance: relative, of DOP853; absolute it is a tenth.
+            tolerance: relative tolerance of DOP853; the absolute one is a tenth of it.
 
         Returns:
             (n, 4) x, z, vx, vz [m], [m/s], and (n,) tension [N], before each break.

@@ -1,4 +1,4 @@
-"""Rigs with more strings than they need, as puppet descriptions."""
+"""Rigs with redundant strings, as puppet descriptions."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ BODIES, STRINGS = 5, 12
 def many_strings(seed: int = 0) -> dict:
     """Five free bodies on sixty wound strings: 30 degrees of freedom.
 
-    Of a body's twelve strings eight run up to a carriage that is driven along x, y and z, two of
+    Eight of a body's twelve strings run up to a carriage that is driven along x, y and z, two of
     them between the same two points; two run to the next body and two down to the floor.
 
     Args:
-        seed: of the points.
+        seed: seed of the points.
     """
     rng = np.random.default_rng(seed)
     bodies = [{"name": "carriage", "joint": {"type": "translation", "axes": ["x", "y", "z"]}}]

@@ -1,7 +1,7 @@
 """A rod in the plane on two strings, slack and taut in all combinations, in NumPy and SciPy.
 
-The equations are Newton's for (x, z, beta), written out by hand. With two strings the rule for
-one does not do: which strings pull, and which take a share of an impulse, is found by trying all
+The equations are Newton's for (x, z, beta), written by hand. The rule for one string does not
+suffice for two: the strings that pull, and those that share an impulse, are found by trying all
 subsets of the closed rows,
 
     tau >= 0,     hddot <= 0,   tau . hddot = 0,
@@ -25,8 +25,8 @@ class Rod:
 
     Attributes:
         mass: [kg].
-        inertia: about the middle [kg m^2].
-        arms: (2,) where the strings are tied, along the rod from its middle [m].
+        inertia: moment of inertia about the middle [kg m^2].
+        arms: (2,) places of the strings along the rod, from its middle [m].
         gravity: [m/s^2].
         tops: (2, 2) x and z of the upper ends [m].
         breaks: (n + 1,) [s].
@@ -57,12 +57,12 @@ class Rod:
         n = np.array([-u[1], u[0]])
         d = np.array([x, z]) + self.arms[:, None] * u - self.tops
         v = np.array([dx, dz]) + self.arms[:, None] * w * n
-        far = np.linalg.norm(d, axis=1)
-        e = d / far[:, None]
+        distance = np.linalg.norm(d, axis=1)
+        e = d / distance[:, None]
         along = np.sum(e * v, axis=1)
         A = np.column_stack([e, self.arms * (e @ n)])
-        gamma = (np.sum(v * v, axis=1) - along**2) / far - self.arms * w**2 * (e @ u) - acc
-        return far - length, along - rate, A, gamma
+        gamma = (np.sum(v * v, axis=1) - along**2) / distance - self.arms * w**2 * (e @ u) - acc
+        return distance - length, along - rate, A, gamma
 
     def solve(self, piece: int, t: float, y: np.ndarray, taut: tuple[bool, ...]):
         """Accelerations (3,), tensions (2,), hddot (2,), h (2,), hdot (2,) in a mode."""
@@ -77,7 +77,7 @@ class Rod:
         return acc, tension, gamma + A @ acc, h, hdot
 
     def mode(self, piece: int, t: float, y: np.ndarray, candidates) -> tuple[bool, ...]:
-        """Which of the candidates pull."""
+        """The candidates that pull."""
         for taut in itertools.product((True, False), repeat=2):
             if any(on and not able for on, able in zip(taut, candidates, strict=True)):
                 continue
@@ -94,13 +94,13 @@ class Rod:
         for struck in itertools.product((True, False), repeat=2):
             if any(on and not able for on, able in zip(struck, closed, strict=True)):
                 continue
-            on, found = np.flatnonzero(struck), np.zeros(2)
+            on, impulses = np.flatnonzero(struck), np.zeros(2)
             if len(on):
-                found[on] = np.linalg.solve(G[np.ix_(on, on)], hdot[on])
-            after = hdot - G @ found
+                impulses[on] = np.linalg.solve(G[np.ix_(on, on)], hdot[on])
+            after = hdot - G @ impulses
             off = [able and not hit for hit, able in zip(struck, closed, strict=True)]
-            if found.min() >= 0 and np.all(after[off] <= 1e-13):
-                return found
+            if impulses.min() >= 0 and np.all(after[off] <= 1e-13):
+                return impulses
         raise AssertionError("no impulse")
 
 
@@ -108,10 +108,10 @@ def simulate(rod: Rod, q, v, t_end: float, *, tolerance: float = 1e-13) -> Run:
     """Event-driven motion; an event is (t, kind, string, impulse, state after).
 
     Args:
-        rod: the numbers.
+        rod: numbers of the rod.
         q, v: (3,) start, with both strings slack.
         t_end: [s].
-        tolerance: relative, of DOP853; absolute it is a tenth.
+        tolerance: relative tolerance of DOP853; the absolute one is a tenth of it.
     """
     run = Run()
     t, y, piece = 0.0, np.concatenate([q, v]).astype(float), 0
@@ -179,12 +179,12 @@ def simulate(rod: Rod, q, v, t_end: float, *, tolerance: float = 1e-13) -> Run:
             run.events.append((t, "release", row, 0.0, y.copy()))
         else:
             closed = tuple(on or r == row for r, on in enumerate(taut))
-            found, before = rod.impulse(piece, t, y, closed), taut
+            impulses, before = rod.impulse(piece, t, y, closed), taut
             _, _, A, _ = rod.rows(piece, t, y)
-            y = np.concatenate([y[:3], y[3:] - A.T @ found / rod.M])
-            held = tuple(bool(c and x > 0) for c, x in zip(closed, found, strict=True))
+            y = np.concatenate([y[:3], y[3:] - A.T @ impulses / rod.M])
+            held = tuple(bool(c and x > 0) for c, x in zip(closed, impulses, strict=True))
             taut = rod.mode(piece, t, y, held)
-            run.events.append((t, "catch", row, found[row], y.copy()))
+            run.events.append((t, "catch", row, impulses[row], y.copy()))
             for r in range(2):
                 if before[r] and not taut[r]:
                     run.events.append((t, "release", r, 0.0, y.copy()))

@@ -18,7 +18,7 @@ def swept(
     """The gradient of a cost by the names of ``RolloutGradient``, from ``linearise_steps``.
 
     Args:
-        puppet: which one.
+        puppet: the marionette.
         run: its rollout without extrapolation.
         acc, force: (n, ...) driven accelerations and user forces.
         own: the cost's derivatives by q_D, v_D, q_K and v_K, (n + 1, ...) each.
@@ -52,5 +52,5 @@ def swept(
         back = np.concatenate([a[i] for a in own]) + back @ steps.A[i] + of_pull[0]
     widths = np.cumsum([t.n_vD, t.n_vD, t.n_vK])
     names = ("q_D", "v_D", "q_K", "v_K")
-    found = dict(zip(names, np.split(back, widths), strict=True))
-    return found | {"acc_K": by_acc, "u_D": by_u, "p": by_p}
+    gradient = dict(zip(names, np.split(back, widths), strict=True))
+    return gradient | {"acc_K": by_acc, "u_D": by_u, "p": by_p}

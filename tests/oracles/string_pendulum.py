@@ -1,7 +1,7 @@
 """A point mass on a string: swing up, slack, flight and catch in closed form.
 
 The mass starts at the bottom of the circle of radius L with v0^2 = k g L, 2 < k < 5, moving
-towards growing polar angle (counter-clockwise in the x-z plane, measured from +x towards +z).
+towards increasing polar angle (counter-clockwise in the x-z plane, measured from +x towards +z).
 The tension m v^2/L - m g sin(phi) ends where sin(psi) = (k - 2)/3 with v^2 = g L sin(psi); there
 the parabola osculates the circle, so the four common points of the two conics have polar angles
 that sum to a multiple of a full turn, three of them at psi: the string is taut again at -3 psi.
@@ -25,7 +25,7 @@ class Flight:
         x_release, v_release: (2,) place and velocity (x, z) at the release [m], [m/s].
         x_catch: (2,) place at the catch [m].
         v_before, v_after: (2,) velocity on both sides of the catch [m/s].
-        impulse: of the catch [N s].
+        impulse: impulse of the catch [N s].
         loss: energy lost in the catch [J].
         after: speed along growing polar angle after the catch [m/s].
     """
@@ -60,7 +60,7 @@ def flight(k: float, length: float, mass: float, gravity: float) -> Flight:
 
     Args:
         k: v0^2 / (g L), between 2 and 5.
-        length: of the string [m].
+        length: length of the string [m].
         mass: [kg].
         gravity: [m/s^2].
     """

@@ -1,4 +1,4 @@
-"""Recordings in the format before: every sample, event and point of contact."""
+"""Recordings in the previous format: every sample, event and point of contact."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import fantoccini as fan
 
 
 def arrays_before(recording: fan.theatre.Recording, path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a file of the format ``fantoccini.recording.2``.
+    """The arrays of a file of the format `fantoccini.recording.2`.
 
     Args:
-        recording: as it was recorded.
-        path: of a file that is written on the way.
+        recording: recording without edits.
+        path: path of a temporary file.
     """
     recording.save(path)
     with np.load(path) as file:

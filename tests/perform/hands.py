@@ -1,4 +1,4 @@
-"""The hands of a performance, by which tests measure what it does."""
+"""The hands of a performance, for measurements in tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hands that ask for the impossible: they lag or slip; nothing explodes, raises or starts anew."""
+"""Impossible targets: hands lag or slip; nothing explodes, raises or restarts."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 NAMES = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "stand6", "string_pendulum")
 CALM = ("marionette", "marionette_bar", "stand6")
-"""Puppets that have damping enough to come to rest within half a minute."""
-MOST_ENERGY = 12.0
-"""Largest gain of energy, in the puppet's weight times 1 m; 7 was the most that was seen."""
+"""Puppets with enough damping to come to rest within half a minute."""
+MAX_ENERGY_GAIN = 12.0
+"""Largest gain of energy, relative to the puppet's weight times 1 m; the largest seen was 7."""
 OWN = ("wire", "cable_robot", "tackle", "beads", "winches", "springs")
 
 
@@ -60,19 +60,19 @@ def abused(live: fan.Performance, throws: int, ticks: int, seed: int) -> float:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_thrown_about_a_hundred_times_a_puppet_comes_home(name):
+def test_a_puppet_thrown_a_hundred_times_returns_to_rest(name):
     marionette = getattr(fan.puppets, name)()
     live = fan.Performance(marionette)
     x0 = live.state
     gained = abused(live, throws=100, ticks=40, seed=1)
-    assert gained < MOST_ENERGY * marionette.weight
+    assert gained < MAX_ENERGY_GAIN * marionette.weight
     live.advance(15.0)
-    # The hands are where they were ...
+    # The hands return to their positions ...
     assert np.max(np.abs(hands_of(live).away(live.state.q_K, x0.q_K)), initial=0.0) < 1e-12
     assert live.lagging == {} and np.all(live.slip < 1e-6)
     if name not in CALM:
         return
-    # ... and the puppet hangs there as it did.
+    # ... and the puppet returns to its rest.
     live.advance(45.0)
     assert np.max(np.abs(live.state.v_D)) < 1.0
     now, then = (marionette.poses(x.q_D, x.q_K)[:, :, 3] for x in (live.state, x0))
@@ -83,15 +83,15 @@ def test_thrown_about_a_hundred_times_a_puppet_comes_home(name):
 
 
 @pytest.mark.parametrize("name", OWN)
-def test_wires_pulleys_and_springs_bear_it_too(name):
+def test_wires_pulleys_and_springs_return_to_rest_too(name):
     marionette = puppets.load(name)
     live = fan.Performance(marionette)
-    assert abused(live, 40, 30, seed=2) < 2 * MOST_ENERGY * marionette.weight
+    assert abused(live, 40, 30, seed=2) < 2 * MAX_ENERGY_GAIN * marionette.weight
     live.advance(10.0)
     assert np.all(np.isfinite(live.state.q_D))
 
 
-def test_a_hand_stops_a_little_beyond_where_the_puppet_follows_and_comes_back_at_once():
+def test_a_hand_stops_just_beyond_the_puppets_reach_and_returns_at_once():
     arm = fan.puppets.arm3d()
     live = fan.Performance(arm)
     home, _ = live.place("hand")
@@ -169,14 +169,14 @@ strings:
     live = fan.Performance(marionette)
     live.move("left", [-3.0, 0.0, 1.0])
     live.advance(4.0)
-    # Its hand is not held back: the winch lets out what is missing.
+    # Its hand is not held back: the winch lets out the missing length.
     assert np.allclose(live.place("left")[0], [-3.0, 0.0, 1.0], atol=1e-13)
     assert live.slip[0] > 1.0 and live.slip[1] == 0.0
     assert live.tension[0] == pytest.approx(30.0, rel=1e-6)
     assert live.lagging == {"left": f"winch slips by {1000 * live.slip[0]:.0f} mm"}
 
 
-def test_random_parameters_under_way():
+def test_parameters_may_change_at_random():
     arm = fan.puppets.arm2d()
     live, rng = fan.Performance(arm), np.random.default_rng(5)
     for _ in range(40):
@@ -186,7 +186,7 @@ def test_random_parameters_under_way():
         assert np.all(np.isfinite(live.state.q_D)) and np.max(np.abs(live.state.v_D)) < 500
 
 
-def test_where_the_stepper_cannot_go_on_the_hands_stop_and_the_recording_ends(monkeypatch):
+def test_if_the_stepper_fails_the_hands_stop_and_the_recording_ends(monkeypatch):
     arm = fan.puppets.arm2d()
     live = fan.Performance(arm)
     live.record()
@@ -196,7 +196,7 @@ def test_where_the_stepper_cannot_go_on_the_hands_stop_and_the_recording_ends(mo
     status, failed = Stepper.status.fget, []
 
     def fails(stepper):
-        """The first stepper fails, those that replace it do not."""
+        """Fail for the first stepper, not for its replacements."""
         failed[:] = failed or [stepper]
         return fan.Status.NOT_SETTLED if stepper is failed[0] else status(stepper)
 
@@ -205,9 +205,9 @@ def test_where_the_stepper_cannot_go_on_the_hands_stop_and_the_recording_ends(mo
     assert np.all(x.v_K == 0) and np.all(np.isfinite(x.q_D))
     assert "stopped" in live.lagging["hand"]
     assert not live.recording
-    made = live.stop()
-    assert len(made) == 12 and "stopped" in made.ended
-    assert np.array_equal(made.replay().q_D, made.trajectory.q_D)
+    recording = live.stop()
+    assert len(recording) == 12 and "stopped" in recording.ended
+    assert np.array_equal(recording.replay().q_D, recording.trajectory.q_D)
     live.advance(2.0)
     assert np.allclose(live.place("hand")[0], home + np.array([0.3, 0.0, 0.0]), atol=1e-13)
     assert live.lagging == {}

@@ -20,7 +20,7 @@ def kicked(arm: fan.Marionette, size: float = 2.0) -> fan.State:
 
 
 def settled(arm: fan.Marionette, live: fan.Performance) -> float:
-    """The largest velocity over the last of some time."""
+    """Largest velocity over the last part of a time."""
     live.advance(1.2)
     speeds = []
     for _ in range(20):
@@ -33,7 +33,7 @@ def test_a_push_accelerates_by_force_over_mass():
     live = fan.Performance(toy)
     live.push("bob", [0.3, -0.6, 0.0])
     x = live.advance(0.05)
-    # On a string of 0.6 m the weight has taken back little by then.
+    # On a string of 0.6 m, the weight has changed little of it by then.
     assert x.v_D[:3] == pytest.approx([0.05, -0.1, 0.0], abs=2e-3)
     live.push("bob", None)
     y = live.advance(1.0 / 120.0)
@@ -76,18 +76,18 @@ def test_hands_stay_within_their_bounds_and_bring_it_back(arm):
     place = live.state.q_D
     live.let(fan.theatre.Balance(live))
     live.push("lower", [2.0, 0.0, 0.0])
-    bounds, before, far = live.bounds, live.state.v_K, 0.0
+    bounds, before, distance = live.bounds, live.state.v_K, 0.0
     for k in range(240):
         if k == 18:
             live.push("lower", None)
         x = live.step()
-        far = max(far, float(np.max(np.abs(x.q_D - place))))
+        distance = max(distance, float(np.max(np.abs(x.q_D - place))))
         assert np.all(np.abs(x.v_K) <= np.array(list(bounds.speed.values())) + 1e-9)
-        most = np.array(list(bounds.acceleration.values())) * live.tick
-        assert np.all(np.abs(x.v_K - before) <= most * (1.0 + 1e-9))
+        max_change = np.array(list(bounds.acceleration.values())) * live.tick
+        assert np.all(np.abs(x.v_K - before) <= max_change * (1.0 + 1e-9))
         before = x.v_K
-    assert far > 0.1
-    assert np.max(np.abs(x.q_D - place)) < 0.2 * far
+    assert distance > 0.1
+    assert np.max(np.abs(x.q_D - place)) < 0.2 * distance
 
 
 def test_hands_that_balance_take_no_targets(arm):
@@ -103,7 +103,7 @@ def test_hands_that_balance_take_no_targets(arm):
     assert live.law is None
 
 
-def test_a_reset_gives_the_hands_back(arm):
+def test_a_reset_ends_the_balancing(arm):
     live = fan.Performance(arm)
     live.let(fan.theatre.Balance(live))
     live.reset()
@@ -120,7 +120,7 @@ def test_a_thread_makes_the_updates_and_counts_those_that_are_late(arm):
         live.step()
         time.sleep(live.tick)
     assert f"{law.late} late" in law.about
-    # A puppet that runs ahead of the updates goes on under the plan, and they come late.
+    # A puppet that runs ahead of the updates follows the old plan, and they come late.
     late, skipped = law.late, law.mpc.skipped
     for _ in range(5):
         live.advance(0.1)

@@ -1,4 +1,4 @@
-"""Live on a stage with contact: feet follow, and nothing that hands do can break it."""
+"""Live on a stage with contact: feet follow, and no motion of the hands breaks it."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import fantoccini as fan
 pytestmark = pytest.mark.slow
 
 CARRYING = ("head", "shoulder_left", "shoulder_right")
-MOST_ENERGY = 12.0
-"""Largest gain of energy, in the weight times 1 m; as for puppets without contact."""
+MAX_ENERGY_GAIN = 12.0
+"""Largest gain of energy, relative to the weight times 1 m; as for puppets without contact."""
 
 
 def place(live, body):
@@ -21,12 +21,12 @@ def place(live, body):
 
 
 def feet(live):
-    """(2, 3) the middles of the soles [m]."""
+    """(2, 3) middles of the soles [m]."""
     poses = [place(live, f"shin_{side}") for side in ("left", "right")]
     return np.array([pose[:, 3] + pose[:, :3] @ [0.007, 0.0, -0.141] for pose in poses])
 
 
-def test_dragged_along_the_feet_follow_on_the_floor():
+def test_the_feet_of_a_dragged_puppet_follow_on_the_floor():
     live = fan.Performance(fan.puppets.promenade())
     begin, weight = feet(live)[:, 0].copy(), live.marionette.weight
     homes = {h.name: live.place(h.name)[0] for h in live.handles}
@@ -35,14 +35,14 @@ def test_dragged_along_the_feet_follow_on_the_floor():
         for name, home in homes.items():
             live.move(name, home + np.array([min(0.5, 0.5 * k / 360), 0.0, 0.0]))
         live.advance(1 / 60)
-        found = live.contact.of("floor")
-        carried.append(found.force[:, 2].sum() / weight)
-        gaps.append(found.gap.min(initial=0.0))
+        contacts = live.contact.of("floor")
+        carried.append(contacts.force[:, 2].sum() / weight)
+        gaps.append(contacts.gap.min(initial=0.0))
         upright.append(place(live, "torso")[2, 2])
     live.advance(2.0)
     assert live.lagging == {}
     went = feet(live)[:, 0] - begin
-    # They scuff along behind: friction holds them until the strings slant enough.
+    # They slide along behind: friction holds them until the strings slant enough.
     assert np.all((went > 0.36) & (went < 0.52))
     assert np.mean(np.array(carried) > 0.02) > 0.5
     assert min(gaps) > -1e-3
@@ -68,7 +68,7 @@ def test_one_hand_drags_the_bar_along_and_the_feet_follow():
     assert np.degrees(np.arccos(min(upright))) < 25.0
 
 
-def test_let_go_it_falls_in_a_heap_on_the_floor_and_stands_up_again():
+def test_released_it_falls_on_the_floor_and_stands_up_again():
     live = fan.Performance(fan.puppets.promenade())
     before = {name: live.length(name) for name in live.lengths}
     for name in live.lengths:
@@ -88,13 +88,13 @@ def test_let_go_it_falls_in_a_heap_on_the_floor_and_stands_up_again():
 
 
 @pytest.mark.parametrize(("name", "throws", "seed"), [("promenade", 60, 1), ("visit", 12, 2)])
-def test_thrown_about_it_stays_finite_and_above_the_floor(name, throws, seed):
+def test_a_thrown_puppet_stays_finite_and_above_the_floor(name, throws, seed):
     marionette, rng = getattr(fan.puppets, name)(), np.random.default_rng(seed)
     live = fan.Performance(marionette)
     homes = {h.name: live.place(h.name)[0] for h in live.handles}
-    before, most = sum(marionette.energies(live.state)), 0.0
+    before, max_gain = sum(marionette.energies(live.state)), 0.0
     for throw in range(throws):
-        # At the floor, at the other puppet, and anywhere.
+        # Directions: to the floor, to the other puppet, and random.
         aim = np.array([0.5, 0.0, -0.5]) if throw % 3 == 0 else rng.normal(size=3)
         for handle, home in homes.items():
             there = home + (10.0 * aim / np.linalg.norm(aim) if throw % 2 == 0 else 0.0)
@@ -106,15 +106,15 @@ def test_thrown_about_it_stays_finite_and_above_the_floor(name, throws, seed):
             for part in (x.q_D, x.v_D, x.q_K, x.v_K, x.slip, live.tension, live.contact.force):
                 assert np.all(np.isfinite(part))
             assert not any("stopped" in why for why in live.lagging.values()), live.lagging
-            most = max(most, sum(marionette.energies(x)) - before)
+            max_gain = max(max_gain, sum(marionette.energies(x)) - before)
             assert live.contact.of("floor").gap.min(initial=0.0) > -0.02
-    assert most < MOST_ENERGY * marionette.weight
+    assert max_gain < MAX_ENERGY_GAIN * marionette.weight
     t = live.t
     live.advance(0.5)
     assert live.t == pytest.approx(t + 0.5, abs=1e-6)
 
 
-def test_what_was_recorded_on_a_stage_replays_to_the_last_bit():
+def test_a_recording_on_a_stage_replays_to_the_last_bit():
     live = fan.Performance(fan.puppets.promenade())
     live.record()
     for name in CARRYING:
@@ -126,7 +126,7 @@ def test_what_was_recorded_on_a_stage_replays_to_the_last_bit():
 
 
 def test_hands_bring_back_a_puppet_that_stands():
-    """Its torso is pulled aside and let go; alone it would swing on."""
+    """Its torso is pulled aside and released; alone it would continue to swing."""
     swings = []
     for balanced in (False, True):
         live = fan.Performance(fan.puppets.promenade())
@@ -138,11 +138,11 @@ def test_hands_bring_back_a_puppet_that_stands():
         live.advance(0.4)
         live.push("torso", None)
         live.advance(1.0)
-        far = []
+        distances = []
         for _ in range(40):
             live.advance(0.02)
-            far.append(float(np.linalg.norm(place(live, "torso")[:, 3] - begin)))
-        swings.append(max(far))
+            distances.append(float(np.linalg.norm(place(live, "torso")[:, 3] - begin)))
+        swings.append(max(distances))
     assert swings[0] > 0.03
     assert swings[1] < 0.4 * swings[0]
     assert law.message == "" and law.mpc is not None and law.mpc.updates > 100

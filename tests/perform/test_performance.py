@@ -1,4 +1,4 @@
-"""Hands that are moved gently: what is asked for happens, exactly and without steps."""
+"""Gentle motions of hands: targets are reached exactly and without steps."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def bridge_crane():
 
 
 def test_methods_have_their_arguments_and_documentation():
-    """Also those that the targets do."""
+    """This includes the methods of targets."""
     public = {name: f for name, f in vars(fan.Performance).items() if not name.startswith("_")}
     assert all(f.__doc__ for f in public.values())
     move = inspect.signature(fan.Performance.move)
@@ -61,8 +61,8 @@ def test_quaternions_of_matrices():
     rng = np.random.default_rng(0)
     turns = np.concatenate([rng.normal(size=(50, 4)), np.eye(4), 1e-9 + np.eye(4)])
     for q in rotation.normalised(turns):
-        found = rotation.quaternion(rotation.matrix(q))
-        assert min(np.max(np.abs(found - q)), np.max(np.abs(found + q))) < 1e-14
+        turned_back = rotation.quaternion(rotation.matrix(q))
+        assert min(np.max(np.abs(turned_back - q)), np.max(np.abs(turned_back + q))) < 1e-14
 
 
 def test_it_hangs_at_rest_and_stays(marionette):
@@ -124,7 +124,7 @@ def test_handles_of_every_joint_go_where_their_joint_lets_them(bridge_crane):
     live.move("head", None, tilted)
     live.advance(4.0)
     assert np.allclose(live.place("bridge")[0], [0.0, 0.4, 3.0], atol=1e-13)
-    # It rides on the bridge.
+    # It moves with the bridge.
     assert np.allclose(live.place("trolley")[0], [0.3, 0.4, 3.0], atol=1e-13)
     assert turn_between(live.place("arm")[1], half) < 2e-3
     assert np.allclose(live.place("arm")[0], [2.0, 0.0, 3.0], atol=1e-15)
@@ -151,7 +151,7 @@ def test_driven_velocity_is_continuous_and_bounded(bar):
     assert np.max(np.abs(v_1 - v_0)) < 1e-11
     assert np.max(np.abs(q_1 - q_0)) < 1e-11
     run = recording.trajectory
-    # What was simulated is that input.
+    # The simulated input is the same.
     assert np.max(np.abs(run.v_K[1:-1] - v_1)) < 1e-11
     for v, acc in zip(run.v_K, recording.acc_K, strict=False):
         assert np.all(reach.lengths(v, hands.group, 2) <= hands.speed * (1 + 1e-12))
@@ -175,8 +175,8 @@ def test_targets_may_be_set_from_other_threads(marionette):
 
     names = list(homes)
     threads = [
-        threading.Thread(target=drag, args=(some, i))
-        for i, some in enumerate((names[:4], names[3:]))
+        threading.Thread(target=drag, args=(group, i))
+        for i, group in enumerate((names[:4], names[3:]))
     ]
     for thread in threads:
         thread.start()
@@ -189,7 +189,7 @@ def test_targets_may_be_set_from_other_threads(marionette):
     assert np.all(np.isfinite(live.state.q_D))
 
 
-def test_whole_ticks_are_simulated_and_what_is_left_counts_later(marionette):
+def test_whole_ticks_are_simulated_and_the_rest_counts_later(marionette):
     live = fan.Performance(marionette, tick=0.01)
     live.advance(0.025)
     assert live.t == pytest.approx(0.02)
@@ -230,7 +230,7 @@ def test_parameters_change_while_it_goes_on(bridge_crane):
     assert live.tension[0] == pytest.approx(2 * 9.81, rel=0.01)
 
 
-def test_a_changed_puppet_goes_on_where_names_were_kept(bridge_crane):
+def test_a_changed_puppet_continues_where_names_are_the_same(bridge_crane):
     live = fan.Performance(bridge_crane)
     live.move("bridge", [0, 0.3, 0])
     live.move("head", None, rotation.exp(np.array([0.3, 0.0, 0.0])))
@@ -242,9 +242,9 @@ def test_a_changed_puppet_goes_on_where_names_were_kept(bridge_crane):
     lost = live.replace(fan.loads(shorter))
     assert "head.qw is gone" in lost and "skull.qw is new" in lost
     names = live.marionette.coordinates.q_K
-    kept = [names.index(n) for n in ("bridge", "trolley", "hoist.length")]
-    theirs = [bridge_crane.coordinates.q_K.index(names[i]) for i in kept]
-    assert np.array_equal(live.state.q_K[kept], before.q_K[theirs])
+    places = [names.index(n) for n in ("bridge", "trolley", "hoist.length")]
+    theirs = [bridge_crane.coordinates.q_K.index(names[i]) for i in places]
+    assert np.array_equal(live.state.q_K[places], before.q_K[theirs])
     assert np.allclose(live.target("bridge")[0], [0, 0.3, 3.0])
     live.advance(3.0)
     assert np.allclose(live.place("bridge")[0], [0, 0.3, 3.0], atol=1e-13)
@@ -265,7 +265,7 @@ def test_a_puppet_whose_strings_became_too_short_is_wound_up(bridge_crane):
     assert live.slip[0] < 1e-6
 
 
-def test_mistakes_are_told_and_change_nothing(bridge_crane):
+def test_mistakes_are_named_and_change_nothing(bridge_crane):
     live = fan.Performance(bridge_crane)
     with pytest.raises(fan.errors.UnknownNameError, match="trolley"):
         live.move("troley", [0, 0, 0])

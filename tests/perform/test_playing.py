@@ -1,4 +1,4 @@
-"""Gestures and takes on top of what the hands hold: C^1, within bounds, and as they were made."""
+"""Gestures and takes added to the hands: C^1, within bounds, and without changes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def gestures(marionette):
 
 @pytest.fixture(scope="module")
 def take(marionette):
-    """Two strings moved about for three seconds."""
+    """Three seconds of motion of two strings."""
     live, rng = fan.Performance(marionette), np.random.default_rng(1)
     homes = {name: live.place(name)[0] for name in ("hand_left", "head")}
     live.record()
@@ -36,19 +36,19 @@ def take(marionette):
     return live.stop()
 
 
-def within_bounds(live: fan.Performance, made: fan.theatre.Recording) -> None:
-    """Accelerations, and so jumps of velocity over a tick, and speeds."""
-    hands, v_K = hands_of(live), made.trajectory.v_K
-    for values, most in ((made.acc_K, hands.acceleration), (v_K, hands.speed)):
-        sizes = np.array([reach.lengths(row, hands.group, len(most)) for row in values])
-        assert np.max(sizes / most) <= 1.0 + 1e-9
+def within_bounds(live: fan.Performance, recording: fan.theatre.Recording) -> None:
+    """Accelerations, and so changes of velocity in a tick, and speeds keep their bounds."""
+    hands, v_K = hands_of(live), recording.trajectory.v_K
+    for values, bound in ((recording.acc_K, hands.acceleration), (v_K, hands.speed)):
+        sizes = np.array([reach.lengths(row, hands.group, len(bound)) for row in values])
+        assert np.max(sizes / bound) <= 1.0 + 1e-9
 
 
 def wanted(live: fan.Performance) -> np.ndarray:
     return np.concatenate([live.target(handle.name)[0] for handle in live.handles])
 
 
-def test_a_gesture_is_played_on_top_of_what_the_hands_hold(marionette, gestures):
+def test_a_gesture_is_added_to_the_positions_of_the_hands(marionette, gestures):
     live = fan.Performance(marionette)
     live.move("head", live.place("head")[0] + [0.03, 0.0, 0.0])
     live.advance(1.0)
@@ -68,19 +68,19 @@ def test_a_gesture_is_played_on_top_of_what_the_hands_hold(marionette, gestures)
 def test_gestures_in_the_middle_of_others_never_jump_and_keep_bounds(marionette, gestures):
     live, rng = fan.Performance(marionette), np.random.default_rng(0)
     home = wanted(live)
-    names = [name for name, one in gestures.items() if not one.travel.any()]
+    names = [name for name, loaded in gestures.items() if not loaded.travel.any()]
     live.record()
     for _ in range(40):
         live.play(gestures[rng.choice(names)].scaled(rng.uniform(0.5, 1.5)))
         live.advance(rng.uniform(0.02, 1.2))
     live.go_home()
     live.advance(4.0)
-    made = live.stop()
-    assert not made.ended
-    within_bounds(live, made)
+    recording = live.stop()
+    assert not recording.ended
+    within_bounds(live, recording)
     np.testing.assert_allclose(wanted(live), home, atol=1e-12)
-    np.testing.assert_allclose(made.trajectory.q_K[-1], made.start.q_K, atol=1e-9)
-    assert np.max(np.abs(made.trajectory.v_K[-1])) < 1e-9
+    np.testing.assert_allclose(recording.trajectory.q_K[-1], recording.start.q_K, atol=1e-9)
+    assert np.max(np.abs(recording.trajectory.v_K[-1])) < 1e-9
 
 
 def test_after_a_walk_the_hands_are_at_the_new_place(marionette, gestures):
@@ -97,7 +97,7 @@ def test_after_a_walk_the_hands_are_at_the_new_place(marionette, gestures):
     np.testing.assert_allclose(live.state.q_K, home, atol=1e-9)
 
 
-def test_home_takes_back_gestures_then_the_hands(marionette, gestures):
+def test_home_reverts_gestures_then_the_hands(marionette, gestures):
     live = fan.Performance(marionette)
     home = wanted(live)
     live.move("head", live.place("head")[0] + [0.03, 0.0, 0.0])
@@ -118,11 +118,11 @@ def test_a_button_pressed_twice_begins_again_where_it_is(marionette, gestures):
     for _ in range(5):
         live.play(gestures["wave"])
         live.advance(0.7)
-    one = np.max(np.abs(gestures["wave"].coef[:, :, 0]))
-    made = live.stop()
-    within_bounds(live, made)
-    # It takes over from itself: offsets do not add up.
-    assert np.max(np.abs(made.trajectory.q_K - made.start.q_K)) < 1.2 * one
+    size = np.max(np.abs(gestures["wave"].coef[:, :, 0]))
+    recording = live.stop()
+    within_bounds(live, recording)
+    # It replaces itself: offsets do not add up.
+    assert np.max(np.abs(recording.trajectory.q_K - recording.start.q_K)) < 1.2 * size
 
 
 def test_a_part_adds_to_the_whole_and_a_posture_takes_over(marionette, gestures):
@@ -155,11 +155,11 @@ def test_gestures_begin_on_time(marionette, gestures):
         x = live.step()
         d, _ = piecewise.at(nod.breaks, nod.coef, max(live.t - 0.503, 0.0))
         np.testing.assert_allclose(x.q_K, home + d, atol=2e-5)
-    # On its way it begins later where the way to its start takes longer.
+    # During its motion it begins later if the transition to its start takes longer.
     assert live.play(nod, after=0.0) > 0.0
 
 
-def test_what_begins_again_ends_when_told(marionette, gestures):
+def test_a_repetition_ends_on_request(marionette, gestures):
     live = fan.Performance(marionette)
     home = live.state.q_K
     live.play(gestures["march"], again=True)
@@ -198,7 +198,7 @@ def test_an_overdub_repeats_the_take_and_leaves_armed_lanes_to_the_hands(marione
         over.trajectory.q_K[:, own], take.trajectory.q_K[:, own], rtol=0, atol=1e-12
     )
     np.testing.assert_allclose(live.place("hand_right")[0], there, atol=1e-9)
-    # Nothing armed: the same motion of the puppet, but for the time-stepper's memory.
+    # Without armed lanes the puppet moves equally, except for the memory of the time-stepper.
     live.play_take(take)
     live.record()
     live.advance(take.duration)
@@ -226,9 +226,9 @@ def test_a_loop_never_jumps(marionette, take):
     live.play_take(part, again=True)
     live.record()
     live.advance(5.0)
-    made = live.stop()
+    recording = live.stop()
     assert live.take_time is not None and live.take_time < part.duration
-    within_bounds(live, made)
+    within_bounds(live, recording)
     live.stop_take()
     live.advance(1.0)
     assert np.max(np.abs(live.state.v_K)) < 1e-9
@@ -240,20 +240,24 @@ def test_a_looped_take_is_joined_by_state(marionette, take):
     bar.record()
     bar.move("bar", there + np.array([0.1, 0.0, 0.05]), rotation.exp(np.array([0.1, 0.2, 0.3])))
     bar.advance(0.8)
-    for one in (take.trimmed(0.4, 2.2), bar.stop()):
-        loop = one.looped(3)
-        assert np.max(np.abs(loop.acc_K)) <= max(np.max(np.abs(one.acc_K)), 6.1)
-        n, rest = divmod(len(loop) - len(one), 2)
-        assert rest == 0 and n > len(one)
+    for recording in (take.trimmed(0.4, 2.2), bar.stop()):
+        loop = recording.looped(3)
+        assert np.max(np.abs(loop.acc_K)) <= max(np.max(np.abs(recording.acc_K)), 6.1)
+        n, rest = divmod(len(loop) - len(recording), 2)
+        assert rest == 0 and n > len(recording)
         for k in range(3):
-            np.testing.assert_array_equal(loop.acc_K[k * n : k * n + len(one)], one.acc_K)
-        hands, own = loop.inputs, one.inputs
-        for s in np.linspace(0.0, one.duration - 1e-6, 7):
-            for a, b in zip(hands.evaluate(2 * n * one.tick + s), own.evaluate(s), strict=True):
+            np.testing.assert_array_equal(
+                loop.acc_K[k * n : k * n + len(recording)], recording.acc_K
+            )
+        hands, own = loop.inputs, recording.inputs
+        for s in np.linspace(0.0, recording.duration - 1e-6, 7):
+            for a, b in zip(
+                hands.evaluate(2 * n * recording.tick + s), own.evaluate(s), strict=True
+            ):
                 np.testing.assert_allclose(a, b, atol=1e-9)
 
 
-def test_the_same_ends_need_no_way_back(marionette):
+def test_equal_ends_need_no_transition(marionette):
     live = fan.Performance(marionette)
     live.record()
     live.advance(0.5)
@@ -264,7 +268,7 @@ def test_the_same_ends_need_no_way_back(marionette):
             still.looped(times)
 
 
-def test_what_cannot_be_played_is_told(marionette, gestures, take):
+def test_motions_that_cannot_be_played_are_refused(marionette, gestures, take):
     live = fan.Performance(fan.puppets.arm2d())
     for do in (lambda: live.play(gestures["wave"]), lambda: live.play_take(take)):
         with pytest.raises(ValueError, match="puppet"):
@@ -370,7 +374,7 @@ def test_armed_lanes_of_a_score_are_in_the_hands(marionette, score):
         assert live.length("hand_right") == live.wanted_length("hand_right")
 
 
-def test_what_is_played_goes_on_or_is_told_to_have_ended(marionette, gestures, score):
+def test_played_motions_continue_or_are_reported_as_ended(marionette, gestures, score):
     live = fan.Performance(marionette)
     live.play(gestures["wave"], again=True)
     playing = live.play_score(score)

@@ -1,4 +1,4 @@
-"""A hand reaches its target in the least time that its bounds allow, and stays."""
+"""A hand reaches its target in the least time within its bounds, and stays."""
 
 from __future__ import annotations
 
@@ -39,19 +39,20 @@ def test_full_speed_is_braked_within_the_distance_of_the_closed_form():
 
 @pytest.mark.parametrize("distance", [1e-4, 0.01, 0.1, 0.225, 0.3, 1.0, 10.0])
 def test_a_move_takes_the_time_of_bang_bang(distance):
-    """From rest to rest: 2 sqrt(d/a), or d/v + v/a where the speed is reached, and three ticks at
-    most, as they are whole."""
-    least = (
+    """The duration from rest to rest is 2 sqrt(d/a), or d/v + v/a if the speed is reached, and
+    at most three more ticks, because ticks are whole.
+    """
+    min_time = (
         2 * np.sqrt(distance / ACCELERATION)
         if distance < SPEED**2 / ACCELERATION
         else distance / SPEED + SPEED / ACCELERATION
     )
-    xs, vs = travel([0.0], [0.0], [distance], int(least / TICK) + 20)
+    xs, vs = travel([0.0], [0.0], [distance], int(min_time / TICK) + 20)
     arrived = np.flatnonzero(np.abs(xs[:, 0] - distance) + np.abs(vs[:, 0]) < 1e-12)
-    assert least - 1e-9 <= arrived[0] * TICK <= least + 3 * TICK
+    assert min_time - 1e-9 <= arrived[0] * TICK <= min_time + 3 * TICK
     assert np.all(np.diff(xs[:, 0]) >= -1e-15 * max(1.0, 4 * distance))
     assert np.max(xs) <= distance * (1 + 1e-14)
-    # Once there it stays.
+    # It stays there.
     assert np.max(np.abs(xs[arrived[0] :] - distance)) < 1e-14 * max(1.0, distance)
 
 
@@ -64,7 +65,7 @@ def test_a_straight_drag_is_a_straight_move():
     assert np.max(np.abs(xs[-1] - target)) < 1e-14
 
 
-def test_bounds_are_kept_whatever_is_wanted_and_every_target_is_reached():
+def test_bounds_hold_for_all_targets_and_every_target_is_reached():
     rng = np.random.default_rng(1)
     for _ in range(40):
         v = rng.normal(size=2)
@@ -77,7 +78,7 @@ def test_bounds_are_kept_whatever_is_wanted_and_every_target_is_reached():
         assert np.max(np.abs(xs[-1] - target)) < 1e-13
 
 
-def test_on_a_line_no_target_that_can_be_braked_for_is_passed():
+def test_on_a_line_no_target_within_braking_distance_is_passed():
     rng = np.random.default_rng(2)
     for _ in range(100):
         v = SPEED * rng.random()

@@ -1,4 +1,4 @@
-"""Recordings: the same bits again, on disk and off it; what fan.simulate makes of them; edits."""
+"""Recordings: equal bits in memory and in files, agreement with fan.simulate, edits."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ PARTS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
 
 
-def same(one: fan.Trajectory, other: fan.Trajectory) -> None:
-    """To the last bit, events included."""
+def same(first: fan.Trajectory, other: fan.Trajectory) -> None:
+    """Equality to the last bit, events included."""
     for name in PARTS:
-        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+        assert np.array_equal(getattr(first, name), getattr(other, name)), name
     for name in TABLES:
-        assert np.array_equal(getattr(one, name).values, getattr(other, name).values), name
-    assert one.events == other.events and one.status == other.status
+        assert np.array_equal(getattr(first, name).values, getattr(other, name).values), name
+    assert first.events == other.events and first.status == other.status
 
 
 @pytest.fixture(scope="module")
 def gentle():
-    """The control bar moved and tilted gently for 2 s, after something else."""
+    """The control bar moved and tilted gently for 2 s, after another motion."""
     live = fan.Performance(fan.puppets.marionette_bar(), speed=0.3, acceleration=1.5)
     there, level = live.place("bar")
     live.move("bar", there + np.array([0.0, 0.05, 0.0]))
@@ -49,7 +49,7 @@ def gentle():
 
 @pytest.fixture(scope="module")
 def rough():
-    """The marionette pulled beyond what it can follow."""
+    """The marionette pulled beyond its reach."""
     live = fan.Performance(fan.puppets.marionette())
     home, _ = live.place("hand_left")
     live.record()
@@ -77,13 +77,13 @@ def test_a_file_gives_the_same_recording_back(rough, tmp_path):
     same(read.replay(), rough.trajectory)
     assert (read.tick, read.steps, read.ended) == (rough.tick, rough.steps, rough.ended)
     assert np.array_equal(read.marionette.winches, rough.marionette.winches)
-    # Its trajectory is a trajectory like any other.
+    # Its trajectory can be saved like any other.
     rough.trajectory.save(tmp_path / "run.npz")
     same(fan.Trajectory.load(tmp_path / "run.npz"), rough.trajectory)
 
 
 def test_a_file_of_another_machine_keeps_its_samples(gentle, rough, tmp_path):
-    """Where the simulation gives other bits, each second begins at the sample saved."""
+    """If the simulation gives other bits, each second begins at the saved sample."""
     for name, recording in (("gentle", gentle), ("rough", rough)):
         path, other = tmp_path / f"{name}.npz", tmp_path / f"{name}_there.npz"
         recording.save(path)
@@ -96,8 +96,8 @@ def test_a_file_of_another_machine_keeps_its_samples(gentle, rough, tmp_path):
         there, here = fan.theatre.Recording.load(other).trajectory, recording.trajectory
         assert len(there) == len(here) and there.status == here.status
         assert np.array_equal(there.t, here.t)
-        # The first second is the same; then it begins at what was saved, without the memory that
-        # the time-stepper has of the steps before.
+        # The first second is the same; then it begins at the saved sample, without the
+        # time-stepper's memory of earlier steps.
         second = round(1.0 / recording.tick)
         assert np.array_equal(there.q_D[: second + 1], here.q_D[: second + 1])
         assert np.array_equal(there.q_D[-1], here.q_D[-1])
@@ -130,8 +130,8 @@ def test_a_minute_takes_less_than_two_megabytes(tmp_path):
 
 
 def test_parameters_and_scenes_are_kept(tmp_path):
-    one, two = fan.puppets.arm2d().puppet, fan.puppets.string_pendulum().puppet
-    world = fan.Marionette(fan.Scene.of(one, two)).with_parameters({"arm2d.m1": 0.3})
+    arm, two = fan.puppets.arm2d().puppet, fan.puppets.string_pendulum().puppet
+    world = fan.Marionette(fan.Scene.of(arm, two)).with_parameters({"arm2d.m1": 0.3})
     live = fan.Performance(world)
     live.record()
     live.move("arm2d.hand", [0.7, 0.0, 0.0])
@@ -143,7 +143,7 @@ def test_parameters_and_scenes_are_kept(tmp_path):
     same(read.replay(), recording.trajectory)
 
 
-def test_meshes_travel_with_a_recording(tmp_path):
+def test_meshes_are_saved_with_a_recording(tmp_path):
     folder = tmp_path / "there"
     (folder / "meshes").mkdir(parents=True)
     trimesh.creation.box((0.1, 0.2, 0.3)).export(folder / "meshes" / "box.stl")
@@ -157,10 +157,10 @@ def test_meshes_travel_with_a_recording(tmp_path):
     live.record()
     live.move("line", [0.2, 0.0, 1.0])
     live.advance(0.4)
-    made = live.stop()
-    made.save(tmp_path / "stone.npz")
+    recording = live.stop()
+    recording.save(tmp_path / "stone.npz")
     shutil.rmtree(folder)
-    same(fan.theatre.Recording.load(tmp_path / "stone.npz").replay(), made.trajectory)
+    same(fan.theatre.Recording.load(tmp_path / "stone.npz").replay(), recording.trajectory)
 
 
 def test_damaged_and_foreign_files_are_named(gentle, tmp_path):
@@ -191,7 +191,7 @@ def test_damaged_and_foreign_files_are_named(gentle, tmp_path):
             fan.theatre.Recording.load(path)
 
 
-def test_what_the_hands_did_is_an_input(gentle):
+def test_the_motion_of_the_hands_is_an_input(gentle):
     """The time-stepper at the same dt agrees to rounding, event-driven to the stepper's error."""
     recorded = gentle.trajectory
     asked = gentle.marionette, gentle.start, gentle.inputs, gentle.duration
@@ -208,7 +208,7 @@ def test_what_the_hands_did_is_an_input(gentle):
     assert np.max(np.abs(less)) < 0.4 * np.max(np.abs(apart))
 
 
-def test_a_recording_ends_when_something_else_than_the_hands_changes(gentle):
+def test_a_recording_ends_at_changes_other_than_those_of_the_hands(gentle):
     arm = fan.puppets.arm2d()
     for change, why in (
         (lambda live: live.set_parameters({"m1": 0.2}), "parameters"),
@@ -222,9 +222,9 @@ def test_a_recording_ends_when_something_else_than_the_hands_changes(gentle):
         change(live)
         assert not live.recording
         live.advance(0.3)
-        made = live.stop()
-        assert why in made.ended and len(made) == 36
-        same(made.replay(), made.trajectory)
+        recording = live.stop()
+        assert why in recording.ended and len(recording) == 36
+        same(recording.replay(), recording.trajectory)
         with pytest.raises(fan.errors.StateError, match="recorded"):
             live.stop()
 
@@ -269,7 +269,7 @@ def test_a_smoothed_recording_has_gentler_hands_and_the_same_ends(gentle):
     assert np.max(np.abs(v_s[0] - v[0])) == 0.0
     assert np.max(np.abs(q_s[-1] - q[-1])) < 1e-3
     assert np.max(np.abs(q_s - q)) < 0.02
-    # The steps of the acceleration are gone.
+    # The steps of the acceleration are smoothed.
     jerk = [np.max(np.abs(np.diff(r.acc_K, axis=0)[12:-12])) for r in (gentle, smooth)]
     assert jerk[1] < 0.2 * jerk[0]
     assert smooth.trajectory.status is fan.Status.DONE
@@ -278,7 +278,7 @@ def test_a_smoothed_recording_has_gentler_hands_and_the_same_ends(gentle):
         gentle.smoothed(-1.0)
 
 
-def test_an_edited_recording_is_kept_with_what_it_gives(gentle, tmp_path):
+def test_an_edited_recording_is_saved_with_its_trajectory(gentle, tmp_path):
     edited = gentle.smoothed(0.1).stretched(1.5).trimmed(0.2, 2.0)
     edited.save(tmp_path / "edited.npz")
     same(fan.theatre.Recording.load(tmp_path / "edited.npz").trajectory, edited.replay())

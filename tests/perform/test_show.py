@@ -30,7 +30,7 @@ def play(tmp_path_factory):
 
 
 class Stage:
-    """A show that is measured: the largest shares of bounds that its hands have used."""
+    """A measured show: the largest shares of bounds that its hands have used."""
 
     def __init__(self, play):
         self.show = fan.theatre.LivePlay(play)
@@ -54,7 +54,7 @@ class Stage:
             self.most = np.maximum(self.most, np.max(used, axis=1))
 
     def astray(self, who: str = "") -> float:
-        """How far hands are from where the play has them at its time [m]."""
+        """Distance of hands from their positions in the play at its time [m]."""
         live, play = self.show.performance, self.show.play
         there, _ = play.score.offsets(self.show.t)
         away = np.abs(self.hands.away(play.x0.q_K, live.state.q_K) - there)
@@ -70,7 +70,7 @@ def stage(play):
     return Stage(play)
 
 
-def test_the_hands_do_what_is_compiled_and_what_happens_is_told(stage):
+def test_the_hands_follow_the_compiled_play_and_events_are_reported(stage):
     stage.pass_by(0.5)
     assert stage.show.t == 0.0
     stage.show.go()
@@ -104,7 +104,7 @@ def test_early_go_is_kept_and_a_second_one_refused(stage):
     assert stage.show.message == "GO is refused: no cue waits any more"
 
 
-def test_skip_and_repeat_lead_from_where_the_hands_are(stage):
+def test_skip_and_repeat_begin_at_the_positions_of_the_hands(stage):
     show = stage.show
     show.repeat()
     assert "refused" in show.message
@@ -120,7 +120,7 @@ def test_skip_and_repeat_lead_from_where_the_hands_are(stage):
     show.skip()
     stage.pass_by(3.0)
     assert show.waiting.name == "cue 3"
-    assert stage.astray() < 0.01  # the hands shift against the swing that the way left
+    assert stage.astray() < 0.01  # the hands shift against the swing that the transition left
     show.skip()
     stage.pass_by(2.0)
     assert show.present.number == 4
@@ -131,7 +131,7 @@ def test_skip_and_repeat_lead_from_where_the_hands_are(stage):
     assert stage.within_bounds()
 
 
-def test_hold_stops_within_a_third_of_a_second(stage):
+def test_a_hold_stops_within_a_third_of_a_second(stage):
     show = stage.show
     show.go()
     stage.pass_by(1.0)
@@ -171,28 +171,28 @@ def test_a_player_is_taken_and_given_back_while_the_other_plays_on(stage, moved)
 
 
 def test_hands_that_shift_against_swing_end_it_soon(play):
-    """Of a push of 0.5 N for 0.2 s."""
+    """A push of 0.5 N for 0.2 s."""
 
     def swing(steady: bool) -> float:
         stage, usual = Stage(play), Stage(play)
-        for one, force in ((stage, (0.0, 0.5, 0.0)), (usual, None)):
+        for side, force in ((stage, (0.0, 0.5, 0.0)), (usual, None)):
             if not steady:
-                one.show.steady = None
-            one.show.go()
-            one.pass_by(0.5)
-            one.show.performance.push("columbine.torso", force)
-            one.pass_by(0.2)
-            one.show.performance.push("columbine.torso", None)
-            one.pass_by(2.0)
+                side.show.steady = None
+            side.show.go()
+            side.pass_by(0.5)
+            side.show.performance.push("columbine.torso", force)
+            side.pass_by(0.2)
+            side.show.performance.push("columbine.torso", None)
+            side.pass_by(2.0)
         assert stage.within_bounds()
-        at, there = (one.show.performance for one in (stage, usual))
-        most = 0.0
+        at, there = (side.show.performance for side in (stage, usual))
+        max_distance = 0.0
         for _ in range(20):
             stage.pass_by(0.1)
             usual.pass_by(0.1)
             poses = [live.marionette.pose(live.state, "columbine.torso") for live in (at, there)]
-            most = max(most, float(np.linalg.norm(poses[0][:, 3] - poses[1][:, 3])))
-        return most
+            max_distance = max(max_distance, float(np.linalg.norm(poses[0][:, 3] - poses[1][:, 3])))
+        return max_distance
 
     assert swing(True) < 0.5 * swing(False)
 
@@ -211,7 +211,7 @@ def test_players_are_steadied_as_pendulums_in_the_gravity_of_their_own_files(pla
     )
 
 
-def test_a_taken_player_stays_out_of_skips_and_all_hands_stop_and_go_on(stage):
+def test_skips_leave_a_taken_player_out_and_all_hands_stop_and_resume(stage):
     show, live = stage.show, stage.show.performance
     show.go()
     stage.pass_by(1.0)
@@ -235,7 +235,7 @@ def test_a_taken_player_stays_out_of_skips_and_all_hands_stop_and_go_on(stage):
     assert stage.within_bounds()
 
 
-def test_what_there_is_not_is_refused(stage):
+def test_unknown_names_and_commands_are_refused(stage):
     with pytest.raises(StateError, match="cues 1 to 4"):
         stage.show.start(5)
     with pytest.raises(UnknownNameError, match="did you mean 'pierrot'"):
@@ -251,7 +251,7 @@ def test_what_there_is_not_is_refused(stage):
 
 
 class Desk:
-    """What stands beside the stage: it sends messages and hears others."""
+    """The other side of the connection: it sends messages and receives others."""
 
     def __init__(self, stage: Stage):
         self.stage, self.jobs = stage, []
@@ -269,7 +269,7 @@ class Desk:
         self.raw(built(address, *values).dgram)
 
     def obeyed(self, n: int = 1) -> None:
-        """Waits for commands, and does them as the loop of a page would."""
+        """Wait for commands, and apply them as the loop of a page would."""
         end = time.monotonic() + 5.0
         while len(self.jobs) < n:
             assert time.monotonic() < end, self.osc.counts
@@ -298,13 +298,13 @@ def built(address: str, *values):
 
 @pytest.fixture
 def desk(stage):
-    made = Desk(stage)
-    yield made
-    made.osc.stop()
-    made.ears.close()
+    outer = Desk(stage)
+    yield outer
+    outer.osc.stop()
+    outer.ears.close()
 
 
-def test_messages_direct_the_show_and_tell_of_it(desk):
+def test_messages_direct_the_show_and_report_it(desk):
     show = desk.stage.show
     desk.send("/go")
     desk.obeyed()
@@ -326,7 +326,7 @@ def test_messages_direct_the_show_and_tell_of_it(desk):
         assert true(), address
     bundle = OscBundleBuilder(IMMEDIATELY)
     bundle.add_content(built("/resume", 1.0))
-    bundle.add_content(built("/go", 0.0))  # a button that is released
+    bundle.add_content(built("/go", 0.0))  # a released button
     desk.raw(bundle.build().dgram)
     desk.obeyed()
     assert not show.held
@@ -334,12 +334,12 @@ def test_messages_direct_the_show_and_tell_of_it(desk):
     assert desk.osc.counts.wrong == 0
 
 
-def test_what_is_echoed_makes_no_loop(desk):
+def test_echoed_messages_make_no_loop(desk):
     desk.send("/go")
     desk.obeyed()
     desk.stage.pass_by(0.1)
     desk.ears.recv(65536)  # /act
-    desk.raw(desk.ears.recv(65536))  # as it was sent
+    desk.raw(desk.ears.recv(65536))  # unchanged
     desk.send("/cue/1/start")  # without its arguments
     desk.settled("echoes", 2)
     assert desk.jobs == []
@@ -358,7 +358,7 @@ def test_broken_messages_are_counted(desk, data):
     assert desk.stage.show.t > 0.0
 
 
-def test_messages_that_are_no_commands_are_told(desk):
+def test_messages_that_are_not_commands_are_reported(desk):
     for address, values in (("/og", ()), ("/cue/x/start", ()), ("/go", ("now",))):
         desk.send(address, *values)
     desk.settled("wrong", 3)
@@ -395,17 +395,17 @@ def test_addresses(stage):
 
 
 def has_way_to(host: str) -> bool:
-    """Whether this machine has a network on which it could broadcast."""
+    """Whether this machine has a network that allows broadcasts."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         return probe.connect_ex((host, 53000)) == 0
 
 
 def test_a_refused_address_leaves_nothing_open(stage, monkeypatch):
-    """Where one of the two is refused, the other is not used either."""
-    listeners, made = [], []
+    """If one of the two is refused, the other is not used either."""
+    listeners, sockets = [], []
     monkeypatch.setattr(stage.show, "listen", listeners.append)
-    monkeypatch.setattr(osc, "socket_to", lambda *to: made.append(socket_to(*to)) or made[0])
+    monkeypatch.setattr(osc, "socket_to", lambda *to: sockets.append(socket_to(*to)) or sockets[0])
     with pytest.raises(StateError, match="is no address"):
         Osc(stage.show, Address("a..b", 1), Address("127.0.0.1", 53000), lambda do: None)
-    assert not listeners and made[0][0].fileno() == -1
+    assert not listeners and sockets[0][0].fileno() == -1

@@ -1,4 +1,4 @@
-"""Beats on the time of a performance."""
+"""Beats of a performance."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_taps_give_tempo_and_phase():
     assert tempo.bpm == pytest.approx(100.0)
     assert tempo.next(10.03 + 1.2) == pytest.approx(10.03 + 1.2)
     assert tempo.beats(10.03 + 1.2) == round(tempo.beats(10.03 + 1.2))
-    # After a pause a tap is the first again: it sets the beat, not the tempo.
+    # After a pause a tap counts as the first: it sets the beat, not the tempo.
     tempo.tap(30.0, 130.0)
     assert tempo.bpm == pytest.approx(100.0)
     assert tempo.next(30.0) == 30.0

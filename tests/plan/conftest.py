@@ -1,4 +1,4 @@
-"""A problem that several tests of plans share."""
+"""A problem shared by tests of plans."""
 
 from __future__ import annotations
 

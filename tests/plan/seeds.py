@@ -1,4 +1,4 @@
-"""Plans of the first seed that has a property: which seed that is hangs on the last bit."""
+"""Plans of the first seed with a property, because that seed depends on the last bit."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ def first_plan(
     made: Callable[[PlanResult], PlanResult] = lambda plan: plan,
     seeds: int = SEEDS,
 ) -> PlanResult:
-    """The plan of the first seed that is as wanted.
+    """The plan of the first seed with a property.
 
     Args:
-        problem: what is planned.
-        wanted: of what was made of a plan that was found.
-        made: what to make of a plan.
-        seeds: how many are tried.
+        problem: planning problem.
+        wanted: condition on the plan returned by `made`.
+        made: function that processes a plan.
+        seeds: number of seeds to try.
     """
     for seed in range(seeds):
-        found = solve(problem, seed=seed, time_limit=60.0)
-        if found and (plan := made(found)) and wanted(plan):
+        result = solve(problem, seed=seed, time_limit=60.0)
+        if result and (plan := made(result)) and wanted(plan):
             return plan
     raise AssertionError(f"none of {seeds} seeds has a plan as wanted")
 
@@ -37,10 +37,10 @@ def calm(plan: PlanResult) -> bool:
 
 
 def polished(plan: PlanResult) -> PlanResult:
-    """The plan, brought to 1e-3 from the goal."""
+    """The plan, polished to 1e-3 from the goal."""
     return plan.polish(1e-3, seconds=0.0)
 
 
 def near(plan: PlanResult) -> bool:
-    """Whether a plan was brought to its goal."""
+    """Whether a plan was polished to its goal."""
     return plan.polished is not None and plan.polished.reached

@@ -1,4 +1,4 @@
-"""Clearances against MuJoCo's and coal's distances, closed forms and numerical minimisation."""
+"""Clearances compared with MuJoCo's and coal's distances, closed forms and minimisation."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def shape(kind: str, rng: np.random.Generator) -> dict:
     }
 
 
-def turned(found: dict) -> np.ndarray:
-    """R of a box: about its x axis, then about the fixed y and z axes."""
-    return Rotation.from_euler("xyz", found["orientation"]["rpy"]).as_matrix()
+def turned(box_shape: dict) -> np.ndarray:
+    """R of a box: a turn about its x axis, then about the fixed y and z axes."""
+    return Rotation.from_euler("xyz", box_shape["orientation"]["rpy"]).as_matrix()
 
 
-def geom(name: str, found: dict, place: np.ndarray, turn: np.ndarray) -> str:
+def geom(name: str, shape_data: dict, place: np.ndarray, turn: np.ndarray) -> str:
     """The same shape as a geom of MuJoCo, moved by a rotation and a translation."""
 
     def numbers(x) -> str:
@@ -55,16 +55,16 @@ def geom(name: str, found: dict, place: np.ndarray, turn: np.ndarray) -> str:
     def move(x) -> np.ndarray:
         return turn @ np.asarray(x) + place
 
-    if found["type"] == "capsule":
-        ends = [move(found["from"]), move(found["to"])]
-        form = f'type="capsule" size="{found["radius"]}" fromto="{numbers(ends)}"'
+    if shape_data["type"] == "capsule":
+        ends = [move(shape_data["from"]), move(shape_data["to"])]
+        form = f'type="capsule" size="{shape_data["radius"]}" fromto="{numbers(ends)}"'
         return f'<geom name="{name}" {form}/>'
-    at = f'pos="{numbers(move(found["at"]))}"'
-    if found["type"] == "sphere":
-        return f'<geom name="{name}" type="sphere" size="{found["radius"]}" {at}/>'
-    R = turn @ turned(found)
+    at = f'pos="{numbers(move(shape_data["at"]))}"'
+    if shape_data["type"] == "sphere":
+        return f'<geom name="{name}" type="sphere" size="{shape_data["radius"]}" {at}/>'
+    R = turn @ turned(shape_data)
     axes = f'xyaxes="{numbers(R[:, :2].T)}"'
-    half = numbers(np.array(found["size"]) / 2)
+    half = numbers(np.array(shape_data["size"]) / 2)
     return f'<geom name="{name}" type="box" size="{half}" {at} {axes}/>'
 
 
@@ -77,9 +77,9 @@ def mujocos(first: str, second: str) -> float:
     return mujoco.mj_geomDistance(model, data, 0, 1, 10.0, np.zeros(6))
 
 
-def flying(found: dict) -> fan.Marionette:
-    """One free body with one shape; what is compiled knows no shapes, and is made once."""
-    puppet = fan.loads(str({"puppet": "flying", "bodies": [BODY | {"shapes": [found]}]}))
+def flying(shape_data: dict) -> fan.Marionette:
+    """One free body with one shape; shapes are not compiled, so that one library suffices."""
+    puppet = fan.loads(str({"puppet": "flying", "bodies": [BODY | {"shapes": [shape_data]}]}))
     puppet.__dict__["clearances"] = clearances()
     return puppet
 
@@ -103,8 +103,9 @@ def placed(puppet: fan.Marionette, rng: np.random.Generator) -> tuple[fan.State,
 
 
 PAIRS = [p for p in itertools.product(KINDS, KINDS) if set(p) != {"capsule", "box"}]
-"""Capsules and boxes have a test of their own: MuJoCo 4.0 finds a gap of 3 mm where a capsule
-is 10 mm inside a box."""
+"""Capsules and boxes have a separate test: MuJoCo 4.0 finds a gap of 3 mm for a capsule that is
+10 mm inside a box.
+"""
 
 
 @pytest.mark.parametrize(("moving", "still"), PAIRS)
@@ -116,20 +117,20 @@ def test_distances_are_mujocos(moving, still):
     for _ in range(80):
         x, turn = placed(puppet, rng)
         other = shape(still, rng)
-        (found,) = [Clearance(puppet, [other | {"name": "it"}]).of(x)]
+        (distance,) = [Clearance(puppet, [other | {"name": "it"}]).of(x)]
         theirs = mujocos(
             geom("a", puppet_shape, x.q_D[:3], turn), geom("b", other, np.zeros(3), np.eye(3))
         )
         if abs(theirs) < 1e-5:
             continue
-        assert (found > 0.0) == (theirs > 0.0)
+        assert (distance > 0.0) == (theirs > 0.0)
         apart, together = apart + (theirs > 0.0), together + (theirs < 0.0)
         if theirs > 0.0:
-            assert found == pytest.approx(theirs, abs=1e-5)
+            assert distance == pytest.approx(theirs, abs=1e-5)
     assert apart >= 3 and together >= 3
 
 
-def test_boxes_are_as_far_apart_as_coal_says():
+def test_boxes_have_the_distance_of_coal():
     rng = np.random.default_rng(8)
     mine = shape("box", rng)
     puppet = flying(mine)
@@ -150,10 +151,10 @@ def test_boxes_are_as_far_apart_as_coal_says():
             coal.DistanceRequest(),
             coal.DistanceResult(),
         )
-        found = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
-        assert (found > 0.0) == (theirs > 0.0) or abs(theirs) < 1e-6
+        distance = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
+        assert (distance > 0.0) == (theirs > 0.0) or abs(theirs) < 1e-6
         if theirs > 1e-6:
-            assert found == pytest.approx(theirs, abs=1e-9)
+            assert distance == pytest.approx(theirs, abs=1e-9)
             apart += 1
     assert apart > 60
 
@@ -169,8 +170,8 @@ def test_boxes_are_as_far_apart_as_coal_says():
         ((45, 45, 0), (0.28, 0.0, 0.28), np.sqrt(2) * (0.28 - 0.2)),  # edge across edge
     ],
 )
-def test_boxes_are_as_far_apart_as_geometry_says(rpy, at, gap):
-    """Cubes with edges of 0.2, one of them turned and moved; both, then, turned any way."""
+def test_boxes_have_the_distance_of_geometry(rpy, at, gap):
+    """Cubes with edges of 0.2, one of them turned and moved, and then both turned at random."""
     cube = {"type": "box", "size": [0.2, 0.2, 0.2]}
     puppet = flying(cube)
     turn = Rotation.from_euler("xyz", rpy, degrees=True)
@@ -194,9 +195,9 @@ def test_a_box_and_a_capsule_are_as_far_as_the_nearest_of_many_points():
         inside = (along - turn @ np.array(box["at"]) - x.q_D[:3]) @ (turn @ turned(box))
         gaps = np.maximum(np.abs(inside) - np.array(box["size"]) / 2, 0.0)
         expected = np.linalg.norm(gaps, axis=1).min() - other["radius"]
-        found = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
-        assert expected - 1e-5 < found < expected + 1e-12
-        together += found < 0.0
+        distance = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
+        assert expected - 1e-5 < distance < expected + 1e-12
+        together += distance < 0.0
     assert 5 < together < 35
 
 
@@ -212,7 +213,7 @@ def test_the_distance_of_a_capsule_is_the_least_along_it(still):
             other = {"type": still, "at": rng.normal(0, 0.1, 3).tolist(), "normal": normal.tolist()}
         else:
             other = shape(still, rng)
-        found = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
+        distance = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
         a, b = (turn @ puppet_shape[key] + x.q_D[:3] for key in ("from", "to"))
 
         def square(t, a=a, b=b, other=other):
@@ -220,15 +221,15 @@ def test_the_distance_of_a_capsule_is_the_least_along_it(still):
 
         if still == "half_space":
             unit = normal / np.linalg.norm(normal)
-            least = min((a - other["at"]) @ unit, (b - other["at"]) @ unit)
-            assert found == pytest.approx(least - puppet_shape["radius"], abs=1e-14)
+            lowest = min((a - other["at"]) @ unit, (b - other["at"]) @ unit)
+            assert distance == pytest.approx(lowest - puppet_shape["radius"], abs=1e-14)
             continue
         # The squared distance is convex: every start reaches its minimum.
         options = {"bounds": [(0, 1), (0, 1)], "tol": 1e-15, "method": "L-BFGS-B"}
         squared = minimize(square, (0.5, 0.5), **options).fun
         expected = np.sqrt(squared) - puppet_shape["radius"] - other.get("radius", 0.0)
-        assert found == pytest.approx(expected, abs=2e-6)
-        assert found <= expected + 1e-9, "no point along it is nearer than the distance"
+        assert distance == pytest.approx(expected, abs=2e-6)
+        assert distance <= expected + 1e-9, "no point along it is nearer than the distance"
 
 
 def far(point: np.ndarray, other: dict, t: np.ndarray) -> float:
@@ -261,7 +262,7 @@ def test_a_string_without_thickness_does_not_pass_through_a_box():
 
 
 def test_a_puppet_may_be_kept_clear_of_itself():
-    """A chain of three links folded to a triangle: the third comes back to the first."""
+    """A chain of three links folded to a triangle: the third returns to the first."""
     links = [
         {
             "name": name,
@@ -293,16 +294,16 @@ def test_floor_and_many_rows_and_threads():
     arm = fan.puppets.arm3d()
     run = fan.simulate(arm, arm.rest(), t_end=0.5, method=fan.TimeStepping(dt=1e-3))
     clear = Clearance(arm, [HalfSpace(name="ground", at=(0, 0, -0.9))])
-    found = clear.of(run)
-    assert found.shape == run.t.shape
+    distance = clear.of(run)
+    assert distance.shape == run.t.shape
     rows = [float(clear.of(run.state(i))) for i in (0, 7, -1)]
-    assert [found[0], found[7], found[-1]] == rows
+    assert [distance[0], distance[7], distance[-1]] == rows
     many = np.tile(run.q_D, (40, 1)), np.tile(run.q_K, (40, 1))
     assert np.array_equal(clear.at(*many, threads=1), clear.at(*many, threads=2))
     assert "ground" in str(clear.nearest(run))
 
 
-def test_mistakes_are_told():
+def test_mistakes_of_clearances_are_refused():
     arm = fan.puppets.arm3d()
     box = {"name": "shelf", "type": "box", "size": [0.1, 0.1, 0.1]}
     with pytest.raises(FileError, match=r"obstacles\[0\]\.size.*"):
@@ -355,9 +356,9 @@ def test_an_ellipsoid_is_exact_against_half_spaces_and_a_capsule_against_the_res
     skin = (ball * shape["radii"]) @ R.T + shape["at"]
     for normal in ([0, 0, 1.0], [0, -1.0, 0], [0.6, 0.0, 0.8]):
         wall = {"name": "wall", "type": "half_space", "at": (-np.array(normal)).tolist()}
-        found = float(Clearance(puppet, [wall | {"normal": normal}]).of(x))
+        distance = float(Clearance(puppet, [wall | {"normal": normal}]).of(x))
         lowest = float(np.min(skin @ normal))
-        assert found == pytest.approx(lowest + 1.0, abs=1e-5)
+        assert distance == pytest.approx(lowest + 1.0, abs=1e-5)
     flat = flying(shape)
     bead = {"name": "bead", "type": "sphere", "radius": 0.1, "at": [0.02, 0.0, 0.53]}
     assert float(Clearance(flat, [bead]).of(flat.state())) == pytest.approx(0.5 - 0.1 - 0.1)

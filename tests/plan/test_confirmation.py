@@ -1,4 +1,4 @@
-"""Plans hold in simulation, and say what did not help."""
+"""Plans are confirmed in simulation, and failures have reasons."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ BOXES = [
 
 @pytest.fixture(scope="module")
 def damped() -> Problem:
-    """Little time near the boxes, a string that goes slack: the time-stepper is off at catches."""
+    """A string goes slack near the boxes: the time-stepper differs at catches."""
     start = DAMPED.rest(START)
     return Problem(
         DAMPED, start, RAISED, BOXES, tolerance=0.1, bounds=fan.control.Bounds(acceleration=5.0)
     )
 
 
-def test_plans_hold_event_driven_by_default(damped):
-    """17.19: they end at the goal and touch nothing, looked at every millisecond."""
+def test_plans_are_confirmed_event_driven_by_default(damped):
+    """17.19: they end at the goal without contact, checked every millisecond."""
     for seed in range(16):
         plan = solve(damped, seed=seed, time_limit=60.0)
         assert plan and plan.status is fan.control.AnswerStatus.EXACT
@@ -58,8 +58,8 @@ def refused(plan: PlanPath) -> check.Check:
     return dataclasses.replace(check.confirmed(plan), arrives=False, fault="it misses the goal")
 
 
-def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_path):
-    """17.19: the next one is taken, and how many were refused is reported."""
+def test_the_search_continues_after_an_unconfirmed_plan(boxes, monkeypatch, tmp_path):
+    """17.19: the next one is used, and the number of refused plans is reported."""
     asked = []
 
     def not_the_first_two(plan: PlanPath) -> check.Check:
@@ -81,20 +81,20 @@ def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_p
 
 
 @pytest.mark.parametrize("status", [fan.Status.LOST_STEPS, fan.Status.RUNAWAY])
-def test_a_plan_whose_drives_are_too_weak_does_not_hold(boxes, monkeypatch, status):
-    """Though its run comes to its end within the tolerance."""
+def test_a_plan_with_too_weak_drives_is_not_confirmed(boxes, monkeypatch, status):
+    """This holds even if the run reaches its end within the tolerance."""
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert plan.verify(method="event").arrives
-    made = PlanPath.simulate
+    simulate = PlanPath.simulate
     monkeypatch.setattr(
-        PlanPath, "simulate", lambda *a, **o: dataclasses.replace(made(*a, **o), status=status)
+        PlanPath, "simulate", lambda *a, **o: dataclasses.replace(simulate(*a, **o), status=status)
     )
     assert not plan.verify(method="event").arrives
     assert not check.confirmed(plan.plan_path).arrives
 
 
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
-    """17.19: a run that Ctrl-C stops says nothing about the plan, and is not refused."""
+    """17.19: a run stopped by Ctrl-C says nothing about the plan, and is not refused."""
     whole = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)
     stopped = dataclasses.replace(whole, status=fan.Status.STOPPED)
     monkeypatch.setattr(plan_path, "simulate", lambda *_, **__: stopped)
@@ -102,8 +102,8 @@ def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
     assert not plan and plan.refused == 0 and plan.status is fan.control.AnswerStatus.APPROXIMATE
 
 
-def test_true_means_that_a_plan_holds_whether_or_not_that_was_asked(boxes, monkeypatch):
-    """17.19: bool(plan) of a search that confirms nothing makes the plan again."""
+def test_a_true_plan_is_confirmed_in_any_case(boxes, monkeypatch):
+    """17.19: bool(plan) of an unconfirmed search simulates the plan."""
     plan = first_plan(boxes, made=lambda p: solve(boxes, seed=0, confirm=False))
     assert plan.status is fan.control.AnswerStatus.UNCONFIRMED and plan.holds
     monkeypatch.setattr(result, "confirmed", refused)
@@ -114,8 +114,8 @@ def test_true_means_that_a_plan_holds_whether_or_not_that_was_asked(boxes, monke
         again.polish()
 
 
-def test_what_is_hidden_between_looks_is_found(boxes):
-    """17.19: a bead that the string passes between two looks, and touches at neither."""
+def test_contact_between_looks_is_found(boxes):
+    """17.19: the string passes a bead between two looks, without contact at either."""
     plan = solve(boxes, seed=0)
     run = plan.verify(method="event").run
     arm, first = boxes.marionette, np.arange(0.0, run.t[-1], boxes.rollouts.options.interval)
@@ -126,8 +126,8 @@ def test_what_is_hidden_between_looks_is_found(boxes):
     asked = Problem(arm, boxes.start, boxes.goal, [bead | {"at": middle.tolist()}], tolerance=0.25)
     seen = asked.rollouts.clearance.of(run.resample(first))
     assert seen.min() > 0.0
-    made = check.checked(PlanPath(asked, plan.tree, plan.path), method="event")
-    assert made.clearance < 0.0 and not made.arrives
+    plan_checked = check.checked(PlanPath(asked, plan.tree, plan.path), method="event")
+    assert plan_checked.clearance < 0.0 and not plan_checked.arrives
 
 
 def test_polish_says_that_polished_versions_are_too_long(monkeypatch):
@@ -140,13 +140,15 @@ def test_polish_says_that_polished_versions_are_too_long(monkeypatch):
     assert "take longer than the problem allows" in tried.message and tried.refused == plan.refused
 
 
-def test_polish_says_what_came_of_it(boxes, monkeypatch, tmp_path):
-    """17.4: a plan that is left as it was says why."""
-    made = first_plan(boxes, near, polished)
-    assert made.polished.status is PolishStatus.POLISHED and "as was asked" in repr(made)
-    assert made.polish(1e-3, seconds=0.0).polished.status is PolishStatus.NO_BETTER
-    tried = made.polish(1e-15, seconds=0.0)
-    assert tried.path == made.path and tried.polished.status is PolishStatus.NOT_NEAR
+def test_polish_has_a_status(boxes, monkeypatch, tmp_path):
+    """17.4: an unchanged plan has a reason."""
+    plan_checked = first_plan(boxes, near, polished)
+    assert plan_checked.polished.status is PolishStatus.POLISHED and "as was asked" in repr(
+        plan_checked
+    )
+    assert plan_checked.polish(1e-3, seconds=0.0).polished.status is PolishStatus.NO_BETTER
+    tried = plan_checked.polish(1e-15, seconds=0.0)
+    assert tried.path == plan_checked.path and tried.polished.status is PolishStatus.NOT_NEAR
     assert 1e-15 < tried.polished.nearest < 1e-3 and "nearest:" in tried.message
     tried.save(tmp_path / "plan.npz")
     assert PlanResult.load(tmp_path / "plan.npz", boxes).polished == tried.polished
@@ -157,7 +159,7 @@ def test_polish_says_what_came_of_it(boxes, monkeypatch, tmp_path):
     assert left.path == plan.path and left.polished.status is PolishStatus.NOT_HELD
 
 
-def test_improving_says_why_nothing_was_polished():
+def test_improving_names_the_reason_for_a_missing_polish():
     """17.4: a goal that is a function, a plan without a motion, and no time."""
     arm = fan.puppets.arm3d()
     hangs = arm.rest(START)
@@ -171,7 +173,7 @@ def test_improving_says_why_nothing_was_polished():
 
 
 def test_a_goal_state_at_rest_ends_at_rest():
-    """17.4: driven velocities included; the crane's trolley and its winch."""
+    """17.4: this includes driven velocities; the crane's trolley and its winch."""
     crane = fan.puppets.crane()
     start, goal = (crane.rest({"trolley": x}) for x in (-1.5, 1.5))
     problem = Problem(crane, start, goal, bounds=fan.control.Bounds(speed=2.0, acceleration=2.0))
@@ -179,6 +181,6 @@ def test_a_goal_state_at_rest_ends_at_rest():
     for seed in range(4):
         plan = solve(problem, seed=seed)
         assert plan and np.linalg.norm(plan.trajectory.v_K[-1]) <= problem.tolerance
-    made = first_plan(problem, near, polished)
-    assert np.linalg.norm(made.trajectory.v_K[-1]) <= 2e-3
-    assert made.trajectory.q_K[-1] == pytest.approx(goal.q_K, abs=0.02)
+    plan_checked = first_plan(problem, near, polished)
+    assert np.linalg.norm(plan_checked.trajectory.v_K[-1]) <= 2e-3
+    assert plan_checked.trajectory.q_K[-1] == pytest.approx(goal.q_K, abs=0.02)

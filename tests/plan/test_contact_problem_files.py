@@ -1,4 +1,4 @@
-"""Problem files that say what may touch, and goals that touch, stand and push."""
+"""Problem files with allowed contacts, and goals that touch, stand and push."""
 
 from __future__ import annotations
 
@@ -61,24 +61,24 @@ def written(folder, text: str):
     return path
 
 
-def test_a_file_asks_for_a_touch_as_python_does(folder):
+def test_a_file_with_a_touch_equals_python(folder):
     read = fan.control.load_problem(written(folder, TOUCH))
     arm, start = over_table()
     shelf = {"name": "shelf", "type": "box", "size": [0.2, 0.3, 0.02], "at": [0.4, 0, 0.45]}
-    made = fan.control.Problem(
+    problem = fan.control.Problem(
         arm,
         start,
         fan.control.Goal.touch(arm, [("hand", "shelf")]),
         [shelf],
         bounds=fan.control.Bounds(clearance=0.005),
     )
-    assert read.hold == made.hold > 0.0 and read.fingerprint == made.fingerprint
-    a, b = fan.control.solve(read, seed=1), fan.control.solve(made, seed=1)
+    assert read.hold == problem.hold > 0.0 and read.fingerprint == problem.fingerprint
+    a, b = fan.control.solve(read, seed=1), fan.control.solve(problem, seed=1)
     assert a and a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
     assert LEVEL["wrist.length"] == start.q_K[arm.coordinates.q_K.index("wrist.length")]
 
 
-def test_a_file_asks_for_a_push(folder):
+def test_a_file_with_a_push(folder):
     problem = fan.control.load_problem(written(folder, PUSH))
     assert problem.push.prop == "crate" and problem.push.pusher == "hand"
     assert problem.push.place - problem.push.first == pytest.approx([0.1, 0.0, 0.0])
@@ -87,20 +87,20 @@ def test_a_file_asks_for_a_push(folder):
     assert short.hold == 0.25 and short.fingerprint != problem.fingerprint
 
 
-def test_a_file_asks_for_a_stance():
+def test_a_file_with_a_stance():
     problem = fan.control.load_problem("marionette_stand")
     assert problem.goal.share == 0.1 and problem.goal.numbers.driven_weight == 1.0
     plan = fan.control.solve(problem, seed=0, time_limit=120.0)
     assert plan and plan.verify().share >= 0.1
 
 
-def test_the_command_tells_what_is_touched(folder):
+def test_the_command_reports_touches(folder):
     path = written(folder, TOUCH)
     result = fantoccini("plan", path, "--seed", "1")
     assert result.exit_code == 0, result.stderr
     assert "hand on shelf" in result.stdout and "step quartered" in result.stdout
-    far = written(folder, TOUCH.replace("at: [0.4, 0, 0.45]", "at: [2, 0, 0.45]"))
-    result = fantoccini("plan", far)
+    distant = written(folder, TOUCH.replace("at: [0.4, 0, 0.45]", "at: [2, 0, 0.45]"))
+    result = fantoccini("plan", distant)
     assert result.exit_code == 1 and "hand reaches no farther than" in result.stderr
 
 

@@ -1,4 +1,4 @@
-"""Plans on disk that are damaged."""
+"""Damaged plans on disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Feedback about catches: active sets beyond events, derivatives through catches, gains."""
+"""Feedback near catches: active sets beyond events, derivatives through catches, gains."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from fantoccini.motion import State
 
 
 def dropped(lift: float, segments: int) -> PlanResult:
-    """The 2D arm is let go above where it hangs, with its string's end at rest: one catch."""
+    """The 2D arm is released above its rest, with its string's end at rest: one catch."""
     arm = fan.puppets.arm2d()
     rest = arm.rest({"hand.length": 0.8})
     start = rest.replace(
         q_D=rest.q_D + np.array([lift, -0.3 * lift]), taut=np.zeros_like(rest.taut)
     )
     duration = 0.1 * segments
-    made = fan.simulate(
+    run = fan.simulate(
         arm, start, t_end=duration, method=fan.TimeStepping(dt=0.004, extrapolate=False)
     )
-    end = made.q_D[-1]
+    end = run.q_D[-1]
     goal = fan.control.Goal.pose(
         arm, dict(zip(arm.coordinates.q_D, end, strict=True)), speed_weight=0.0
     )
@@ -36,13 +36,15 @@ def dropped(lift: float, segments: int) -> PlanResult:
 
     def still(tree, rollouts, rng):
         first = np.zeros(1, dtype=int)
-        made = rollouts.simulate(tree.states, first, np.zeros((1, segments, arm.coordinates.n_vK)))
-        return PlannerRound(1, tree.add_segments(made, first, rollouts.options.interval))
+        rolled = rollouts.simulate(
+            tree.states, first, np.zeros((1, segments, arm.coordinates.n_vK))
+        )
+        return PlannerRound(1, tree.add_segments(rolled, first, rollouts.options.interval))
 
-    # Located, the catch moves its end by more than the tolerance; the laws are those of its nodes.
-    found = solve(problem, planner=still, iterations=1, confirm=False)
-    assert found.status is AnswerStatus.UNCONFIRMED and abs(found.duration - duration) < 1e-9
-    return found
+    # In located form, the catch moves its end by more than the tolerance; the laws use its nodes.
+    plan = solve(problem, planner=still, iterations=1, confirm=False)
+    assert plan.status is AnswerStatus.UNCONFIRMED and abs(plan.duration - duration) < 1e-9
+    return plan
 
 
 def catches(plan: PlanResult, start: State) -> list[float]:
@@ -53,7 +55,7 @@ def catches(plan: PlanResult, start: State) -> list[float]:
 @pytest.mark.parametrize(
     ("lift", "kicks"), [(0.17, np.linspace(0.3, 0.7, 5)), (0.24, -np.linspace(0.7, 1.2, 6))]
 )
-def test_a_puppet_caught_late_or_early_is_led_by_the_gains_of_its_mode(lift, kicks):
+def test_a_late_or_early_catch_uses_the_gains_of_its_mode(lift, kicks):
     """At the second node it is on the other side of the catch than the plan."""
     plan, late = dropped(lift, 4), kicks[0] > 0.0
     by_event, by_time = plan.feedback(), plan.feedback(window=0)
@@ -77,7 +79,7 @@ def test_the_active_set_is_the_puppets():
     assert law.active_set(empty) == [True], "not filled in"
     slack = x.replace(q_K=x.q_K + np.array([0.0, 0.01]), taut=np.zeros_like(x.taut))
     assert law.active_set(slack) == [False]
-    # At its own time the reference is the plan's; at others what is nearest to it.
+    # The reference at its own time is the plan's; at other times it is the nearest one.
     node, gains = law.reference(1, x)
     assert gains is not None and np.array_equal(node.q_D, law.nodes.q_D[1])
     late, _ = law.reference(1, slack)
@@ -86,12 +88,12 @@ def test_the_active_set_is_the_puppets():
     )
     early, _ = law.reference(0, x)
     assert abs(Evaluation.of(arm, x.replace(q_D=early.q_D, v_D=early.v_D)).h[0]) < 1e-4
-    # Nothing of the plan is slack so late: gains go by time.
+    # So late, the plan has no slack string: gains go by time.
     assert np.array_equal(law.reference(3, slack)[0].q_D, law.nodes.q_D[3])
 
 
-def test_active_sets_are_extended_as_the_event_driven_method_does():
-    """Forwards, and back to where they came from; with and without the string."""
+def test_active_sets_are_extended_as_in_the_event_driven_method():
+    """Forwards, and back to their origin; with and without the string."""
     arm = fan.puppets.arm3d()
     hangs = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
     for x in (
@@ -112,7 +114,7 @@ def test_active_sets_are_extended_as_the_event_driven_method_does():
 
 
 def test_derivatives_through_a_catch_are_those_of_neighbours():
-    """Differences of event-driven runs, of changes that keep the order of events."""
+    """Differences of event-driven runs, for changes that keep the order of events."""
     plan = dropped(0.83, 5)
     arm, start = plan.problem.marionette, plan.start
     law = plan.feedback()
@@ -127,10 +129,12 @@ def test_derivatives_through_a_catch_are_those_of_neighbours():
         return np.concatenate([y.q_D, y.v_D, y.q_K, y.v_K])
 
     eps = 1e-6
-    found = [(end(eps * e) - end(-eps * e)) / (2.0 * eps) for e in np.eye(10)]
-    told = np.concatenate([A, B], axis=1)
-    assert np.max(np.abs(told)) > 10.0
-    np.testing.assert_allclose(told, np.transpose(found), atol=1e-3 * np.max(np.abs(told)))
+    differences = [(end(eps * e) - end(-eps * e)) / (2.0 * eps) for e in np.eye(10)]
+    derivatives = np.concatenate([A, B], axis=1)
+    assert np.max(np.abs(derivatives)) > 10.0
+    np.testing.assert_allclose(
+        derivatives, np.transpose(differences), atol=1e-3 * np.max(np.abs(derivatives))
+    )
 
 
 def test_a_negative_window_is_refused():

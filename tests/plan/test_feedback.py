@@ -1,4 +1,4 @@
-"""Feedback along plans: its gains, its derivatives, its response to disturbances."""
+"""Feedback along plans: its gains, derivatives, and response to disturbances."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from fantoccini.motion import State
 
 @pytest.fixture(scope="module")
 def plan() -> PlanResult:
-    """No clock ends its search. It ends at rest, where the arm hangs."""
+    """A plan without a time limit. It ends at rest, where the arm hangs."""
     read = fan.control.load_problem("arm3d_boxes")
     arm, obstacles = read.marionette, read.rollouts.clearance.obstacles
     pose = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
@@ -47,7 +47,7 @@ def law(plan) -> Feedback:
 
 
 def test_gains_are_those_of_least_squares():
-    """The same problem as one big least-squares problem in all accelerations."""
+    """The same problem is one large least-squares problem in all accelerations."""
     rng = np.random.default_rng(0)
     m, n, k = 7, 5, 2
     A, B = rng.normal(size=(m, n, n)), rng.normal(size=(m, n, k))
@@ -76,8 +76,8 @@ def test_gains_are_those_of_least_squares():
         z = A[j] @ z + B[j] @ a
 
 
-def test_projected_changes_leave_taut_strings_taut(plan, law):
-    """h and hdot answer them by less than the square of their size."""
+def test_projected_changes_keep_taut_strings_taut(plan, law):
+    """h and hdot change by less than the square of the change."""
     marionette, nodes = plan.problem.marionette, law.nodes
     onto = taut_projection(marionette, nodes, np.ones((len(nodes.q_D), 1), dtype=bool))
     rng, size = np.random.default_rng(1), 1e-4
@@ -91,7 +91,7 @@ def test_projected_changes_leave_taut_strings_taut(plan, law):
 
 
 def test_derivatives_predict_where_neighbours_end(plan, law):
-    """Segments without events, from neighbours whose string is as taut as the plan's."""
+    """Segments without events, for neighbours with the same active set as the plan's."""
     marionette, rng = plan.problem.marionette, np.random.default_rng(2)
     free = plan.rollouts.where(tolerance=-1.0, free=True)
     onto = taut_projection(marionette, law.nodes, np.ones((len(law.nodes.q_D), 1), dtype=bool))
@@ -101,14 +101,14 @@ def test_derivatives_predict_where_neighbours_end(plan, law):
         more = rng.normal(size=3) * 1e-4
         start = changed(plan, law.nodes[[k]], z)
         ended = free.replay(start, law.planned[k] + more, int(law.looks[k]))
-        found = law.away(law.nodes[k + 1], at(plan, ended[0]))
-        told = law.A[k] @ z + law.B[k] @ more
-        assert np.linalg.norm(found - told) < 0.1 * np.linalg.norm(found)
+        reached = law.away(law.nodes[k + 1], at(plan, ended[0]))
+        predicted = law.A[k] @ z + law.B[k] @ more
+        assert np.linalg.norm(reached - predicted) < 0.1 * np.linalg.norm(reached)
 
 
 @pytest.mark.parametrize("slack", [0.005, 0.01])
-def test_derivatives_hold_what_a_catch_does_to_neighbours(plan, slack):
-    """Beside the exact derivative through the catch of an arm that falls onto its string."""
+def test_derivatives_include_catches(plan, slack):
+    """Compared with the exact derivative through the catch of an arm that falls onto its string."""
     arm, funnel = plan.problem.marionette, plan.rollouts.funnels[0]
     x = at(plan, StateArrays(funnel.q_D, np.zeros(4), np.zeros(1), funnel.q_K, np.zeros(3)))
     x = x.replace(q_K=x.q_K + np.array([0.0, 0.0, slack]))
@@ -121,16 +121,16 @@ def test_derivatives_hold_what_a_catch_does_to_neighbours(plan, slack):
 
 
 def test_disturbed_starts_arrive(plan, law):
-    """Kicks of half a radian a second in every joint, bounds kept."""
+    """Kicks of half a radian per second in every joint, bounds kept."""
     problem, rng = plan.problem, np.random.default_rng(3)
     within = {True: [], False: []}
     for _ in range(20):
         x = plan.start
         kicked = x.replace(v_D=x.v_D + 0.5 * rng.normal(size=len(x.v_D)))
         kicked = problem.marionette.project(kicked)
-        for closed, found in within.items():
+        for closed, distances in within.items():
             run = law.run(kicked, closed=closed)
-            found.append(run.distance)
+            distances.append(run.distance)
             assert np.all(np.abs(run.acceleration) <= plan.rollouts.bounds.acceleration + 1e-9)
             assert np.all(np.abs(run.states.v_K) <= plan.rollouts.bounds.speed + 1e-9)
     with_law, without = (np.array(within[closed]) for closed in (True, False))
@@ -139,17 +139,17 @@ def test_disturbed_starts_arrive(plan, law):
     assert np.mean(with_law <= plan.tolerance) >= 0.6
 
 
-def test_an_undisturbed_puppet_does_what_was_planned(plan, law):
+def test_an_undisturbed_puppet_follows_the_plan(plan, law):
     followed, planned = law.run(), law.run(closed=False)
     assert followed.arrives and planned.arrives
-    # Rounding, and what comes of it.
+    # Rounding, and its effects.
     np.testing.assert_allclose(followed.acceleration, law.planned, atol=1e-5)
     assert abs(planned.distance - plan.distance) < 1e-5
     assert law.run(method="event").arrives
 
 
 def test_steppers_that_lose_steps_are_followed_to_the_end(plan, law):
-    """As steppers go on; the puppet has not arrived then, wherever it is."""
+    """Stepper motors continue after a loss; the puppet has then not arrived, at any place."""
     arm = plan.problem.marionette
 
     class Losing(Stepper):
@@ -158,9 +158,9 @@ def test_steppers_that_lose_steps_are_followed_to_the_end(plan, law):
             return fan.Status.LOST_STEPS
 
     def stepper(x, method, **options):
-        made = arm.stepper(x, method, **options)
-        made.__class__ = Losing
-        return made
+        losing = arm.stepper(x, method, **options)
+        losing.__class__ = Losing
+        return losing
 
     weak = SimpleNamespace(coordinates=arm.coordinates, stepper=stepper)
     followed = law.run(marionette=weak)
@@ -170,7 +170,7 @@ def test_steppers_that_lose_steps_are_followed_to_the_end(plan, law):
 
 
 def test_without_events_gains_go_by_time(plan, law):
-    """The same to the last bit, where the plan's string pulls all the way."""
+    """If the plan's string is taut all the way, this holds to the last bit."""
     assert np.all(law.active) and not len(law.extended.late)
     by_time = plan.feedback(window=0)
     kicked = plan.problem.marionette.project(plan.start.replace(v_D=[0.3, 0.1, 0.0, -0.4]))
@@ -188,8 +188,8 @@ def test_pushes_are_absorbed_and_the_goal_is_held(plan, law):
     assert law.run(push=push, closed=False).distance > 2.0 * law.run(push=push).distance
 
 
-def test_ranges_are_kept_whatever_is_asked(plan, law):
-    """Gains that pull at everything, and a puppet that is far away."""
+def test_ranges_are_kept_for_any_state(plan, law):
+    """Large gains, and a distant puppet."""
     wild = dataclasses.replace(law, gains=-30.0 * law.gains)
     low, high = plan.rollouts.bounds.low.copy(), plan.rollouts.bounds.high.copy()
     problem, random = plan.problem, np.random.default_rng(0)
@@ -210,17 +210,17 @@ def test_ranges_are_kept_whatever_is_asked(plan, law):
         slack=False,
         bounds=fan.control.Bounds(position=spans),
     )
-    found = solve(narrow, seed=0)
-    law = dataclasses.replace(found.feedback(), gains=-30.0 * found.feedback().gains)
+    wide_plan = solve(narrow, seed=0)
+    law = dataclasses.replace(wide_plan.feedback(), gains=-30.0 * wide_plan.feedback().gains)
     q_K = law.run(hold=3.0).states.q_K
     names = problem.marionette.coordinates.q_K
-    for name, (least, most) in spans.items():
+    for name, (lowest, highest) in spans.items():
         column = q_K[:, names.index(name)]
-        assert least - 1e-9 <= column.min() and column.max() <= most + 1e-9
+        assert lowest - 1e-9 <= column.min() and column.max() <= highest + 1e-9
     assert np.ptp(q_K[:, names.index("hand.x")]) > 0.3, "it was pulled to the ends"
 
 
-def test_what_makes_no_sense_is_refused(plan, law):
+def test_invalid_arguments_of_feedback_are_refused(plan, law):
     with pytest.raises(StateError, match="other coordinates"):
         law.run(marionette=fan.puppets.arm2d())
     with pytest.raises(ValueError, match="acceleration is 0"):
@@ -249,16 +249,16 @@ def changed(plan: PlanResult, row: StateArrays, z: np.ndarray) -> StateArrays:
     )
 
 
-def test_a_plan_is_followed_by_standing_still(plan):
-    """17.7: what little speed a polished plan ends with is taken up."""
+def test_a_plan_may_be_followed_by_a_rest(plan):
+    """17.7: the small final speed of a polished plan is removed."""
     arm, inputs = plan.problem.marionette, plan.inputs
     left = np.max(np.abs(inputs.evaluate(inputs.end)[1]))
     assert 0.0 < left < 5e-4
     held = inputs.then(fan.Input.hold(arm, 0.5))
     assert held.evaluate(inputs.end)[1].tolist() == [0.0, 0.0, 0.0]
-    one = fan.simulate(arm, plan.start, held, method="timestepping")
+    first = fan.simulate(arm, plan.start, held, method="timestepping")
     two = fan.simulate(arm, plan.start, inputs, t_end=inputs.end + 0.5, method="timestepping")
-    np.testing.assert_allclose(one.q_D[-1], two.q_D[-1], atol=1e-9)
+    np.testing.assert_allclose(first.q_D[-1], two.q_D[-1], atol=1e-9)
 
 
 def test_plans_begin_at_time_stepped_states(plan):
@@ -281,6 +281,6 @@ def test_plans_begin_at_time_stepped_states(plan):
         bounds=fan.control.Bounds(clearance=0.005, speed=0.5),
         slack=False,
     )
-    found = solve(again, seed=3)
-    assert found and found.verify(method="event").arrives
-    assert found.feedback().run(method="event").arrives
+    replanned = solve(again, seed=3)
+    assert replanned and replanned.verify(method="event").arrives
+    assert replanned.feedback().run(method="event").arrives

@@ -1,4 +1,4 @@
-"""Plans that go on: shorter ones, nearer to the goal, the same search taken up again."""
+"""Improved plans: shorter ones, closer to the goal, and continued searches."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def test_plans_become_shorter(problem):
     search.find_better(60.0, iterations=4000)
     times = [t for _, _, t in search.curve]
     assert times[0] == first and np.all(np.diff(times) < 0) and len(times) > 1
-    found = fan.control.PlanResult.of(search)
-    assert found and found.duration == times[-1] and found.replay()
-    seconds = [s for s, _, _ in found.curve]
-    assert np.all(np.diff(seconds) >= 0.0) and seconds[-1] <= found.seconds
+    result = fan.control.PlanResult.of(search)
+    assert result and result.duration == times[-1] and result.replay()
+    seconds = [s for s, _, _ in result.curve]
+    assert np.all(np.diff(seconds) >= 0.0) and seconds[-1] <= result.seconds
 
 
 def test_what_a_plan_costs(problem):
-    """Sums along the paths of a tree, whatever its arrays were filled with at once."""
+    """Sums along the paths of a tree, for any size of its chunks."""
     search = Search(problem, SearchOptions(seed=3, objective="acceleration"))
     search.find_first(60.0)
     tree, interval = search.tree, problem.rollouts.options.interval
@@ -82,17 +82,17 @@ def test_better_plans_cost_less(problem):
         Search(problem, SearchOptions(objective="speed"))
 
 
-def test_an_objective_of_ones_own(problem, tmp_path):
-    """Catches and accelerations that count as much as is asked, in what is saved too."""
+def test_a_user_defined_objective(problem, tmp_path):
+    """Catches and accelerations count with their weights, in saved plans too."""
     own = Objective(catch=0.5, acceleration=0.25)
-    found = solve(problem, seed=3, objective=own).grow(60.0, iterations=1000)
-    path = list(found.path[1:])
-    effort = problem.rollouts.options.interval * _effort(found.tree, found.path[-1])
-    catches = found.tree.catches[path].sum()
-    assert found.cost == pytest.approx(found.duration + 0.5 * catches + 0.25 * effort)
-    found.save(tmp_path / "plan.npz")
+    result = solve(problem, seed=3, objective=own).grow(60.0, iterations=1000)
+    path = list(result.path[1:])
+    effort = problem.rollouts.options.interval * _effort(result.tree, result.path[-1])
+    catches = result.tree.catches[path].sum()
+    assert result.cost == pytest.approx(result.duration + 0.5 * catches + 0.25 * effort)
+    result.save(tmp_path / "plan.npz")
     again = fan.control.PlanResult.load(tmp_path / "plan.npz", problem)
-    assert again.search.objective == own and again.cost == found.cost
+    assert again.search.objective == own and again.cost == result.cost
     for wrong in (-1.0, np.inf, np.nan):
         with pytest.raises(ValueError, match="acceleration"):
             Objective(acceleration=wrong)
@@ -103,21 +103,21 @@ def _effort(tree, node) -> float:
     return float(np.sum(tree.looks[path] * np.sum(tree.acceleration[path] ** 2, axis=1)))
 
 
-def test_time_is_not_what_effort_saves(problem):
-    found = solve(problem, seed=3, objective="acceleration")
-    assert found.polish(1e-3, seconds=5.0).duration >= found.duration - 1e-9
+def test_saving_effort_does_not_shorten_the_plan(problem):
+    result = solve(problem, seed=3, objective="acceleration")
+    assert result.polish(1e-3, seconds=5.0).duration >= result.duration - 1e-9
     shorter = []
     for seed in range(3):
         search = Search(problem, SearchOptions(seed=seed))
         search.find_first(60.0)
         search.find_better(60.0, iterations=3000)
-        found = fan.control.PlanResult.of(search)
-        shorter.append(found.polish(1e-3, seconds=20.0).duration / found.duration)
+        result = fan.control.PlanResult.of(search)
+        shorter.append(result.polish(1e-3, seconds=20.0).duration / result.duration)
     assert min(shorter) < 0.9
 
 
-def test_a_search_goes_on_from_what_was_polished(problem):
-    """What it finds then costs less, and Ctrl-C leaves what was found before."""
+def test_a_search_continues_from_a_polished_plan(problem):
+    """Its next plan costs less, and Ctrl-C leaves the previous one."""
     search = first_plan(problem, near, lambda plan: plan.polish(1e-3, 10.0)).search
     cost = float(search.tree.cost[search.best])
     search.find_better(60.0, iterations=2000)
@@ -125,46 +125,46 @@ def test_a_search_goes_on_from_what_was_polished(problem):
     assert search.curve[-1][2] == float(search.tree.time[search.best])
 
 
-def test_ctrl_c_keeps_what_was_polished(problem, monkeypatch):
+def test_ctrl_c_keeps_the_polished_plan(problem, monkeypatch):
     from fantoccini.control.planning import polish
 
     approach, calls = polish.approach, []
 
     def interrupted(*arguments):
-        calls.append(found := approach(*arguments))
-        if sum(one.arrives for one in calls[:-1]):
+        calls.append(result := approach(*arguments))
+        if sum(call.arrives for call in calls[:-1]):
             raise KeyboardInterrupt
-        return found
+        return result
 
     monkeypatch.setattr(polish, "approach", interrupted)
-    kept = first_plan(problem, near, lambda plan: plan.polish(1e-3, seconds=20.0))
-    assert kept.distance <= 1e-3 and kept.replay()
+    polished_plan = first_plan(problem, near, lambda plan: plan.polish(1e-3, seconds=20.0))
+    assert polished_plan.distance <= 1e-3 and polished_plan.replay()
 
 
-def test_puppets_with_nothing_to_constrain_are_polished():
-    """No limits, nothing to measure, strings that may go slack; and a plan of one segment."""
+def test_puppets_without_constraints_are_polished():
+    """No limits, no obstacles, strings that may go slack; and a plan of one segment."""
     arm = fan.puppets.arm2d()
     start = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
-    found = first_plan(Problem(arm, start, {"elbow": start.q_D[1] + 0.3}), near, polished)
-    assert found.distance <= 1e-3
+    result = first_plan(Problem(arm, start, {"elbow": start.q_D[1] + 0.3}), near, polished)
+    assert result.distance <= 1e-3
     close = fan.control.Goal.pose(ARM, {"elbow": float(START.q_D[4]) + 0.03}, speed_weight=0.0)
     asked = Problem(ARM, START, close, tolerance=0.025)
-    found = first_plan(asked, near, lambda plan: plan.polish(1e-4, seconds=0.0))
-    assert found.distance <= 1e-4
+    result = first_plan(asked, near, lambda plan: plan.polish(1e-4, seconds=0.0))
+    assert result.distance <= 1e-4
 
 
 def test_seconds_make_sense(problem):
-    found = solve(problem, seed=0)
+    result = solve(problem, seed=0)
     for seconds in (-1.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="seconds is"):
-            found.grow(seconds)
+            result.grow(seconds)
         with pytest.raises(ValueError, match="seconds is"):
-            found.polish(seconds=seconds)
+            result.polish(seconds=seconds)
 
 
-def test_iterations_decide_what_is_found(problem):
-    """The same for any number of threads, as long as no clock ends the search."""
-    found = []
+def test_iterations_determine_the_result(problem):
+    """The result is the same for any number of threads, if no time limit ends the search."""
+    result = []
     for threads in (1, 2):
         asked = Problem(
             ARM,
@@ -179,23 +179,23 @@ def test_iterations_decide_what_is_found(problem):
         search = Search(asked, SearchOptions(seed=5))
         search.find_first(60.0)
         search.find_better(60.0, iterations=1500)
-        found.append(search)
-    a, b = (fan.control.PlanResult.of(s) for s in found)
+        result.append(search)
+    a, b = (fan.control.PlanResult.of(s) for s in result)
     assert a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
 
 
 def test_a_polished_plan_ends_at_the_goal(problem):
-    made = first_plan(problem, near, polished)
-    assert made.distance <= 1e-3 and made.polished.status is PolishStatus.POLISHED
-    assert made.replay() and made.clearance.min() > 0.0
-    assert made.trajectory.tension["hand"].min() >= 0.0
-    _, v_K, acc_K = made.inputs.evaluate(np.linspace(0, made.duration, 2001))
+    result = first_plan(problem, near, polished)
+    assert result.distance <= 1e-3 and result.polished.status is PolishStatus.POLISHED
+    assert result.replay() and result.clearance.min() > 0.0
+    assert result.trajectory.tension["hand"].min() >= 0.0
+    _, v_K, acc_K = result.inputs.evaluate(np.linspace(0, result.duration, 2001))
     assert np.max(np.abs(v_K)) <= 0.5 * (1 + 1e-9) and np.max(np.abs(acc_K)) <= 2.0 * (1 + 1e-9)
-    assert made.verify(method=fan.Event(rtol=1e-10, atol=1e-10)).arrives
-    assert made.polish(1e-3, seconds=0.0).distance <= 1e-3, "it may be polished again"
+    assert result.verify(method=fan.Event(rtol=1e-10, atol=1e-10)).arrives
+    assert result.polish(1e-3, seconds=0.0).distance <= 1e-3, "it may be polished again"
 
 
-def test_inputs_end_at_rest_where_that_is_asked():
+def test_inputs_end_at_rest_on_request():
     goal = fan.control.Goal.pose(ARM, RAISED, driven_weight=0.5)
     asked = Problem(
         ARM,
@@ -207,26 +207,26 @@ def test_inputs_end_at_rest_where_that_is_asked():
         slack=False,
     )
     assert asked.equilibrium
-    made = first_plan(asked, near, polished)
-    assert made.distance <= 1e-3
-    assert np.linalg.norm(made.trajectory.v_K[-1]) <= 2e-3
-    end = made.trajectory.state(-1)
+    result = first_plan(asked, near, polished)
+    assert result.distance <= 1e-3
+    assert np.linalg.norm(result.trajectory.v_K[-1]) <= 2e-3
+    end = result.trajectory.state(-1)
     held = ARM.rest(end.replace(v_D=np.zeros(4), v_K=np.zeros(3)))
     assert abs(held.q_D[4] - RAISED["elbow"]) < 0.1, "it hangs near where it is"
 
 
 def test_a_plan_is_improved_and_polished_at_once(problem):
-    """On a slow machine the time may end before it is polished: then the plan says so."""
-    found = solve(problem, seed=0, improve=2.0)
-    assert found and found.replay() and found.polished is not None
-    if found.polished.reached:
-        assert found.distance <= 1e-3
+    """The time may end before the polish on a slow machine: then the plan reports it."""
+    result = solve(problem, seed=0, improve=2.0)
+    assert result and result.replay() and result.polished is not None
+    if result.polished.reached:
+        assert result.distance <= 1e-3
     else:
-        assert 1e-3 < found.distance <= problem.tolerance
-        assert str(found.polished) in found.message
+        assert 1e-3 < result.distance <= problem.tolerance
+        assert str(result.polished) in result.message
 
 
-def test_a_plan_that_is_found_when_the_time_ends_says_that_it_is_not_polished(problem, monkeypatch):
+def test_a_plan_found_at_the_time_limit_says_that_it_is_not_polished(problem, monkeypatch):
     search = Search(problem, SearchOptions(seed=3))
     search.find_first(60.0)
 
@@ -239,7 +239,7 @@ def test_a_plan_that_is_found_when_the_time_ends_says_that_it_is_not_polished(pr
     assert search.polished.status is PolishStatus.TIMEOUT and search.polished.asked == 1e-3
 
 
-def test_a_search_is_taken_up_again(problem):
+def test_a_search_is_continued(problem):
     begun = solve(problem, seed=2, iterations=1)
     if not begun:
         begun = begun.grow(seconds=60.0)
@@ -252,11 +252,11 @@ def test_the_papers_planner_grows_too():
     asked = Problem(ARM, START, RAISED, tolerance=0.25)
     begun = solve(asked, planner=EST2007(), iterations=50)
     assert begun.tried >= 50 and begun.grow(60.0, iterations=50).tried >= begun.tried + 50
-    one = solve(asked, planner=EST2007(batch=1), iterations=50)
-    assert one.tried == 50, "one node at a time, as in the paper"
+    single = solve(asked, planner=EST2007(batch=1), iterations=50)
+    assert single.tried == 50, "one node at a time, as in the paper"
 
 
-def test_what_cannot_be_polished_is_told(problem):
+def test_plans_that_cannot_be_polished_are_reported(problem):
     with pytest.raises(ValueError, match="no plan to polish"):
         solve(problem, seed=0, planner=EST2007(), iterations=1).polish()
     function = Problem(ARM, START, lambda rows: np.maximum(0.3 - rows.q_K[..., 1], 0.0))
@@ -265,8 +265,8 @@ def test_what_cannot_be_polished_is_told(problem):
     for nothing in (0.0, np.nan):
         with pytest.raises(ValueError, match="greater than 0"):
             solve(problem, seed=0).polish(nothing)
-    kept = solve(problem, seed=0).polish(1.0, seconds=0.0)
-    assert kept and kept.distance <= 0.25, "a plan is never made worse"
+    polished_plan = solve(problem, seed=0).polish(1.0, seconds=0.0)
+    assert polished_plan and polished_plan.distance <= 0.25, "a plan is never made worse"
     with pytest.raises(ValueError, match="improve is -1"):
         solve(problem, improve=-1.0)
 

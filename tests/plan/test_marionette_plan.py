@@ -13,17 +13,17 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 def test_the_marionette_touches_the_bell_past_the_lamp():
     problem = fan.control.load_problem("marionette_bell")
-    found = fan.control.solve(problem, seed=0, time_limit=60.0)
-    assert found and found.replay()
-    again = found.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
+    result = fan.control.solve(problem, seed=0, time_limit=60.0)
+    assert result and result.replay()
+    again = result.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
     assert again.arrives and again.clearance > 0.0
-    run = found.trajectory
+    run = result.trajectory
     tip = problem.marionette.link_index("forearm_right")
     pose = problem.marionette.poses(run.q_D[-1:], run.q_K[-1:])[0, tip]
     hand = pose[:, 3] + pose[:, :3] @ [0.0, 0.0, -0.09]
     assert np.linalg.norm(hand - [0.14, -0.14, 0.55]) < 0.02
     assert max(float(t.max()) for _, t in run.tension.items()) < 2.0 * problem.marionette.weight
-    # Without the lamp the straight way is open, and goes through where it stood.
+    # Without the lamp the direct path is free, and goes through its place.
     free = fan.control.Problem(
         problem.marionette,
         problem.start,
@@ -38,7 +38,7 @@ def test_the_marionette_touches_the_bell_past_the_lamp():
 
 
 def test_feedback_along_the_bell_absorbs_kicks():
-    """Kicks of half a radian a second, over 25 degrees of freedom together."""
+    """Kicks of half a radian per second, over 25 degrees of freedom together."""
     problem = fan.control.load_problem("marionette_bell")
     plan = fan.control.solve(problem, seed=0, time_limit=60.0)
     law, random, within = plan.feedback(), np.random.default_rng(0), []
@@ -50,7 +50,7 @@ def test_feedback_along_the_bell_absorbs_kicks():
     assert all(within)
 
 
-def test_where_it_hangs_at_the_goal_is_a_stable_equilibrium():
+def test_the_rest_at_the_goal_is_a_stable_equilibrium():
     problem = fan.control.load_problem("marionette_bell")
     puppet, moves = problem.marionette, problem.rollouts.bounds.moves
     q_D, q_K, left = balanced(puppet, problem.goal, problem.start, moves)

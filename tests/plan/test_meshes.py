@@ -1,4 +1,4 @@
-"""Distances from meshes against closed forms, and against the same solids as boxes."""
+"""Distances from meshes compared with closed forms, and with the same solids as boxes."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from fantoccini.kernel.runtime import ClearanceLibrary
 pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 THICK = 0.1
-"""Of the legs of the L, which are 0.4 long and lie along x and z; 0.2 across."""
+"""Thickness of the legs of the L, which are 0.4 long and lie along x and z; 0.2 across."""
 
 
 def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) -> trimesh.Trimesh:
-    """Over an outline in x and z, counter-clockwise seen against y, from y = -0.1 to 0.1."""
+    """Prism over an outline in x and z, counter-clockwise seen against y, from y = -0.1 to 0.1."""
     n, flat = len(outline), np.array(outline)
     front = np.column_stack([flat[:, 0], np.full(n, -0.1), flat[:, 1]])
     corners = np.vstack([front, front + np.array([0.0, 0.2, 0.0])])
@@ -47,7 +47,7 @@ def angle() -> trimesh.Trimesh:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Meshes: an L, a tetrahedron, boxes convex and in two pieces, a hollow one, an open one."""
-    made = tmp_path_factory.mktemp("meshes")
+    path = tmp_path_factory.mktemp("meshes")
     ell, box = angle().subdivide(), trimesh.creation.box((0.2, 0.3, 0.4))
     small = box.copy().apply_scale(0.1)
     assert ell.is_volume and ell.volume == pytest.approx(0.2 * (0.4 * 0.1 + 0.3 * 0.1))
@@ -71,8 +71,8 @@ def folder(tmp_path_factory):
         "pair": small + small.copy().apply_translation([1, 0, 0]),
         "fine": box.subdivide().subdivide().subdivide(),
     }.items():
-        mesh.export(made / f"{name}.obj")
-    return made
+        mesh.export(path / f"{name}.obj")
+    return path
 
 
 @pytest.fixture(autouse=True)
@@ -81,7 +81,7 @@ def there(folder, monkeypatch):
 
 
 def flying(*shapes: dict) -> fan.Marionette:
-    """A free body for every shape; what is compiled knows no shapes, and is made once."""
+    """A free body for every shape; shapes are not compiled, so that one library suffices."""
     bodies = [body | {"shapes": [s]} for body, s in zip(free(len(shapes)), shapes, strict=True)]
     puppet = fan.loads(str({"puppet": "flying", "bodies": bodies}))
     puppet.__dict__["clearances"] = clearances(len(shapes))
@@ -89,7 +89,7 @@ def flying(*shapes: dict) -> fan.Marionette:
 
 
 def free(n: int) -> list[dict]:
-    """Bodies that hang from nothing."""
+    """Bodies without a support."""
     inertia = {"mass": 1.0, "inertia": [1, 1, 1, 0, 0, 0]}
     return [
         {"name": f"body{k}", "joint": {"name": f"j{k}", "type": "free"}, **inertia}
@@ -113,7 +113,7 @@ def posed(puppet: fan.Marionette, *poses: tuple[np.ndarray, Rotation]) -> fan.St
 
 
 def distances(puppet: fan.Marionette, still: dict, places: np.ndarray) -> np.ndarray:
-    """Of one body, not turned, at places (n, 3), from an obstacle."""
+    """Distances of one body, not turned, at places (n, 3), from an obstacle."""
     q_D = np.column_stack([places, np.tile([1.0, 0, 0, 0], (len(places), 1))])
     return Clearance(puppet, [still | {"name": "it"}]).at(q_D, np.zeros((len(places), 0)))
 
@@ -140,11 +140,11 @@ def test_a_mesh_of_a_box_is_the_box(folder, name, kind):
     apart = 0
     for _ in range(25):
         turn, place = Rotation.random(random_state=rng), rng.normal(0, 0.25, 3)
-        found = float(clear.of(posed(puppet, (place, turn))))
+        distance = float(clear.of(posed(puppet, (place, turn))))
         expected = float(known.of(posed(same, (place, turn))))
         if expected > 0.0 or kind == "half_space":
-            assert found == pytest.approx(expected, abs=1e-7)
-        assert (found > 0.0) == (expected > 0.0)
+            assert distance == pytest.approx(expected, abs=1e-7)
+        assert (distance > 0.0) == (expected > 0.0)
         apart += expected > 0.0
     assert 3 < apart < 24
 
@@ -159,7 +159,7 @@ def test_a_mesh_of_a_box_is_the_box(folder, name, kind):
         ((0.0, 0.0, 0.5), 0.2),  # another
     ],
 )
-def test_a_moving_tetrahedron_is_as_far_as_geometry_says(at, gap):
+def test_a_moving_tetrahedron_has_the_distance_of_geometry(at, gap):
     rng = np.random.default_rng(4)
     puppet = flying(mesh("corner", at=[0.1, -0.2, 0.3]))
     for _ in range(5):
@@ -173,7 +173,7 @@ def test_a_moving_tetrahedron_is_as_far_as_geometry_says(at, gap):
 
 
 def test_a_notch_is_free():
-    """The box about the L is met, its legs are 0.1 away less the radius."""
+    """The box around the L is entered, and its legs are 0.1 away minus the radius."""
     rod = flying({"type": "capsule", "from": [0, -0.3, 0], "to": [0, 0.3, 0], "radius": 0.02})
     x = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.identity()))
     ell = mesh("ell", name="ell")
@@ -186,8 +186,8 @@ def test_a_notch_is_free():
     assert float(Clearance(rod, [half]).of(x)) == pytest.approx(0.05 - 0.02, abs=1e-9)
 
 
-def test_what_lies_within_overlaps_whatever_it_lines_up_with(bead):
-    """A grid of beads, many of them straight above and below corners and edges of the L."""
+def test_inner_points_overlap_in_any_alignment(bead):
+    """A grid of beads, many of them vertically above and below corners and edges of the L."""
     line = np.arange(-2, 11) * 0.05
     places = np.stack(np.meshgrid(line, line[:7] - 0.05, line), -1).reshape(-1, 3)
 
@@ -197,9 +197,9 @@ def test_what_lies_within_overlaps_whatever_it_lines_up_with(bead):
     legs = ([0, -0.1, 0], [0.4, 0.1, THICK]), ([0, -0.1, 0], [THICK, 0.1, 0.4])
     gap = np.min([outside(places, *(np.array(c) for c in leg)) for leg in legs], axis=0)
     skin = gap < 1e-12
-    found = distances(bead, mesh("ell"), places)
-    assert np.all(found[skin] < 0.0) and np.count_nonzero(skin) > 100
-    np.testing.assert_allclose(found[~skin], gap[~skin] - 1e-3, atol=1e-9)
+    distance = distances(bead, mesh("ell"), places)
+    assert np.all(distance[skin] < 0.0) and np.count_nonzero(skin) > 100
+    np.testing.assert_allclose(distance[~skin], gap[~skin] - 1e-3, atol=1e-9)
 
 
 def test_hollows_are_free_and_open_meshes_have_no_inside(bead):
@@ -209,8 +209,8 @@ def test_hollows_are_free_and_open_meshes_have_no_inside(bead):
     assert distances(bead, mesh("box"), middle)[0] < 0.0
     assert distances(bead, mesh("halves", at=[0.03, 0, 0]), middle)[0] < 0.0
     assert distances(bead, mesh("open"), middle)[0] == pytest.approx(0.1 - 1e-3, abs=1e-9)
-    found = distances(bead, mesh("sheet"), np.zeros((1, 3)))[0]
-    assert found == pytest.approx(0.3 / np.sqrt(3) - 1e-3, abs=1e-9)
+    distance = distances(bead, mesh("sheet"), np.zeros((1, 3)))[0]
+    assert distance == pytest.approx(0.3 / np.sqrt(3) - 1e-3, abs=1e-9)
 
 
 def test_solids_within_one_another_overlap_either_way():
@@ -248,16 +248,16 @@ def test_threads_and_neighbours_do_not_matter():
     q_D[:, :3] = rng.normal([0.2, 0.0, 0.2], 0.3, (n, 3))
     q_D[:, 3:] = Rotation.random(n, random_state=rng).as_quat()[:, [3, 0, 1, 2]]
     clear, none = Clearance(puppet, [mesh("ell", name="ell")]), np.zeros((n, 0))
-    found = clear.at(q_D, none)
-    assert np.array_equal(found, clear.at(q_D, none, threads=2))
-    assert np.array_equal(found[5:40:7], [clear.at(q_D[k], none[k]) for k in range(5, 40, 7)])
+    distance = clear.at(q_D, none)
+    assert np.array_equal(distance, clear.at(q_D, none, threads=2))
+    assert np.array_equal(distance[5:40:7], [clear.at(q_D[k], none[k]) for k in range(5, 40, 7)])
 
 
 ARM = fan.puppets.arm3d()
 HANGING = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
 RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
 SHELF = mesh("ell", name="shelf", scale=[-1.25, 1.0, 1.25], at=[0.6, 0.0, -0.75])
-"""It lies beside the hand with a leg upright before the arm; the string hangs in its notch."""
+"""It lies beside the hand with a leg upright in front of the arm; the string hangs in its notch."""
 LEGS = [
     {"name": "low", "type": "box", "size": [0.5, 0.2, 0.125], "at": [0.35, 0.0, -0.6875]},
     {"name": "up", "type": "box", "size": [0.125, 0.2, 0.5], "at": [0.5375, 0.0, -0.5]},
@@ -270,12 +270,12 @@ def test_slack_strings_keep_clear_of_meshes_as_of_boxes():
     lengths = 1.3 + rng.uniform(0.0, 0.9, 150)
     q_D, q_K = np.tile(HANGING.q_D, (150, 1)), np.column_stack([*[lengths] * 3])
     q_K[:, 0], q_K[:, 1] = rng.uniform(-0.2, 0.9, 150), rng.uniform(-0.2, 0.2, 150)
-    found = Clearance(ARM, [SHELF]).at(q_D, q_K)
+    distance = Clearance(ARM, [SHELF]).at(q_D, q_K)
     known = Clearance(ARM, LEGS).at(q_D, q_K)
     apart = known > 0.0
     assert 30 < np.count_nonzero(apart) < 120
-    np.testing.assert_allclose(found[apart], known[apart], atol=1e-9)
-    assert np.all(found[~apart] < 0.0)
+    np.testing.assert_allclose(distance[apart], known[apart], atol=1e-9)
+    assert np.all(distance[~apart] < 0.0)
     near = Clearance(ARM, [SHELF]).nearest(HANGING.replace(q_K=[0.3, 0.0, 1.9]))
     assert (near.what, near.other) == ("string hand", "shelf")
 
@@ -309,7 +309,7 @@ def test_a_plan_goes_through_a_notch():
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_what_fails_while_meshes_are_measured_is_told(monkeypatch, threads):
+def test_errors_during_measurements_of_meshes_are_raised(monkeypatch, threads):
     problem = fan.control.Problem(
         ARM, HANGING, RAISED, [SHELF], rollouts=RolloutOptions(threads=threads)
     )

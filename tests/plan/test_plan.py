@@ -1,4 +1,4 @@
-"""Plans: found, the same again, still good when they are simulated anew; and mistakes."""
+"""Plans: found, reproducible, valid in another simulation; and mistakes."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ BOXES = [
     {"name": "high", "type": "box", "size": [0.1, 0.16, 0.2], "at": [0.32, -0.12, -0.1]},
 ]
 LIMIT = 120.0
-"""Seconds: far more than a search takes, so that iterations decide."""
+"""Time limit [s], much longer than a search, so that iterations decide."""
 
 
-def bounds(**given) -> dict[str, fan.control.Bounds]:
-    return {"bounds": fan.control.Bounds(**given)}
+def bounds(**keywords) -> dict[str, fan.control.Bounds]:
+    return {"bounds": fan.control.Bounds(**keywords)}
 
 
 def raised(seed: int = 0, obstacles=(), **options) -> fan.control.PlanResult:
@@ -45,20 +45,20 @@ def among_boxes() -> fan.control.PlanResult:
 
 
 def test_a_plan_among_boxes_arrives_and_stays_clear(among_boxes):
-    found = among_boxes
-    assert found and found.status is fan.control.AnswerStatus.EXACT
-    assert found.distance <= 0.25
-    assert found.clearance.min() > -1e-3, "between looks it may come a little nearer"
-    end = found.trajectory.state(-1)
+    result = among_boxes
+    assert result and result.status is fan.control.AnswerStatus.EXACT
+    assert result.distance <= 0.25
+    assert result.clearance.min() > -1e-3, "between looks it may be slightly nearer"
+    end = result.trajectory.state(-1)
     shoulder = 2 * np.arccos(
         abs(end.q_D[:4] @ [np.cos(np.radians(40)), 0, -np.sin(np.radians(40)), 0])
     )
     distance = shoulder + abs(end.q_D[4] - RAISED["elbow"]) + 0.1 * np.linalg.norm(end.v_D)
-    assert distance == pytest.approx(found.distance, abs=1e-6)
+    assert distance == pytest.approx(result.distance, abs=1e-6)
 
 
 def test_the_boxes_are_in_the_way(among_boxes):
-    """Without them the first plans pass through where they stood."""
+    """Without them the first plans pass through their places."""
     clear = fan.dynamics.Clearance(ARM, BOXES)
     through = [np.min(clear.of(raised(seed).trajectory)) < 0.0 for seed in range(5)]
     assert sum(through) >= 4
@@ -87,13 +87,13 @@ def test_the_same_seed_gives_the_same_plan_for_any_threads(among_boxes):
 def test_a_plan_replays_to_the_last_bit(among_boxes):
     assert among_boxes.replay()
     node = among_boxes.path[1]
-    kept = among_boxes.tree.acceleration[node].copy()
+    saved = among_boxes.tree.acceleration[node].copy()
     among_boxes.tree.acceleration[node] *= 1 + 1e-12
     assert not among_boxes.replay()
-    among_boxes.tree.acceleration[node] = kept
+    among_boxes.tree.acceleration[node] = saved
 
 
-def test_a_plan_is_simulated_anew(among_boxes):
+def test_a_plan_is_verified_in_another_simulation(among_boxes):
     same = among_boxes.verify(dt_factor=1.0)
     assert same.arrives and same.deviation < 1e-6
     event = among_boxes.verify(method=fan.Event(rtol=1e-10, atol=1e-10))
@@ -111,25 +111,25 @@ def test_the_papers_planner_comes_nearer():
         ]
         for bias in (4.0, 0.0)
     )
-    for found in biased:
-        assert 400 <= found.tried < 464 and not found
-        assert found.status is fan.control.AnswerStatus.APPROXIMATE
+    for result in biased:
+        assert 400 <= result.tried < 464 and not result
+        assert result.status is fan.control.AnswerStatus.APPROXIMATE
     nearest, other = (np.median([p.distance for p in plans]) for plans in (biased, uniform))
     assert nearest < 0.9 * float(biased[0].tree.distance[0])
     assert nearest < other, "the distance bias helps, as the paper says"
 
 
 def test_the_papers_planner_solves_the_papers_problem():
-    """17.4: the arm of Fig. 4, past two boxes, with what est-2007 does by default.
+    """17.4: the arm of Fig. 4, past two boxes, with the defaults of `est-2007`.
 
-    In 200,000 rollouts, that is seconds; with rollouts of 40 to 200 ms there were none in 400,000.
+    It takes seconds with 200,000 rollouts; rollouts of 40 to 200 ms gave no plan in 400,000.
     """
     problem = fan.control.load_problem("arm3d_boxes")
-    found = [
+    result = [
         solve(problem, planner="est-2007", seed=seed, time_limit=LIMIT, iterations=200_000)
         for seed in range(3)
     ]
-    assert all(found) and all(p.verify(method="event").arrives for p in found)
+    assert all(result) and all(p.verify(method="event").arrives for p in result)
 
 
 def test_goals_of_other_kinds():
@@ -156,27 +156,27 @@ def test_a_goal_that_is_met_needs_no_motion():
     assert met.trajectory.status is fan.Status.DONE
 
 
-def test_a_start_in_collision_is_told():
+def test_a_start_in_collision_is_reported():
     inside = [{"name": "stone", "type": "sphere", "radius": 0.2, "at": [0, 0, -0.3]}]
-    found = fan.plan(ARM, HANGING, RAISED, inside)
-    assert not found and found.status is fan.control.AnswerStatus.INFEASIBLE_START
-    assert "inside stone" in found.reason and found.tried == 0
-    far = fan.plan(
+    result = fan.plan(ARM, HANGING, RAISED, inside)
+    assert not result and result.status is fan.control.AnswerStatus.INFEASIBLE_START
+    assert "inside stone" in result.reason and result.tried == 0
+    distant = fan.plan(
         ARM, HANGING, RAISED, bounds=fan.control.Bounds(position={"hand.length": (0.2, 1.0)})
     )
-    assert "hand.length starts at 1.34, outside of its range 0.2 to 1" in far.reason
+    assert "hand.length starts at 1.34, outside of its range 0.2 to 1" in distant.reason
 
 
-def test_a_goal_out_of_reach_is_told():
+def test_a_goal_out_of_reach_is_reported():
     bent = fan.plan(ARM, HANGING, {"elbow": 3.0})
     assert bent.status is fan.control.AnswerStatus.INFEASIBLE_GOAL and not bent and bent.tried == 0
     assert "elbow is to be at 3, beyond its upper limit 2.6" in bent.reason
     assert fan.plan(ARM, HANGING, {"elbow": (2.0, 3.0)}, iterations=64).tried > 0
-    far = fan.control.Goal.point(ARM, "lower", [0.5, 0.0, -0.5], at=[0, 0, -0.3])
-    found = fan.plan(ARM, HANGING, far, tolerance=0.05)
-    assert found.status is fan.control.AnswerStatus.INFEASIBLE_GOAL
-    assert "0.707 m from shoulder, and lower reaches no farther than 0.6 m" in found.reason
-    assert fan.plan(ARM, HANGING, far, tolerance=0.11, iterations=64).tried > 0
+    distant = fan.control.Goal.point(ARM, "lower", [0.5, 0.0, -0.5], at=[0, 0, -0.3])
+    result = fan.plan(ARM, HANGING, distant, tolerance=0.05)
+    assert result.status is fan.control.AnswerStatus.INFEASIBLE_GOAL
+    assert "0.707 m from shoulder, and lower reaches no farther than 0.6 m" in result.reason
+    assert fan.plan(ARM, HANGING, distant, tolerance=0.11, iterations=64).tried > 0
 
 
 def test_an_end_of_the_search_returns_the_nearest():
@@ -214,7 +214,7 @@ def test_an_end_of_the_search_returns_the_nearest():
         ({"goal": fan.puppets.arm2d().state()}, fan.errors.StateError, "another puppet"),
     ],
 )
-def test_mistakes_are_told(options, error, message):
+def test_mistakes_of_plans_are_refused(options, error, message):
     options = dict(options)
     goal, obstacles = options.pop("goal", RAISED), options.pop("obstacles", ())
     with pytest.raises(error, match=message):
@@ -231,18 +231,18 @@ def test_mistakes_are_told(options, error, message):
         ({"reserve": 1.0}, "reserve is 1.0"),
     ],
 )
-def test_rollouts_out_of_range_are_told(options, message):
+def test_rollout_options_out_of_range_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         RolloutOptions(**options)
 
 
-def test_a_coordinate_that_holds_still_does_not_mislead():
-    some = {"hand.x": 0.5, "hand.length": 0.5}
-    tried = [raised(seed, **bounds(speed=some)).tried for seed in range(5)]
+def test_a_fixed_coordinate_does_not_mislead():
+    speeds = {"hand.x": 0.5, "hand.length": 0.5}
+    tried = [raised(seed, **bounds(speed=speeds)).tried for seed in range(5)]
     assert np.median(tried) <= 1.5 * np.median([raised(seed).tried for seed in range(5)])
 
 
-def test_the_event_driven_run_is_looked_at_all_along(among_boxes):
+def test_the_whole_event_driven_run_is_checked(among_boxes):
     event = among_boxes.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
     assert np.max(np.diff(event.run.t)) <= among_boxes.rollouts.options.interval * (1 + 1e-9)
     dense = fan.simulate(
@@ -252,14 +252,14 @@ def test_the_event_driven_run_is_looked_at_all_along(among_boxes):
         t_end=among_boxes.duration,
         method=fan.Event(rtol=1e-9, atol=1e-9),
     )
-    least = np.min(among_boxes.rollouts.clearance.of(dense))
-    assert event.arrives and least > -1e-3
+    min_clearance = np.min(among_boxes.rollouts.clearance.of(dense))
+    assert event.arrives and min_clearance > -1e-3
 
 
 @pytest.mark.parametrize(("dt", "look"), [(0.001, 13), (0.0037, 3), (0.003, 7)])
 def test_a_plan_replays_with_any_step(dt, look):
-    found = raised(seed=2, rollouts=RolloutOptions(dt=dt, look=look))
-    assert len(found.path) > 2 and found.replay()
+    result = raised(seed=2, rollouts=RolloutOptions(dt=dt, look=look))
+    assert len(result.path) > 2 and result.replay()
 
 
 def test_a_start_that_moves_may_be_the_goal():
@@ -269,19 +269,19 @@ def test_a_start_that_moves_may_be_the_goal():
     assert met.trajectory.status is fan.Status.DONE and met.verify().arrives
 
 
-def test_a_start_that_no_string_allows_is_told():
+def test_an_impossible_start_is_reported():
     with pytest.raises(fan.errors.StateError, match="hand"):
         fan.plan(ARM, HANGING.replace(q_K=[0.3, 0.0, 1.0]), RAISED)
 
 
 def test_a_task_is_planned_as_its_parts_are(among_boxes):
-    """The short form makes a task; both find the same plan, to the bit."""
+    """The short form creates a task; both find the same plan, to the bit."""
     conditions = fan.control.PlanConditions(tolerance=0.25)
     task = fan.Task(ARM, HANGING, end=RAISED, obstacles=BOXES, conditions=conditions)
-    found = fan.plan(task, seed=1, iterations=40_000, time_limit=LIMIT)
-    assert np.array_equal(found.acceleration, among_boxes.acceleration)
-    assert found.problem.task is task and among_boxes.problem.task.end is RAISED
-    assert found.problem.fingerprint == among_boxes.problem.fingerprint
+    result = fan.plan(task, seed=1, iterations=40_000, time_limit=LIMIT)
+    assert np.array_equal(result.acceleration, among_boxes.acceleration)
+    assert result.problem.task is task and among_boxes.problem.task.end is RAISED
+    assert result.problem.fingerprint == among_boxes.problem.fingerprint
     with pytest.raises(fan.errors.StateError, match="give no others"):
         fan.plan(task, HANGING)
 
@@ -291,12 +291,12 @@ def test_a_plan_lasts_no_longer_than_its_task():
     usual = fan.plan(fan.Task(ARM, HANGING, end=end), seed=1, time_limit=LIMIT)
     for share in (0.9, 1.1):
         longest = (0.1, share * usual.duration)
-        found = fan.plan(
+        result = fan.plan(
             fan.Task(ARM, HANGING, longest, end=end), seed=1, iterations=3000, time_limit=LIMIT
         )
-        assert found.duration <= longest[1] + 1e-9
-        assert found.problem.fingerprint != usual.problem.fingerprint
-    assert found and found.duration == usual.duration
+        assert result.duration <= longest[1] + 1e-9
+        assert result.problem.fingerprint != usual.problem.fingerprint
+    assert result and result.duration == usual.duration
 
 
 @pytest.mark.parametrize(
@@ -317,11 +317,11 @@ def test_compiling_does_not_count(tmp_path, monkeypatch):
     text = fan.puppets.path("arm2d").read_text(encoding="utf-8")
     fresh = fan.loads(text)
     x = fresh.rest()
-    found = fan.plan(fresh, x, lambda rows: rows.q_K[..., 0] * 0 + 1, time_limit=0.5)
-    assert found.tried > 0
+    result = fan.plan(fresh, x, lambda rows: rows.q_K[..., 0] * 0 + 1, time_limit=0.5)
+    assert result.tried > 0
 
 
-def test_a_goal_at_which_the_ends_cannot_be_is_searched_without_a_law():
+def test_a_goal_with_impossible_ends_is_searched_without_a_law():
     out = fan.control.Problem(
         ARM,
         ARM.rest({"hand.x": 0.3, "hand.length": 1.32}),
@@ -344,12 +344,12 @@ def test_a_puppet_without_strings_is_planned():
         "joint": {"name": "swing", "type": "revolute", "axis": [0, 1, 0], "damping": 0.01},
     }
     puppet = fan.loads(str({"puppet": "gantry", "bodies": [cart, bob]}))
-    found = fan.plan(puppet, puppet.state(), {"swing": 0.3}, tolerance=0.1, iterations=20_000)
-    assert found and found.replay()
+    result = fan.plan(puppet, puppet.state(), {"swing": 0.3}, tolerance=0.1, iterations=20_000)
+    assert result and result.replay()
 
 
-def test_ctrl_c_leaves_nothing_that_works_on():
-    """The arrays of a round that is interrupted outlive its workers."""
+def test_ctrl_c_stops_all_workers():
+    """The arrays of an interrupted round outlive its workers."""
     script = """
 import os, signal, threading, time
 import fantoccini as fan

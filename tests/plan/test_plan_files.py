@@ -1,4 +1,4 @@
-"""Plans on disk: the same again, taken up where they were left, and damaged ones."""
+"""Plans on disk: the same plan, continued searches, and damaged files."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ pytestmark = pytest.mark.own_puppets
 NO_PLAN = r"is not a plan that this version can read|is not an npz file"
 
 
-def test_a_plan_comes_back_whole_and_goes_on_as_if_nothing_had_been(boxes, tmp_path):
-    found = fan.control.solve(boxes, seed=4)
-    found.save(tmp_path / "plan.npz")
+def test_a_saved_plan_is_complete_and_continues(boxes, tmp_path):
+    plan = fan.control.solve(boxes, seed=4)
+    plan.save(tmp_path / "plan.npz")
     again = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes)
-    assert again and again.path == found.path and again.replay()
-    assert (again.tried, again.curve, again.status) == (found.tried, found.curve, found.status)
-    for name, a in found.tree.arrays.items():
+    assert again and again.path == plan.path and again.replay()
+    assert (again.tried, again.curve, again.status) == (plan.tried, plan.curve, plan.status)
+    for name, a in plan.tree.arrays.items():
         assert np.array_equal(a, again.tree.arrays[name])
-    assert np.array_equal(found.inputs.coef, again.inputs.coef)
-    longer, same = (p.grow(seconds=60.0, iterations=800) for p in (found, again))
+    assert np.array_equal(plan.inputs.coef, again.inputs.coef)
+    longer, same = (p.grow(seconds=60.0, iterations=800) for p in (plan, again))
     assert longer.path == same.path and np.array_equal(longer.tree.q_D, same.tree.q_D)
     assert not list(tmp_path.glob(".*")), "nothing half-written is left"
 
 
-def test_a_planner_without_a_name_is_given_again(boxes, tmp_path):
+def test_an_unnamed_planner_must_be_given_again(boxes, tmp_path):
     planner = Explore(batch=32)
     fan.control.solve(boxes, planner=planner, seed=1).save(tmp_path / "plan.npz")
     again = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes, planner)
     assert again.search.options.planner is planner
 
 
-def test_what_is_no_plan_is_told(boxes, tmp_path):
+def test_files_without_a_plan_are_refused(boxes, tmp_path):
     path = tmp_path / "plan.npz"
     with pytest.raises(FileError, match="no such file"):
         fan.control.PlanResult.load(path, boxes)
@@ -61,12 +61,12 @@ def test_what_is_no_plan_is_told(boxes, tmp_path):
 def test_pictures_and_films_of_plans(boxes, tmp_path):
     from matplotlib.image import imread
 
-    found = fan.control.solve(boxes, seed=0, improve=0.2)
-    pixels = imread(found.plot(tmp_path / "plan.png", size=(400, 400)))
+    plan = fan.control.solve(boxes, seed=0, improve=0.2)
+    pixels = imread(plan.plot(tmp_path / "plan.png", size=(400, 400)))
     assert pixels.shape[:2] == (800, 800) and pixels[..., :3].std() > 0.02
     blue = (pixels[..., 2] > pixels[..., 0] + 0.3).sum()
     assert blue > 100, "the way is drawn"
-    found.animate(tmp_path / "plan.gif", size=(160, 200))
+    plan.animate(tmp_path / "plan.gif", size=(160, 200))
     assert (tmp_path / "plan.gif").stat().st_size > 1000
 
 
@@ -81,7 +81,7 @@ def test_pictures_and_films_of_plans(boxes, tmp_path):
         ("path", lambda a: a[:-1] * 0 + 10_000),
     ],
 )
-def test_damaged_arrays_are_told(boxes, tmp_path, name, change):
+def test_damaged_arrays_are_refused(boxes, tmp_path, name, change):
     path = tmp_path / "plan.npz"
     fan.control.solve(boxes, seed=0).save(path)
     with np.load(path) as file:

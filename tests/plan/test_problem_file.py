@@ -35,7 +35,7 @@ def written(tmp_path, text: str):
     return path
 
 
-def test_bundled_problems_are_as_they_say():
+def test_bundled_problems_have_their_stated_content():
     assert set(problem_names()) >= {"arm3d_boxes", "marionette_bell", "marionette_stand"}
     arm = fan.control.load_problem("arm3d_boxes")
     assert arm.name == "arm3d_boxes" and not arm.reason and arm.tolerance == 0.25
@@ -44,30 +44,30 @@ def test_bundled_problems_are_as_they_say():
     assert fan.control.load_problem("arm3d_boxes", tolerance=0.1).tolerance == 0.1
 
 
-def test_a_file_says_what_python_says(tmp_path):
+def test_a_file_equals_a_gesture_in_python(tmp_path):
     read = fan.control.load_problem(written(tmp_path, GOOD))
     arm = fan.puppets.arm3d()
-    made = fan.control.Problem(
+    problem = fan.control.Problem(
         arm,
         arm.rest({"hand.x": 0.3, "hand.length": 1.3}),
         fan.control.Goal.pose(arm, {"elbow": np.radians(60)}, weights={"elbow": 2.0}),
         [{"name": "stone", "type": "sphere", "radius": 0.05, "at": [0.4, 0, -0.5]}],
         bounds=fan.control.Bounds(position={"hand.x": (-1.0, 1.0)}),
     )
-    a, b = fan.control.solve(read, seed=3), fan.control.solve(made, seed=3)
+    a, b = fan.control.solve(read, seed=3), fan.control.solve(problem, seed=3)
     assert a and a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
 
 
 def test_a_file_chooses_segments_and_an_objective(tmp_path):
-    """Accelerations hold for a whole number of segments, and better plans cost less of it."""
+    """Accelerations hold for a whole number of segments, and count in the cost of plans."""
     text = GOOD + "segment: 0.06\nobjective: acceleration\n"
     problem = fan.control.load_problem(written(tmp_path, text))
     assert problem.rollouts.options.looks == 3 and problem.objective.acceleration > 0.0
-    found = fan.control.solve(problem, seed=3)
-    assert found and found.replay()
-    looks = found.tree.looks[list(found.path[1:])]
-    assert np.all(looks[:-1] == 3) and 1 <= looks[-1] <= 3
-    assert found.search.objective == problem.objective
+    plan = fan.control.solve(problem, seed=3)
+    assert plan and plan.replay()
+    n_looks = plan.tree.looks[list(plan.path[1:])]
+    assert np.all(n_looks[:-1] == 3) and 1 <= n_looks[-1] <= 3
+    assert plan.search.objective == problem.objective
     assert fan.control.solve(problem, seed=3, objective="time").search.objective.acceleration == 0.0
     slow = fan.control.solve(problem, seed=3, planner="est-2007", iterations=400)
     assert set(slow.tree.looks[1:]) <= set(range(1, 16)) and np.max(slow.tree.looks) > 3
@@ -75,7 +75,7 @@ def test_a_file_chooses_segments_and_an_objective(tmp_path):
     assert fan.control.solve(other, seed=3) and other.fingerprint != problem.fingerprint
 
 
-def test_a_reserve_is_left_to_feedback(tmp_path):
+def test_a_reserve_remains_for_feedback(tmp_path):
     problem = fan.control.load_problem(written(tmp_path, GOOD + "reserve: 0.25\n"))
     assert np.array_equal(problem.bounds.speed, [0.5] * 3)
     assert np.array_equal(problem.bounds.acceleration, [2.0] * 3)
@@ -84,14 +84,16 @@ def test_a_reserve_is_left_to_feedback(tmp_path):
     assert plan
     assert np.abs(plan.acceleration).max() <= 0.75 * 2.0 + 1e-12
     assert np.abs(plan.trajectory.v_K).max() <= 0.75 * 0.5 + 1e-12
-    # Feedback has other bounds than where the plan's are all there are.
+    # Feedback has other bounds than the plan, unless the plan has all.
     text = GOOD + "speed: 0.375\nacceleration: 1.5\n"
     assert problem.fingerprint != fan.control.load_problem(written(tmp_path, text)).fingerprint
-    # Far off the plan, feedback asks for all that there is.
+    # Far from the plan, feedback uses its full bounds.
     law, x = plan.feedback(), problem.start
-    far = [law.acceleration(0, x.replace(q_D=[*x.q_D[:-1], x.q_D[-1] + by])) for by in (-2.0, 2.0)]
-    most = np.abs(far).max()
-    assert 0.75 * 2.0 + 1e-3 < most <= 2.0
+    accelerations = [
+        law.acceleration(0, x.replace(q_D=[*x.q_D[:-1], x.q_D[-1] + by])) for by in (-2.0, 2.0)
+    ]
+    largest = np.abs(accelerations).max()
+    assert 0.75 * 2.0 + 1e-3 < largest <= 2.0
 
 
 @pytest.mark.parametrize("reserve", ["-0.1", "1", "1.5"])
@@ -102,7 +104,7 @@ def test_a_reserve_is_part_of_the_bounds(tmp_path, reserve):
 
 
 @pytest.mark.parametrize("segment", ["0.05", "0.01", "-0.1", ".inf", "soon", "1e6", "1e300"])
-def test_a_segment_that_is_none_is_told_with_its_line(tmp_path, segment):
+def test_a_wrong_segment_is_reported_with_its_line(tmp_path, segment):
     with pytest.raises(FileError, match=r"problem\.yaml:11: segment"):
         fan.control.load_problem(written(tmp_path, GOOD + f"segment: {segment}\n"))
 
@@ -110,8 +112,8 @@ def test_a_segment_that_is_none_is_told_with_its_line(tmp_path, segment):
 def test_a_puppet_may_lie_beside_its_problem(tmp_path):
     text = fan.puppets.path("arm3d").read_text(encoding="utf-8")
     (tmp_path / "mine.yaml").write_text(text)
-    found = fan.control.load_problem(written(tmp_path, GOOD.replace("arm3d", "mine.yaml")))
-    file, line = found.marionette.puppet.locate("lower")
+    problem = fan.control.load_problem(written(tmp_path, GOOD.replace("arm3d", "mine.yaml")))
+    file, line = problem.marionette.puppet.locate("lower")
     assert file.endswith("mine.yaml") and line is not None
 
 
@@ -170,6 +172,6 @@ def test_several_mistakes_are_told_at_once(tmp_path):
     assert len(caught.value.mistakes) >= 2
 
 
-def test_there_is_no_such_problem():
+def test_an_unknown_problem_is_named():
     with pytest.raises(FileError, match="found nothing here"):
         fan.control.load_problem("arm3d_boxse")

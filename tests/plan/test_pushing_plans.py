@@ -1,4 +1,4 @@
-"""Plans that push a prop to its place, and props that are kept off."""
+"""Plans that push a prop to its place, and props as obstacles."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def crates() -> tuple[fan.Marionette, fan.State]:
 
 
 def moved(scene: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
-    """(T, 3) how far the prop went [m]."""
+    """(T, 3) displacement of the prop [m]."""
     place = scene.poses(run.q_D, run.q_K)[:, scene.link_index("crate"), :, 3]
     return place - place[0]
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_an_arm_pushes_a_crate_further(crates, seed):
-    """10 cm on, where it stays: simulated by other steps than the planner's."""
+    """It is moved by 10 cm and stays there, in a simulation with other steps than the planner's."""
     scene, x0 = crates
     goal = fan.control.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
     plan = fan.plan(scene, x0, goal, contact=MAY, tolerance=0.05, seed=seed, time_limit=60.0)
@@ -54,7 +54,7 @@ def test_a_place_may_be_given_as_coordinates(crates):
 
 
 def test_a_ball_is_pushed_past_its_place():
-    """It would roll on: hold=0 asks for no more than that it comes there."""
+    """It would roll on: hold=0 only requires that it passes the place."""
     scene = before_prop(HANGING_ARM, BALL, 0.05)
     x0 = scene.rest(DRAWN)
     goal = fan.control.Goal.point(scene, "crate", [0.25, 0.0, 0.05])
@@ -64,13 +64,13 @@ def test_a_ball_is_pushed_past_its_place():
     assert len(run.contact.of("hand", "crate")) > 0
 
 
-def test_a_prop_is_kept_off_and_stays_where_it_is(crates):
+def test_an_avoided_prop_stays_in_place(crates):
     scene, x0 = crates
     # Behind the crate the arm has room to swing back, and none ahead.
     plan = fan.plan(scene, x0, {"shoulder": -0.1}, tolerance=0.05, seed=0, time_limit=60.0)
-    made = plan.verify()
-    assert plan and made.arrives and not made.touches and made.clearance > 0.0
-    assert np.max(np.abs(moved(scene, made.run))) < 1e-6
+    verified = plan.verify()
+    assert plan and verified.arrives and not verified.touches and verified.clearance > 0.0
+    assert np.max(np.abs(moved(scene, verified.run))) < 1e-6
     through = fan.plan(scene, x0, {"shoulder": 0.4, "elbow": 0.0}, tolerance=0.05, iterations=2000)
     assert not through
     along = fan.plan(
@@ -82,14 +82,14 @@ def test_a_prop_is_kept_off_and_stays_where_it_is(crates):
         seed=0,
         time_limit=60.0,
     )
-    made = along.verify()
-    assert along and made.touches and moved(scene, made.run)[-1, 0] > 0.05
+    verified = along.verify()
+    assert along and verified.touches and moved(scene, verified.run)[-1, 0] > 0.05
 
 
 @pytest.mark.parametrize(("mass", "goes"), [(0.02, True), (20.0, False)])
-def test_a_crate_that_is_too_heavy_says_how_far_it_came(mass, goes):
+def test_a_crate_that_is_too_heavy_reports_its_displacement(mass, goes):
     """A bob on a string pushes by part of its weight."""
-    # As a parameter, so that both crates share what is compiled.
+    # A parameter, so that both crates share their library.
     scene = before_prop(BOB, CRATE | {"mass": {"parameter": "load", "value": mass}}, 0.08)
     x0 = scene.rest()
     goal = fan.control.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
@@ -110,7 +110,7 @@ def test_a_crate_that_is_too_heavy_says_how_far_it_came(mass, goes):
     assert -0.01 < came < 0.05
 
 
-def test_what_nothing_may_push_cannot_be_pushed(crates):
+def test_a_push_needs_an_allowed_contact(crates):
     scene, x0 = crates
     plan = fan.plan(
         scene, x0, fan.control.Goal.moved(scene, "crate", [0.1, 0, 0], x0), tolerance=0.05

@@ -1,4 +1,4 @@
-"""Compiled rollouts against the simulator; laws and goals against other computations."""
+"""Compiled rollouts compared with the simulator; laws and goals with other computations."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.medium
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
-FAR = {"elbow": 2.6}
+UNREACHABLE = {"elbow": 2.6}
 """A goal that no motion reaches."""
 
 
@@ -33,7 +33,7 @@ FAST = fan.control.Bounds(speed=1.0, acceleration=5.0)
 
 def problem(**options) -> Problem:
     asked = {"tolerance": 0.01, "bounds": FAST} | options
-    return Problem(ARM, START, FAR, **asked)
+    return Problem(ARM, START, UNREACHABLE, **asked)
 
 
 def test_motions_are_those_of_the_simulator():
@@ -41,9 +41,9 @@ def test_motions_are_those_of_the_simulator():
     rollouts = made_of.rollouts
     rng = np.random.default_rng(0)
     acceleration = rng.uniform(-1.0, 1.0, (9, 6, 3))
-    made = rollouts.simulate(made_of.root, np.zeros(9), acceleration)
+    rolled = rollouts.simulate(made_of.root, np.zeros(9), acceleration)
     segment = rollouts.options.segment
-    assert np.all(made.looks == rollouts.options.looks)
+    assert np.all(rolled.looks == rollouts.options.looks)
     for i in range(9):
         times = segment * np.arange(7)
         inputs = fan.Input.segments(ARM, times, START.q_K, START.v_K, acceleration[i])
@@ -55,9 +55,9 @@ def test_motions_are_those_of_the_simulator():
             method=fan.TimeStepping(dt=rollouts.options.dt, extrapolate=False),
         )
         steps = rollouts.options.look * rollouts.options.looks * np.arange(1, 7)
-        assert np.allclose(made.states["q_D"][i], run.q_D[steps], atol=1e-9)
-        assert np.allclose(made.states["v_D"][i], run.v_D[steps], atol=1e-7)
-        assert np.allclose(made.states["q_K"][i], run.q_K[steps], atol=1e-12)
+        assert np.allclose(rolled.states["q_D"][i], run.q_D[steps], atol=1e-9)
+        assert np.allclose(rolled.states["v_D"][i], run.v_D[steps], atol=1e-7)
+        assert np.allclose(rolled.states["q_K"][i], run.q_K[steps], atol=1e-12)
 
 
 def test_a_motion_does_not_depend_on_its_neighbours_or_on_threads():
@@ -67,12 +67,12 @@ def test_a_motion_does_not_depend_on_its_neighbours_or_on_threads():
         alone.root, np.zeros(40), acceleration
     )
     for i in (0, 7, 8, 39):
-        one = alone.rollouts.simulate(alone.root, np.zeros(1), acceleration[[i]])
-        for name, a in one.states.items():
+        single = alone.rollouts.simulate(alone.root, np.zeros(1), acceleration[[i]])
+        for name, a in single.states.items():
             assert np.array_equal(a[0], together.states[name][i])
 
 
-def test_none_is_made_after_the_first_that_arrives():
+def test_no_rollout_follows_the_first_that_arrives():
     near = Problem(
         ARM,
         START,
@@ -82,11 +82,11 @@ def test_none_is_made_after_the_first_that_arrives():
     )
     rng = np.random.default_rng(2)
     acceleration = rng.uniform(-2.0, 2.0, (64, 12, 3))
-    made = near.rollouts.simulate(near.root, np.zeros(64), acceleration)
-    there = (made.looks > 0) & (made.distance <= near.rollouts.stop_distance)
+    rolled = near.rollouts.simulate(near.root, np.zeros(64), acceleration)
+    there = (rolled.looks > 0) & (rolled.distance <= near.rollouts.stop_distance)
     arrived = np.flatnonzero(there.any(axis=1))
-    assert len(arrived) == 1 and made.n_made == arrived[0] + 1 < 64
-    assert not made.looks[made.n_made :].any()
+    assert len(arrived) == 1 and rolled.n_made == arrived[0] + 1 < 64
+    assert not rolled.looks[rolled.n_made :].any()
 
 
 def test_motions_end_at_obstacles_bounds_and_slackness():
@@ -105,8 +105,8 @@ def test_motions_end_at_obstacles_bounds_and_slackness():
     assert clear.at(free.states["q_D"][0, reached], free.states["q_K"][0, reached]) < 0.0
     narrow = problem(bounds=replace(FAST, position={"hand.length": (1.2, 1.4)}))
     cut = narrow.rollouts.simulate(narrow.root, np.zeros(1), push)
-    kept = cut.states["q_K"][0, (cut.looks[0] > 0)][:, 2]
-    assert kept.min() >= 1.2 and len(kept) < 12
+    lengths = cut.states["q_K"][0, (cut.looks[0] > 0)][:, 2]
+    assert lengths.min() >= 1.2 and len(lengths) < 12
     down = np.zeros((1, 12, 3))
     down[0, :3, 2] = 3.0
     taut, any_ = (
@@ -116,7 +116,7 @@ def test_motions_end_at_obstacles_bounds_and_slackness():
     assert (taut.looks > 0).sum() < (any_.looks > 0).sum()
 
 
-def test_a_regulator_for_many_steps_is_that_for_endlessly_many():
+def test_a_regulator_for_many_steps_tends_to_the_infinite_horizon():
     rng = np.random.default_rng(3)
     A = rng.normal(size=(6, 6))
     A *= 0.95 / np.max(np.abs(np.linalg.eigvals(A)))
@@ -143,16 +143,16 @@ def test_derivatives_of_segments_are_those_of_the_simulators_steps():
     assert found_A.shape == (1, 14, 14)
 
 
-def test_led_motions_come_to_rest_at_the_goal():
+def test_regulated_motions_come_to_rest_at_the_goal():
     asked = Problem(ARM, START, {"shoulder.rotation": [0, -0.6, 0], "elbow": 1.2}, tolerance=1e-3)
-    made = asked.rollouts.where(tolerance=-1.0).simulate(
+    rolled = asked.rollouts.where(tolerance=-1.0).simulate(
         asked.root,
         np.zeros(4),
         np.zeros((4, 100, 3)),
         n_given=np.zeros(4),
         lead_time=np.array([0.3, 0.5, 0.8, 1.0]),
     )
-    assert np.all(made.distance[:, -1] < 0.02)
+    assert np.all(rolled.distance[:, -1] < 0.02)
 
 
 def test_distances_from_goals():
@@ -169,8 +169,8 @@ def test_distances_from_goals():
         )
         for e in (0.2, 0.6, 1.4)
     ]
-    found = goal.distance(rows(*states))
-    for x, d in zip(states, found, strict=True):
+    distances = goal.distance(rows(*states))
+    for x, d in zip(states, distances, strict=True):
         half = np.sqrt(0.1**2 + 0.7**2 + 0.3**2) / 2
         axis = np.array([0.1, -0.7, 0.3]) / (2 * half)
         cosine = abs(x.q_D[:4] @ np.concatenate([[np.cos(half)], np.sin(half) * axis]))
@@ -202,12 +202,12 @@ def test_distances_from_goals():
         ({"acceleration": np.zeros((1, 4, 1))}, "the accelerations have the shape"),
     ],
 )
-def test_numbers_that_lead_out_of_arrays_are_refused(change, message):
+def test_indices_outside_of_arrays_are_refused(change, message):
     asked = problem()
     asked.rollouts.funnels = []
-    given = {"start": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
+    arguments = {"start": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
     with pytest.raises(ValueError, match=message):
-        asked.rollouts.simulate(asked.root, **given)
+        asked.rollouts.simulate(asked.root, **arguments)
 
 
 def test_a_goal_counts_with_the_parameters_of_the_puppet_that_plans():
@@ -220,7 +220,7 @@ def test_a_goal_counts_with_the_parameters_of_the_puppet_that_plans():
 
 
 def test_python_hears_signals_while_many_rollouts_are_simulated():
-    """17.30: a timer's handler runs again and again during one long sweep."""
+    """17.30: a timer's handler runs repeatedly during one long sweep."""
     if not hasattr(signal, "setitimer"):
         pytest.skip("needs setitimer")
     asked, heard = problem(rollouts=RolloutOptions(dt=0.002, looks=1000)), []

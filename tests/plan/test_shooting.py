@@ -1,4 +1,4 @@
-"""Candidates as a whole: what they lack, how they answer changes, the steps that are made of it."""
+"""Complete candidates: residuals, derivatives, and steps computed from them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def shooting(boxes) -> Shooting:
 
 @pytest.fixture(scope="module")
 def V(boxes, shooting) -> np.ndarray:
-    """Velocities of a plan on which nothing is caught, as polished."""
+    """Velocities of a plan without catches, as polished."""
     plan = first_plan(boxes, lambda found: near(found) and calm(found), polished)
     return shooting.velocities(plan.tree.acceleration[list(plan.path[1:])])
 
@@ -41,10 +41,10 @@ def test_candidates_are_the_plans_own_rollouts(boxes, shooting, V):
     )
     every = boxes.rollouts.options.look
     np.testing.assert_allclose(candidate.nodes.q_D[0], run.q_D[::every], atol=1e-10)
-    # Tension, of which constraints know 0.3 of its part of the weight, 2 % of that wished for.
+    # Spare tension: constraints contain 0.3 of its part of the weight, and 2 % of the wanted one.
     spare = candidate.constraints[0, :, -1] / 0.3 + 0.02
     after = run.tension["hand"][every::every] / boxes.marionette.weight
-    # The time-stepper's is that of a step: it lags by less than a look.
+    # The time-stepper's tension is that of a step: it lags by less than a look.
     change = np.abs(np.diff(after))
     around = np.maximum(np.append(change, 0.0), np.append(0.0, change))
     assert np.all(np.abs(spare - after) < 0.01 + around)
@@ -64,19 +64,19 @@ def test_derivatives_are_those_of_larger_changes(shooting, V):
     )
     residual = (there.residual[0] - back.residual[0]) / (2.0 * size)
     assert np.linalg.norm(by.residual @ x - residual) < 0.01 * np.linalg.norm(residual)
-    looks, which = by.near.T
-    spare = (there.constraints[0] - back.constraints[0])[looks, which] / (2.0 * size)
+    look, which = by.near.T
+    spare = (there.constraints[0] - back.constraints[0])[look, which] / (2.0 * size)
     assert len(spare) and np.max(np.abs(by.constraints @ x - spare)) < 0.05 * np.max(np.abs(spare))
 
 
-def test_what_comes_first_is_left_alone_where_that_is_asked(shooting, V):
+def test_first_segments_are_kept_on_request(shooting, V):
     candidate = shooting.candidates(V[None])
     by = shooting.derivatives(candidate, first=len(V) - 7)
     assert not by.basis[: len(V) - 7].any() and by.basis[len(V) - 7 :].any(axis=1).all()
 
 
-def test_steps_keep_bounds_and_bring_ways_nearer(boxes, shooting, V):
-    """From ways that were turned aside."""
+def test_steps_keep_bounds_and_reduce_the_distance(boxes, shooting, V):
+    """They start from paths that were turned aside."""
     random, bounds = np.random.default_rng(1), boxes.rollouts.bounds
     for _ in range(3):
         aside = shooting.within(V + 0.02 * random.normal(size=V.shape))
@@ -95,7 +95,7 @@ def test_steps_keep_bounds_and_bring_ways_nearer(boxes, shooting, V):
 def test_velocities_are_followed_as_bounds_allow(boxes, shooting):
     bounds = boxes.rollouts.bounds
     wild = 3.0 * np.random.default_rng(2).normal(size=(4, 30, 3))
-    kept = shooting.within(wild)
-    assert np.all(np.abs(kept) <= bounds.speed)
-    assert np.all(np.abs(shooting.accelerations(kept)) <= bounds.acceleration * (1 + 1e-9))
-    np.testing.assert_array_equal(shooting.within(kept), kept)
+    limited = shooting.within(wild)
+    assert np.all(np.abs(limited) <= bounds.speed)
+    assert np.all(np.abs(shooting.accelerations(limited)) <= bounds.acceleration * (1 + 1e-9))
+    np.testing.assert_array_equal(shooting.within(limited), limited)

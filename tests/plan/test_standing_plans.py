@@ -31,7 +31,7 @@ def standing(promenade) -> fan.State:
 
 @pytest.fixture(scope="module")
 def hanging(promenade, standing) -> fan.State:
-    """6 cm above the floor."""
+    """A rest 6 cm above the floor."""
     names = promenade.coordinates.q_K
     raised = {f"{s}.length": standing.q_K[names.index(f"{s}.length")] - 0.06 for s in STRINGS}
     return promenade.rest(raised)
@@ -48,7 +48,7 @@ def test_from_the_air_to_both_feet(promenade, hanging):
         promenade, hanging, fan.control.Goal.stand(promenade, FEET), seed=0, time_limit=120.0
     )
     assert plan, plan.message
-    # From outside of the planner, by other steps, and for longer.
+    # A simulation outside of the planner, with other steps, and longer.
     run = fan.simulate(
         promenade, hanging, plan.inputs, plan.inputs.end + 10.0, method=fan.TimeStepping(dt=2e-3)
     )
@@ -56,24 +56,24 @@ def test_from_the_air_to_both_feet(promenade, hanging):
     assert {name for pair in FEET for name in pair} == {
         name for k in set(run.contact.at(len(run) - 1).pair) for name in run.contact.names[k]
     }
-    made = plan.verify()
-    assert made.arrives and made.share >= 0.1
-    assert made.share == pytest.approx(share_by_hand(promenade, made.run), abs=1e-9)
-    assert not hanging.q_D[2] < made.run.q_D[-1, 2] + 0.05, "it came down"
-    assert [one.asked for one in made.touches] == [True, True]
+    verified = plan.verify()
+    assert verified.arrives and verified.share >= 0.1
+    assert verified.share == pytest.approx(share_by_hand(promenade, verified.run), abs=1e-9)
+    assert not hanging.q_D[2] < verified.run.q_D[-1, 2] + 0.05, "it came down"
+    assert [touch.asked for touch in verified.touches] == [True, True]
 
 
 def test_from_one_stance_to_another(promenade, standing):
     goal = fan.control.Goal.stand(promenade, FEET, pose={"elbow_left": 1.9})
     assert abs(standing.q_D[promenade.coordinates.q_D.index("elbow_left")] - 1.9) > 0.5
     plan = fan.plan(promenade, standing, goal, seed=0, time_limit=120.0)
-    made = plan.verify()
+    verified = plan.verify()
     assert plan, plan.message
-    end = made.run.q_D[-1, promenade.coordinates.q_D.index("elbow_left")]
-    assert abs(end - 1.9) < plan.problem.tolerance and made.share >= 0.1
+    end = verified.run.q_D[-1, promenade.coordinates.q_D.index("elbow_left")]
+    assert abs(end - 1.9) < plan.problem.tolerance and verified.share >= 0.1
 
 
-def test_a_share_that_is_asked_for(promenade, hanging):
+def test_a_requested_share_of_the_weight(promenade, hanging):
     problem = Problem(promenade, hanging, fan.control.Goal.stand(promenade, FEET, share=0.25))
     plan = solve(problem, seed=0, time_limit=120.0)
     assert plan and plan.verify().share >= 0.25
@@ -82,8 +82,8 @@ def test_a_share_that_is_asked_for(promenade, hanging):
         light.standing(FEET, share=1.5)
 
 
-def test_a_share_that_no_stance_has_is_told(promenade, hanging):
-    """The shoulders' strings hold the torso up: legs with loose knees do not carry it alone."""
+def test_an_impossible_share_is_reported(promenade, hanging):
+    """The shoulders' strings hold the torso: legs with loose knees do not carry it alone."""
     problem = Problem(promenade, hanging, fan.control.Goal.stand(promenade, FEET, share=0.97))
     plan = solve(problem, seed=0, iterations=20, time_limit=120.0)
     assert not plan and plan.status is fan.control.AnswerStatus.APPROXIMATE

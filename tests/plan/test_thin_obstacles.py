@@ -1,4 +1,4 @@
-"""Plans and their verification pass through nothing, however thin it is."""
+"""Plans and their verification pass through nothing, however thin."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ strings:
 
 
 def wall(thickness: float, at: float = 0.5) -> dict:
-    """A wall without a way round."""
+    """A wall that cannot be passed."""
     return {"name": "wall", "type": "box", "size": [thickness, 10, 10], "at": [at, 0, 0]}
 
 
@@ -61,7 +61,7 @@ def test_no_plan_passes_through_a_thin_wall(thickness, margin, strings):
 
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 @pytest.mark.parametrize("thickness", [0.02, 1e-3, 1e-6])
-def test_verification_sees_what_a_plan_passes_through(thickness, method):
+def test_verification_detects_passages(thickness, method):
     free = Problem(
         bob(),
         bob().rest(),

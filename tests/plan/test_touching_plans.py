@@ -1,4 +1,4 @@
-"""Plans that touch what they are asked to, and keep off everything else."""
+"""Plans with requested contacts that avoid everything else."""
 
 from __future__ import annotations
 
@@ -35,18 +35,20 @@ def touch(past_post) -> PlanResult:
 @pytest.mark.parametrize("method", ["timestepping", "event"])
 def test_the_hand_touches_the_table_and_keeps_off_the_post(past_post, touch, method):
     assert touch and touch.status is fan.control.AnswerStatus.EXACT
-    made = touch.verify(method=method)
-    assert made.arrives and made.distance < 1e-5 and not made.fault
-    assert float(Clearance(ARM, [POST], free=[frozenset({"hand", "table"})]).of(made.run).min()) > 0
-    (met,) = made.touches
+    checked = touch.verify(method=method)
+    assert checked.arrives and checked.distance < 1e-5 and not checked.fault
+    assert (
+        float(Clearance(ARM, [POST], free=[frozenset({"hand", "table"})]).of(checked.run).min()) > 0
+    )
+    (met,) = checked.touches
     assert met.parts == ("hand", "table") and met.asked and met.force > 0.0
-    assert 0.0 < met.t <= made.run.t[-1]
-    gaps = past_post.touches.gaps(made.run.q_D, made.run.q_K)[:, 0]
+    assert 0.0 < met.t <= checked.run.t[-1]
+    gaps = past_post.touches.gaps(checked.run.q_D, checked.run.q_K)[:, 0]
     assert gaps[0] > 0.1 and gaps.min() > -1e-5 and abs(gaps[-1]) < 1e-5
 
 
 def test_the_speed_of_a_touch_is_that_of_the_gap_before_it(touch):
-    """By fixed steps, where it is taken from gaps, and event-driven, where it is located."""
+    """It is computed from gaps with fixed steps, and located event-driven."""
     speeds = [touch.verify(0.125).touches[0].speed, touch.verify(method="event").touches[0].speed]
     assert speeds[0] == pytest.approx(speeds[1], rel=0.1) and speeds[1] > 0.01
     run = touch.verify(method="event").run
@@ -56,7 +58,7 @@ def test_the_speed_of_a_touch_is_that_of_the_gap_before_it(touch):
     assert (gaps[0] - gaps[1]) / 1e-5 == pytest.approx(speeds[1], rel=0.05)
 
 
-def test_a_plan_that_touches_is_kept_and_replayed(past_post, touch, tmp_path):
+def test_a_touching_plan_is_saved_and_replayed(past_post, touch, tmp_path):
     assert touch.replay()
     touch.save(tmp_path / "plan.npz")
     again = PlanResult.load(tmp_path / "plan.npz", past_post)
@@ -68,7 +70,7 @@ def test_a_plan_that_touches_is_kept_and_replayed(past_post, touch, tmp_path):
         PlanResult.load(tmp_path / "plan.npz", other)
 
 
-def test_what_knows_nothing_of_contact_says_so(past_post, touch):
+def test_functions_without_contact_refuse_it(past_post, touch):
     assert solve(past_post, improve=0.05).polished.status is PolishStatus.MAY_TOUCH
     with pytest.raises(ValueError, match="cannot be polished"):
         touch.polish()
@@ -81,16 +83,16 @@ def test_what_knows_nothing_of_contact_says_so(past_post, touch):
 def test_a_goal_may_ask_for_a_pose_and_a_touch():
     goal = fan.control.Goal.touch(ARM, [("hand", "table")], pose={"shoulder": (0.3, 0.4)})
     plan = fan.plan(ARM, START, goal, tolerance=0.02, seed=0, time_limit=60.0)
-    made = plan.verify()
-    assert plan and made.touches and 0.28 < made.run.q_D[-1, 0] < 0.42
+    checked = plan.verify()
+    assert plan and checked.touches and 0.28 < checked.run.q_D[-1, 0] < 0.42
 
 
 def test_keeping_off_is_the_default():
-    """The arm sinks to above the table, and nothing touches where contact is simulated."""
+    """The arm sinks to above the table, and nothing touches in a simulation with contact."""
     plan = fan.plan(ARM, START, {"shoulder": 0.2, "elbow": 0.35}, tolerance=0.1, seed=0)
-    made = plan.verify(method="event")
+    checked = plan.verify(method="event")
     assert plan and not plan.problem.touches.expected
-    assert made.arrives and not made.touches and made.clearance > 0.0
+    assert checked.arrives and not checked.touches and checked.clearance > 0.0
     on_table = solve(Problem(ARM, START, ON_TABLE), seed=0).verify().run.state(-1)
     resting = ARM.rest(on_table)
     for contact, status in (
@@ -103,23 +105,23 @@ def test_keeping_off_is_the_default():
     assert "contact: {touch: [[hand, table]]}" in refused.message
 
 
-def test_touching_what_was_not_asked_for_is_told(touch):
-    """A plan that was made without the post in its way, simulated with it."""
+def test_unwanted_contact_is_reported(touch):
+    """The plan was found without the post in its way, and is simulated with it."""
     free = Problem(ARM, START, ON_TABLE)
     plan = solve(free, seed=0)
     at = plan.verify().run.at(0.6 * plan.touches[0].t)
     tip = ARM.poses(at.q_D, at.q_K)[1] @ [0.2, 0.0, 0.0, 1.0]
     post = POST | {"size": [0.02, 0.3, 0.02], "at": (tip - [0.0, 0.0, 0.03]).tolist()}
     asked = Problem(ARM, START, ON_TABLE, [post])
-    made = check.checked(PlanPath(asked, plan.tree, plan.path))
-    (met,) = made.unasked
-    assert not made.arrives and met.parts == ("hand", "post") and met.speed > 0.0
-    assert f"hand touches post at {met.t:.3g} s" in made.fault
+    checked = check.checked(PlanPath(asked, plan.tree, plan.path))
+    (met,) = checked.unasked
+    assert not checked.arrives and met.parts == ("hand", "post") and met.speed > 0.0
+    assert f"hand touches post at {met.t:.3g} s" in checked.fault
     assert solve(asked, seed=0, time_limit=30.0).verify().unasked == ()
 
 
-def test_rollouts_end_where_something_touches_that_is_kept_off(past_post, touch):
-    """Between looks too: clearance is not measured here."""
+def test_rollouts_end_at_forbidden_contact(past_post, touch):
+    """This holds between looks too: clearance is not measured here."""
     rollouts, start = past_post.rollouts, np.zeros(1, dtype=int)
     acceleration = touch.acceleration[None]
     done = rollouts.where(tolerance=-1.0).simulate(past_post.root, start, acceleration)
@@ -136,21 +138,21 @@ def test_rollouts_end_where_something_touches_that_is_kept_off(past_post, touch)
         slack=True,
         kept_off=every,
     )
-    made = strict.simulate(past_post.root, start, acceleration)
-    first = int(np.flatnonzero(made.looks[0] == 0)[0])
+    checked = strict.simulate(past_post.root, start, acceleration)
+    first = int(np.flatnonzero(checked.looks[0] == 0)[0])
     met = touch.touches[0]
     assert touch.times[first] <= met.t <= touch.times[first + 1] + rollouts.options.interval
 
 
 def test_a_table_out_of_reach_is_recognised():
-    far = {"name": "shelf", "type": "box", "size": [0.2, 0.3, 0.02], "at": [1.0, 0, 0.4]}
+    shelf = {"name": "shelf", "type": "box", "size": [0.2, 0.3, 0.02], "at": [1.0, 0, 0.4]}
     goal = fan.control.Goal.touch(ARM, [("hand", "shelf")])
-    plan = fan.plan(ARM, START, goal, [far], time_limit=60.0)
+    plan = fan.plan(ARM, START, goal, [shelf], time_limit=60.0)
     assert plan.status is fan.control.AnswerStatus.INFEASIBLE_GOAL and not plan
     assert "shelf is at least" in plan.message and "hand reaches no farther than" in plan.message
 
 
-def test_a_search_that_does_not_touch_says_how_far_it_is():
+def test_a_failed_touch_reports_its_distance():
     """The strings hardly move, which is not recognised beforehand."""
     plan = fan.plan(
         ARM,
@@ -175,7 +177,7 @@ def test_a_search_that_does_not_touch_says_how_far_it_is():
         ({"touch": [("hand", "upper")]}, UnknownNameError, "upper"),
     ],
 )
-def test_mistakes_in_what_may_touch(contact, error, message):
+def test_mistakes_in_allowed_contacts(contact, error, message):
     marionette = ARM
     if message == "upper":  # of the arm, only the hand may touch the table
         rules = {"meets": [], "pairs": [{"between": ["hand", "table"], "friction": 0.4}]}

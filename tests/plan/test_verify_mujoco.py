@@ -1,4 +1,4 @@
-"""Plans made again in MuJoCo, from their start and inputs alone."""
+"""Plans repeated in MuJoCo, from their start and inputs alone."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def plan() -> PlanResult:
-    """One on which nothing is caught: catches are soft in MuJoCo."""
+    """A plan without catches, which are soft in MuJoCo."""
     problem = fan.control.load_problem("arm3d_boxes")
     return first_plan(problem, lambda plan: near(plan) and calm(plan), polished)
 
@@ -57,21 +57,21 @@ def test_a_plan_with_other_inputs_does_not_arrive(plan):
 
 
 def test_the_marionettes_plan_arrives_with_its_limits():
-    """17.E: springs, drag, cones and twists are there; some limits are reached on the way.
+    """17.E: springs, drag, cones and twists are included; some limits are reached on the way.
 
-    Which ones hangs on the last bit: every one that pushes in fantoccini does so in MuJoCo. MuJoCo
-    pushes back once a limit is passed: one that is struck may be passed for a step. Catches are
-    soft in MuJoCo: on the plan that is looked at none is hard.
+    These limits depend on the last bit: each one that pushes in fantoccini does so in MuJoCo.
+    MuJoCo pushes back once a limit is passed: a limit may be passed for a step at an impact.
+    Catches are soft in MuJoCo: this plan has no hard one.
     """
     problem = fan.control.load_problem("marionette_bell")
 
     def touched(run: fan.Trajectory, least: float) -> set[str]:
         return {name for name, force in run.limit_force.items() if force.max() > least}
 
-    def wanted(found: PlanResult) -> bool:
-        if not touched(found.trajectory, 1e-3):
+    def wanted(plan_found: PlanResult) -> bool:
+        if not touched(plan_found.trajectory, 1e-3):
             return False
-        events = found.verify(method="event").run.events
+        events = plan_found.verify(method="event").run.events
         return max((e.impulse for e in events if e.kind == "catch"), default=0.0) < 1e-3
 
     plan = first_plan(problem, wanted, seeds=60)
@@ -83,8 +83,8 @@ def test_the_marionettes_plan_arrives_with_its_limits():
     for struck in event.run.events:
         if struck.name in passed:
             passed[struck.name] = max(passed[struck.name], struck.speed * step)
-    for name, most in passed.items():
-        assert there.run.violation[name].max() < most, name
+    for name, bound in passed.items():
+        assert there.run.violation[name].max() < bound, name
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_the_marionettes_plan_arrives_with_its_limits():
         ({"backend": "mujoco", "dt_factor": 0.0}, "dt_factor is 0"),
     ],
 )
-def test_what_does_not_go_with_mujoco_is_told(plan, options, message):
+def test_options_without_mujoco_are_refused(plan, options, message):
     with pytest.raises(ValueError, match=message):
         plan.verify(**options)
 

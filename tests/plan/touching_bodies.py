@@ -1,4 +1,4 @@
-"""An arm over a table, and an arm and a bob that push a crate: small, and quick to compile."""
+"""An arm over a table, and an arm and a bob that push a crate: small and quickly compiled."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ pose: {wrist.length: 0.6, sleeve.length: 0.6}
 """An arm of two links, held out over a table by two strings."""
 
 LEVEL = {"wrist.length": 0.55, "sleeve.length": 0.6}
-"""Driven coordinates with which it is held level, 0.2 m above the table."""
+"""Driven coordinates that hold it level, 0.2 m above the table."""
 
 POST = {"name": "post", "type": "box", "size": [0.04, 0.3, 0.1], "at": [0.45, 0, 0.46]}
-"""Stands on the table where the arm comes down on the straight way."""
+"""It stands on the table where the arm would come down directly."""
 
 HANGING_ARM = """
 puppet: arm
@@ -49,10 +49,10 @@ strings:
      path: [{body: upper, at: [0, 0, -0.2]}, {driven: [x], at: [0.2, 0, 1.2]}]}
 pose: {wrist.length: 1.2, sleeve.length: 0.95}
 """
-"""An arm of two links that hangs down to the floor, and is drawn forward by two strings."""
+"""An arm of two links that hangs down to the floor, and is pulled forward by two strings."""
 
 DRAWN = {"wrist.length": 1.12, "sleeve.length": 0.87}
-"""Driven coordinates with which its hand is just behind the prop."""
+"""Driven coordinates that hold its hand just behind the prop."""
 
 BOB = """
 puppet: bob
@@ -63,7 +63,7 @@ strings:
   - {name: line, path: [{body: bob}, {driven: [x], at: [0, 0, 1]}], length: driven}
 pose: {bob.z: 0.08, line.length: 0.92}
 """
-"""A light bob on one string, which can push by a part of its weight alone."""
+"""A light bob on one string, which can push only with a part of its weight."""
 
 
 def over_table() -> tuple[fan.Marionette, fan.State]:
@@ -77,8 +77,8 @@ def before_prop(puppet: str, shape: dict[str, Any], height: float) -> fan.Marion
 
     Args:
         puppet: its file.
-        shape: of the prop, with its mass.
-        height: of its centre when it stands on the floor [m].
+        shape: shape of the prop, with its mass.
+        height: height of its centre when it stands on the floor [m].
     """
     prop = {"name": "crate", "shapes": [shape], "at": [0.15, 0, height]}
     return fan.Marionette(

@@ -1,4 +1,4 @@
-"""Plays of the tests: all of one cast, so that its library is compiled once."""
+"""Plays of the tests, all with one cast, so that its library is compiled once."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ cast:
 
 
 class Plays:
-    """Writes and compiles plays of the trial's cast."""
+    """Write and compile plays of the trial's cast."""
 
     def __init__(self, folder: Path):
         self.folder = folder
 
     def written(self, acts: str, head: str = HEAD, name: str = "trial.yaml") -> Path:
-        """The file of a play."""
+        """Path of a play's file."""
         path = self.folder / name
         path.write_text(head + acts)
         return path

@@ -1,4 +1,4 @@
-"""Clips of motion capture in plays: seen in the run, on the spot, within bounds; mistakes told."""
+"""Clips of motion capture in plays: agreement of the run, bounds, and mistakes."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 FRAMES = 60
 BOUNDS = {"speed": 1.5, "acceleration": 12.0}
-"""Those of a stage that gives none."""
+"""Bounds of a stage without bounds in its file."""
 WITHIN = 1.0 + 2e-3
-"""By how much peaks may pass a bound, as where a play is verified."""
+"""Factor by which peaks may exceed a bound, as in the verification of a play."""
 
 
 @pytest.fixture(scope="module", name="wave")
 def _wave(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two seconds of a clip of one who waves: the arm goes up."""
+    """Two seconds of a clip of a waving person: the arm goes up."""
     folder = tmp_path_factory.mktemp("clips")
     whole = next(path for path in write(folder, "lafan1") if path.stem == "wave")
     head, _, motion = whole.read_text().partition("MOTION\n")
@@ -63,7 +63,7 @@ def _short(wave: Path, plays: Plays) -> Path:
 
 @pytest.fixture(scope="module", name="waving")
 def _waving(wave: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[fan.theatre.Play, Path]:
-    """A play in which one walks and turns first, and each waves as in a clip."""
+    """A play in which one player walks and turns first, and each waves as in a clip."""
     plays = Plays(tmp_path_factory.mktemp("waving"))
     shutil.copy(wave, plays.folder)
     play = plays.compiled(
@@ -85,7 +85,7 @@ def _made(waving: tuple[fan.theatre.Play, Path]) -> ClipGesture:
     return clip_gesture(place_on_spot(player.alone, waving[1], start=player.hangs), **BOUNDS)
 
 
-def test_a_play_with_a_clip_compiles_and_holds(
+def test_a_play_with_a_clip_compiles_and_is_verified(
     waving: tuple[fan.theatre.Play, Path], verified: fan.theatre.Verification
 ):
     play, _ = waving
@@ -101,11 +101,11 @@ def test_a_play_with_a_clip_compiles_and_holds(
 
 @pytest.mark.parametrize(
     ("who", "number", "most"),
-    # What motion adds to the errors of hanging poses, as a share of the height; after a walk and a
-    # turn the swing that they have left is on top of it.
+    # Errors of the motion beyond those of hanging poses, as a share of the height; after a walk and
+    # a turn the remaining swing is added.
     [("columbine", 3, 0.025), ("pierrot", 2, 0.09)],
 )
-def test_the_limbs_are_seen_to_do_the_clip(
+def test_the_limbs_follow_the_clip(
     waving: tuple[fan.theatre.Play, Path],
     verified: fan.theatre.Verification,
     made: ClipGesture,
@@ -113,15 +113,15 @@ def test_the_limbs_are_seen_to_do_the_clip(
     number: int,
     most: float,
 ):
-    """In the stage's run, against the clip carried to where the player stands."""
+    """The stage's run is compared with the clip at the place of the player."""
     play, _ = waving
     start = play.cues[number - 1].start
-    player, found, table = play.cast.players[who], made.retargeted, play.marionette.coordinates
+    player, retargeted, table = play.cast.players[who], made.retargeted, play.marionette.coordinates
     run = verified.run.resample(start + made.t)
     own = player.alone.coordinates
     q_D = run.q_D[:, [table.q_D.index(f"{who}.{name}") for name in own.q_D]]
     q_K = run.q_K[:, [table.q_K.index(f"{who}.{name}") for name in own.q_K]]
-    seen = places_in(found.figure, player.alone.poses(q_D, q_K))
+    seen = places_in(retargeted.figure, player.alone.poses(q_D, q_K))
     xy, heading = [player.start.x, player.start.y], player.start.heading
     for way in play.ways[who]:
         (xy,), (heading,) = way.footing(np.array([start]))
@@ -130,23 +130,23 @@ def test_the_limbs_are_seen_to_do_the_clip(
 
     def rms(errors: list[np.ndarray]) -> float:
         size = float(np.sqrt(np.mean(np.sum(np.square(errors), axis=-1))))
-        return size / found.figure.height
+        return size / retargeted.figure.height
 
     for group in ("hands", "head"):
         parts = GROUPS[group]
-        clip = [found.places.parts[part] for part in parts]
+        clip = [retargeted.places.parts[part] for part in parts]
         there = [(path - middle) @ turn.T + [*xy, 0.0] for path in clip]
         off = rms([seen[part] - path for part, path in zip(parts, there, strict=True)])
-        hung = rms([found.hung[part] - path for part, path in zip(parts, clip, strict=True)])
+        hung = rms([retargeted.hung[part] - path for part, path in zip(parts, clip, strict=True)])
         assert off - hung < most, group
-        if who == "columbine":  # as where the gesture was made
-            (alone,) = [one.above for one in made.report if one.name == group]
+        if who == "columbine":  # as where the gesture was computed
+            (alone,) = [row.above for row in made.report if row.name == group]
             assert off - hung == pytest.approx(alone, abs=3e-3)
-    path = found.places.parts["hand_right"]
-    assert rms([path - path[0]]) > 0.2  # one who hangs still does not
+    path = retargeted.places.parts["hand_right"]
+    assert rms([path - path[0]]) > 0.2  # a puppet at rest does not move it
 
 
-def test_a_clip_keeps_its_bounds_whichever_way_the_puppet_looks(made: ClipGesture):
+def test_a_clip_keeps_its_bounds_in_any_heading(made: ClipGesture):
     for angle in np.radians([0.0, 30.0, 45.0, 100.0]):
         speed, acceleration = made.gesture.turned(float(angle)).peaks
         assert np.max(speed) <= BOUNDS["speed"] * WITHIN
@@ -158,7 +158,7 @@ def test_a_clip_keeps_its_bounds_whichever_way_the_puppet_looks(made: ClipGestur
 
 
 def test_turning_and_travel_are_left_out(marionette: fan.Marionette):
-    """A clip of one who turns and wanders is that of one who does neither."""
+    """A clip of a person who turns and wanders equals one without these motions."""
     rng = np.random.default_rng(3)
     moving = STANDS + 0.02 * rng.normal(size=(60, len(NAMES), 3))
     head = Rotation.random(60, random_state=1).as_matrix()
@@ -167,14 +167,14 @@ def test_turning_and_travel_are_left_out(marionette: fan.Marionette):
     turned = captured(np.einsum("tij,tkj->tki", turns, moving) + way, turns @ head)
     figure, plain = figure_of(marionette, marionette.rest()), captured(moving, head)
     joints = joints_of(find_mapping(plain.skeleton), plain.skeleton)
-    one, two = (place(figure, clip, joints, 0.0, turning=0.0) for clip in (plain, turned))
-    for part, path in one.parts.items():
+    still, two = (place(figure, clip, joints, 0.0, turning=0.0) for clip in (plain, turned))
+    for part, path in still.parts.items():
         np.testing.assert_allclose(two.parts[part], path, atol=1e-9)
     # All turning is kept by default, and half of it on demand.
     spun = np.einsum("tij,kj->tki", _spin(0.05 * np.arange(60)), STANDS)
     for turning in (1.0, 0.5):
-        found = place(figure, captured(spun), joints, 0.0, turning=turning).parts
-        across = found["shoulder_left"] - found["shoulder_right"]
+        places = place(figure, captured(spun), joints, 0.0, turning=turning).parts
+        across = places["shoulder_left"] - places["shoulder_right"]
         angle = np.unwrap(np.arctan2(-across[:, 0], across[:, 1]))
         np.testing.assert_allclose(angle, turning * 0.05 * np.arange(60), atol=1e-9)
 
@@ -195,7 +195,7 @@ def _spin(angles: np.ndarray) -> np.ndarray:
         ("clips/up.bvh", ("LeftForeArm", "Elbow"), "elbow_left is missing; give a mapping file "),
     ],
 )
-def test_mistakes_of_clips_are_told_at_their_cue(
+def test_mistakes_of_clips_are_reported_at_their_cue(
     plays: Plays, short: Path, name: str, change: tuple[str, str] | None, said: str
 ):
     if change is not None:
@@ -204,7 +204,7 @@ def test_mistakes_of_clips_are_told_at_their_cue(
     assert said in message
 
 
-def test_a_player_that_is_no_person_is_told(plays: Plays, short: Path):
+def test_a_player_without_a_persons_bodies_is_reported(plays: Plays, short: Path):
     head = HEAD.replace("{at: west}", "{at: west, puppet: bob.yaml}")
     (plays.folder / "bob.yaml").write_text(BALL)
     path = plays.written(
@@ -242,32 +242,32 @@ def test_a_check_simulates_nothing_and_a_change_keeps_the_clip(
     changed = plays.compiled(cues.replace("nod", "bow"), before=first)
     assert np.array_equal(changed.motions["pierrot"].coef[:20], first.motions["pierrot"].coef[:20])
     check_play(plays.folder / "trial.yaml")
-    short.write_text(short.read_text() + "\n")  # another file, though it says the same
+    short.write_text(short.read_text() + "\n")  # another file with equal content
     with pytest.raises(AssertionError, match="made again"):
         plays.compiled(cues, before=first)
 
 
-def test_clips_are_changed_as_gestures_are(plays: Plays, short: Path):
+def test_clips_take_the_options_of_gestures(plays: Plays, short: Path):
     play = plays.compiled(
         "{who: pierrot, does: clips/up.bvh, lasts: 9, mirrored: true}\n"
         "{who: columbine, does: clips/up.bvh, larger: 1.05, repeat: 2, when: 0}"
     )
     assert play.changes == ()
-    found = fan.theatre.verify_play(play)
-    assert found, found.faults
-    one, two = (cue.marks[who] for cue, who in zip(play.cues, play.cast.players, strict=True))
-    assert one["end"] - one["start"] == pytest.approx(9 * 0.6, abs=1e-9)
-    assert {"begins", "over", "begins 2", "over 2"} <= {*two}
-    for speed, _, acceleration, _ in found.peaks.values():
+    verification = fan.theatre.verify_play(play)
+    assert verification, verification.faults
+    first, second = (cue.marks[who] for cue, who in zip(play.cues, play.cast.players, strict=True))
+    assert first["end"] - first["start"] == pytest.approx(9 * 0.6, abs=1e-9)
+    assert {"begins", "over", "begins 2", "over 2"} <= {*second}
+    for speed, _, acceleration, _ in verification.peaks.values():
         assert speed <= BOUNDS["speed"] * WITHIN
         assert acceleration <= BOUNDS["acceleration"] * WITHIN
-    # The arm that goes up is the other one.
+    # The other arm goes up.
     rise = {
-        name: np.ptp(found.run[f"{name}.length"])
+        name: np.ptp(verification.run[f"{name}.length"])
         for name in ("pierrot.hand_left", "pierrot.hand_right")
     }
     plain = {
-        name: np.ptp(found.run[f"{name}.length"])
+        name: np.ptp(verification.run[f"{name}.length"])
         for name in ("columbine.hand_left", "columbine.hand_right")
     }
     assert (rise["pierrot.hand_left"] > rise["pierrot.hand_right"]) != (
@@ -275,14 +275,14 @@ def test_clips_are_changed_as_gestures_are(plays: Plays, short: Path):
     )
 
 
-def test_a_clip_that_is_too_fast_is_refused_with_what_can_be_done(plays: Plays, short: Path):
+def test_a_clip_that_is_too_fast_is_refused_with_a_remedy(plays: Plays, short: Path):
     slow = HEAD.replace("stage:\n", "stage:\n  speed: 0.2\n  acceleration: 1\n")
     cue = f"{{who: pierrot, does: clips/{short.name}, faster: 2}}"
     play = fan.load_play(plays.written(f"acts:\n  - {{act: one, cues: [{cue}]}}\n", slow))
     (refused,) = [cue.refused for cue in play.cues]
-    found = re.search(r"the hands would be \d+ % of the puppet's height farther", refused)
+    match = re.search(r"the hands would be \d+ % of the puppet's height farther", refused)
     can = re.search(r"with `faster: ([\d.]+)` it can be done$", refused)
-    assert found, refused
+    assert match, refused
     assert can, refused
     assert 1.0 <= float(can[1]) < 2.0
 

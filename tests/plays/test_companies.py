@@ -1,4 +1,4 @@
-"""Who is simulated with whom, and plays in which a prop is given."""
+"""Companies, the players that are simulated together, and plays in which a prop is given."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ acts:
 
 
 def meeting(begin: float, end: float, players: str, props: str = "p") -> Meeting:
-    pairs = frozenset(hanging(one, "left", "p") for one in players)
+    pairs = frozenset(hanging(player, "left", "p") for player in players)
     return Meeting(begin, end, tuple(players), tuple(props), pairs, "hangs")
 
 
-def test_companies_are_who_is_connected_by_meetings():
-    found = spans("abc", [meeting(0, 4, "a"), meeting(4, 6, "ab"), meeting(6, 9, "b")], 9.0)
-    assert found == (
+def test_companies_are_players_connected_by_meetings():
+    companies = spans("abc", [meeting(0, 4, "a"), meeting(4, 6, "ab"), meeting(6, 9, "b")], 9.0)
+    assert companies == (
         Span(Company(("a",), ("p",), meeting(0, 4, "a").pairs), 0.0, 4.0),
         Span(Company(("b",)), 0.0, 4.0),
         Span(Company(("c",)), 0.0, 9.0),
@@ -62,17 +62,21 @@ def test_at_every_time_each_player_and_prop_is_in_one_company(seed):
             who = "".join(sorted(rng.choice(list(players), rng.integers(1, 3), replace=False)))
             met.append(meeting(t, end, who, prop))
             t = end + rng.choice([0.0, 1.0])
-    found = spans(players, met, 8.0)
+    companies = spans(players, met, 8.0)
     for t in rng.uniform(0.0, 8.0, 30):
-        now = [one.company for one in found if one.begin <= t < one.end]
-        assert sorted(name for one in now for name in one.players) == list(players)
-        of_prop = [name for one in now for name in one.props]
+        now = [company.company for company in companies if company.begin <= t < company.end]
+        assert sorted(name for company in now for name in company.players) == list(players)
+        of_prop = [name for company in now for name in company.props]
         assert len(of_prop) == len(set(of_prop))
-        for one in met:
-            if one.begin <= t < one.end:
-                (company,) = [c for c in now if one.props[0] in c.props]
-                assert {*one.players} <= {*company.players} and one.pairs <= company.pairs
-    assert [one.begin for one in found] == sorted(one.begin for one in found)
+        for encounter in met:
+            if encounter.begin <= t < encounter.end:
+                (company,) = [c for c in now if encounter.props[0] in c.props]
+                assert {*encounter.players} <= {
+                    *company.players
+                } and encounter.pairs <= company.pairs
+    assert [company.begin for company in companies] == sorted(
+        company.begin for company in companies
+    )
 
 
 @pytest.fixture(scope="module")
@@ -90,17 +94,24 @@ def test_a_ball_is_given_in_a_play(gift):
     marks = {**give.marks["pierrot"], **give.marks["columbine"]}
     assert marks["offered"] < marks["under"] < marks["taken"] < marks["released"]
     assert wave.start == pytest.approx(marks["taken"] + 20 * gift.score.beat, abs=0.1)
-    kinds = [(one.kind, one.players) for one in sorted(gift.meetings, key=lambda one: one.begin)]
+    kinds = [
+        (meeting_of_play.kind, meeting_of_play.players)
+        for meeting_of_play in sorted(
+            gift.meetings, key=lambda meeting_of_play: meeting_of_play.begin
+        )
+    ]
     assert kinds == [
         ("hangs", ("pierrot",)),
         ("given", ("pierrot", "columbine")),
         ("hangs", ("columbine",)),
     ]
-    found = fan.theatre.verify_play(gift)
-    assert found, found.faults
+    verification = fan.theatre.verify_play(gift)
+    assert verification, verification.faults
     pushed = {
         frozenset(names)
-        for names in np.array(found.run.contact.names)[np.unique(found.run.contact.pair)].tolist()
+        for names in np.array(verification.run.contact.names)[
+            np.unique(verification.run.contact.pair)
+        ].tolist()
     }
     assert pushed == {
         frozenset(("ball", "pierrot.forearm_right")),
@@ -109,23 +120,23 @@ def test_a_ball_is_given_in_a_play(gift):
 
 
 def test_the_run_of_the_stage_is_that_of_its_companies(gift):
-    """Energies and places where one company takes over from another."""
+    """Energies and places are continuous between companies."""
     runs = gift.runs()
     whole = together(gift.cast, runs)
-    for one in runs.companies:
-        if "ball" not in one.staged.props:
+    for company in runs.companies:
+        if "ball" not in company.staged.props:
             continue
-        local = one.staged.props["ball"]
-        t = np.linspace(one.begin, one.end, 7)[1:-1]
-        own = one.whole.resample(t - one.begin)
+        local = company.staged.props["ball"]
+        t = np.linspace(company.begin, company.end, 7)[1:-1]
+        own = company.whole.resample(t - company.begin)
         for axis in "xyz":
             assert whole.resample(t)[f"ball.{axis}"] == pytest.approx(
                 own[f"{local}.{axis}"], abs=2e-4
             )
     steps = np.abs(np.diff(whole["ball.z"]))
-    assert steps.max() < 0.005  # nowhere does it jump
+    assert steps.max() < 0.005  # no jumps
     assert not failures(gift.cast, gift.meetings, runs)
-    # As much energy as work came in, less what contact, strings and air have taken.
+    # Energy gained = work done - losses in contact, strings and air.
     ledger = whole.ledger
     energy = ledger["kinetic"] + ledger["potential"]
     taken = ledger["damping"] + ledger["impact"] + ledger["slip"] + ledger["friction"]
@@ -178,7 +189,7 @@ def test_mistakes_of_props_have_their_line(tmp_path, prop, text):
     assert "gift.yaml:12" in str(error.value)
 
 
-def test_who_does_not_hold_a_prop_cannot_give_it(tmp_path):
+def test_a_player_without_a_prop_cannot_give_it(tmp_path):
     path = tmp_path / "gift.yaml"
     path.write_text(
         PLAY.replace(
@@ -191,7 +202,7 @@ def test_who_does_not_hold_a_prop_cannot_give_it(tmp_path):
 
 
 def test_a_ball_is_given_live(gift):
-    """In time steps of the whole stage, with feedback against swing."""
+    """The time steps are those of the whole stage, with feedback against swing."""
     show = fan.theatre.LivePlay(gift)
     show.go()
     while not show.done:

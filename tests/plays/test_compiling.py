@@ -1,4 +1,4 @@
-"""Plays compiled: cues in time and on their marks, what cannot be done, and what is kept."""
+"""Compiled plays: cues in time and on their marks, impossible cues, and cached results."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 
 def refused(play: fan.theatre.Play) -> list[str]:
-    """Why cues cannot be done."""
+    """Reasons why cues are refused."""
     return [cue.refused for cue in play.cues if cue.refused]
 
 
-def test_a_play_is_done_as_it_is_written(plays: Plays):
+def test_a_play_is_performed_as_written(plays: Plays):
     play = plays.compiled("""
         {who: pierrot, walks to: centre, facing: left, says: Good evening}
         {who: columbine, does: wave, on: {second: 5}}
@@ -38,12 +38,12 @@ def test_a_play_is_done_as_it_is_written(plays: Plays):
     assert abs(heading[0] - 0.5 * np.pi) < 1e-9
     assert look.start == pytest.approx(walk.end + 2 * 0.6, abs=1e-9)
     assert both.start >= max(look.end, walk.end) + 0.6 - 1e-9
-    assert [str(one) for one in play.score.captions] == ["pierrot: Good evening"]
-    found = fan.theatre.verify_play(play)
-    assert found, found.faults
-    assert {one.cue.number for one in found.cues} == {1, 2, 3, 4}
-    # The limb turns on the beat: its hand leads by as much as it lags.
-    (seen,) = [one for one in found.cues if one.cue is wave]
+    assert [str(caption) for caption in play.score.captions] == ["pierrot: Good evening"]
+    verification = fan.theatre.verify_play(play)
+    assert verification, verification.faults
+    assert {seen_cue.cue.number for seen_cue in verification.cues} == {1, 2, 3, 4}
+    # The limb turns on the beat: its hand leads by its lag.
+    (seen,) = [seen_cue for seen_cue in verification.cues if seen_cue.cue is wave]
     assert seen.limb
     assert abs(seen.seen - 5 * 0.6) <= IN_TIME
     assert wave.marks["columbine"]["second"] < 5 * 0.6 - IN_TIME
@@ -51,12 +51,12 @@ def test_a_play_is_done_as_it_is_written(plays: Plays):
 
 def test_hands_keep_their_bounds_and_their_space(plays: Plays):
     play = plays.compiled("{who: all, walks to: centre, near: 1, past: [[0.6, 0]]}")
-    found = fan.theatre.verify_play(play)
-    assert found, found.faults
-    for speed, most_speed, acceleration, most in found.peaks.values():
+    verification = fan.theatre.verify_play(play)
+    assert verification, verification.faults
+    for speed, most_speed, acceleration, max_acceleration in verification.peaks.values():
         assert speed <= most_speed * 1.002
-        assert acceleration <= most * 1.002
-    (x0, x1), (y0, y1) = found.space
+        assert acceleration <= max_acceleration * 1.002
+    (x0, x1), (y0, y1) = verification.space
     assert x0 >= -1.0
     assert x1 <= 1.0
     assert y0 >= -1.2
@@ -75,7 +75,7 @@ def test_hands_keep_their_bounds_and_their_space(plays: Plays):
         ("{who: pierrot, exits to: centre}\n{who: pierrot, does: nod}", "is off the stage"),
         ("{who: pierrot, points at: [0, 0.6, 3]}", "hand cannot point there"),
         ("{who: columbine, does: bow, larger: 30}", "times slower it can be done"),
-        # A wave goes on in one heading.
+        # A wave continues in one heading.
         (
             "{who: pierrot, does: wave, larger: 0.5}\n{who: pierrot, turns to: right, when: 1}",
             "cannot begin before beat",
@@ -100,11 +100,11 @@ def test_a_cue_that_cannot_be_done_is_named_and_the_rest_is_played(
     else:
         assert not reasons
     assert not play.cues[-1].refused
-    found = fan.theatre.verify_play(play)
-    assert found, found.faults
+    verification = fan.theatre.verify_play(play)
+    assert verification, verification.faults
 
 
-def test_what_is_optional_is_left_out(plays: Plays):
+def test_optional_cues_are_left_out(plays: Plays):
     play = plays.compiled("""
         {who: pierrot, walks to: far, optional: true}
         {who: pierrot, does: nod}
@@ -114,14 +114,14 @@ def test_what_is_optional_is_left_out(plays: Plays):
     assert "is left out: " in play.changes[0].message
 
 
-def test_a_place_may_give(plays: Plays):
+def test_a_place_may_be_adjusted(plays: Plays):
     play = plays.compiled("{who: pierrot, walks to: table_side, near: 50 cm}")
     assert play, play.changes
     xy, _ = play.ways["pierrot"][-1].footing(np.array([play.duration]))
     assert 0.1 < abs(complex(*xy[0]) - complex(-0.5, 0.5)) <= 0.5
 
 
-def test_a_wave_goes_on_while_one_walks(plays: Plays):
+def test_a_wave_continues_during_a_walk(plays: Plays):
     play = plays.compiled("""
         {who: pierrot, walks to: [0.6, 0.6]}
         {who: pierrot, does: wave, mirrored: true, when: 2}
@@ -132,7 +132,7 @@ def test_a_wave_goes_on_while_one_walks(plays: Plays):
     assert fan.theatre.verify_play(play)
 
 
-def test_all_stand_where_a_show_waits(plays: Plays):
+def test_all_stand_when_a_show_waits(plays: Plays):
     play = plays.compiled("""
         {who: pierrot, walks to: centre}
         {who: columbine, does: nod}
@@ -144,7 +144,7 @@ def test_all_stand_where_a_show_waits(plays: Plays):
     assert np.max(np.abs(play.score.offsets(wait.t)[1])) < 1e-6
 
 
-def test_acts_begin_when_all_before_has_ended(plays: Plays):
+def test_acts_begin_after_the_end_of_the_previous_act(plays: Plays):
     acts = """
 acts:
   - act: one
@@ -168,41 +168,41 @@ CUES = """
 
 
 def test_the_same_play_is_the_same_to_the_bit(plays: Plays):
-    one, two = plays.compiled(CUES), plays.compiled(CUES)
-    assert np.array_equal(one.score.gesture.coef, two.score.gesture.coef)
+    first, second = plays.compiled(CUES), plays.compiled(CUES)
+    assert np.array_equal(first.score.gesture.coef, second.score.gesture.coef)
     assert np.array_equal(
-        fan.theatre.verify_play(one).run.q_D, fan.theatre.verify_play(two).run.q_D
+        fan.theatre.verify_play(first).run.q_D, fan.theatre.verify_play(second).run.q_D
     )
 
 
-def test_a_changed_play_uses_what_is_kept_and_is_as_from_nothing(plays: Plays):
+def test_a_changed_play_uses_the_cache_and_equals_a_new_one(plays: Plays):
     first = plays.compiled(CUES)
-    made = first.kept.made
+    n_computed = first.kept.made
     changed = CUES.replace("how: timidly", "how: smaller")
     again = plays.compiled(changed, before=first)
     anew = plays.compiled(changed)
     assert np.array_equal(again.score.gesture.coef, anew.score.gesture.coef)
     assert again.kept is first.kept
-    assert again.kept.made - made < 0.6 * anew.kept.made
+    assert again.kept.made - n_computed < 0.6 * anew.kept.made
 
 
 def beside(run: fan.Trajectory, y: float, x: float = 0.0) -> fan.Trajectory:
-    """A run in which columbine does what pierrot does, beside him and ahead of him [m]."""
+    """A run in which columbine copies pierrot, beside him and ahead of him [m]."""
     table, q_D, q_K = run.coordinates, np.array(run.q_D), np.array(run.q_K)
-    for one, names in ((q_D, table.q_D), (q_K, table.q_K)):
+    for q, names in ((q_D, table.q_D), (q_K, table.q_K)):
         ours = [i for i, name in enumerate(names) if name.startswith("pierrot.")]
         theirs = [names.index(names[i].replace("pierrot.", "columbine.")) for i in ours]
-        one[:, theirs] = one[:, ours]
+        q[:, theirs] = q[:, ours]
         for part, by in ((".x", x), (".y", y)):
-            one[:, [i for i in theirs if names[i].endswith(part)]] += by
+            q[:, [i for i in theirs if names[i].endswith(part)]] += by
     return dataclasses.replace(run, q_D=q_D, q_K=q_K)
 
 
 AHEAD = 0.04
-"""So far their arms' strings are from each other where their arms meet [m]."""
+"""Distance of their arms' strings where their arms meet [m]."""
 
 
-def test_who_handles_a_prop_may_be_near_only_meanwhile(plays: Plays):
+def test_players_may_be_near_only_while_they_handle_a_prop(plays: Plays):
     play = plays.compiled("{who: pierrot, does: nod}")
     run, clearance = fan.theatre.verify_play(play).run, Clearance(play.marionette, strings=False)
     still = dataclasses.replace(run, q_D=run.q_D[[0] * len(run)], q_K=run.q_K[[0] * len(run)])
@@ -218,27 +218,27 @@ def test_who_handles_a_prop_may_be_near_only_meanwhile(plays: Plays):
 
     def seen(run: fan.Trajectory, begin: float, end: float) -> list[float]:
         asked = Meeting(begin, end, ("pierrot", "columbine"), (), frozenset(), "given")
-        return [one.t for one in touches(play.cast, run, [asked])]
+        return [touch.t for touch in touches(play.cast, run, [asked])]
 
     end = float(run.t[-1])
     assert not seen(near, 0.0, end)
     assert min(seen(near, 0.0, 1.0)) == pytest.approx(1.0, abs=0.03)
     assert min(seen(nearer, 0.0, end)) == 0.0
-    # What goes on is told once, whatever begins and ends meanwhile.
+    # A persisting touch is reported once, for any other beginnings and ends.
     assert seen(nearer, 0.5, 1.0) == seen(nearer, 0.0, end)
 
 
-def test_what_touches_is_told_where_a_cue_is_forced(plays: Plays):
-    """Two runs of players that stand in one place: bodies and strings are found."""
+def test_touches_of_forced_cues_are_reported(plays: Plays):
+    """Two runs of players in one place: touches of bodies and of strings are found."""
     play = plays.compiled("{who: pierrot, does: nod}")
-    found = touches(play.cast, beside(fan.theatre.verify_play(play).run, 0.15))
-    kinds = {("string" in one.what, "string" in one.other) for one in found}
+    touching = touches(play.cast, beside(fan.theatre.verify_play(play).run, 0.15))
+    kinds = {("string" in touch.what, "string" in touch.other) for touch in touching}
     assert (False, False) in kinds
-    assert any("string" in one.what for one in found)
-    assert all(one.t == 0.0 for one in found if one.distance < 0.0)
+    assert any("string" in touch.what for touch in touching)
+    assert all(touch.t == 0.0 for touch in touching if touch.distance < 0.0)
 
 
-def test_gestures_that_move_the_same_follow_the_last_of_them(plays: Plays):
+def test_gestures_of_the_same_strings_follow_the_last_of_them(plays: Plays):
     play = plays.compiled("""
         {who: pierrot, does: nod}
         {who: pierrot, does: wave, repeat: 2, when: 0}
@@ -250,7 +250,7 @@ def test_gestures_that_move_the_same_follow_the_last_of_them(plays: Plays):
     assert bow.start >= wave.end - 1e-9
 
 
-def test_a_turn_waits_for_the_wave_that_goes_on(plays: Plays):
+def test_a_turn_waits_for_the_end_of_a_wave(plays: Plays):
     play = plays.compiled("""
         {who: pierrot, does: wave}
         {who: pierrot, turns to: right, when: 1, may wait: 20}
@@ -259,7 +259,7 @@ def test_a_turn_waits_for_the_wave_that_goes_on(plays: Plays):
     assert play.cues[1].start >= play.cues[0].end - 1e-9
 
 
-def test_nothing_later_begins_before_a_go(plays: Plays):
+def test_later_cues_wait_for_a_go(plays: Plays):
     play = plays.compiled("""
         {who: columbine, does: clap}
         {who: columbine, does: nod, go: true}
@@ -273,7 +273,7 @@ def test_nothing_later_begins_before_a_go(plays: Plays):
     assert fan.theatre.verify_play(play)
 
 
-def test_what_follows_a_refused_cue_waits_for_the_one_before(plays: Plays):
+def test_the_cue_after_a_refused_one_waits_for_the_previous_one(plays: Plays):
     play = plays.compiled("""
         {who: pierrot, does: nod, repeat: 3}
         {who: pierrot, does: nod, when: 2, name: refused}
@@ -283,7 +283,7 @@ def test_what_follows_a_refused_cue_waits_for_the_one_before(plays: Plays):
     assert play.cues[2].start >= play.cues[0].end - 1e-9
 
 
-def test_a_walk_that_stands_first_is_late(plays: Plays):
+def test_a_walk_with_a_wait_is_late(plays: Plays):
     cues = """
         {who: columbine, walks to: [0, 0.05], when: 0}
         {who: pierrot, walks to: [0.7, -0.7], when: 0, may wait: 20}
@@ -298,7 +298,7 @@ def test_a_walk_that_stands_first_is_late(plays: Plays):
         assert moved == pytest.approx(cue.start, abs=0.1)
 
 
-def test_who_leaves_is_passed_while_it_goes(plays: Plays):
+def test_leaving_players_are_obstacles_until_they_have_left(plays: Plays):
     play = plays.compiled("""
         {who: columbine, exits to: [0.6, 0.6], when: 0}
         {who: pierrot, walks to: [0.3, -0.6], when: 0, may wait: 30}
@@ -307,14 +307,14 @@ def test_who_leaves_is_passed_while_it_goes(plays: Plays):
     assert fan.theatre.verify_play(play)
 
 
-def test_compiling_stops_in_time_with_what_there_is(tmp_path):
+def test_compiling_stops_in_time_with_a_partial_result(tmp_path):
     path = write_play(tmp_path, TOUCHES)
     whole, stopped = fan.load_play(path), fan.load_play(path, within=0.0)
     assert whole.rounds > 1 and stopped.rounds == 1
     stops = "compiling was stopped after 1 round"
-    assert any(stops in str(one) for one in stopped.lacking)
-    assert not any(stops in str(one) for one in whole.lacking)
-    assert any("would be" in str(one) for one in stopped.lacking)  # what touches is said
+    assert any(stops in str(remark) for remark in stopped.lacking)
+    assert not any(stops in str(remark) for remark in whole.lacking)
+    assert any("would be" in str(remark) for remark in stopped.lacking)  # touches are reported
     assert [cue.what for cue in stopped.cues] == [cue.what for cue in whole.cues]
     assert stopped.duration > 0.0
 
@@ -328,6 +328,6 @@ def test_an_edited_puppet_is_read_again(plays: Plays):
     (plays.folder / "mine.yaml").write_text(text.replace("density: 1500", "density: 2500"))
     again = fan.load_play(plays.written(acts, head), before=first)
     anew = fan.load_play(plays.written(acts, head))
-    one, two = fan.theatre.verify_play(again).run, fan.theatre.verify_play(anew).run
-    assert np.array_equal(one.q_D, two.q_D)
-    assert not np.array_equal(one.q_D, fan.theatre.verify_play(first).run.q_D)
+    first_run, second_run = fan.theatre.verify_play(again).run, fan.theatre.verify_play(anew).run
+    assert np.array_equal(first_run.q_D, second_run.q_D)
+    assert not np.array_equal(first_run.q_D, fan.theatre.verify_play(first).run.q_D)

@@ -16,13 +16,15 @@ ACT = "acts:\n  - act: one\n    cues:\n      - {cue}\n"
 
 
 def mistakes(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
-    """What is wrong with a cue, with its line in the file."""
+    """Mistakes of a cue, at its line in the file."""
     path = plays.written(ACT.format(cue=cue), head)
     with pytest.raises(fan.errors.FileError) as caught:
         fan.load_play(path)
     line = read_file(path).lines["acts", 0, "cues", 0]
-    assert [one.line for one in caught.value.mistakes] == [line] * len(caught.value.mistakes)
-    return [one.message for one in caught.value.mistakes]
+    assert [mistake.line for mistake in caught.value.mistakes] == [line] * len(
+        caught.value.mistakes
+    )
+    return [mistake.message for mistake in caught.value.mistakes]
 
 
 @pytest.mark.parametrize(
@@ -51,9 +53,9 @@ def mistakes(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
         ("{who: pierrot, walks too: centre}", "this key is not known; did you mean 'walks to'?"),
     ],
 )
-def test_a_cue_that_is_wrong_is_told_at_its_line(plays: Plays, cue: str, said: str):
-    found = mistakes(plays, cue)
-    assert any(said in one for one in found), found
+def test_a_wrong_cue_is_reported_at_its_line(plays: Plays, cue: str, said: str):
+    messages = mistakes(plays, cue)
+    assert any(said in message for message in messages), messages
 
 
 @pytest.mark.parametrize(
@@ -70,9 +72,7 @@ def test_a_cue_that_is_wrong_is_told_at_its_line(plays: Plays, cue: str, said: s
         ("tempo: 100", "tempo: 100\nsound: [{file: a.wav, at: drums}]", "a name of `times`"),
     ],
 )
-def test_a_stage_and_a_cast_that_are_wrong_are_told(
-    plays: Plays, before: str, after: str, said: str
-):
+def test_a_wrong_stage_or_cast_is_reported(plays: Plays, before: str, after: str, said: str):
     path = plays.written(ACT.format(cue="{who: all, does: nod}"), HEAD.replace(before, after))
     with pytest.raises(fan.errors.FileError, match=said.replace("?", r"\?")):
         fan.load_play(path)
@@ -85,7 +85,7 @@ def test_keys_may_be_written_with_a_space_or_an_underline(plays: Plays):
             fan.load_play(path)
 
 
-def test_the_schema_takes_what_compiles_and_refuses_two_verbs(plays: Plays):
+def test_the_schema_accepts_valid_plays_and_refuses_two_verbs(plays: Plays):
     schema = fan.theatre.play_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     good = read_file(plays.written(ACT.format(cue="{who: all, walks to: centre, near: 40 cm}")))
@@ -96,7 +96,7 @@ def test_the_schema_takes_what_compiles_and_refuses_two_verbs(plays: Plays):
         jsonschema.validate(bad.data, schema)
 
 
-def test_times_that_wait_for_each_other_are_told(plays: Plays):
+def test_circular_times_are_reported(plays: Plays):
     acts = """
 acts:
   - act: one

@@ -21,7 +21,7 @@ from fantoccini.theatre.plays.sitting import sit
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets, pytest.mark.long]
 
 RAISED = 0.02
-"""Feet hang clear of the floor, which event-driven runs of feet just above it do not like [m]."""
+"""Height of the feet above the floor: event-driven runs have many events just above it [m]."""
 RULES = {"friction": 0.6, "meets": ["floor", "obstacles", "props"]}
 HUNG = {"head": 0.6225, "shoulder": 0.7658, "hand": 0.9154, "knee": 1.0609}
 METHOD = fan.TimeStepping(dt=1e-3)
@@ -42,7 +42,7 @@ def puppet(name: str, x: float, y: float, heading: float) -> dict:
 
 
 def seen(x: float, y: float, heading: float, forward: float, left: float) -> tuple[float, float]:
-    """A place in front of a puppet, in the world [m]."""
+    """A place in front of a puppet, in world coordinates [m]."""
     c, s = np.cos(heading), np.sin(heading)
     return x + c * forward - s * left, y + s * forward + c * left
 
@@ -64,19 +64,19 @@ def prop(kind: str, x: float, y: float, z: float, heading: float) -> dict:
 
 
 def hung(kind: str, x: float, y: float, heading: float, side: str, off: float = 0.0) -> dict:
-    """A prop on the forearm of a puppet that stands there."""
+    """A prop on the forearm of a puppet standing there."""
     forward, left, up = prop_gestures.handle_place(side, raised=RAISED)
     place = seen(x, y, heading, forward + off, left)
     return prop(kind, *place, up - 0.35 * off - THINGS[kind]["handle"], heading)
 
 
 def stage(puppets: list, things: list, obstacles=(), pairs=()) -> fan.Marionette:
-    free = [{"between": [one["name"], "floor"], "meet": False} for one in puppets]
-    for one, thing in product(puppets, things):
+    free = [{"between": [actor["name"], "floor"], "meet": False} for actor in puppets]
+    for actor, thing in product(puppets, things):
         if thing["name"] == "chair":
             continue
-        free.append({"between": [one["name"], thing["name"]], "meet": False})
-        of = f"{one['name']}." if len(puppets) > 1 else ""
+        free.append({"between": [actor["name"], thing["name"]], "meet": False})
+        of = f"{actor['name']}." if len(puppets) > 1 else ""
         free += [
             {"between": [f"{of}forearm_{side}", thing["name"]], "friction": 0.6}
             for side in ("left", "right")
@@ -97,16 +97,16 @@ def stage(puppets: list, things: list, obstacles=(), pairs=()) -> fan.Marionette
 
 
 def met(run, name: str) -> dict[str, tuple[float, float]]:
-    """What pushes a body, and when first and last [s]."""
-    found: dict[str, tuple[float, float]] = {}
+    """Other body -> first and last time of its contact with a body [s]."""
+    contacts: dict[str, tuple[float, float]] = {}
     contact = run.contact
     for pair, sample, force in zip(contact.pair, contact.sample, contact.force, strict=True):
         names = contact.names[pair]
         if name in names and np.linalg.norm(force) > 1e-6:
             other = names[1 - names.index(name)]
-            first = found.get(other, (float(run.t[sample]),) * 2)[0]
-            found[other] = first, float(run.t[sample])
-    return found
+            first = contacts.get(other, (float(run.t[sample]),) * 2)[0]
+            contacts[other] = first, float(run.t[sample])
+    return contacts
 
 
 def handle_in(scene, run, kind: str, body: str) -> np.ndarray:
@@ -118,22 +118,22 @@ def handle_in(scene, run, kind: str, body: str) -> np.ndarray:
 
 
 def nearest(scene, run, kind: str, arms: tuple[str, ...]) -> float:
-    """Least distance of a prop's or a string's from what is another's [m]; none may cross."""
+    """Least distance of a prop or a string from those of others [m]; none may cross."""
     links = [link.name for link in scene.tree.links]
     t, q_D, q_K = run.t[::2], run.q_D[::2], run.q_K[::2]
     free = [frozenset((name, FLOOR)) for name in links] + [frozenset((kind, arm)) for arm in arms]
-    found = [Clearance(scene, free=free).at(q_D, q_K).min()]
-    # Bodies of one puppet are not kept from each other, but from the prop they are.
+    distances = [Clearance(scene, free=free).at(q_D, q_K).min()]
+    # Bodies of one puppet may touch each other, but not the prop.
     own = [frozenset(pair) for pair in combinations([x for x in links if x != kind], 2)]
-    found.append(Clearance(scene, free=[*free, *own]).at(q_D, q_K).min())
+    distances.append(Clearance(scene, free=[*free, *own]).at(q_D, q_K).min())
     strings = StringsApart(scene).over(q_D, q_K, t)
     assert not strings.crossings()
     near = strings.nearest()
     owner = [
-        (one, one.what.split(".")[0], one.other.split(".")[0])
-        for one in (*near.strings, *near.bodies)
+        (approach, approach.what.split(".")[0], approach.other.split(".")[0])
+        for approach in (*near.strings, *near.bodies)
     ]
-    return min(*found, *(one.distance for one, a, b in owner if a != b))
+    return min(*distances, *(approach.distance for approach, a, b in owner if a != b))
 
 
 def handed(kind: str, side: str, place: tuple[float, float, float], off: float = 0.0):
@@ -149,7 +149,7 @@ def handed(kind: str, side: str, place: tuple[float, float, float], off: float =
 
 
 RECEIVER, AHEAD = 0.4322, 0.0202
-"""How far she stands beside him, and before him [m]."""
+"""Her place beside him, and in front of him [m]."""
 
 
 @pytest.mark.parametrize(
@@ -203,10 +203,10 @@ def test_a_prop_stays_on_the_forearm_in_a_walk(kind, side):
 
 SEAT = THINGS["chair"]["seat"]
 ASIDE = puppet("other", 3.0, 3.0, 0.0)
-"""Who takes no part."""
+"""A puppet that takes no part."""
 
 
-def test_a_seat_bears_who_sits_and_lets_her_stand_up():
+def test_a_seat_bears_a_player_and_lets_her_stand_up():
     place = (0.3, 0.2, -1.2)
     x, y = seen(*place, -0.135, 0.0)
     chair = {
@@ -235,7 +235,7 @@ def test_a_seat_bears_who_sits_and_lets_her_stand_up():
     hers = (bears - own) / (scene.weight - own)
     sits, stands = (run.t > 4.5) & (run.t < 5.9), run.t > 10.0
     assert hers[sits].min() > 0.3 and hers[sits].max() < 0.95
-    # Her legs may still swing against the chair: she steps away from it in plays.
+    # Her legs may still swing against the chair: in plays she steps away from it.
     assert np.abs(hers[stands]).mean() < 0.02
     assert set(met(run, "chair")) - {"floor"} <= {body for body, _ in sitting.touching}
     torso = scene.poses(run.q_D, run.q_K)[:, scene.link_index("torso"), :, 3]

@@ -1,4 +1,4 @@
-"""Props put on tables and picked up again, in plays."""
+"""Props put on tables and picked up, in plays."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 DOWN = "      - {who: pierrot, puts down: PROP, onto: table}\n"
 UP = "      - {who: pierrot, picks up: PROP}\n"
 TOP = 0.2
-"""Height of a table that suits [m]."""
+"""Height of a suitable table [m]."""
 
 
 def puppet() -> fan.Marionette:
@@ -33,7 +33,7 @@ def write(
     top: float = TOP,
     at: str = "[-0.3, 0]",
 ) -> Path:
-    """A play with a puppet that holds something, and a table."""
+    """A play with a puppet that holds a prop, and a table."""
     path = folder / "put.yaml"
     path.write_text(
         "play: put\ntempo: 100\nstage:\n  space: {x: [-1.5, 1.5], y: [-1.2, 1.2]}\n  obstacles:\n"
@@ -75,7 +75,7 @@ def test_a_prop_is_put_down_and_picked_up_again(tmp_path, prop, side, top, at):
 
 
 @pytest.mark.parametrize(("top", "off"), [(0.1, "low"), (0.3, "high")])
-def test_a_table_that_does_not_suit_is_refused_with_the_nearest_that_does(tmp_path, top, off):
+def test_an_unsuitable_table_is_refused_with_the_nearest_suitable_one(tmp_path, top, off):
     play = fan.load_play(write(tmp_path, DOWN, top=top))
     (change,) = play.changes
     assert "puts down ball onto table cannot be done" in str(change)
@@ -85,7 +85,7 @@ def test_a_table_that_does_not_suit_is_refused_with_the_nearest_that_does(tmp_pa
     assert nearest == pytest.approx(0.189 if off == "low" else 0.228, abs=0.004)
 
 
-def test_what_is_not_held_is_not_put_down_and_what_hangs_is_not_picked_up(tmp_path):
+def test_only_held_props_are_put_down_and_only_free_ones_are_picked_up(tmp_path):
     cues = "      - {who: pierrot, picks up: ball}\n"
     (change,) = fan.load_play(write(tmp_path, cues)).changes
     assert "pierrot holds ball" in str(change) and ":15: " in str(change)

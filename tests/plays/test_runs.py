@@ -1,4 +1,4 @@
-"""Runs of players put together, pauses, and random plays."""
+"""Combined runs of players, pauses, and random plays."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ pytestmark = pytest.mark.medium
 
 def test_players_together_move_as_in_a_run_of_the_whole_stage(plays: Plays):
     play = plays.compiled("{who: pierrot, does: wave}\n{who: columbine, does: clap, when: 1}")
-    found = fan.theatre.verify_play(play)
+    verification = fan.theatre.verify_play(play)
     whole = fan.simulate(play.marionette, play.x0, play.inputs)
-    t = np.linspace(0.0, found.run.t[-1], 200)
-    one, other = found.run.resample(t), whole.resample(t)
-    assert np.max(np.abs(one.q_K - other.q_K)) < 1e-12
-    # Two integrations of different steps: the strings that snap taut set the difference.
-    assert np.max(np.abs(one.q_D - other.q_D)) < 1e-4
-    assert np.max(np.abs(one.tension.values - other.tension.values)) < 0.02
-    sums = {name: float(found.run.ledger[name][-1]) for name in ("work", "residual")}
+    t = np.linspace(0.0, verification.run.t[-1], 200)
+    combined, other = verification.run.resample(t), whole.resample(t)
+    assert np.max(np.abs(combined.q_K - other.q_K)) < 1e-12
+    # Two integrations with different steps: catches of strings determine the difference.
+    assert np.max(np.abs(combined.q_D - other.q_D)) < 1e-4
+    assert np.max(np.abs(combined.tension.values - other.tension.values)) < 0.02
+    sums = {name: float(verification.run.ledger[name][-1]) for name in ("work", "residual")}
     assert sums["work"] == pytest.approx(float(whole.ledger["work"][-1]), abs=1e-4)
     assert abs(sums["residual"]) < 1e-6
     kinds = [(event.kind, event.name) for event in whole.events if event.name]
-    assert {name for _, name in kinds} == {e.name for e in found.run.events if e.name}
+    assert {name for _, name in kinds} == {e.name for e in verification.run.events if e.name}
 
 
 @pytest.fixture(scope="module", name="after_a_walk")
@@ -44,10 +44,10 @@ def _after_a_walk() -> tuple[fan.Marionette, fan.State, fan.theatre.Gesture]:
     return puppet, run.state(len(run) - 1).replace(t=0.0), walk
 
 
-def test_the_gradient_of_swing_by_the_pause_is_that_of_differences():
+def test_the_gradient_of_swing_by_the_pause_agrees_with_differences():
     puppet = fan.puppets.marionette()
     hangs = puppet.rest()
-    # So gentle that no string snaps taut: the cost is smooth.
+    # Gentle enough that no string snaps taut, so that the cost is smooth.
     ends = [name for name in puppet.coordinates.q_K if name.endswith(".x")]
     push = fan.theatre.Gesture.of(puppet, {name: [(0, 0), (1.0, 0.01)] for name in ends})
     run = fan.simulate(puppet, hangs, push.inputs(hangs), method="timestepping")
@@ -73,11 +73,11 @@ def test_a_pause_uses_the_swing_of_the_walk_before(
 
 @pytest.mark.parametrize("seed", [1, 3, 11])
 @pytest.mark.slow
-def test_a_random_play_compiles_and_holds(plays: Plays, seed: int):
+def test_a_random_play_compiles_and_is_verified(plays: Plays, seed: int):
     path = plays.folder / "random.yaml"
     YAML().dump(random_play(seed), path)
     play = fan.load_play(path)
-    found = fan.theatre.verify_play(play)
-    assert found, found.faults
+    verification = fan.theatre.verify_play(play)
+    assert verification, verification.faults
     assert all(cue.refused or cue.marks for cue in play.cues)
     assert len(play.changes) == sum(bool(cue.refused) for cue in play.cues)

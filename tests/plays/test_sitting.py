@@ -1,4 +1,4 @@
-"""Plays in which somebody sits down and stands up again."""
+"""Plays in which a player sits down and stands up again."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def made(
 
 
 def check_sits(play: fan.theatre.Play) -> None:
-    """Nothing is refused or touches, and the trunk is upright, the feet are on the floor."""
+    """Nothing is refused or touches, the trunk is upright, and the feet are on the floor."""
     assert not play.changes
-    found = fan.theatre.verify_play(play)
-    assert found.faults == ()
-    run, stage = found.run, play.marionette
+    verification = fan.theatre.verify_play(play)
+    assert verification.faults == ()
+    run, stage = verification.run, play.marionette
     cues = {cue.name: cue for cue in play.cues}
     k = int(np.searchsorted(run.t, cues["sit"].end))
     poses = stage.poses(run.q_D[k : k + 1], run.q_K[k : k + 1])[0]
@@ -107,7 +107,7 @@ def reasons(play: fan.theatre.Play) -> str:
     return "\n".join(map(str, play.changes))
 
 
-def test_who_sits_does_not_walk_and_nobody_sits_on_her(tmp_path):
+def test_a_sitting_player_does_not_walk_and_her_seat_is_taken(tmp_path):
     play = made(
         tmp_path,
         SITS,
@@ -121,7 +121,7 @@ def test_who_sits_does_not_walk_and_nobody_sits_on_her(tmp_path):
     assert "columbine: sits on chair cannot be done: pierrot sits on chair" in reasons(play)
 
 
-def test_nobody_stands_up_from_what_she_does_not_sit_on(tmp_path):
+def test_standing_up_needs_the_seat_of_the_player(tmp_path):
     props = CHAIR.format(at="[0.1, -0.2]", facing="audience")
     play = made(tmp_path, BOWS, STANDS, props=props)
     assert len(play.changes) == 1
@@ -135,7 +135,7 @@ def test_a_seat_is_neither_too_high_nor_too_low(tmp_path):
     assert "m below the pelvis; needed: 0.09 to 0.18 m" in reasons(play)
 
 
-def test_standing_up_begins_where_sitting_down_ends_and_leads_back():
+def test_standing_up_reverses_sitting_down():
     puppet = fan.puppets.marionette()
     sitting = sit(puppet, "", "seat", 0.14)
     (down, still), (up, rates) = sitting.down.ends[0], sitting.up.ends[0]

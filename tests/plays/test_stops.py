@@ -1,4 +1,4 @@
-"""Reports with line and player: runs that stop, timeouts, and cues that nobody can do."""
+"""Reports with line and player: stopped runs, timeouts, and impossible cues."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TWICE = """\
 
 
 def failing(monkeypatch, when, error: Exception) -> None:
-    """Lets the simulator raise an error where a part's marionette, state and method are such."""
+    """Make the simulator raise an error for certain marionettes, states and methods."""
     simulated = runs.simulate
 
     def simulate(marionette, x, inputs, **options):
@@ -58,12 +58,12 @@ def test_an_error_of_the_simulator_refuses_its_cue_and_the_rest_is_played(
     assert change.message.startswith("one: hop.yaml cannot be done: one's run stops on beat 3.0")
     assert str(error) in change.message
     assert [bool(cue.refused) for cue in play.cues] == [False, True, False]
-    found = fan.theatre.verify_play(play)
-    assert found, found.faults
+    verification = fan.theatre.verify_play(play)
+    assert verification, verification.faults
 
 
 def moves_again(x: fan.State, inputs: fan.Input) -> bool:
-    """Whether it is the second hop of one, which has 2 s until the end; the first has 2.5 s."""
+    """Whether this is the second hop of a player, with 2 s until the end; the first has 2.5 s."""
     length = x.coordinates.q_K.index("hold.length")
     early = float(np.abs(inputs.evaluate(0.25)[0] - inputs.evaluate(0.0)[0])[length])
     return x["hold.y"] < 0.0 and early > 1e-3 and inputs.end < 2.2
@@ -83,11 +83,11 @@ def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_pa
     play = fan.load_play(write_play(tmp_path, TWICE))
     play = dataclasses.replace(play, kept=Kept())
     failing(monkeypatch, lambda x, inputs, _: moves_again(x, inputs), ERRORS[0])
-    found = fan.theatre.verify_play(play)
-    assert not found
-    (fault,) = [one for one in found.faults if "run stops" in one]
+    verification = fan.theatre.verify_play(play)
+    assert not verification
+    (fault,) = [message for message in verification.faults if "run stops" in message]
     assert fault.startswith("line 15: one: hop.yaml: one's run stops in First <act>, beat 3.0")
-    assert found.run.status is not fan.Status.DONE
+    assert verification.run.status is not fan.Status.DONE
     failing(monkeypatch, lambda x, inputs, _: x["hold.y"] < 0.0, ERRORS[0])
     play = dataclasses.replace(play, kept=Kept())
     with pytest.raises(
@@ -96,8 +96,8 @@ def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_pa
         fan.theatre.verify_play(play)
 
 
-def test_a_play_that_is_out_of_time_is_that_of_its_last_whole_round(tmp_path, monkeypatch):
-    """Regression: it stopped only between rounds, however long they took."""
+def test_a_play_out_of_time_is_that_of_its_last_complete_round(tmp_path, monkeypatch):
+    """Regression: it stopped only between rounds, of any duration."""
     path = write_play(tmp_path, TOUCHES)
     simulated, began = runs.simulate, time.monotonic()
     calls = []
@@ -106,7 +106,7 @@ def test_a_play_that_is_out_of_time_is_that_of_its_last_whole_round(tmp_path, mo
         calls.append(time.monotonic() - began)
         if len(calls) <= 4:
             return simulated(*arguments, progress=progress, **options)
-        while True:  # a run that would take for ever
+        while True:  # a run that never ends
             time.sleep(0.01)
             progress(Progress())
 
@@ -121,7 +121,7 @@ def test_a_play_that_is_out_of_time_is_that_of_its_last_whole_round(tmp_path, mo
     assert play.kept.until == np.inf
 
 
-def test_a_verification_out_of_time_says_so_and_measures_what_there_is(tmp_path, monkeypatch):
+def test_a_verification_out_of_time_measures_its_partial_run(tmp_path, monkeypatch):
     play = fan.load_play(write_play(tmp_path))
 
     def stopped(self, *, exact=False):
@@ -131,22 +131,22 @@ def test_a_verification_out_of_time_says_so_and_measures_what_there_is(tmp_path,
 
     whole = type(play).runs
     monkeypatch.setattr(type(play), "runs", stopped)
-    found = fan.theatre.verify_play(play, within=3.0)
-    assert not found
-    assert "the time was over after 3 s" in found.faults[0]
-    assert found.run.t[-1] == pytest.approx(play.duration)
+    verification = fan.theatre.verify_play(play, within=3.0)
+    assert not verification
+    assert "the time was over after 3 s" in verification.faults[0]
+    assert verification.run.t[-1] == pytest.approx(play.duration)
     monkeypatch.undo()
-    assert fan.theatre.verify_play(play, within=0.0)  # all is kept
+    assert fan.theatre.verify_play(play, within=0.0)  # all is cached
 
 
-def test_nothing_is_made_once_the_time_is_over():
-    kept = Kept()
-    assert kept.get("a", lambda: 1) == 1
-    with kept.limited(time.monotonic() - 1.0):
-        assert kept.get("a", lambda: 2) == 1
+def test_nothing_is_computed_after_the_time_limit():
+    cache = Kept()
+    assert cache.get("a", lambda: 1) == 1
+    with cache.limited(time.monotonic() - 1.0):
+        assert cache.get("a", lambda: 2) == 1
         with pytest.raises(OutOfTime):
-            kept.get("b", lambda: 2)
-    assert kept.get("b", lambda: 2) == 2
+            cache.get("b", lambda: 2)
+    assert cache.get("b", lambda: 2) == 2
 
 
 CANNOT = {
@@ -161,8 +161,8 @@ CANNOT = {
 
 
 @pytest.mark.parametrize(("cue", "says"), CANNOT.values(), ids=CANNOT)
-def test_check_refuses_what_no_player_of_such_a_puppet_can_do(tmp_path, cue, says):
-    """It passed a play in which players without legs walk, and look without a head."""
+def test_check_refuses_cues_that_a_puppet_cannot_do(tmp_path, cue, says):
+    """Such plays passed: players without legs walked, or looked without a head."""
     path = write_play(tmp_path, f"      - {cue}\n")
     if says is None:
         assert check_play(path).play == "tiny"
@@ -171,7 +171,7 @@ def test_check_refuses_what_no_player_of_such_a_puppet_can_do(tmp_path, cue, say
         check_play(path)
     assert f"{path}:14: {says}" in str(caught.value)
     assert "no driven coordinate is called" in str(caught.value)
-    # Compiled, it is left out, and the rest is played.
+    # When compiled, the cue is left out, and the rest is played.
     play = fan.load_play(path)
     assert len(play.refused) == 1 and play.refused[0].line == 14
     optional = cue.replace("}", ", optional: true}")
@@ -192,12 +192,12 @@ def test_check_refuses_a_gesture_that_cannot_be_mirrored(tmp_path):
 
 
 def write_play_again(path: Path, old: str, new: str) -> Path:
-    """A play with another text in it."""
+    """A play with a part of its text replaced."""
     path.write_text(path.read_text().replace(old, new))
     return path
 
 
-def test_check_refuses_walks_to_where_nobody_can_stand(plays: Plays):
+def test_check_refuses_walks_to_impossible_places(plays: Plays):
     acts = """acts:
   - act: one
     cues:
@@ -218,7 +218,7 @@ def test_check_refuses_walks_to_where_nobody_can_stand(plays: Plays):
     assert [bool(cue.refused) for cue in play.cues][:3] == [True, True, False]
 
 
-def test_check_simulates_nothing_for_those_who_can(plays: Plays, monkeypatch):
+def test_check_simulates_nothing_for_possible_cues(plays: Plays, monkeypatch):
     monkeypatch.setattr(compiling, "make_round", None)
     acts = """acts:
   - act: one
@@ -232,8 +232,8 @@ def test_check_simulates_nothing_for_those_who_can(plays: Plays, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_gesture_follows_a_walk_though_a_string_snaps_taut_as_it_begins(plays: Plays):
-    """Its part began at a string at its bound, and the whole play ended there."""
+def test_a_gesture_follows_a_walk_despite_a_catch_at_its_beginning(plays: Plays):
+    """Its part began with a string at its bound, and the whole play ended."""
     cues, beat = "{who: pierrot, walks to: [0, 0.3]}\n{who: pierrot, does: nod, when: 12}", 0.6
     play = plays.compiled(cues)
     walk, run = play.cues[0], play.runs().players["pierrot"]

@@ -1,6 +1,6 @@
-"""Ways past tables and past each other: exact ends, no collisions, and reasons where there is none.
+"""Paths past tables and players: exact ends, no collisions, and reasons for missing paths.
 
-Collisions are looked for here by distances written anew, at samples of 7 ms.
+Collisions are tested with independent distances, at samples of 7 ms.
 """
 
 from __future__ import annotations
@@ -50,15 +50,15 @@ def straight(name: str, first, last, begin: float, end: float) -> Other:
 
 
 def closest(way: Way, blocked, others, begin: float = 0.0) -> float:
-    """Least distance left between disks, and to obstacles, from the beginning until all stand."""
-    last = max([way.end, *(float(one.times[-1]) for one in others)])
+    """Least distance between disks, and to obstacles, from the beginning until all stand."""
+    last = max([way.end, *(float(walker.times[-1]) for walker in others)])
     t = np.arange(begin, last + 1.0, 0.007)
     p, _ = way.footing(t)
     assert np.all(p >= np.array(SPACE.low) - 1e-6) and np.all(p <= np.array(SPACE.high) + 1e-6)
     gaps = [np.inf]
-    for one in others:
-        q = np.array([np.interp(t, one.times, one.xy[:, k]) for k in (0, 1)]).T
-        gaps.append(np.min(np.hypot(*(p - q).T)) - RADIUS - one.radius)
+    for walker in others:
+        q = np.array([np.interp(t, walker.times, walker.xy[:, k]) for k in (0, 1)]).T
+        gaps.append(np.min(np.hypot(*(p - q).T)) - RADIUS - walker.radius)
     for region in blocked:
         rel = p - np.array(region.centre)
         if isinstance(region, Box):
@@ -84,7 +84,7 @@ def check(way: Way | NoWay, goal: Footing, blocked=(), others=(), begin: float =
     return way
 
 
-def test_nothing_in_the_way_is_straight_ahead():
+def test_without_obstacles_the_path_is_straight():
     way = check(found(WEST, EAST), EAST)
     assert way.begin == 0.0 and len(way.steps) == 25
     assert way.length == pytest.approx(2.0)
@@ -100,8 +100,8 @@ def test_turns_are_eight_to_half_a_turn_and_walks_between():
     assert kinds == "ttttwwtttt"
 
 
-def test_a_way_is_walked_as_it_was_planned():
-    """The gesture's ends are where the way's footing says, turned to the start's heading."""
+def test_a_path_is_walked_as_planned():
+    """The gesture's ends follow the path's footing, turned to the start's heading."""
     puppet, start, goal = fan.puppets.marionette(), Footing(-1.0, 0.2, 0.7), Footing(0.9, 0.1, 2.0)
     way = check(found(start, goal, blocked=[TABLE]), goal, [TABLE])
     gesture = steps(Ends(puppet.coordinates, puppet.rest()), way.steps, way.step_time)
@@ -133,14 +133,14 @@ def test_two_change_places():
     assert second.end < first.end + 10.0
 
 
-def test_it_waits_where_only_one_can_pass():
+def test_it_waits_at_a_place_for_one():
     blocks = straight("columbine", (0.0, 0.0), (0.6, 0.6), 6.0, 9.0)
     waits = check(found(WEST, EAST, blocked=GATE, others=[blocks]), EAST, GATE, [blocks])
     assert any(step.stands for step in waits.steps) or waits.begin > 0.0
     assert waits.end > found(WEST, EAST, blocked=GATE).end
 
 
-def test_it_begins_later_only_where_it_may():
+def test_it_begins_later_only_if_allowed():
     start, goal = Footing(-0.25, 0.0), Footing(0.25, 0.0)
     leaves = straight("columbine", (0.25, 0.0), (1.25, 0.0), 4.0, 8.0)
     later, now = (
@@ -153,7 +153,7 @@ def test_it_begins_later_only_where_it_may():
 
 
 def test_it_steps_out_of_the_way_of_others():
-    """Where it stands at its goal, another one passes first."""
+    """Another player passes first through its place at the goal."""
     passes = straight("columbine", (1.0, 0.0), (-1.0, 0.0), 3.0, 15.0)
     start = Footing(0.0, 0.0)
     way = check(found(start, start, others=[passes]), start, others=[passes])
@@ -203,7 +203,7 @@ def test_it_steps_out_of_the_way_of_others():
         ),
     ],
 )
-def test_where_there_is_no_way_there_is_a_reason_and_a_place_nearby(goal, given, kind, text):
+def test_a_missing_path_has_a_reason_and_a_place_nearby(goal, given, kind, text):
     nothing = found(WEST, goal, **given)
     assert isinstance(nothing, NoWay) and not nothing
     assert nothing.kind is kind and text in nothing.reason
@@ -215,7 +215,7 @@ def test_where_there_is_no_way_there_is_a_reason_and_a_place_nearby(goal, given,
     assert way.length > 0.0 and abs(nearest.place - goal.place) < 1.3
 
 
-def test_where_it_must_wait_too_long_it_says_until_when():
+def test_too_long_a_wait_names_its_end():
     blocks = straight("columbine", (0.0, 0.0), (0.6, 0.6), 100.0, 105.0)
     late = found(WEST, EAST, blocked=GATE, others=[blocks])
     assert isinstance(late, NoWay) and late.kind is Hindrance.OTHERS_IN_THE_WAY
@@ -224,13 +224,13 @@ def test_where_it_must_wait_too_long_it_says_until_when():
     assert check(again, EAST, GATE, [blocks], 90.0).end <= late.earliest + STEP_TIME
 
 
-def test_it_cannot_start_where_it_cannot_stand():
-    for start, given in (
+def test_a_path_cannot_start_at_an_impossible_place():
+    for start, options in (
         (Footing(0.1, 0.1), {"blocked": [TABLE]}),
         (WEST, {"others": [straight("columbine", (-1, 0.2), (1, 0.2), 0, 9)]}),
         (Footing(-2.0, 0.0), {}),
     ):
-        nothing = found(start, EAST, **given)
+        nothing = found(start, EAST, **options)
         assert isinstance(nothing, NoWay) and nothing.kind is Hindrance.START_BLOCKED
 
 
@@ -245,8 +245,8 @@ def test_the_same_stage_has_the_same_way():
         straight("pierrot", (1.0, 0.5), (-1.0, 0.5), 0.0, 15.0),
         straight("columbine", (0.3, -0.9), (0.3, 0.9), 0.0, 15.0),
     ]
-    one, two = (found(WEST, EAST, blocked=[TABLE], others=walks) for _ in range(2))
-    assert dataclasses.asdict(check(one, EAST, [TABLE], walks)) == dataclasses.asdict(two)
+    first, second = (found(WEST, EAST, blocked=[TABLE], others=walks) for _ in range(2))
+    assert dataclasses.asdict(check(first, EAST, [TABLE], walks)) == dataclasses.asdict(second)
 
 
 def test_a_hundred_ways_past_others_never_touch_any():

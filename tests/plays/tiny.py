@@ -1,4 +1,4 @@
-"""A play of two balls on strings: as small as plays get, compiled within a second."""
+"""A play of two balls on strings, as small as possible: it compiles within a second."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ TOUCHES = """\
       - {who: two, does: hop.yaml, when: 0.5}
       - {who: one, does: sway.yaml, when: 0.75}
 """
-"""The ball of one would go through that of two."""
+"""The ball of `one` would go through that of `two`."""
 MAY_TOUCH = TOUCHES.replace("sway.yaml,", "sway.yaml, optional: true,")
 
 
 def write_play(folder: Path, cues: str = CUES, more: str = "") -> Path:
-    """Writes a play with the files that it needs, and more keys, and returns its path."""
+    """Write a play with its files, and more keys; returns its path."""
     for name, text in (("bob.yaml", BALL), ("hop.yaml", HOP), ("sway.yaml", SWAY)):
         (folder / name).write_text(text, encoding="utf-8")
     path = folder / "tiny.yaml"

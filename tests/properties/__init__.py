@@ -1,1 +1,1 @@
-"""Properties that every run has, whatever the puppet and whatever its inputs ask for."""
+"""Properties of every run, for any puppet and any inputs."""

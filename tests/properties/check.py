@@ -1,6 +1,6 @@
-"""One run and the properties it has to have.
+"""One run and its required properties.
 
-``python -m properties.check PUPPET SEED METHOD`` runs one case and prints what is broken.
+`python -m properties.check PUPPET SEED METHOD` runs one case and prints broken properties.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from properties.performances import Performance, performance
 
 METHODS = ("event", "timestepping", "variational")
 DT = {"event": 0.002, "timestepping": 0.002, "variational": 0.01}
-"""Steps of the methods with a fixed one [s]."""
+"""Steps of the methods with fixed steps [s]."""
 
 EXPECTED = {
     "event": {
@@ -46,11 +46,12 @@ EXPECTED = {
         Status.REDUNDANT_STRINGS,
     },
 }
-"""How a run may end. Time-stepping goes on under inputs that nothing can follow; the variational
-integrator may stop there without finding out why."""
+"""Expected statuses. Time-stepping continues under impossible inputs; the variational integrator
+may stop there without a specific reason.
+"""
 
-ADRIFT = {Status.GAINED_ENERGY, Status.UNBALANCED}
-"""Of these, those that say that a step is too long for how fast bodies turn."""
+INACCURATE = {Status.GAINED_ENERGY, Status.UNBALANCED}
+"""Expected statuses for steps that are too long for the bodies' rotations."""
 
 LENGTH = 1e-12
 """Bound on violations and on gaps of rows that pull, relative to a string's length, or to 1 rad
@@ -58,47 +59,50 @@ or 1 m (event-driven)."""
 SPEED = 1e-9
 """Bound on hdot of a closed row after an event, relative to the largest velocity or 1."""
 NEWTON = 1e-7
-"""Bound on what Eqs. 10 and 11 lack, relative to the largest term in them."""
-LET_GO = 1e-5
-"""Bound on hddot of a loose closed row that hardly differs from other closed ones, relative to the
-largest term in it: where strings lie along one another, heights known to 1e-13 tell their
-directions to the root of that, some 1e-6. The row is caught before it is ``LENGTH`` off."""
-HARDLY = 1e-3
-"""Part of a row's column of W outside the span of the other closed rows' that is hardly any."""
+"""Bound on the residual of Eqs. 10 and 11, relative to their largest term."""
+MAX_OPENING = 1e-5
+"""Bound on hddot of a loose closed row that is nearly dependent on other closed ones, relative
+to its largest term: if strings are nearly parallel, heights known to 1e-13 determine their
+directions to the root of that, about 1e-6. The row is caught before its gap exceeds `LENGTH`.
+"""
+NEARLY_DEPENDENT = 1e-3
+"""Part of a row's column of W outside the span of other closed rows that counts as none."""
 LEDGER = 1e-7
 """Bound on the residual, relative to weight * 1 m + |work| + losses + kinetic energy."""
 STEPS = 10.0
 """Bound on gaps of rows that pull, in dt * the largest speed of the run or 1 (time-stepping)."""
-STRAYS = 2.0
-"""Bound on violations where the inputs can be followed, in dt * (speed + duration * speed^2 /
-(2 length)) with the largest speed of the run and the shortest string (time-stepping)."""
-FOLLOWED = 1e-4
-"""Violation below which inputs count as followed, relative (time-stepping)."""
+MAX_VIOLATION_FACTOR = 2.0
+"""Bound on violations under possible inputs, in dt * (speed + duration * speed^2 / (2 length))
+with the largest speed of the run and the shortest string (time-stepping).
+"""
+MAX_FOLLOWED_VIOLATION = 1e-4
+"""Relative violation below which inputs count as possible (time-stepping)."""
 HELD = 1e-11
 """Bound on violations [m or rad] (variational)."""
 TOUCHES = 1e-9
 """Bound on gaps of rows that pull [m or rad] (variational)."""
 HARD = 100.0
 """Tension that counts as a hard pull [weights]."""
-MOST_PIECES = 250
-"""Bound on the pieces of up to 200 steps that a run may take; it needs one or two,
-unless strings that bounce are pulled apart."""
+MAX_PIECES = 250
+"""Bound on the pieces of up to 200 steps of a run; it needs one or two, unless strings with
+restitution are pulled apart.
+"""
 
 
 @dataclass(frozen=True)
 class Result:
-    """What became of one case.
+    """Result of one case.
 
     Attributes:
         puppet, seed, method: the case.
-        asks: what the inputs asked for.
-        status: name of how it ended.
+        asks: kind of the inputs.
+        status: name of the status.
         catches, events: their numbers.
-        violation: worst, relative to the string's length (event-driven), as in ``STRAYS``, or as it
-            is (variational).
-        gap: of a row that pulls, worst, likewise, or as in ``STEPS``.
-        residual: of the ledger, relative to the energies.
-        broken: the properties it lacks, in words; empty when all is well.
+        violation: worst, relative to the string's length (event-driven), as in
+            `MAX_VIOLATION_FACTOR`, or absolute (variational).
+        gap: worst gap of a row that pulls, likewise, or as in `STEPS`.
+        residual: residual of the ledger, relative to the energies.
+        broken: broken properties, in words; empty when all hold.
     """
 
     puppet: str
@@ -115,24 +119,24 @@ class Result:
 
     @property
     def command(self) -> str:
-        """The command that runs the case again."""
+        """Command that repeats the case."""
         module = "PYTHONPATH=tests .venv/bin/python -m properties.check"
         return f"{module} {self.puppet} {self.seed} {self.method}"
 
 
-def simulated(given: Performance, method: str, dt: float | None = None) -> fan.Trajectory:
-    """The run of a performance; one that takes no end is stopped after a number of steps."""
-    pieces = iter(range(MOST_PIECES))
+def simulated(performed: Performance, method: str, dt: float | None = None) -> fan.Trajectory:
+    """The run of a performance; an endless one is stopped after a number of steps."""
+    pieces = iter(range(MAX_PIECES))
 
     def count(_: object) -> None:
         if next(pieces, None) is None:
             raise KeyboardInterrupt
 
     return fan.simulate(
-        given.marionette,
-        given.x0,
-        given.inputs,
-        given.t_end,
+        performed.marionette,
+        performed.x0,
+        performed.inputs,
+        performed.t_end,
         method=method_of(method, dt=dt or DT[method]),
         effort=False,
         progress=count,
@@ -144,38 +148,38 @@ def checked(
     puppet: str,
     seed: int,
     method: str,
-    given: Performance | None = None,
+    performed: Performance | None = None,
     event: Status | None = None,
 ) -> Result:
-    """Runs one case and looks for broken properties.
+    """Run one case and return broken properties.
 
     Args:
-        puppet: name in ``puppets.ALL``.
-        seed: of the performance.
+        puppet: name in `puppets.ALL`.
+        seed: seed of the performance.
         method: event, timestepping or variational.
-        given: the performance, if it is made already.
-        event: how the event-driven run of it ends, which tells the others whether the inputs can be
-            followed; found out when not given.
+        performed: the performance, if it exists already.
+        event: status of its event-driven run, which shows whether the inputs are possible;
+            simulated when not given.
     """
-    given = performance(puppet, seed) if given is None else given
+    performed = performance(puppet, seed) if performed is None else performed
     if method != "event" and event is None:
-        event = simulated(given, "event").status
-    run = simulated(given, method)
-    broken, measures = _always(given, run, method), (0.0, 0.0, 0.0)
+        event = simulated(performed, "event").status
+    run = simulated(performed, method)
+    broken, measures = _always(performed, run, method), (0.0, 0.0, 0.0)
     if not any("finite" in what for what in broken):
-        rows = _Rows(given, run)
+        rows = _Rows(performed, run)
         if method == "event":
-            measures, more = _event_driven(given, run, rows)
+            measures, more = _event_driven(performed, run, rows)
         elif method == "timestepping":
-            measures, more = _time_stepping(given, run, rows, event)
+            measures, more = _time_stepping(performed, run, rows, event)
         else:
-            measures, more = _variational(given, run, rows, event)
+            measures, more = _variational(performed, run, rows, event)
         broken += more
     return Result(
         puppet,
         seed,
         method,
-        given.asks,
+        performed.asks,
         run.status.name,
         sum(e.kind in ("catch", "limit_on") for e in run.events),
         len(run.events),
@@ -191,7 +195,7 @@ class _Rows:
         force: (T, n_rows) tensions and limit forces [N or N m].
         pulls: (T, n_rows) bool, one-sided rows with a force.
         h: (T, n_rows) [m or rad].
-        gap: (T, n_rows) by how much rows that pull are open, else 0 [m or rad].
+        gap: (T, n_rows) opening of rows that pull, else 0 [m or rad].
         scale: (T, n_rows) lengths of strings [m], 1 for limits.
     """
 
@@ -200,7 +204,7 @@ class _Rows:
         h = puppet.library.evaluate("rows", q_D=run.q_D, q_K=run.q_K, p=puppet.p).h
         slip = getattr(run, "slip", None)
         if slip is not None:
-            # A string is longer by what its winch has let slip.
+            # A string is longer by the slip of its winch.
             h[:, : slip.values.shape[1]] -= slip.values
         self.h, self.scale = h, np.ones_like(h)
         for r, string in enumerate(puppet.tree.strings):
@@ -213,7 +217,7 @@ class _Rows:
 
 
 class _Rates:
-    """How the rows move along a run, from the model itself.
+    """Velocities of the rows along a run, from the model itself.
 
     Attributes:
         hdot: (T, n_rows) [m/s or rad/s].
@@ -251,14 +255,18 @@ class _Rates:
         others = closed & (np.arange(len(closed)) != r)
         W, own = self.W[t, others].T, self.W[t, r]
         along = W @ np.linalg.lstsq(W, own, rcond=1e-9)[0]
-        return bool(np.linalg.norm(own - along) <= HARDLY * np.linalg.norm(own))
+        return bool(np.linalg.norm(own - along) <= NEARLY_DEPENDENT * np.linalg.norm(own))
 
     def newton(self, run: fan.Trajectory, force: np.ndarray):
-        """What Eq. 10 lacks, and how the rows accelerate.
+        """Residual of Eq. 10, and accelerations of the rows.
 
         Returns:
-            (T,) |acc_D - M_DD^-1 (forces + A_D^T lambda)| relative to its largest term,
-            hddot (T, n_rows) [m/s^2 or rad/s^2] and the size of its terms, at least 1.
+            (T,)
+
+        acc_D - M_DD^-1 (forces + A_D^T lambda)
+
+         relative to its largest term, hddot (T, n_rows) [m/s^2 or rad/s^2] and the size of its
+             terms, at least 1.
         """
         W = self.W
         pull = (force[..., None] * W).sum(axis=1)
@@ -272,7 +280,7 @@ class _Rates:
 
 
 def _always(given: Performance, run: fan.Trajectory, method: str) -> list[str]:
-    """What holds for all methods, whatever the inputs."""
+    """Properties of all methods, for any inputs."""
     broken = []
     tables = ("tension", "limit_force", "ledger", "violation")
     arrays = {name: getattr(run, name) for name in ("t", "q_D", "v_D", "acc_D", "q_K", "v_K")}
@@ -280,7 +288,7 @@ def _always(given: Performance, run: fan.Trajectory, method: str) -> list[str]:
     arrays["events"] = np.array([(e.t, e.impulse, e.speed) for e in run.events])
     broken += [f"{name} is not finite" for name, a in arrays.items() if not np.all(np.isfinite(a))]
     if run.status is Status.STOPPED:
-        broken.append(f"takes more than {MOST_PIECES * 200} steps")
+        broken.append(f"takes more than {MAX_PIECES * 200} steps")
     elif run.status not in EXPECTED[method]:
         broken.append(f"ends with {run.status.name}")
     elif run.status is not Status.DONE and given.asks == "nothing" and given.inputs.force is None:
@@ -307,7 +315,7 @@ def _always(given: Performance, run: fan.Trajectory, method: str) -> list[str]:
 
 
 def _energy(given: Performance, run: fan.Trajectory) -> np.ndarray:
-    """(T,) the energies a residual is compared with [J], the largest so far."""
+    """(T,) energies with which a residual is compared [J], the largest so far."""
     size = np.abs(run.ledger["work"]) + np.abs(run.ledger["kinetic"]) + run.ledger["impact"]
     return given.marionette.weight + np.maximum.accumulate(size)
 
@@ -325,7 +333,7 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
     # After an event: the last of the rows at one time. A run that stops may stop within a catch.
     after = np.append(np.diff(run.t) > 0, run.status is Status.DONE)
     after[-1] &= all(e.t < run.t[-1] for e in run.events)
-    # Strings on winches that slip give way, so that only Eq. 10 is asked of them.
+    # Strings on slipping winches yield, so that only Eq. 10 applies to them.
     firm = ~np.isfinite(given.marionette.upper)
     speed = SPEED * np.maximum(1.0, np.max(np.abs(run.v_D), axis=1, initial=0.0))[:, None]
     closed = (np.abs(rows.h) <= 1e-14 * rows.scale) & firm
@@ -333,8 +341,8 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
     lack, hddot, size = rates.newton(run, rows.force)
     if np.any(lack[after] > NEWTON):
         broken.append("Eq. 10 does not hold")
-    # A loose row may close for as short a while as turns it back within rounding: where strings
-    # lie along one another, as three beads in line, it does so twice in every swing.
+    # A loose row may close briefly until it reverses within rounding: for strings in line, as three
+    # beads, this happens twice in every swing.
     turns = (hddot < 0) & (hdot**2 <= -2 * hddot * 1e-14 * rows.scale)
     moves = np.where(pulls, np.abs(hdot), np.where(turns, 0.0, hdot)) > speed
     if np.any(moves[(pulls | closed) & after[:, None]]):
@@ -342,7 +350,7 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
     at_rest = closed & (np.abs(hdot) <= speed)
     let_go = np.where(pulls, np.abs(hddot), hddot) > NEWTON * size
     let_go &= (pulls | at_rest) & after[:, None]
-    for t, r in np.argwhere(let_go & ~pulls & (hddot <= LET_GO * size)):
+    for t, r in np.argwhere(let_go & ~pulls & (hddot <= MAX_OPENING * size)):
         let_go[t, r] = not rates.hardly_differs(t, r, closed[t])
     if np.any(let_go):
         broken.append("a closed row is let go beyond its bound")
@@ -359,37 +367,36 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
 def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: Status):
     """Bounded violation, and no tension on rows that one step does not close.
 
-    Where the event-driven run found that no puppet can follow the inputs, rows must be violated or
-    pull hard. The cap on tensions says less: a limb that snaps straight may pass it for a moment
-    that a step jumps over.
+    If the event-driven run found the inputs impossible, rows must be violated or pull hard. The cap
+    on tensions is weaker: a limb that snaps straight may exceed it for a moment that a step skips.
     """
     broken = []
     speed = max(float(np.max(np.abs(v), initial=1.0)) for v in (run.v_D, run.v_K))
     closes = DT["timestepping"] * speed
-    # A step goes straight on where the row curves: it leaves by up to closes^2 / (2 length).
+    # A step is straight where the row curves: it leaves by up to closes^2 / (2 length).
     strays = closes * (1.0 + 0.5 * run.duration * speed / np.min(rows.scale, initial=1.0))
     violation = float(np.max(run.violation.values, initial=0.0)) / strays
     gap = np.max(rows.gap, initial=0.0) / closes
-    if event is Status.DONE and violation > STRAYS:
+    if event is Status.DONE and violation > MAX_VIOLATION_FACTOR:
         broken.append("a row is violated")
     refused = run.status is Status.DONE and event is Status.IMPOSSIBLE_INPUT
     pull = np.max(rows.force, initial=0.0) / given.marionette.weight
     overstepped = np.max(run.violation.values / rows.scale, initial=0.0)
-    if refused and overstepped < FOLLOWED and pull < HARD:
+    if refused and overstepped < MAX_FOLLOWED_VIOLATION and pull < HARD:
         broken.append(f"follows the inputs that the event-driven run ends with {event.name} at")
     if gap > STEPS:
         broken.append("tension across a gap")
-    if event is Status.DONE and run.status in ADRIFT and _adrift_in_finer_steps(given):
+    if event is Status.DONE and run.status in INACCURATE and _adrift_in_finer_steps(given):
         broken.append("the ledger does not close, though the inputs can be followed in fine steps")
     residual = np.max(np.abs(run.ledger["residual"]) / _energy(given, run))
     return (violation if event is Status.DONE else 0.0, gap, residual), broken
 
 
 def _variational(given: Performance, run: fan.Trajectory, rows: _Rows, event: Status):
-    """Exact lengths, no tension on open rows, and no end where the inputs can be followed.
+    """Exact lengths, no tension on open rows, and no early end under possible inputs.
 
-    They can where the event-driven run reaches the end, from the start and from the state before
-    the step that was not made: what a step is off by may lead to where there is no way on.
+    Inputs are possible if the event-driven run reaches the end, from the start and from the state
+    before the failed step: errors of the steps may lead to a state without a continuation.
     """
     broken = []
     violation, gap = np.max(run.violation.values, initial=0.0), np.max(rows.gap, initial=0.0)
@@ -405,12 +412,12 @@ def _variational(given: Performance, run: fan.Trajectory, rows: _Rows, event: St
 
 
 def _adrift_in_finer_steps(given: Performance) -> bool:
-    """Whether the ledger does not close with a quarter of the step either.
+    """Whether the ledger does not balance with a quarter of the step either.
 
     Random kicks turn the lightest bodies by a radian and more in a whole step, which is too long.
     """
     finer = simulated(given, "timestepping", DT["timestepping"] / 4.0)
-    return finer.status in ADRIFT
+    return finer.status in INACCURATE
 
 
 def _goes_on(given: Performance, run: fan.Trajectory) -> bool:
@@ -421,7 +428,7 @@ def _goes_on(given: Performance, run: fan.Trajectory) -> bool:
 
 
 def main() -> None:
-    """Runs the case that the command line names."""
+    """Run the case of the command line."""
     puppet, seed, method = sys.argv[1:4]
     result = checked(puppet, int(seed), method)
     print(result)

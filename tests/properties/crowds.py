@@ -1,10 +1,10 @@
-"""Very many short runs of stages, most side by side in compiled batches: ``make soak-crowds``.
+"""Very many short runs of stages, mostly in compiled batches: `make soak-crowds`.
 
 A crowd is a stage with the rules, obstacles and step of its seed, and many random starts and
-inputs, which run in lanes (``timestepping``) or one by one in C++ (``event``). A run is short, and
-begins near what it will strike. A crowd may also be of performances (``live``), in which hands
-throw the puppets about. ``python -m properties.crowds STAGE SEED METHOD I`` runs the I-th of a
-crowd by itself and prints what is broken.
+inputs, which run in lanes (`timestepping`) or one by one in C++ (`event`). A run is short, and
+begins near a collision. A crowd may also consist of performances (`live`), in which hands throw the
+puppets about. `python -m properties.crowds STAGE SEED METHOD I` runs the I-th run of a crowd alone
+and prints broken properties.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import fantoccini as fan
 from fantoccini import Status
 from properties import stages, throws
-from properties.check import ADRIFT
+from properties.check import INACCURATE
 
 SIZES = {"timestepping": 256, "event": 16, "live": 8}
 """Runs of a crowd, by method."""
 SHARES = {"event": 0.002, "live": 0.001}
-"""Parts of all runs that are event-driven and live, which take up to a thousand times as long."""
+"""Shares of event-driven and live runs, which take up to a thousand times as long."""
 STEPS = (40, 120)
 """Steps of a run with fixed steps."""
 DURATION = (0.1, 0.6)
-"""Of an event-driven run [s]."""
+"""Duration of an event-driven run [s]."""
 EVERY = 4
 """Steps between samples."""
 DRAWN = 8
-"""Crowds of candidates drawn until enough of them overlap nothing."""
+"""Maximum number of crowds of candidates, drawn until enough of them are free of overlaps."""
 EXPECTED = {
     "timestepping": stages.EXPECTED,
     "event": {
@@ -56,7 +56,7 @@ EXPECTED = {
         Status.NOT_SETTLED,
     },
 }
-"""How a run may end."""
+"""Expected statuses."""
 LEDGER = {"timestepping": stages.LEDGER, "event": 1e-6}
 """Bound on the ledger's residual, relative to the energy of the stage."""
 OVERLAP = {"timestepping": stages.OVERLAP, "event": 1e-9}
@@ -66,15 +66,15 @@ RESIDUAL = {"timestepping": stages.RESIDUAL, "event": 1e-3}
 LIMIT = 60.0
 """Time of the processor after which an event-driven run is stopped, and counts as hung [s]."""
 PATIENCE = 1200.0
-"""Time without any report after which the workers count as stuck [s]."""
+"""Time without a report after which the workers count as stuck [s]."""
 KEPT = 5
-"""Commands kept of each failure; all are counted."""
+"""Commands stored for each failure; all are counted."""
 OUT = Path(__file__).resolve().parents[2] / "benchmarks" / "soak_crowds.json"
 
 
 @dataclass(frozen=True, eq=False)
 class Crowd:
-    """What the runs of one seed are given: n starts, an input for each, and a method."""
+    """Runs of one seed: n starts, an input for each, and a method."""
 
     marionette: fan.Marionette
     starts: list[fan.State]
@@ -88,11 +88,11 @@ class Count:
     """Sums and extremes over runs.
 
     Attributes:
-        runs, touched: how many; in how many of them solids lost energy to one another.
+        runs, touched: number of runs, and of those in which solids lost energy to one another.
         by_status: method -> status -> runs.
         worst: method -> measure -> largest value of a run that arrived.
-        failures: what is broken -> runs.
-        commands: what is broken -> commands that show it.
+        failures: broken property -> runs.
+        commands: broken property -> commands that show it.
     """
 
     runs: int = 0
@@ -103,11 +103,11 @@ class Count:
     commands: dict[str, list[str]] = field(default_factory=dict)
 
     def merge(self, other: Count) -> None:
-        """Books all runs of another count."""
+        """Add all runs of another count."""
         self.runs += other.runs
         self.touched += other.touched
-        for method, found in other.by_status.items():
-            self.by_status.setdefault(method, Counter()).update(found)
+        for method, statuses in other.by_status.items():
+            self.by_status.setdefault(method, Counter()).update(statuses)
         for method, measures in other.worst.items():
             own = self.worst.setdefault(method, {})
             for name, value in measures.items():
@@ -118,25 +118,25 @@ class Count:
 
 
 def command(name: str, seed: int, method: str, i: int | None = None) -> str:
-    """The command that runs a crowd, or one of it, again."""
-    one = "" if i is None else f" {i}"
-    return f"PYTHONPATH=tests .venv/bin/python -m properties.crowds {name} {seed} {method}{one}"
+    """Command that repeats a crowd, or one of its runs."""
+    number = "" if i is None else f" {i}"
+    return f"PYTHONPATH=tests .venv/bin/python -m properties.crowds {name} {seed} {method}{number}"
 
 
 def crowd(name: str, seed: int, method: str) -> Crowd | None:
-    """The crowd of a stage that belongs to a seed; None where nothing fits among its obstacles."""
+    """The crowd of a stage and seed; None if nothing fits among its obstacles."""
     rng = np.random.default_rng([seed, zlib.crc32(f"{name} {method}".encode())])
-    made, n = stages.stage(name, rng), SIZES[method]
+    marionette, n = stages.stage(name, rng), SIZES[method]
     dt = float(np.exp(rng.uniform(np.log(5e-4), np.log(4e-3))))
     lasts = float(rng.uniform(*DURATION)) if method == "event" else rng.integers(*STEPS) * dt
     t_end = float(lasts)
-    starts = _starts(rng, made, n)
+    starts = _starts(rng, marionette, n)
     if not starts:
         return None
     inputs = None
-    if made.coordinates.n_vK and rng.random() < 0.6:
+    if marionette.coordinates.n_vK and rng.random() < 0.6:
         inputs = fan.motion.Inputs.random(
-            made,
+            marionette,
             len(starts),
             seed,
             t_end=t_end,
@@ -145,14 +145,14 @@ def crowd(name: str, seed: int, method: str) -> Crowd | None:
             turn=float(rng.choice([0.02, 0.2])),
         )
     options = fan.Event() if method == "event" else fan.TimeStepping(dt=dt)
-    return Crowd(made, starts, inputs, t_end, options)
+    return Crowd(marionette, starts, inputs, t_end, options)
 
 
-def _starts(rng: np.random.Generator, made: fan.Marionette, n: int) -> list[fan.State]:
-    """Bodies here and there that overlap nothing, thrown; strings longer than they need to be."""
-    table, x = made.coordinates, made.state()
-    spread, found = float(rng.choice([0.15, 0.3])), []
-    lengths = [s.length_index for s in made.tree.strings]
+def _starts(rng: np.random.Generator, marionette: fan.Marionette, n: int) -> list[fan.State]:
+    """Thrown bodies at random places without overlaps; strings longer than needed."""
+    table, x = marionette.coordinates, marionette.state()
+    spread, states = float(rng.choice([0.15, 0.3])), []
+    lengths = [s.length_index for s in marionette.tree.strings]
     for k in range(DRAWN):
         q = np.tile(x.q_D, (n, 1))
         for at, _ in table.quaternions_D:
@@ -166,7 +166,7 @@ def _starts(rng: np.random.Generator, made: fan.Marionette, n: int) -> list[fan.
                 place = rng.uniform([-1, -1, low], [1, 1, high], (n, 3))
                 q[:, first : first + 3] = place * spread * (1.0 + 0.2 * k)
         q_K = np.tile(x.q_K, (n, 1))
-        rows = made.library.evaluate("rows", q_D=q, q_K=q_K, p=made.p).h
+        rows = marionette.library.evaluate("rows", q_D=q, q_K=q_K, p=marionette.p).h
         for row, place in enumerate(lengths):
             if place is not None:
                 q_K[:, place[0]] += rows[:, row] + rng.choice([0.001, 0.02])
@@ -174,11 +174,11 @@ def _starts(rng: np.random.Generator, made: fan.Marionette, n: int) -> list[fan.
         v = rng.normal(size=(n, len(x.v_D))) * rng.choice([0.0, 0.3, 2.0, 8.0], (n, 1))
         v *= rng.random(v.shape) < 0.7
         for i in np.flatnonzero(np.all(limits <= 0.0, axis=1)):
-            if not made.overlaps(q[i], q_K[i]):
-                found.append(x.replace(q_D=q[i], q_K=q_K[i], v_D=v[i]))
-            if len(found) == n:
-                return found
-    return found
+            if not marionette.overlaps(q[i], q_K[i]):
+                states.append(x.replace(q_D=q[i], q_K=q_K[i], v_D=v[i]))
+            if len(states) == n:
+                return states
+    return states
 
 
 def ran(given: Crowd) -> fan.Trajectories:
@@ -189,7 +189,7 @@ def ran(given: Crowd) -> fan.Trajectories:
 
     def watch(_: object) -> None:
         if time.process_time() - began > LIMIT * len(given.starts):
-            raise KeyboardInterrupt  # what was reached is kept, with the status STOPPED
+            raise KeyboardInterrupt  # the partial run is kept, with the status STOPPED
 
     return fan.simulate_batch(
         given.marionette,
@@ -206,7 +206,7 @@ def ran(given: Crowd) -> fan.Trajectories:
 
 
 def one_of(given: Crowd, i: int) -> Crowd:
-    """The i-th run of a crowd, by itself."""
+    """The i-th run of a crowd, alone."""
     inputs = given.inputs
     if inputs is not None:
         bound = inputs.bound(np.array([x.q_K for x in given.starts]))
@@ -215,7 +215,7 @@ def one_of(given: Crowd, i: int) -> Crowd:
 
 
 def broken(given: Crowd, runs: fan.Trajectories) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """What is broken -> (n,) bool, in which runs; and the largest measures."""
+    """Broken property -> (n,) bool of the runs; and the largest measures."""
     method = runs.method
     status, done = runs.status, runs.status == Status.DONE
     reached = np.nan_to_num(runs.reached)[:, None] >= runs.t - 1e-12
@@ -240,24 +240,24 @@ def broken(given: Crowd, runs: fan.Trajectories) -> tuple[dict[str, np.ndarray],
     if isinstance(given.method, fan.TimeStepping):
         slow &= _turn(given, runs) < stages.TURN / 3.0  # some turn faster between the samples
     expected = np.isin(status, [int(s) for s in EXPECTED[method]])
-    found = {
+    failures = {
         "is not finite": ~whole,
         "ends before its end as DONE": done & ~(runs.reached >= given.t_end - 1e-9),
         "overlaps silently": done & (depth > OVERLAP[method]),
         "breaks the law of contact silently": done & (law > RESIDUAL[method]),
         "the ledger does not close silently": off,
-        "the ledger does not close": slow & np.isin(status, list(ADRIFT)),
+        "the ledger does not close": slow & np.isin(status, list(INACCURATE)),
     } | {f"ends with {Status(int(s)).name}": status == s for s in np.unique(status[~expected])}
     worst = {
         "overlap": float(np.max(depth, initial=0.0)),
         "law": float(np.max(law[done], initial=0.0)),
         "residual": float(np.max(residual[done], initial=0.0)),
     }
-    return found, worst
+    return failures, worst
 
 
 def _turn(given: Crowd, runs: fan.Trajectories) -> np.ndarray:
-    """(n,) by how much a body turns in a step at most [rad]."""
+    """(n,) largest turn of a body in a step [rad]."""
     table, v = given.marionette.coordinates, np.abs(np.nan_to_num(runs.v_D))
     rows = [v[..., at : at + 3] for _, at in table.quaternions_D]
     rows += [v[..., at : at + 1] for q, at in table.scalars_D if "leg" in table.q_D[q]]
@@ -265,22 +265,22 @@ def _turn(given: Crowd, runs: fan.Trajectories) -> np.ndarray:
 
 
 def counted(name: str, seed: int, method: str) -> Count:
-    """Runs a crowd and counts: in lanes, or one by one, each within its limit of time."""
+    """Run a crowd and count: in lanes, or one by one, each within its limit of time."""
     if method == "live":
         return performed(name, seed)
-    given, count = crowd(name, seed, method), Count()
-    if given is None:
+    whole_crowd, count = crowd(name, seed, method), Count()
+    if whole_crowd is None:
         return count
-    whole = isinstance(given.method, fan.TimeStepping)
-    for first in range(1 if whole else len(given.starts)):
-        part = given if whole else one_of(given, first)
+    whole = isinstance(whole_crowd.method, fan.TimeStepping)
+    for first in range(1 if whole else len(whole_crowd.starts)):
+        part = whole_crowd if whole else one_of(whole_crowd, first)
         runs = ran(part)
-        found, worst = broken(part, runs)
+        failures, worst = broken(part, runs)
         names = Counter(Status(int(s)).name for s in runs.status)
         lost = np.nan_to_num(runs.ledger["friction"]) + np.nan_to_num(runs.ledger["impact"])
         touched = int(np.sum(np.max(lost, axis=1) > 0.0))
         here = Count(len(runs.status), touched, {method: names}, {method: worst})
-        for what, where in found.items():
+        for what, where in failures.items():
             which = first + np.flatnonzero(where)
             if len(which):
                 key = f"{name}, {method}: {what}"
@@ -291,15 +291,15 @@ def counted(name: str, seed: int, method: str) -> Count:
 
 
 def performed(name: str, seed: int) -> Count:
-    """Throws a stage about live, and counts."""
+    """Throw the puppets of a stage about live, and count."""
     count = Count()
     for i in range(SIZES["live"]):
-        found = throws.thrown(name, seed, i)
-        if found is None:
+        throw = throws.thrown(name, seed, i)
+        if throw is None:
             continue
-        worst = {"overlap": found.overlap, "energy": found.energy}
-        here = Count(1, int(found.touched), {"live": Counter([found.status])}, {"live": worst})
-        for what in found.broken:
+        worst = {"overlap": throw.overlap, "energy": throw.energy}
+        here = Count(1, int(throw.touched), {"live": Counter([throw.status])}, {"live": worst})
+        for what in throw.broken:
             key = f"{name}, live: {what}"
             here.failures[key], here.commands[key] = 1, [command(name, seed, "live", i)]
         count.merge(here)
@@ -307,31 +307,33 @@ def performed(name: str, seed: int) -> Count:
 
 
 def alone(name: str, seed: int, method: str, i: int) -> list[str]:
-    """What is broken in the i-th run of a crowd, run by itself."""
+    """Broken properties of the i-th run of a crowd, run alone."""
     if method == "live":
         thrown = throws.thrown(name, seed, i)
         print(thrown)
         return [] if thrown is None else list(thrown.broken)
-    given = crowd(name, seed, method)
-    assert given is not None
-    one = one_of(given, i)
-    runs = ran(one)
-    found, worst = broken(one, runs)
+    whole_crowd = crowd(name, seed, method)
+    assert whole_crowd is not None
+    single = one_of(whole_crowd, i)
+    runs = ran(single)
+    failures, worst = broken(single, runs)
     print(Status(int(runs.status[0])).name, worst)
-    return [what for what, where in found.items() if where[0]]
+    return [what for what, where in failures.items() if where[0]]
 
 
 def cases(names: list[str], seed: int, shares: dict[str, float]):
-    """(stage, seed, method) of crowds without end: most with fixed steps, shares of the others."""
-    made = dict.fromkeys(SIZES, 0)
+    """(stage, seed, method) of an endless series of crowds: most with fixed steps, shares of the
+    others.
+    """
+    counts = dict.fromkeys(SIZES, 0)
     stages_of = {method: names for method in SIZES}
     stages_of["live"] = [name for name in names if name in throws.STAGES]
     rare = [method for method, share in shares.items() if share > 0.0 and stages_of[method]]
     k = dict.fromkeys(SIZES, 0)
     while True:
-        whole = sum(made.values())
-        method = next((m for m in rare if made[m] < shares[m] * whole), "timestepping")
-        made[method] += SIZES[method]
+        whole = sum(counts.values())
+        method = next((m for m in rare if counts[m] < shares[m] * whole), "timestepping")
+        counts[method] += SIZES[method]
         these = stages_of[method]
         yield these[k[method] % len(these)], seed + k[method] // len(these), method
         k[method] += 1
@@ -340,7 +342,7 @@ def cases(names: list[str], seed: int, shares: dict[str, float]):
 def soak(
     names: list[str], n: int, seed: int, workers: int, shares: dict[str, float], progress=None
 ) -> Count:
-    """Runs crowds in several processes until n runs are made; Ctrl-C gives the count so far."""
+    """Run crowds in several processes until n runs are done; Ctrl-C returns the present count."""
     for name in names:  # once, not by every worker
         for method in ("timestepping", "event"):
             stages.load(name).libraries.batch_library_of(method)
@@ -382,7 +384,7 @@ def soak(
 
 
 def main() -> int:
-    """Soaks, writes, prints; 1 when a property is broken."""
+    """Run the soak, write and print its results; 1 when a property is broken."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("case", nargs="*", help="STAGE SEED METHOD [I]: one crowd, or one run")
     parser.add_argument("--runs", type=int, default=1_000_000, help="(default 1,000,000)")
@@ -394,11 +396,11 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=OUT, help="(default %(default)s)")
     options = parser.parse_args()
     if options.case:
-        name, seed, method, *one = options.case
-        if one:
-            found = alone(name, int(seed), method, int(one[0]))
-            print("broken:", *(found or ["nothing"]), sep="\n  ")
-            return int(bool(found))
+        name, seed, method, *number = options.case
+        if number:
+            failures = alone(name, int(seed), method, int(number[0]))
+            print("broken:", *(failures or ["nothing"]), sep="\n  ")
+            return int(bool(failures))
         count = counted(name, int(seed), method)
     else:
         names, start = options.only or list(stages.ALL), time.perf_counter()

@@ -1,6 +1,6 @@
 """Random performances: a start state and inputs for any puppet, from a seed.
 
-A fifth of them ask for what no puppet can follow: ends pulled far apart, lengths far too short.
+A fifth of them are impossible: ends pulled far apart, lengths far too short.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from fantoccini.dynamics.equilibrium.projection import retract
 from properties import puppets
 
 STOCK = 24
-"""Start states kept for each puppet, from which performances begin."""
+"""Number of start states for each puppet."""
 
 ASKS = {"nothing": 0.1, "moderate": 0.4, "wild": 0.3, "impossible": 0.2}
-"""What inputs ask for, and how often."""
+"""Kinds of inputs, and their probabilities."""
 
 _REACH = {"nothing": 0.0, "moderate": 0.15, "wild": 0.5, "impossible": 2.0}
 """Size of the inputs' moves within one performance [m or rad]."""
 
 _SHORTEST = {"nothing": 1.0, "moderate": 0.6, "wild": 0.3, "impossible": 0.05}
-"""Least part of its first length that a string is shortened to."""
+"""Smallest part of its first length to which a string is shortened."""
 
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """What one run is given.
+    """Arguments of one run.
 
     Attributes:
         marionette: the puppet.
-        x0: where it starts.
-        inputs: what its driven coordinates do, and forces in some.
+        x0: start state.
+        inputs: motion of its driven coordinates, and forces in some.
         t_end: end of the run [s].
         start: hanging, moved or thrown.
         asks: nothing, moderate, wild or impossible.
@@ -51,10 +51,10 @@ class Performance:
 
 
 def performance(name: str, seed: int) -> Performance:
-    """The performance of a puppet that belongs to a seed.
+    """The performance of a puppet and seed.
 
     Args:
-        name: of the puppet, in ``puppets.ALL``.
+        name: name of the puppet, in `puppets.ALL`.
         seed: the same seed gives the same performance.
     """
     puppet = puppets.load(name)
@@ -67,7 +67,7 @@ def performance(name: str, seed: int) -> Performance:
     if start == "thrown":
         x0 = x0.replace(v_D=rng.uniform(0.3, 3.0) * rng.normal(size=len(x0.v_D)))
     x0 = with_velocity(puppet, x0, coef[0, :, 1])
-    # What the strings forbid at once is left out: the inputs begin at rest.
+    # Velocities that the strings forbid at once are removed: the inputs begin at rest.
     coef[:, :, :2] -= _ramp(coef[0, :, 1] - x0.v_K, breaks)
     return Performance(puppet, x0, _input(rng, puppet, x0, breaks, coef), t_end, start, asks)
 
@@ -76,15 +76,15 @@ def performance(name: str, seed: int) -> Performance:
 def stock(name: str) -> tuple[fan.State, ...]:
     """Start states of a puppet, at rest: the first hangs, the others are moved from it.
 
-    Strings with driven lengths are given some slack in most of the moved ones, so that they catch
-    soon after.
+    Strings with driven lengths get some slack in most of the moved ones, so that they catch soon
+    after.
     """
     puppet = puppets.load(name)
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     try:
         states = [puppet.rest()]
     except fan.errors.StateError:
-        # Not every puppet hangs stably below its strings: then it starts from its pose.
+        # Not every puppet hangs stably below its strings: such a puppet starts from its pose.
         states = [puppet.project(puppet.state())]
     while len(states) < STOCK:
         try:
@@ -96,7 +96,7 @@ def stock(name: str) -> tuple[fan.State, ...]:
 
 
 def _moved(rng: np.random.Generator, puppet: fan.Marionette, x: fan.State) -> fan.State:
-    """A state at rest some way from another one, on strings that fit."""
+    """A state at rest near another one, on strings that fit."""
     move = rng.uniform(0.02, 0.5) * rng.normal(size=len(x.v_D))
     q_K = np.array(x.q_K)
     for q, _ in puppet.coordinates.scalars_K:
@@ -120,7 +120,8 @@ def _least(puppet: fan.Marionette) -> np.ndarray:
 def with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan.State:
     """The state with the nearest velocity that opens no closed row, and with inputs at v_K.
 
-    Where the inputs themselves would open one, as two ends that part at once, they are at rest.
+    If the inputs themselves would open one, such as two ends that separate at once, they are at
+    rest.
     """
     if not (np.any(x.v_D) or np.any(v_K)):
         return x
@@ -129,18 +130,18 @@ def with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan.
         instant = Evaluation.of(puppet, at)
         scale = puppet.row_scales(at.q_D, at.q_K)
         rows = np.flatnonzero((instant.h >= -1e-9 * scale) | puppet.two_sided)
-        found = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)
-        if found.solved:
-            return at.replace(v_D=at.v_D - instant.back(instant.W[:, rows] @ found.x))
+        solution = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)
+        if solution.solved:
+            return at.replace(v_D=at.v_D - instant.back(instant.W[:, rows] @ solution.x))
     return x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(v_K))
 
 
 def _moves(
     rng: np.random.Generator, puppet: fan.Marionette, x0: fan.State, t_end: float, asks: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far the driven coordinates go from where they start.
+    """Motion of the driven coordinates, relative to their start.
 
-    Constant accelerations piece by piece, or minimum-jerk moves between waypoints.
+    The pieces have constant accelerations, or are minimum-jerk moves between waypoints.
 
     Returns:
         breaks (n + 1,) [s], coef (n, n_vK, 6) [m or rad, s]; they begin at 0 and are C^1.
@@ -162,16 +163,16 @@ def _moves(
         move = rng.normal(size=(n, n_vK))
         coef[:, :, 3:] = move[..., None] * np.array([10.0, -15.0, 6.0]) / s[..., None] ** [3, 4, 5]
     coef[1:, :, 0] = np.cumsum(move, axis=0)[:-1]
-    # Not everything moves in every performance.
+    # Not all coordinates move in every performance.
     coef *= (_REACH[asks] * rng.uniform(0.2, 1.0) * (rng.random(n_vK) < 0.7))[:, None]
-    # Lengths stay positive: a move that shortens a string too far is made smaller as a whole.
+    # Lengths stay positive: a move that shortens a string too far is scaled down as a whole.
     x = np.linspace(0.0, 1.0, 17) * s
     places = (coef[:, :, None] * x[:, None, :, None] ** np.arange(6)).sum(axis=-1)
     lowest = np.min(places, axis=(0, 2), initial=0.0)
     for q, v in table.scalars_K:
-        most = (1.0 - _SHORTEST[asks]) * x0.q_K[q]
-        if table.q_K[q].endswith(".length") and -lowest[v] > most:
-            coef[:, v] *= most / -lowest[v]
+        max_shortening = (1.0 - _SHORTEST[asks]) * x0.q_K[q]
+        if table.q_K[q].endswith(".length") and -lowest[v] > max_shortening:
+            coef[:, v] *= max_shortening / -lowest[v]
     return breaks, coef
 
 
@@ -187,7 +188,7 @@ def _input(
     breaks: np.ndarray,
     coef: np.ndarray,
 ) -> fan.Input:
-    """The input that goes from the start state's values, in some with forces."""
+    """The input that starts from the start state's values, in some cases with forces."""
     table = puppet.coordinates
     base = np.tile(x0.q_K, (len(coef), 1))
     for q, v in table.scalars_K:

@@ -1,8 +1,8 @@
 """Small puppets of every kind for the property tests.
 
-A puppet is a description with the keys of a puppet file; ``ALL`` lists them by name. To add one,
-write its description and put it into ``ALL``: inputs and start states are made for whatever
-coordinates it has.
+A puppet is a description with the keys of a puppet file; `ALL` lists them by name. To add one,
+write its description and put it into `ALL`: inputs and start states are generated for all of its
+coordinates.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def _bob() -> dict:
 
 
 def _ball() -> dict:
-    """A sphere in space that hangs by its skin, damped and dragged."""
+    """A sphere in space that hangs from its surface, with damping and drag."""
     body = {
         "name": "ball",
         "joint": {"type": "free", "damping": 1e-3},
@@ -71,7 +71,7 @@ def _ball() -> dict:
 
 
 def _planar_three() -> dict:
-    """A weight in a plane on three strings: one more than its degrees of freedom."""
+    """A weight in a plane on three strings, one of them redundant."""
     ends = {"left": -0.5, "middle": 0.0, "right": 0.6}
     strings = [_string(n, _on("bob"), _end("x", x, 0, 0.6)) for n, x in ends.items()]
     return {"bodies": [{"name": "bob", "joint": _PLANE, "mass": 0.3}], "strings": strings}
@@ -118,7 +118,7 @@ def _tray() -> dict:
 
 
 def _cable_robot() -> dict:
-    """A platform that four strings hold from above and two from below: they can fight."""
+    """A platform held by four strings from above and two from below: they may be contradictory."""
     above = {"a": (1, 1), "b": (-1, 1), "c": (-1, -1), "d": (1, -1)}
     strings = [
         _string(n, _on("plate", 0.08 * i, 0.06 * j, 0.03), _world(0.5 * i, 0.4 * j, 0.5))
@@ -216,9 +216,9 @@ def _dozen() -> dict:
         end = (2.2 * x, 2.2 * y, float(rng.uniform(0.4, 0.7)))
         driven = k % 2 == 0
         reach = float(np.linalg.norm(np.subtract(end, (x, y, z))))
-        far = _end("z", *end) if k % 3 == 0 else _world(*end)
+        upper_end = _end("z", *end) if k % 3 == 0 else _world(*end)
         length = "driven" if driven else round(1.002 * reach, 6)
-        strings.append(_string(f"s{k}", _on("hull", x, y, z), far, length))
+        strings.append(_string(f"s{k}", _on("hull", x, y, z), upper_end, length))
     return {"bodies": [_box("hull", [0.3, 0.2, 0.08], 0.8)], "strings": strings}
 
 
@@ -282,7 +282,7 @@ def _chain() -> dict:
 
 
 def _beads() -> dict:
-    """Three beads strung one below the other in a plane: one catch sets off the next."""
+    """Three beads strung one below the other in a plane: one catch causes the next."""
     names = ("first", "second", "third")
     bodies = [
         {"name": n, "joint": {**_PLANE, "at": [0, 0, -0.2 * k]}, "mass": 0.05 * 3**k}
@@ -308,7 +308,7 @@ def _winches() -> dict:
 
 
 def _bouncers() -> dict:
-    """A board on strings that give back different parts of a catch."""
+    """A board on strings with different restitutions."""
     board = _box("board", [0.4, 0.2, 0.02], 0.5)
     corners = [(0.2, 0.1), (-0.2, 0.1), (-0.2, -0.1), (0.2, -0.1)]
     strings = [
@@ -319,7 +319,7 @@ def _bouncers() -> dict:
 
 
 def _gate() -> dict:
-    """Slides and a hinge between their limits; nothing is driven, nothing hangs on a string."""
+    """Slides and a hinge between their limits; without drives and strings."""
     slide = {"type": "prismatic", "limits": {"lower": -0.15, "upper": 0.1}}
     bodies = [
         {"name": "lift", "joint": {**slide, "axis": [0, 0, 1]}, "mass": 0.4},
@@ -332,7 +332,7 @@ def _gate() -> dict:
 def _tree(seed: int, dof: int, strings: int) -> dict:
     """A random tree with strings, limits, springs and drag.
 
-    All lengths are driven: one that is a number may be too short for any state.
+    All lengths are driven: a fixed one may be too short for any state.
     """
     kinds = ("revolute", "prismatic", "translation", "ball")
     puppet = random_trees.description(

@@ -1,11 +1,11 @@
-"""Random puppets that have a rest by construction: ``rest`` finds one for each.
+"""Random puppets with a rest by construction: `rest` finds one for each.
 
-Every root is a joint to the world or a body that hangs from strings of which at least one goes up
-to the world, every joint is damped, and the lengths of the strings are drawn at a pose that
-keeps all limits: let go there, a puppet falls into its strings and comes to rest. ``rest`` is then
-asked to begin there, at the file's pose, at a pose pulled out of its strings, at limits or beyond.
+Every root is on a joint to the world, or is a body on strings at least one of which leads up to the
+world; every joint is damped, and the lengths of the strings are drawn at a pose that keeps all
+limits: released there, a puppet falls into its strings and comes to rest. `rest` then begins there,
+at the file's pose, at a pose pulled out of its strings, or at or beyond limits.
 
-``make soak-rests`` tries 20 cases of each of 50 puppets.
+`make soak-rests` tries 20 cases of each of 50 puppets.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.dynamics.equilibrium.projection import onto_rows, retract
 
 STARTS = ("drawn", "file", "pulled", "at limits", "beyond limits")
-"""Where ``rest`` begins: the pose at which the lengths were drawn, and poses that break rows."""
+"""Starts of `rest`: the pose at which the lengths were drawn, and poses that violate rows."""
 
 LONGEST = (8.0, 40.0, 160.0)
-"""Times after which a puppet that is let go is looked at [s]."""
+"""Times at which a released puppet is checked [s]."""
 
-_STILL = 1e-9
-"""Kinetic energy of a puppet that has settled, over its weight [m]."""
-_BALANCED = 1e-7
+_MAX_REST_ENERGY = 1e-9
+"""Largest kinetic energy of a settled puppet, divided by its weight [m]."""
+_MAX_REST_ACCELERATION = 1e-7
 """Largest acceleration at rest [m/s^2 or rad/s^2]."""
-_ABOVE = 1e-9
-"""Energy of a rest above that of its start that is rounding, over the puppet's weight [m]."""
-_MOVES = 10
-"""Small random moves that must not lower the energy."""
+_MAX_ENERGY_RISE = 1e-9
+"""Rounding of the energy of a rest above that of its start, divided by the puppet's weight [m]."""
+_N_MOVES = 10
+"""Number of small random moves that must not lower the energy."""
 
 
 def description(seed: int) -> dict:
@@ -60,13 +60,13 @@ def description(seed: int) -> dict:
     strings = []
     for body in bodies:
         hung = not body.get("parent") and body["joint"]["type"] in ("free", "translation")
-        least = 1 if hung else 0
-        for k in range(max(least, int(rng.choice([0, 1, 2, 3], p=[0.3, 0.4, 0.2, 0.1])))):
+        min_strings = 1 if hung else 0
+        for k in range(max(min_strings, int(rng.choice([0, 1, 2, 3], p=[0.3, 0.4, 0.2, 0.1])))):
             strings.append(_string(rng, f"s_{body['name']}_{k}", body["name"], bodies))
     springs = []
     if len(bodies) > 1 and rng.random() < 0.25:
-        some = (bodies[0]["name"], bodies[-1]["name"])
-        ends = [{"body": name, "at": _floats(rng.uniform(-0.05, 0.05, 3))} for name in some]
+        tied = (bodies[0]["name"], bodies[-1]["name"])
+        ends = [{"body": name, "at": _floats(rng.uniform(-0.05, 0.05, 3))} for name in tied]
         springs.append(
             {
                 "name": "spring",
@@ -112,7 +112,7 @@ def _joint(rng, kind: str, at: list[float], limited: bool) -> dict:
         scale = 1.0 if kind == "revolute" else 0.05
         if limited or kind == "prismatic":
             low, high = rng.uniform(0.2, 2.0, 2) * scale
-            # Many joints begin at their limit: a straight knee.
+            # Many joints begin at their limit, such as a straight knee.
             low = 0.0 if rng.random() < 0.4 else low
             joint["limits"] = {"lower": -float(low), "upper": float(high)}
     if kind == "ball" and limited and rng.random() < 0.7:
@@ -143,13 +143,13 @@ def load(seed: int) -> fan.Marionette:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What ``rest`` is given.
+    """Arguments of `rest`.
 
     Attributes:
         marionette: the puppet.
-        feasible: a state that no row forbids, at rest.
-        start: where the search begins, with the same driven coordinates.
-        how: one of ``STARTS``.
+        feasible: an admissible state at rest.
+        start: initial guess, with the same driven coordinates.
+        how: one of `STARTS`.
     """
 
     marionette: fan.Marionette
@@ -189,7 +189,9 @@ def _moved(marionette: fan.Marionette, x: fan.State, move: np.ndarray) -> fan.St
 
 
 def _within(marionette: fan.Marionette, x: fan.State) -> fan.State:
-    """The state between the file's pose, which keeps all limits, and this that does so too."""
+    """The state between the file's pose, which keeps all limits, and this one, that keeps them
+    too.
+    """
     table, start = marionette.coordinates, marionette.state()
     places = table.scalars_D, table.quaternions_D
     move, n = tangent.between(*places, start.q_D, x.q_D, table.n_vD), len(marionette.tree.strings)
@@ -212,9 +214,9 @@ def _limited(marionette: fan.Marionette, x: fan.State, rng, beyond: float) -> fa
     return x.replace(q_D=q_D)
 
 
-def settles(found: Case) -> bool:
-    """Whether the puppet, let go at the feasible state, comes to rest by itself."""
-    marionette, x = found.marionette, found.feasible
+def settles(tested: Case) -> bool:
+    """Whether the puppet, released at the feasible state, comes to rest by itself."""
+    marionette, x = tested.marionette, tested.feasible
     for t_end in LONGEST:
         run = fan.simulate(
             marionette, x, t_end=t_end, method="timestepping", throw=False, save_every=50
@@ -222,16 +224,16 @@ def settles(found: Case) -> bool:
         if run.status is not fan.Status.DONE:
             return False
         kinetic = run.ledger["kinetic"]
-        if np.max(kinetic[-len(kinetic) // 4 :]) < _STILL * marionette.weight:
+        if np.max(kinetic[-len(kinetic) // 4 :]) < _MAX_REST_ENERGY * marionette.weight:
             return True
     return False
 
 
-def broken(found: Case) -> str:
-    """What ``rest`` lacks in a case; nothing where it holds."""
-    marionette, energy = found.marionette, lambda x: marionette.energies(x)[1]
+def broken(tested: Case) -> str:
+    """The broken property of `rest` in a case; empty if all hold."""
+    marionette, energy = tested.marionette, lambda x: marionette.energies(x)[1]
     try:
-        x = marionette.rest(found.start)
+        x = marionette.rest(tested.start)
     except fan.errors.StateError as error:
         return f"not found: {error}"
     acc, tension = marionette.forward_dynamics(x)
@@ -240,12 +242,15 @@ def broken(found: Case) -> str:
         return "a row is broken"
     if np.min(tension, initial=0.0) < 0.0:
         return "a row pushes"
-    if np.max(np.abs(acc), initial=0.0) > _BALANCED:
+    if np.max(np.abs(acc), initial=0.0) > _MAX_REST_ACCELERATION:
         return "the forces do not balance"
-    if found.start is found.feasible and energy(x) > energy(found.feasible) + _ABOVE * weight:
+    if (
+        tested.start is tested.feasible
+        and energy(x) > energy(tested.feasible) + _MAX_ENERGY_RISE * weight
+    ):
         return "the energy is above the start's"
     rng = np.random.default_rng(0)
-    for _ in range(_MOVES):
+    for _ in range(_N_MOVES):
         move = 1e-3 * rng.normal(size=len(x.v_D))
         other, worst = onto_rows(marionette, _moved(marionette, x, move))
         if worst <= 1e-9 and energy(other) < energy(x) - 1e-9 * weight:
@@ -254,20 +259,20 @@ def broken(found: Case) -> str:
 
 
 def tried(puppet: int, cases: int) -> tuple[collections.Counter, list[str]]:
-    """How the cases of a puppet ended, and what is broken in those that settle by themselves."""
+    """Results of the cases of a puppet, and failures in those that settle by themselves."""
     counts, failures = collections.Counter(), []
     for number in range(cases):
-        found = case(puppet, number)
-        what, settled = broken(found), settles(found)
+        tested = case(puppet, number)
+        what, settled = broken(tested), settles(tested)
         own = "settles" if settled else "does not settle"
         counts[f"{own}: {what.split(':')[0] or 'found'}"] += 1
         if what:
-            failures.append(f"puppet {puppet}, case {number} ({found.how}, {own}): {what}")
+            failures.append(f"puppet {puppet}, case {number} ({tested.how}, {own}): {what}")
     return counts, failures
 
 
 def main() -> int:
-    """Tries them, prints the failures; 1 when there are some."""
+    """Try the cases, print the failures; 1 when there are some."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--puppets", type=int, default=50, help="(default 50)")
     parser.add_argument("--cases", type=int, default=20, help="of each puppet (default 20)")

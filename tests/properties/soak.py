@@ -1,8 +1,8 @@
-"""Runs very many cases and writes down what is broken: ``make soak``.
+"""Runs very many cases and writes a list of failures: `make soak`.
 
-A performance is run by all methods. ``--runs`` counts runs, so a million are a third of a million
-performances, spread evenly over puppets and stages. A stage, on which bodies touch, has as many
-starts as there are methods in the place of a performance. Ctrl-C keeps what was done.
+A performance is run by all methods. `--runs` counts runs, so a million are a third of a million
+performances, spread evenly over puppets and stages. A stage with contact has one start for each
+method instead of a performance. Ctrl-C keeps the finished runs.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ PIECE = 50
 """Performances that a worker runs before it reports."""
 
 PATIENCE = 300.0
-"""Time without any report after which the workers count as stuck [s]."""
+"""Time without a report after which the workers count as stuck [s]."""
 
 KEPT = 5
-"""Cases written down of each failure of a puppet; all are counted."""
+"""Cases stored for each failure of a puppet; all are counted."""
 
 ALL = (*puppets.ALL, *stages.ALL)
 """Names of all puppets and stages."""
@@ -48,10 +48,10 @@ OUT = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.json"
 
 @dataclass
 class Failure:
-    """A property that runs of one puppet lack.
+    """A broken property of runs of one puppet.
 
     Attributes:
-        runs: how many.
+        runs: number of runs.
         cases: (seed, command that shows it) of the first ones.
     """
 
@@ -59,7 +59,7 @@ class Failure:
     cases: list[tuple[int, str]] = field(default_factory=list)
 
     def add(self, runs: int, cases: list[tuple[int, str]]) -> None:
-        """Books runs; the first cases by seed are kept, whichever worker reports first."""
+        """Add runs; the first cases by seed are kept, in any order of reports."""
         self.runs += runs
         self.cases = sorted([*self.cases, *cases])[:KEPT]
 
@@ -71,8 +71,8 @@ class Tally:
     Attributes:
         runs, events, catches, runs_with_a_catch: counts.
         by_status: method -> status -> runs.
-        worst: method -> measure -> largest value (see ``check.Result``).
-        failures: (what is broken, puppet) -> how often and where.
+        worst: method -> measure -> largest value (see `check.Result`).
+        failures: (broken property, puppet) -> number and places.
     """
 
     runs: int = 0
@@ -84,7 +84,7 @@ class Tally:
     failures: dict[tuple[str, str], Failure] = field(default_factory=dict)
 
     def add(self, result: Result) -> None:
-        """Books one run."""
+        """Add one run."""
         self.runs += 1
         self.events += result.events
         self.catches += result.catches
@@ -97,7 +97,7 @@ class Tally:
             self._fail(f"{result.method}: {what}", result.puppet, 1, [case])
 
     def merge(self, other: Tally) -> None:
-        """Books all runs of another tally."""
+        """Add all runs of another tally."""
         for name in ("runs", "events", "catches", "runs_with_a_catch"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         for method in METHODS:
@@ -108,7 +108,7 @@ class Tally:
             self._fail(what, puppet, failure.runs, failure.cases)
 
     def lost(self, what: str, pieces) -> None:
-        """Books pieces (puppet, first seed, number) of which some run did not come back."""
+        """Add pieces (puppet, first seed, number) with lost runs."""
         module = "PYTHONPATH=tests .venv/bin/python -m properties.soak --workers 1"
         for puppet, first, n in pieces:
             runs = len(METHODS) * n
@@ -116,13 +116,13 @@ class Tally:
             self._fail(what, puppet, runs, [(first, command)])
 
     def kinds(self) -> list[tuple[str, int, list[tuple[str, Failure]]]]:
-        """(what is broken, runs, [(puppet, failure), ...]), the most frequent first."""
+        """(broken property, runs, [(puppet, failure), ...]), the most frequent first."""
         by_kind = collections.defaultdict(list)
         for (what, puppet), failure in self.failures.items():
             by_kind[what].append((puppet, failure))
         kinds = [
-            (what, sum(f.runs for _, f in found), sorted(found, key=lambda x: -x[1].runs))
-            for what, found in by_kind.items()
+            (what, sum(f.runs for _, f in by_puppet), sorted(by_puppet, key=lambda x: -x[1].runs))
+            for what, by_puppet in by_kind.items()
         ]
         return sorted(kinds, key=lambda kind: -kind[1])
 
@@ -134,13 +134,14 @@ class Tally:
 
 
 def performed(puppet: str, first: int, n: int, methods: tuple[str, ...] = METHODS) -> Tally:
-    """Runs n performances of a puppet, or of a stage.
+    """Run n performances of a puppet, or of a stage.
 
     Args:
-        puppet: name in ``puppets.ALL`` or ``stages.ALL``.
+        puppet: name in `puppets.ALL` or `stages.ALL`.
         first: seed of the first performance.
-        n: how many.
-        methods: by which; the event-driven one, which tells what can be followed, always first.
+        n: number of performances.
+        methods: methods; the event-driven one, which tests whether the inputs are possible, runs
+            first.
     """
     tally = Tally()
     if puppet in stages.ALL:
@@ -148,16 +149,16 @@ def performed(puppet: str, first: int, n: int, methods: tuple[str, ...] = METHOD
             tally.add(stages.checked(puppet, seed))
         return tally
     for seed in range(first, first + n):
-        given = performances.performance(puppet, seed)
-        event = checked(puppet, seed, "event", given)
+        given_performance = performances.performance(puppet, seed)
+        event = checked(puppet, seed, "event", given_performance)
         tally.add(event)
         for method in methods[1:]:
-            tally.add(checked(puppet, seed, method, given, fan.Status[event.status]))
+            tally.add(checked(puppet, seed, method, given_performance, fan.Status[event.status]))
     return tally
 
 
 def pieces(names: list[str], performances: int, seed: int):
-    """(puppet, first seed, number) of pieces with so many performances in all, puppets in turn."""
+    """(puppet, first seed, number) of pieces with this total of performances, puppets in turn."""
     left, first = performances, seed
     while left > 0:
         for k, name in enumerate(names):
@@ -176,15 +177,15 @@ def soak(
     progress=None,
     methods: tuple[str, ...] = METHODS,
 ) -> Tally:
-    """Runs cases in several processes; Ctrl-C gives the tally of what was done.
+    """Run cases in several processes; Ctrl-C returns the tally of the finished ones.
 
     Args:
-        names: of puppets and stages.
-        runs: how many runs, over all methods.
-        seed: of the first performance of each puppet.
+        names: names of puppets and stages.
+        runs: number of runs, over all methods.
+        seed: seed of the first performance of each puppet.
         workers: processes.
         progress: called with the tally.
-        methods: as of ``performed``.
+        methods: see `performed`.
     """
     for name in names:  # once, not by every worker
         if name in stages.ALL:
@@ -199,7 +200,7 @@ def soak(
         waiting: dict[Future, tuple] = {}
         with contextlib.suppress(KeyboardInterrupt):
             while True:
-                # No more than the workers need is queued, so that Ctrl-C ends soon.
+                # Only the pieces needed by the workers are queued, so that Ctrl-C ends soon.
                 while len(waiting) < 2 * workers and (piece := next(todo, None)):
                     waiting[pool.submit(performed, *piece, methods)] = piece
                 if not waiting:
@@ -222,12 +223,12 @@ def soak(
 
 
 def _deaf() -> None:
-    """Ctrl-C is for the parent."""
+    """Ignore Ctrl-C, which is for the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def report(tally: Tally, names: list[str], seed: int, seconds: float) -> dict:
-    """What ``soak.json`` holds."""
+    """Content of `soak.json`."""
     return {
         "runs": tally.runs,
         "puppets": len(names),
@@ -247,8 +248,8 @@ def report(tally: Tally, names: list[str], seed: int, seconds: float) -> dict:
                 "seeds": [seed for seed, _ in failure.cases],
                 "command": failure.cases[0][1],
             }
-            for what, _, found in tally.kinds()
-            for puppet, failure in found
+            for what, _, by_puppet in tally.kinds()
+            for puppet, failure in by_puppet
         ],
         "seconds": round(seconds, 1),
         "machine": machine(),
@@ -256,7 +257,7 @@ def report(tally: Tally, names: list[str], seed: int, seconds: float) -> dict:
 
 
 def machine() -> dict[str, str]:
-    """Where it ran, without names of hosts or folders."""
+    """Description of the machine, without names of hosts or folders."""
     names = [platform.machine()]
     with contextlib.suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -272,7 +273,7 @@ def machine() -> dict[str, str]:
 
 
 def main() -> int:
-    """Soaks, writes, prints; 1 when a property is broken."""
+    """Run the soak, write and print its results; 1 when a property is broken."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=1_000_000, help="(default 1,000,000)")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="(default: all cores)")
@@ -291,12 +292,12 @@ def main() -> int:
             bar.update(task, completed=tally.runs, description=f"soaking, {broken} broken")
 
         tally = soak(names, options.runs, options.seed, options.workers, show)
-    found = report(tally, names, options.seed, time.perf_counter() - start)
-    options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    Console().print_json(json.dumps({k: v for k, v in found.items() if k != "failures"}))
-    for what, runs, found in tally.kinds():
-        puppet, failure = found[0]
-        print(f"{runs:>8}  {what} (of {len(found)} puppets, {failure.runs} {puppet})")
+    results = report(tally, names, options.seed, time.perf_counter() - start)
+    options.out.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    Console().print_json(json.dumps({k: v for k, v in results.items() if k != "failures"}))
+    for what, runs, results in tally.kinds():
+        puppet, failure = results[0]
+        print(f"{runs:>8}  {what} (of {len(results)} puppets, {failure.runs} {puppet})")
         print(f"{'':10}{failure.cases[0][1]}")
     return int(bool(tally.failures))
 

@@ -1,8 +1,8 @@
-"""Random scenes in which everything touches everything, and the properties their runs have to have.
+"""Random scenes in which all bodies collide, and the required properties of their runs.
 
 A stage has fixed bodies, so that it is compiled once; friction, restitution, obstacles, starts,
-throws, inputs and steps are drawn from a seed. ``python -m properties.stages STAGE SEED`` runs one
-case and prints what is broken.
+throws, inputs and steps are drawn from a seed. `python -m properties.stages STAGE SEED` runs one
+case and prints broken properties.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from fantoccini.kernel.runtime.contacts import Contacts
 from fantoccini.kernel.runtime.solids import solid
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Shape, Sphere
 from fantoccini.model.tree import WORLD
-from properties.check import ADRIFT, Result
+from properties.check import INACCURATE, Result
 from properties.performances import with_velocity
 
 METHOD = "timestepping"
@@ -38,34 +38,35 @@ EXPECTED = {
     Status.TOO_MANY_CONTACTS,
     Status.UNBALANCED,
 }
-"""How a run may end."""
+"""Expected statuses."""
 
 OVERLAP = 0.02
 """Depth beyond which a run may not be DONE [m]."""
 RESIDUAL = 1e-5
 """Residual of the laws of contact beyond which a step is not accepted, relative."""
 CONE = 1e-4
-"""By how much a force of friction may pass the cone, relative to the largest normal force."""
+"""Largest part of friction outside the cone, relative to the largest normal force."""
 FALL = 0.02
-"""By how much a loss may shrink, relative to the energy of the stage."""
+"""Largest decrease of a loss, relative to the energy of the stage."""
 TURN = 0.3
-"""Turn of a body in one step up to which its energy is kept, whatever its inertia [rad]: velocity
-products are taken ahead by extrapolation, which says nothing of what has turned round."""
+"""Turn of a body in one step up to which its energy is kept, for any inertia [rad]: velocity
+products are extrapolated, which is invalid after larger turns.
+"""
 LEDGER = 0.2
 """Bound on the ledger's residual of a run that is DONE, relative to the energy of the stage."""
-MOST_PIECES = 60
-"""Bound on the pieces of 200 steps that a run may take."""
+MAX_PIECES = 60
+"""Bound on the pieces of 200 steps of a run."""
 TRIES = 200
-"""Starts drawn until nothing overlaps."""
+"""Number of starts drawn until nothing overlaps."""
 OBSTACLES = 3
-"""Standing solids of a stage, some of them far away."""
-LOOKS = 40
-"""Samples at which all gaps are measured."""
+"""Fixed solids of a stage, some of them far away."""
+N_CHECKED_SAMPLES = 40
+"""Number of samples at which all gaps are measured."""
 
 
 @dataclass(frozen=True, eq=False)
 class Show:
-    """What one run is given."""
+    """Arguments of one run."""
 
     marionette: fan.Marionette
     x0: fan.State
@@ -75,14 +76,14 @@ class Show:
 
 
 class Staged(Result):
-    """What became of one case.
+    """Result of one case.
 
-    ``violation`` is the deepest overlap [m], ``gap`` the residual of the laws of contact.
+    `violation` is the deepest overlap [m], `gap` the residual of the laws of contact.
     """
 
     @property
     def command(self) -> str:
-        """The command that runs the case again."""
+        """Command that repeats the case."""
         module = "PYTHONPATH=tests .venv/bin/python -m properties.stages"
         return f"{module} {self.puppet} {self.seed}"
 
@@ -218,7 +219,7 @@ ALL: dict[str, tuple[list[dict], list[dict]]] = {
     "figure": ([_figure()], [BALL, BOX]),
     "duet": ([_figure(), _figure()], [BALL]),
 }
-"""Name -> puppets and props; a stage without puppets has a peg that nothing touches."""
+"""Name -> puppets and props; a stage without puppets has a peg without contact."""
 
 _PEG = {
     "puppet": "peg",
@@ -252,30 +253,30 @@ def _described(name: str, contact: object, obstacles: list[dict]) -> fan.Marione
 
 
 def stage(name: str, rng: np.random.Generator) -> fan.Marionette:
-    """A stage with random rules, and random solids in the place of its obstacles."""
+    """A stage with random rules, and random solids as its obstacles."""
     marionette = load(name)
-    given = marionette.contacts
-    assert given is not None
-    solids = given.solids.copy()
-    standing = {n[1]: int(pair[1]) for n, pair in zip(given.names, given.pairs, strict=True)}
+    contacts = marionette.contacts
+    assert contacts is not None
+    solids = contacts.solids.copy()
+    standing = {n[1]: int(pair[1]) for n, pair in zip(contacts.names, contacts.pairs, strict=True)}
     used = int(rng.integers(0, OBSTACLES + 1))
     for k in range(OBSTACLES):
         solids[standing[f"o{k}"]] = solid(_obstacle(rng, away=k >= used), WORLD)
     friction, restitution = _rules(rng)
-    rules = np.full(len(given.pairs), friction), np.full(len(given.pairs), restitution)
-    made = dataclasses.replace(marionette)
+    rules = np.full(len(contacts.pairs), friction), np.full(len(contacts.pairs), restitution)
+    changed = dataclasses.replace(marionette)
     # Rules and standing solids are arguments of compiled code.
-    made.__dict__["contacts"] = Contacts(solids, given.pairs, *rules, given.names)
-    return fan.Marionette(made)
+    changed.__dict__["contacts"] = Contacts(solids, contacts.pairs, *rules, contacts.names)
+    return fan.Marionette(changed)
 
 
 def scene(name: str, rng: np.random.Generator) -> fan.Marionette:
-    """The same as a scene of its own, which keeps its rules where its winches are changed."""
+    """The same stage as a scene of its own, which keeps its rules when its winches change."""
     used = int(rng.integers(0, OBSTACLES + 1))
-    found = [_obstacle(rng, away=k >= used) for k in range(OBSTACLES)]
+    shapes = [_obstacle(rng, away=k >= used) for k in range(OBSTACLES)]
     obstacles = [
         shape.model_dump(mode="json", by_alias=True, exclude_none=True) | {"name": f"o{k}"}
-        for k, shape in enumerate(found)
+        for k, shape in enumerate(shapes)
     ]
     friction, restitution = _rules(rng)
     return _described(name, {"friction": friction, "restitution": restitution}, obstacles)
@@ -288,7 +289,7 @@ def _rules(rng: np.random.Generator) -> tuple[float, float]:
 
 
 def _obstacle(rng: np.random.Generator, away: bool) -> Shape:
-    """A box, thin wall, ball, pole or ellipsoid that stands somewhere, or far away."""
+    """A box, thin wall, ball, pole or ellipsoid at a random place, or far away."""
     size = [float(x) for x in rng.uniform(0.05, 0.4, 3)]
     at = [float(x) for x in rng.uniform([-0.7, -0.5, 0.0], [0.7, 1.0, 0.5])]
     if away:
@@ -305,24 +306,26 @@ def _obstacle(rng: np.random.Generator, away: bool) -> Shape:
 
 
 def show(name: str, seed: int) -> Show | None:
-    """The run of a stage that belongs to a seed; None where nothing fits among its obstacles."""
+    """The run of a stage and seed; None if nothing fits among its obstacles."""
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
-    made = stage(name, rng)
-    x0 = start(rng, made)
+    marionette = stage(name, rng)
+    x0 = start(rng, marionette)
     if x0 is None:
         return None
     t_end = float(rng.uniform(0.3, 1.0))
     v = rng.normal(size=len(x0.v_D)) * rng.choice([0.0, 0.5, 3.0, 10.0])
-    x0 = with_velocity(made, x0.replace(v_D=v * (rng.random(len(v)) < 0.7)), x0.v_K)
+    x0 = with_velocity(marionette, x0.replace(v_D=v * (rng.random(len(v)) < 0.7)), x0.v_K)
     dt = float(np.exp(rng.uniform(np.log(5e-4), np.log(4e-3))))
-    return Show(made, x0, _inputs(rng, made, x0, t_end), t_end, dt)
+    return Show(marionette, x0, _inputs(rng, marionette, x0, t_end), t_end, dt)
 
 
-def start(rng: np.random.Generator, made: fan.Marionette) -> fan.State | None:
-    """Bodies here and there, near one another in some; strings as long as they need, or longer."""
-    table, spread = made.coordinates, float(rng.choice([0.15, 0.4]))
+def start(rng: np.random.Generator, marionette: fan.Marionette) -> fan.State | None:
+    """Bodies at random places, sometimes near one another; strings of the needed length, or
+    longer.
+    """
+    table, spread = marionette.coordinates, float(rng.choice([0.15, 0.4]))
     for k in range(TRIES):
-        x = made.state()
+        x = marionette.state()
         q = np.array(x.q_D)
         for at, _ in table.quaternions_D:
             turn = rng.normal(size=4) * (0.2 if rng.random() < 0.3 else 1.0) + [1, 0, 0, 0]
@@ -330,68 +333,68 @@ def start(rng: np.random.Generator, made: fan.Marionette) -> fan.State | None:
             name = table.q_D[at].rpartition(".")[0]
             if f"{name}.x" in table.q_D:
                 first = table.q_D.index(f"{name}.x")
-                # Props have their place in the scene, puppets the one of their file.
+                # Props are placed by the scene, puppets by their file.
                 low, high = (-0.2, 0.5) if "trunk" in name else (0.05, 2.0)
                 q[first : first + 3] = rng.uniform([-1, -1, low], [1, 1, high])
                 q[first : first + 3] *= spread * (1.0 + 0.02 * k)
         x = x.replace(q_D=q)
         q_K = np.array(x.q_K)
-        h = made.constraint(x)
-        for row, string in enumerate(made.tree.strings):
+        h = marionette.constraint(x)
+        for row, string in enumerate(marionette.tree.strings):
             if string.length_index is not None:
                 q_K[string.length_index[0]] += h[row] + rng.choice([0.0, 0.05]) * rng.random()
         x = x.replace(q_K=q_K)
-        limits = made.constraint(x)[len(made.tree.strings) :]
-        if np.all(limits <= 0.0) and not made.overlaps(x.q_D, x.q_K):
+        limits = marionette.constraint(x)[len(marionette.tree.strings) :]
+        if np.all(limits <= 0.0) and not marionette.overlaps(x.q_D, x.q_K):
             return x
     return None
 
 
 def _inputs(
-    rng: np.random.Generator, made: fan.Marionette, x0: fan.State, t_end: float
+    rng: np.random.Generator, marionette: fan.Marionette, x0: fan.State, t_end: float
 ) -> fan.Input | None:
-    """What is driven goes to and fro between waypoints, gently or wildly; nothing in some."""
+    """Random waypoints of the driven coordinates, gentle or wild; None in some cases."""
     reach = float(rng.choice([0.0, 0.1, 0.6], p=[0.3, 0.4, 0.3]))
-    table = made.coordinates
+    table = marionette.coordinates
     moves = {}
     for q, _ in table.scalars_K:
         if rng.random() < 0.5:
             continue
         times = np.sort(rng.uniform(0.05, t_end, int(rng.integers(1, 4))))
-        value, least = float(x0.q_K[q]), 0.05 if table.q_K[q].endswith(".length") else -np.inf
+        value, lowest = float(x0.q_K[q]), 0.05 if table.q_K[q].endswith(".length") else -np.inf
         points = [(0.0, value)]
         for t, last in zip(times, [0.0, *times], strict=False):
             if t - last > 0.03:
-                points.append((float(t), max(value + reach * float(rng.normal()), least)))
+                points.append((float(t), max(value + reach * float(rng.normal()), lowest)))
         moves[table.q_K[q]] = points
-    return fan.Input.waypoints(made, moves) if moves and reach else None
+    return fan.Input.waypoints(marionette, moves) if moves and reach else None
 
 
 def checked(name: str, seed: int) -> Staged:
-    """Runs one case and looks for broken properties."""
-    given = show(name, seed)
-    if given is None:
+    """Run one case and return broken properties."""
+    run_arguments = show(name, seed)
+    if run_arguments is None:
         return Staged(name, seed, METHOD, "nothing", "DONE", 0, 0, 0.0, 0.0, 0.0, ())
-    pieces = iter(range(MOST_PIECES))
+    pieces = iter(range(MAX_PIECES))
 
     def count(_: object) -> None:
         if next(pieces, None) is None:
             raise KeyboardInterrupt
 
     run = fan.simulate(
-        given.marionette,
-        given.x0,
-        given.inputs,
-        given.t_end,
-        method=fan.TimeStepping(dt=given.dt),
+        run_arguments.marionette,
+        run_arguments.x0,
+        run_arguments.inputs,
+        run_arguments.t_end,
+        method=fan.TimeStepping(dt=run_arguments.dt),
         progress=count,
         throw=False,
     )
     broken = _finite(run)
     measures = (0.0, 0.0, 0.0)
     if not broken:
-        measures, broken = _kept(given, run)
-    asks = "nothing" if given.inputs is None else "wild"
+        measures, broken = _kept(run_arguments, run)
+    asks = "nothing" if run_arguments.inputs is None else "wild"
     touches = sum(e.kind == "touch" for e in run.events)
     return Staged(
         name,
@@ -415,21 +418,21 @@ def _finite(run: fan.Trajectory) -> list[str]:
     return [f"{n} is not finite" for n, a in arrays.items() if not np.all(np.isfinite(a))]
 
 
-def _kept(given: Show, run: fan.Trajectory) -> tuple[tuple[float, float, float], list[str]]:
-    """Overlap, residual of the law and of the ledger; and what is broken."""
+def _kept(run_arguments: Show, run: fan.Trajectory) -> tuple[tuple[float, float, float], list[str]]:
+    """Overlap, residuals of the law and of the ledger; and broken properties."""
     broken: list[str] = []
-    marionette, contact = given.marionette, run.contact
+    marionette, contact = run_arguments.marionette, run.contact
     assert contact is not None and marionette.contacts is not None
     done = run.status is Status.DONE
     if run.status is Status.STOPPED:
         broken.append("takes too many steps")
     elif run.status not in EXPECTED:
         broken.append(f"ends with {run.status.name}")
-    if done and run.t[-1] != given.t_end:
+    if done and run.t[-1] != run_arguments.t_end:
         broken.append("ends with DONE before the end")
-    looks = np.unique(np.linspace(0, len(run) - 1, LOOKS).astype(int))
-    found = [marionette.overlaps(run.q_D[i], run.q_K[i]) for i in looks]
-    depth = max((max(each.values(), default=0.0) for each in found), default=0.0)
+    samples = np.unique(np.linspace(0, len(run) - 1, N_CHECKED_SAMPLES).astype(int))
+    overlaps = [marionette.overlaps(run.q_D[i], run.q_K[i]) for i in samples]
+    depth = max((max(each.values(), default=0.0) for each in overlaps), default=0.0)
     depth = max(depth, -float(np.min(contact.gap, initial=0.0)))
     if done and depth > OVERLAP:
         broken.append("overlaps silently")
@@ -438,13 +441,13 @@ def _kept(given: Show, run: fan.Trajectory) -> tuple[tuple[float, float, float],
         broken.append("breaks the law of contact silently")
     broken += _forces(marionette, contact) + _events(run)
     columns = {n: run.ledger[n] for n in ("kinetic", "potential", "work")}
-    size = max(float(np.max(np.abs(columns["kinetic"]))), given.marionette.weight)
+    size = max(float(np.max(np.abs(columns["kinetic"]))), run_arguments.marionette.weight)
     size += float(np.max(np.abs(columns["work"]))) + float(np.ptp(columns["potential"]))
     residual = float(np.max(np.abs(run.ledger["residual"]))) / size
     if done and residual > LEDGER:
         broken.append("the ledger does not close silently")
-    if given.inputs is None and _turn(given, run) < TURN:
-        if run.status in ADRIFT:
+    if run_arguments.inputs is None and _turn(run_arguments, run) < TURN:
+        if run.status in INACCURATE:
             broken.append("the ledger does not close")
         for name in ("friction", "impact"):
             if np.any(np.diff(run.ledger[name]) < -FALL * size):
@@ -455,7 +458,7 @@ def _kept(given: Show, run: fan.Trajectory) -> tuple[tuple[float, float, float],
 
 
 def _turn(given: Show, run: fan.Trajectory) -> float:
-    """By how much a body turns in a step at most [rad]."""
+    """Largest turn of a body in a step [rad]."""
     table = given.marionette.coordinates
     spins = [run.v_D[:, v : v + 3] for _, v in table.quaternions_D]
     hinges = [run.v_D[:, v] for q, v in table.scalars_D if "leg" in table.q_D[q]]
@@ -463,7 +466,7 @@ def _turn(given: Show, run: fan.Trajectory) -> float:
 
 
 def _forces(model: fan.Marionette, contact: fan.motion.ContactPoints) -> list[str]:
-    """Whether forces push and stay in their cones."""
+    """Messages about forces that pull or leave their cones."""
     if not len(contact):
         return []
     mu, normal = model.contacts.friction[contact.pair], contact.normal_force
@@ -477,7 +480,7 @@ def _forces(model: fan.Marionette, contact: fan.motion.ContactPoints) -> list[st
 
 
 def _events(run: fan.Trajectory) -> list[str]:
-    """Whether touch and lift, slide and stick come in turn; at the start all may be as it likes."""
+    """Messages about touches and lifts, slides and sticks, that do not alternate; any start."""
     broken = []
     for name in {event.name for event in run.events if "|" in event.name}:
         meets: bool | None = None
@@ -485,18 +488,18 @@ def _events(run: fan.Trajectory) -> list[str]:
         for event in run.events:
             if event.name != name:
                 continue
-            told = event.kind in ("touch", "slide")
+            begins = event.kind in ("touch", "slide")
             if event.kind in ("touch", "lift"):
-                fits, meets, slides = meets is not told, told, False if told else None
+                fits, meets, slides = meets is not begins, begins, False if begins else None
             else:
-                fits, slides = meets is not False and slides is not told, told
+                fits, slides = meets is not False and slides is not begins, begins
             if not fits:
                 broken.append(f"{event.kind} comes out of turn")
     return broken
 
 
 def main() -> None:
-    """Runs the case that the command line names."""
+    """Run the case of the command line."""
     name, seed = sys.argv[1:3]
     result = checked(name, int(seed))
     print(result)

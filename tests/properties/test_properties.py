@@ -1,4 +1,4 @@
-"""Random puppets, random inputs, all methods: every run keeps the rules and says how it ended."""
+"""Random puppets, random inputs, all methods: every run keeps the rules and has a status."""
 
 from __future__ import annotations
 
@@ -19,14 +19,22 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 RUNS = 2_500
 STAGED = 180
 WORKERS = 2
-FEW = ("rod", "tray", "winches")
-"""Puppets whose variational integrator is compiled here; ``make soak`` has all of them."""
+COMPILED_VARIATIONAL = ("rod", "tray", "winches")
+"""Puppets whose variational integrator is compiled here; `make soak` has all of them."""
 
 
 def test_properties():
     assert len(puppets.ALL) >= 12
     tally = soak(list(puppets.ALL), RUNS, seed=0, workers=WORKERS, methods=METHODS[:2])
-    tally.merge(soak(FEW, RUNS // 5, seed=0, workers=WORKERS, methods=("event", "variational")))
+    tally.merge(
+        soak(
+            COMPILED_VARIATIONAL,
+            RUNS // 5,
+            seed=0,
+            workers=WORKERS,
+            methods=("event", "variational"),
+        )
+    )
     print(
         f"{tally.runs} runs of {len(puppets.ALL)} puppets, {tally.events} events, "
         f"{tally.runs_with_a_catch} runs with a catch"
@@ -35,7 +43,7 @@ def test_properties():
         print(f"{method}: {dict(tally.by_status[method])}, worst {tally.worst[method]}")
     assert tally.runs >= RUNS
     assert tally.runs_with_a_catch >= RUNS // 2
-    lines = [f"{n} x {what}: {found[0][1].cases[0][1]}" for what, n, found in tally.kinds()]
+    lines = [f"{n} x {what}: {by_puppet[0][1].cases[0][1]}" for what, n, by_puppet in tally.kinds()]
     assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
 
 
@@ -44,38 +52,38 @@ def test_stages():
     tally = soak(list(stages.ALL), STAGED, seed=0, workers=WORKERS, methods=METHODS[1:2])
     print(f"{tally.runs} runs: {dict(tally.by_status['timestepping'])}, {tally.catches} touches")
     assert tally.runs >= STAGED and tally.catches >= STAGED
-    lines = [f"{n} x {what}: {found[0][1].cases[0][1]}" for what, n, found in tally.kinds()]
+    lines = [f"{n} x {what}: {by_puppet[0][1].cases[0][1]}" for what, n, by_puppet in tally.kinds()]
     assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
 
 
-def test_a_crowd_keeps_the_rules_and_its_runs_can_be_run_alone():
-    """What fails among very many runs is found again by its command."""
+def test_a_crowd_keeps_the_rules_and_its_runs_are_reproducible():
+    """A failure among very many runs is reproduced by its command."""
     count = crowds.counted("balls", 1, "timestepping")
     assert count.runs == crowds.SIZES["timestepping"] and count.touched > count.runs // 2
     assert not count.failures, count.commands
-    given = crowds.crowd("balls", 1, "timestepping")
-    whole = crowds.ran(given)
-    one = crowds.ran(replace(given, starts=given.starts[7:8]))
-    assert np.array_equal(whole.q_D[7], one.q_D[0])
+    crowd = crowds.crowd("balls", 1, "timestepping")
+    whole = crowds.ran(crowd)
+    single = crowds.ran(replace(crowd, starts=crowd.starts[7:8]))
+    assert np.array_equal(whole.q_D[7], single.q_D[0])
 
 
-def test_crowds_have_event_driven_and_live_runs_among_them():
-    """Every stage with fixed steps; puppets with hands are thrown live."""
-    some = list(islice(crowds.cases(list(stages.ALL), 0, crowds.SHARES), 900))
-    runs = {m: sum(crowds.SIZES[m] for *_, m2 in some if m2 == m) for m in crowds.SIZES}
+def test_crowds_include_event_driven_and_live_runs():
+    """Every stage has fixed steps; puppets with hands are thrown live."""
+    first_cases = list(islice(crowds.cases(list(stages.ALL), 0, crowds.SHARES), 900))
+    runs = {m: sum(crowds.SIZES[m] for *_, m2 in first_cases if m2 == m) for m in crowds.SIZES}
     for method, share in crowds.SHARES.items():
         assert runs[method] == pytest.approx(share * sum(runs.values()), rel=0.1)
-    assert {name for name, _, m in some if m == "timestepping"} == set(stages.ALL)
-    assert {name for name, _, m in some if m == "live"} == set(throws.STAGES)
-    assert len(set(some)) == len(some)
+    assert {name for name, _, m in first_cases if m == "timestepping"} == set(stages.ALL)
+    assert {name for name, _, m in first_cases if m == "live"} == set(throws.STAGES)
+    assert len(set(first_cases)) == len(first_cases)
 
 
 @pytest.mark.parametrize("name", ["figure", "duet"])
 def test_puppets_thrown_about_live_are_not_broken(name):
-    """At the floor, at one another and anywhere, among random obstacles with random rules."""
-    found = [each for i in range(4) if (each := throws.thrown(name, 1, i))]
-    assert found and all(each.touched for each in found)
-    assert not [each for each in found if each.broken]
+    """Throws are to the floor, at one another and random, among random obstacles and rules."""
+    throws_of_seeds = [each for i in range(4) if (each := throws.thrown(name, 1, i))]
+    assert throws_of_seeds and all(each.touched for each in throws_of_seeds)
+    assert not [each for each in throws_of_seeds if each.broken]
 
 
 def test_event_driven_runs_of_sliding_crates_have_no_failures():
@@ -85,18 +93,18 @@ def test_event_driven_runs_of_sliding_crates_have_no_failures():
     assert not count.failures
 
 
-# Wedged bodies, a ball jammed under a pole, a winch at its bound beside contacts.
+# Wedged bodies, a ball jammed under a pole, a winch at its bound with contacts.
 @pytest.mark.parametrize(
     "case", ["heap 33", "heap 173", "heap 332", "figure 5", "balls 176", "paddle 132"]
 )
 def test_a_stage_that_has_broken_before(case):
     name, seed = case.split()
-    found = stages.checked(name, int(seed))
-    assert not found.broken
-    assert found.status == "DONE"
+    result = stages.checked(name, int(seed))
+    assert not result.broken
+    assert result.status == "DONE"
 
 
-# Catches within the first steps, a point that rebounds and is thrown back, a winch that slips.
+# Catches within the first steps, a point that rebounds twice, a winch that slips.
 @pytest.mark.parametrize(
     "case", ["duet 12 252", "figure 1 202", "paddle 22 141", "paddle 52 71", "heap 340 186"]
 )
@@ -128,7 +136,7 @@ def test_a_case_that_has_broken_before(case):
 
 
 def bits(puppet: str, seed: int, method: str) -> list:
-    """Everything a run gives, as bytes."""
+    """All results of a run, as bytes."""
     run = simulated(performance(puppet, seed), method)
     arrays = [run.t, run.q_D, run.v_D, run.acc_D, run.q_K, run.v_K, run.acc_K]
     tables = (run.tension, run.limit_force, run.taut, run.ledger, run.violation)
@@ -139,17 +147,21 @@ def bits(puppet: str, seed: int, method: str) -> list:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_same_input_same_bits_in_any_thread(method):
-    names = FEW if method == "variational" else ("rod", "tray", "arm", "figure", "dozen")
+    names = (
+        COMPILED_VARIATIONAL
+        if method == "variational"
+        else ("rod", "tray", "arm", "figure", "dozen")
+    )
     cases = [(name, seed) for seed in (1, 2) for name in names]
     alone = [bits(name, seed, method) for name, seed in cases]
     with ThreadPoolExecutor(4) as pool:
         mixed = list(pool.map(lambda case: bits(*case, method), cases * 4))
-    for k, found in enumerate(mixed):
-        assert found == alone[k % len(cases)], cases[k % len(cases)]
+    for k, result in enumerate(mixed):
+        assert result == alone[k % len(cases)], cases[k % len(cases)]
 
 
-# Points of one body that turn at nanometres a second, points pulled askew as they begin to slide,
-# feet that strut apart, and several that jam together: they took over a minute, or steps below the
+# Points of one body that turn at nanometres per second, points pulled aside as they begin to slide,
+# feet that wedge apart, and several that jam together: they took over a minute, or steps below the
 # clock's resolution. In the last one a mode ended and began without end.
 @pytest.mark.parametrize(
     "case",

@@ -20,14 +20,14 @@ orientations = st.one_of(
 
 
 def bounds(reach: float) -> st.SearchStrategy[dict[str, float]]:
-    """A lower and an upper end."""
+    """A lower and an upper bound."""
     side = st.floats(0.01, reach).map(lambda x: round(x, 6))
     return st.builds(lambda a, b: {"lower": -a, "upper": b}, side, side)
 
 
 @st.composite
 def joints(draw: Any, kind: str | None = None) -> dict[str, Any]:
-    """A joint as a file would give it."""
+    """A joint as data of a file."""
     kind = kind or draw(st.sampled_from(KINDS))
     joint: dict[str, Any] = {"type": kind, "at": draw(vectors)}
     if draw(st.booleans()):
@@ -49,7 +49,7 @@ def joints(draw: Any, kind: str | None = None) -> dict[str, Any]:
 
 @st.composite
 def shapes(draw: Any) -> dict[str, Any]:
-    """A shape as a file would give it."""
+    """A shape as data of a file."""
     kind = draw(st.sampled_from(("capsule", "box", "sphere", "ellipsoid")))
     shape: dict[str, Any] = {"type": kind, "density": draw(sizes), "colour": "#a0b0c0"}
     if kind == "capsule":
@@ -63,7 +63,7 @@ def shapes(draw: Any) -> dict[str, Any]:
 
 @st.composite
 def bodies(draw: Any, name: str = "a_left", parent: str = "world") -> dict[str, Any]:
-    """A body with mass, as a file would give it."""
+    """A body with mass as data of a file."""
     body: dict[str, Any] = {"name": name, "parent": parent, "joint": draw(joints())}
     body["shapes"] = draw(st.lists(shapes(), max_size=2))
     body["mass"] = draw(
@@ -97,7 +97,7 @@ def start(body: dict[str, Any], draw: Any) -> dict[str, Any]:
 
 @st.composite
 def files(draw: Any) -> dict[str, Any]:
-    """A puppet as a file would give it, with a mirror and a string on every body."""
+    """A puppet as data of a file, with a mirror and a string on every body."""
     names = ["trunk", *draw(st.lists(st.sampled_from(("a_left", "b_left", "c")), unique=True))]
     parts = []
     for k, name in enumerate(names):
@@ -137,7 +137,7 @@ def ends() -> st.SearchStrategy[dict[str, Any]]:
 
 
 def winches() -> st.SearchStrategy[dict[str, Any]]:
-    """What a string's winch and its catches may do."""
+    """Keys of a string's winch and of its catches."""
     return st.one_of(
         st.just({}),
         st.builds(lambda e: {"restitution": e}, st.floats(0, 1)),

@@ -1,4 +1,4 @@
-"""Numbers and counts have bounds, and what lies beyond one hides no other mistake."""
+"""Numbers and counts have bounds, and a number out of range hides no other mistake."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_the_text_with_a_number_of_every_kind_is_a_puppet():
 @pytest.mark.parametrize("size", ["1e103", "-1e103", "1e-109"])
 @pytest.mark.parametrize("number", NUMBERS.split())
 def test_every_number_is_bounded(number, size):
-    """17.27: a radius of 1e103 or 1e-109 was a fault of fantoccini itself.
+    """17.27: a radius of 1e103 or 1e-109 caused an internal error.
 
     Places, moments of inertia and angles may be tiny, but nothing may be huge.
     """
@@ -76,15 +76,15 @@ def test_every_number_is_bounded(number, size):
     line = EVERY[: EVERY.index(number)].count("\n") + 1
     if size == "1e-109":
         try:
-            made = marionette(text)
+            puppet = marionette(text)
         except PuppetError as error:
             assert [p.line for p in error.mistakes] == [line]
         else:
-            check_mass_matrix(made.puppet, made.tree)
+            check_mass_matrix(puppet.puppet, puppet.tree)
         return
-    found = mistakes(text)
-    assert (found[0][0], len({at for at, _, _ in found})) == (line, 1)
-    assert any("allowed" in text or "needed" in text for _, _, text in found)
+    located = mistakes(text)
+    assert (located[0][0], len({at for at, _, _ in located})) == (line, 1)
+    assert any("allowed" in text or "needed" in text for _, _, text in located)
 
 
 def test_a_number_out_of_range_says_the_range():
@@ -107,10 +107,10 @@ def test_editors_know_the_ranges():
 
 
 def test_parameters_keep_to_the_ranges():
-    """17.27: also where they are changed later."""
-    made = marionette(EVERY.replace("510.5", "{parameter: k, value: 10}"))
+    """17.27: this holds when they are changed later, too."""
+    puppet = marionette(EVERY.replace("510.5", "{parameter: k, value: 10}"))
     with pytest.raises(PuppetError, match="found 1e\\+300; allowed"):
-        made.with_parameters({"k": 1e300})
+        puppet.with_parameters({"k": 1e300})
 
 
 def test_a_huge_integer_in_python_is_a_mistake():
@@ -127,12 +127,12 @@ def test_directions_may_have_any_length():
 
 
 def test_a_number_out_of_range_hides_no_other_mistake():
-    """17.11: a negative length hid what a string has that does not go together."""
+    """17.11: a negative length hid the incompatible keys of a string."""
     bad = EVERY.replace("length: 0.43", "length: -1, wire: true").replace("1.5", "-2")
-    found = {key: text for _, key, text in mistakes(bad)}
-    assert found["strings[0].length"] == "found -1; needed: a positive number"
-    assert found["bodies[0].mass"] == "found -2; needed: zero or a positive number"
-    assert "a wire neither bounces nor slips" in found["strings[0]"]
+    messages = {key: text for _, key, text in mistakes(bad)}
+    assert messages["strings[0].length"] == "found -1; needed: a positive number"
+    assert messages["bodies[0].mass"] == "found -2; needed: zero or a positive number"
+    assert "a wire neither bounces nor slips" in messages["strings[0]"]
     bad = bad.replace("inertia: [1.1", "inertia: [9.9")
     assert (
         "no solid has one that is larger"
@@ -146,7 +146,7 @@ def test_a_number_out_of_range_hides_no_other_mistake():
 
 @pytest.mark.parametrize("file", ["loop.stl", "folder/a.stl"])
 def test_a_mesh_in_a_circle_of_links_is_a_located_mistake(tmp_path, file):
-    """17.29: it was a raw RuntimeError."""
+    """17.29: there was a raw RuntimeError."""
     os.symlink("loop.stl", tmp_path / "back.stl")
     os.symlink("back.stl", tmp_path / "loop.stl")
     os.symlink("other", tmp_path / "folder")
@@ -171,7 +171,7 @@ def test_a_mesh_that_is_too_large_with_its_scale_is_a_mistake(tmp_path):
 
 
 def test_a_mistake_of_a_twin_is_found_where_its_original_stands():
-    """17.29: it had no line, and an index that the file does not have."""
+    """17.29: it had no line, and an index outside the file."""
     text = TEXT + "  - {name: stay_left, length: 1, path: [{body: bob_left}, {body: bob_right}]}\n"
     assert mistakes(text) == [
         (
@@ -193,7 +193,7 @@ POSES = [
 
 @pytest.mark.parametrize(("entry", "hint"), POSES)
 def test_a_body_is_taken_for_its_joint(entry, hint):
-    """17.17: `pose.wing_left` was told of `tip_left`, though its joint is `flap_left`."""
+    """17.17: `pose.wing_left` got the hint `tip_left`, though its joint is `flap_left`."""
     text = f"""\
 puppet: p
 mirror: {{plane: xz, from: left, to: right}}
@@ -220,7 +220,7 @@ pose: {{{entry}}}
     ("found", "meant"),
     [("hinge", "revolute"), ("slider", "prismatic"), ("spherical", "ball"), ("Weld", "fixed")],
 )
-def test_other_programs_words_are_known(found, meant):
+def test_words_of_other_programs_are_known(found, meant):
     """17.17: `hinge` got no hint of `revolute`."""
     ((_, key, message),) = mistakes(EVERY.replace("type: revolute", f"type: {found}"))
     assert key == "bodies[1].joint.type"
@@ -230,7 +230,7 @@ def test_other_programs_words_are_known(found, meant):
     assert message.endswith("did you mean 'box'?")
 
 
-MANY = [
+OVER_LIMIT = [
     ("bodies:\n" + "  - {name: a, mass: 1}\n" * 1001, "bodies", "found 1001 bodies, strings"),
     (
         "bodies: [{name: a, mass: 1}]\nstrings:\n"
@@ -243,21 +243,21 @@ MANY = [
 
 
 def test_a_number_out_of_range_beside_an_unknown_name():
-    """17.11: both are told."""
+    """17.11: both are reported."""
     bad = EVERY.replace("parent: trunk", "parent: nobody").replace("0.37", "-1")
     keys = [key for _, key, _ in mistakes(bad)]
     assert keys == ["bodies[1].parent", "bodies[1].shapes[0].radius"]
 
 
-@pytest.mark.parametrize(("text", "key", "message"), MANY, ids=["bodies", "chains"])
+@pytest.mark.parametrize(("text", "key", "message"), OVER_LIMIT, ids=["bodies", "chains"])
 def test_bodies_and_masses_of_chains_are_counted(text, key, message):
     """17.30: ten chains of 200 pieces took 41 s and 1.9 GB."""
-    found = {at: sentence for _, at, sentence in mistakes("puppet: p\n" + text)}
-    assert message in found[key]
+    messages = {at: sentence for _, at, sentence in mistakes("puppet: p\n" + text)}
+    assert message in messages[key]
 
 
-def test_nearest_names_are_looked_for_a_bounded_number_of_times(monkeypatch):
-    """17.30: 20,000 unknown parents took 15 s, most of it on names that are not even shown."""
+def test_searches_for_nearest_names_are_bounded(monkeypatch):
+    """17.30: 20,000 unknown parents took 15 s, mostly for names that are not shown."""
     from fantoccini.base.documents import located
     from fantoccini.model.puppet import parts
 
@@ -266,6 +266,6 @@ def test_nearest_names_are_looked_for_a_bounded_number_of_times(monkeypatch):
     for module in (parts, located):
         monkeypatch.setattr(module, "nearest", lambda *names: asked.append(1) or real(*names))
     bodies = "".join(f"  - {{name: a{i}, parent: b{i}, kolour: 1}}\n" for i in range(300))
-    found = mistakes(f"puppet: p\nbodies:\n{bodies}")
-    assert found[-1][2] == "and 500 more"
+    reported = mistakes(f"puppet: p\nbodies:\n{bodies}")
+    assert reported[-1][2] == "and 500 more"
     assert len(asked) <= 200

@@ -1,4 +1,4 @@
-"""The bundled puppets are what the paper and their comments say."""
+"""The bundled puppets agree with the paper and with their comments."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def test_all_of_them_are_tested() -> None:
 def test_sizes(name: str) -> None:
     puppet, tree = bundled(name)
     table = tree.coordinates
-    found = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, len(tree.strings))
+    sizes = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, len(tree.strings))
     assert puppet.name == name
-    assert found == SIZES[name]
+    assert sizes == SIZES[name]
 
 
 @pytest.mark.parametrize("name", SIZES)
@@ -84,10 +84,12 @@ def test_the_marionette_has_the_size_of_a_wooden_one() -> None:
 
 
 def test_the_three_marionettes_are_one_puppet() -> None:
-    one, bar, stand = (bundled(n)[0].expanded() for n in ("marionette", "marionette_bar", "stand6"))
+    plain, bar, stand = (
+        bundled(n)[0].expanded() for n in ("marionette", "marionette_bar", "stand6")
+    )
     theirs = {b.name: b for b in bar.bodies}, {b.name: b for b in stand.bodies}
-    for body in one.bodies:
+    for body in plain.bodies:
         assert theirs[0][body.name] == body
         assert theirs[1][body.name] == body
-    for body in one.bodies:
+    for body in plain.bodies:
         assert all(shape_inertia(s)[0] > 0 for s in body.shapes)

@@ -38,9 +38,9 @@ MISTAKES = [
 def test_a_mistake_is_located(text: str, line: int, key: str, message: str) -> None:
     with pytest.raises(PuppetError) as caught:
         loads(f"{TEXT}    {text}\n", "bad.yaml")
-    found = [(p.file, p.line, p.key) for p in caught.value.mistakes if message in p.message]
+    places = [(p.file, p.line, p.key) for p in caught.value.mistakes if message in p.message]
     place = "strings[0]" + (f".{key}" if key else "")
-    assert found == [("bad.yaml", line, place)], caught.value.mistakes
+    assert places == [("bad.yaml", line, place)], caught.value.mistakes
 
 
 def test_masses_do_not_run_over_pulleys() -> None:
@@ -51,7 +51,7 @@ def test_masses_do_not_run_over_pulleys() -> None:
         loads(text, "bad.yaml").with_chains()
 
 
-def test_it_survives_the_mirror_yaml_and_the_compile_key() -> None:
+def test_the_mirror_yaml_and_the_compile_key_keep_it() -> None:
     text = CHAIN.replace("0.01", "{parameter: mu, value: 0.01}")
     puppet = loads(f"{TEXT}    {text}\n")
     assert loads(puppet.to_yaml()) == puppet
@@ -110,8 +110,8 @@ def test_several_puppets_of_a_scene_keep_their_masses_apart() -> None:
 
 
 def test_pictures_draw_the_string_through_its_masses() -> None:
-    made = Marionette(loads(f"{TEXT}    {CHAIN}\n"))
-    still = Still(made.puppet, made.tree)
+    marionette = Marionette(loads(f"{TEXT}    {CHAIN}\n"))
+    still = Still(marionette.puppet, marionette.tree)
     x = still.start()
     x = x.replace(q_D=x.q_D + 0.01)
     threads = geometry_at(still, x, np.zeros(0)).string_curves(0)

@@ -1,4 +1,4 @@
-"""Whatever a file holds, reading it ends in a puppet or in located problems, and soon."""
+"""Reading any file ends soon, in a puppet or in located problems."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def test_hostile_text_ends_in_a_located_problem(text, line, message) -> None:
     with pytest.raises(PuppetError) as caught:
         loads(text, "bad.yaml")
     assert time.perf_counter() - start < 30.0
-    found = [(p.line, p.message) for p in caught.value.mistakes if message in p.message]
-    assert [at for at, _ in found] == [line], caught.value.mistakes
+    located = [(p.line, p.message) for p in caught.value.mistakes if message in p.message]
+    assert [at for at, _ in located] == [line], caught.value.mistakes
 
 
 def test_a_large_file_is_refused_before_it_is_read_whole(tmp_path) -> None:
@@ -66,7 +66,7 @@ def test_a_large_file_is_refused_before_it_is_read_whole(tmp_path) -> None:
         load(path)
 
 
-def test_of_very_many_mistakes_the_first_are_listed_and_the_rest_counted() -> None:
+def test_a_long_list_of_mistakes_is_cut_and_counted() -> None:
     text = "puppet: p\nbodies:\n" + "".join(f"  - {{name: b{i}, mass: -1}}\n" for i in range(500))
     with pytest.raises(PuppetError) as caught:
         loads(text)

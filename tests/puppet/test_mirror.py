@@ -1,4 +1,4 @@
-"""The twin of everything is its mirror image, and the image of an image is the thing itself."""
+"""Twins are mirror images, and the image of an image equals the original."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_twins_start_as_mirror_images(data: dict, draw) -> None:
 
 
 def motion(joint: Joint, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and place (3,) of a body on its joint, in the parent's frame."""
+    """Rotation (3, 3) and place (3,) of a body by its joint, in the parent's frame."""
     R = np.eye(3) if joint.orientation is None else joint.orientation.matrix
     turn, move = np.eye(3), np.zeros(3)
     match joint.type:
@@ -98,8 +98,8 @@ def test_cones_and_twists_are_mirrored(joint: dict, plane: str, quaternion: list
 
     quaternion[0] = abs(quaternion[0]) + 0.1  # away from half a turn, where a twist changes sign
     swing, above_lower, below_upper = limits(original, quaternion)
-    found = limits(twin, image.rotation(quaternion))
-    np.testing.assert_allclose(found, [swing, below_upper, above_lower], atol=1e-12)
+    values = limits(twin, image.rotation(quaternion))
+    np.testing.assert_allclose(values, [swing, below_upper, above_lower], atol=1e-12)
 
 
 @settings(max_examples=60, deadline=None)
@@ -163,7 +163,7 @@ pose: {shoulder_left: 0.5, lift_left.length: 1, shoulder_right: 0.25}
 """
 
 
-def test_what_carries_the_word_gets_a_twin_and_the_rest_is_shared() -> None:
+def test_parts_whose_name_has_the_side_get_a_twin() -> None:
     puppet = loads(TEXT, "p.yaml")
     full = puppet.expanded()
     assert [b.name for b in full.bodies] == ["trunk", "arm_left", "hand_right", "arm_right"]
@@ -182,7 +182,7 @@ def test_what_carries_the_word_gets_a_twin_and_the_rest_is_shared() -> None:
     assert full.mirror is None
 
 
-def test_what_the_file_says_of_a_twin_s_start_comes_first() -> None:
+def test_the_files_start_of_a_twin_takes_precedence() -> None:
     pose = loads(TEXT).expanded().pose
     assert (pose["shoulder_left"], pose["shoulder_right"]) == (0.5, 0.25)
     assert pose["lift_right.length"] == 1

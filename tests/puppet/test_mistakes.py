@@ -1,4 +1,4 @@
-"""Every mistake in a file is reported with file, line, key and what is allowed, all at once."""
+"""All mistakes of a file are reported at once, with file, line, key and the allowed values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def mistakes(text: str | bytes) -> list[tuple[int | None, str, str]]:
     return [(p.line, p.key, p.message) for p in caught.value.mistakes]
 
 
-# Text that follows GOOD (which has six lines), then line, key and a part of the message.
+# Text after GOOD (six lines), then line, key and a part of the message.
 AFTER = [
     ("flor: 1", 7, "flor", "not known; did you mean 'floor'?"),
     ("gravity: [0, 0]", 7, "gravity", "found 2 entries; needed: a list of 3 numbers"),
@@ -179,11 +179,11 @@ AFTER = [
 
 @pytest.mark.parametrize(("text", "line", "key", "message"), AFTER)
 def test_a_mistake_is_located(text: str, line: int, key: str, message: str) -> None:
-    found = mistakes(GOOD + text + "\n")
-    assert [(a, b) for a, b, m in found if message in m] == [(line, key)], found
+    found_mistakes = mistakes(GOOD + text + "\n")
+    assert [(a, b) for a, b, m in found_mistakes if message in m] == [(line, key)], found_mistakes
 
 
-# The text of bodies[0] below its name (which is in line 3), then line, key, message.
+# Text of bodies[0] below its name (in line 3), then line, key, message.
 IN_BODY = [
     ("mass: -1", 4, "mass", "found -1; needed: zero or a positive number"),
     ("mass: .nan", 4, "mass", "found nan; needed: a finite number"),
@@ -290,8 +290,10 @@ IN_BODY = [
 
 @pytest.mark.parametrize(("text", "line", "key", "message"), IN_BODY)
 def test_a_mistake_in_a_body_is_located(text: str, line: int, key: str, message: str) -> None:
-    found = mistakes(f"puppet: p\nbodies:\n  - name: a\n    {text}\n")
-    assert [(a, b) for a, b, m in found if message in m] == [(line, f"bodies[0].{key}")], found
+    found_mistakes = mistakes(f"puppet: p\nbodies:\n  - name: a\n    {text}\n")
+    assert [(a, b) for a, b, m in found_mistakes if message in m] == [(line, f"bodies[0].{key}")], (
+        found_mistakes
+    )
 
 
 NAMES = ["", "a.b", "a b", "1a", "a'", 'a"', "a\n", "a*/", "$(rm)", "a;b", "`a`", "ä", "a" * 65]
@@ -300,14 +302,17 @@ NAMES = ["", "a.b", "a b", "1a", "a'", 'a"', "a\n", "a*/", "$(rm)", "a;b", "`a`"
 @pytest.mark.parametrize("name", NAMES)
 def test_names_that_could_be_more_than_names_are_refused(name: str) -> None:
     text = f"puppet: {json.dumps(name)}\nbodies:\n  - name: {json.dumps(name)}\n"
-    found = mistakes(text)
-    assert [(line, key) for line, key, _ in found] == [(1, "puppet"), (3, "bodies[0].name")]
-    assert all("a name is up to 64 letters, digits, - and _" in m for _, _, m in found)
+    found_mistakes = mistakes(text)
+    assert [(line, key) for line, key, _ in found_mistakes] == [
+        (1, "puppet"),
+        (3, "bodies[0].name"),
+    ]
+    assert all("a name is up to 64 letters, digits, - and _" in m for _, _, m in found_mistakes)
 
 
 def test_the_name_of_the_world_is_taken() -> None:
-    (found,) = mistakes("puppet: p\nbodies:\n  - name: world\n")
-    assert found[:2] == (3, "bodies[0].name")
+    (found_mistakes,) = mistakes("puppet: p\nbodies:\n  - name: world\n")
+    assert found_mistakes[:2] == (3, "bodies[0].name")
 
 
 def test_a_cycle_of_parents_is_reported_once() -> None:
@@ -326,19 +331,19 @@ bodies:
   - name: b
     joint: {type: fixed, name: a}
 """
-    (found,) = mistakes(text)
-    assert found[:2] == (6, "bodies[1].joint.name")
+    (found_mistakes,) = mistakes(text)
+    assert found_mistakes[:2] == (6, "bodies[1].joint.name")
 
 
 def test_one_parameter_has_one_value() -> None:
     text = GOOD.replace("mass: 1", "mass: {parameter: m, value: 1}")
     text += "gravity: [0, {parameter: m, value: 2}, 0]\n"
-    (found,) = mistakes(text)
-    assert found[:2] == (7, "gravity[1]")
-    assert "is 2 here but 1 in bodies[0].mass" in found[2]
+    (found_mistakes,) = mistakes(text)
+    assert found_mistakes[:2] == (7, "gravity[1]")
+    assert "is 2 here but 1 in bodies[0].mass" in found_mistakes[2]
 
 
-def test_what_the_mirror_cannot_do() -> None:
+def test_limits_of_the_mirror() -> None:
     text = """\
 puppet: p
 mirror: {plane: xz, from: left, to: right}
@@ -350,8 +355,8 @@ bodies:
   - name: c
     joint: {type: fixed, name: c_left}
 """
-    found = [(line, key) for line, key, _ in mistakes(text)]
-    assert found == [
+    found_mistakes = [(line, key) for line, key, _ in mistakes(text)]
+    assert found_mistakes == [
         (4, "bodies[0].name"),
         (7, "bodies[2].joint.name"),
         (9, "bodies[3].joint.name"),
@@ -384,13 +389,13 @@ pose:
   t.length: 1
 """
     )
-    found = mistakes(text)
-    assert [(line, key) for line, key, _ in found] == [
+    found_mistakes = mistakes(text)
+    assert [(line, key) for line, key, _ in found_mistakes] == [
         (11, "pose.s.length"),
         (12, "pose.s.x"),
         (13, "pose.t.length"),
     ]
-    assert "`at`" in found[1][2]
+    assert "`at`" in found_mistakes[1][2]
 
 
 def test_all_mistakes_of_a_file_are_reported_at_once_and_in_file_order() -> None:

@@ -1,4 +1,4 @@
-"""What a puppet knows of itself: values, round trips, names, parameters, schema."""
+"""Properties of a puppet: values, round trips, names, parameters, schema."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Volume and inertia of shapes: closed forms against integrals, limits and meshes."""
+"""Volume and inertia of shapes: closed forms compared with integrals, limits and meshes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TURNED = Orientation(axis=(1, 2, -1), angle="40 deg")
 
 
 def points(shape: Shape, n: int = 400_000) -> np.ndarray:
-    """Points (n, 3) uniform in a box around the shape that lie inside it."""
+    """Random points (n, 3) inside the shape, uniform."""
     rng = np.random.default_rng(7)
     at = np.array(getattr(shape, "at", (0.0, 0.0, 0.0)))
     R = TURNED.matrix if getattr(shape, "orientation", None) else np.eye(3)
@@ -81,16 +81,16 @@ def test_a_capsule_is_the_integral_of_its_slices() -> None:
 
 def test_a_capsule_without_length_is_a_sphere() -> None:
     ball, point = Sphere(radius=0.2), Capsule(from_=(0, 0, 0), to=(0, 0, 0), radius=0.2)
-    for found, known in zip(shape_inertia(point), shape_inertia(ball), strict=True):
+    for value, known in zip(shape_inertia(point), shape_inertia(ball), strict=True):
         if isinstance(known, float):
-            assert found == pytest.approx(known, rel=1e-14)
+            assert value == pytest.approx(known, rel=1e-14)
         else:
-            np.testing.assert_allclose(found.inertia, known.inertia, atol=1e-15)
+            np.testing.assert_allclose(value.inertia, known.inertia, atol=1e-15)
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder with a closed mesh, an open one and a file that is none."""
+    """A folder with a closed mesh, an open mesh and a file without a mesh."""
     trimesh = pytest.importorskip("trimesh")
     box = trimesh.creation.box((0.3, 0.2, 0.1))
     box.apply_translation((0.05, 0.0, 0.0))

@@ -38,9 +38,9 @@ MISTAKES = [
 def test_a_mistake_is_located(text: str, line: int, key: str, message: str) -> None:
     with pytest.raises(PuppetError) as caught:
         loads(f"{TEXT}    {text}\n", "bad.yaml")
-    found = [(p.file, p.line, p.key) for p in caught.value.mistakes if message in p.message]
+    places = [(p.file, p.line, p.key) for p in caught.value.mistakes if message in p.message]
     place = "strings[0]" + (f".{key}" if key else "")
-    assert found == [("bad.yaml", line, place)], caught.value.mistakes
+    assert places == [("bad.yaml", line, place)], caught.value.mistakes
 
 
 def test_the_keys_may_stand_alone_or_with_a_parameter() -> None:
@@ -76,15 +76,15 @@ def test_the_json_schema_has_the_keys() -> None:
 
 def test_a_parameter_changes_a_winch_without_compiling_again() -> None:
     """A bob of 1 kg on a winch that gives way at 5 N falls with g - 5 m/s^2."""
-    told: list[Progress] = []
-    puppet = fan.loads(WINCH, told.append)
+    messages: list[Progress] = []
+    puppet = fan.loads(WINCH, messages.append)
     assert puppet.winches.tolist() == [[5.0, 0.25, 0.0], [5.0, 0.25, 0.0]]
     library = puppet.library
-    told.clear()
+    messages.clear()
     for grip in (5.0, 8.0, 20.0):
         other = puppet.with_parameters({"grip": grip})
         assert other.library is library
-        assert told == []
+        assert messages == []
         assert other.winches[:, 0].tolist() == [grip, grip]
         run = fan.simulate(other, other.state(), t_end=0.5)
         expected = 0.5 * max(9.81 - grip, 0.0) * run.t**2
@@ -96,7 +96,7 @@ def test_a_parameter_changes_a_winch_without_compiling_again() -> None:
     assert puppet.winches[0, 0] == 5.0
 
 
-def test_an_impossible_restitution_is_refused_later_too() -> None:
+def test_an_impossible_restitution_is_refused_after_loading_too() -> None:
     puppet = fan.loads(BOUNCE)
     assert puppet.with_parameters({"e": 1.0}).winches[0, 2] == 1.0
     with pytest.raises(PuppetError, match="from 0 to 1"):

@@ -1,4 +1,4 @@
-"""Small puppets that several tests of the schema add to."""
+"""Small puppets that tests of the schema extend."""
 
 TEXT = """\
 puppet: p
@@ -12,4 +12,4 @@ strings:
     path: [{body: bob_left}, {world: [0, 1, 1]}]
     length: 1
 """
-"""A bob on a string and its twin; the file ends inside the string, whose keys may follow."""
+"""A bob on a string and its twin; the file ends inside the string, so that keys may follow."""

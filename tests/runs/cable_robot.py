@@ -11,7 +11,7 @@ import fantoccini as fan
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 FRAME = CORNERS * [2.0, 2.0, 1.5] + [0.0, 0.0, 1.5]
 BOX = CORNERS * [0.2, 0.2, -0.2]
-"""Lower corners hang from above, upper ones are held from below."""
+"""Lower corners hang from above, upper ones are pulled from below."""
 MIDDLE = np.array([0.0, 0.0, 1.5])
 NAMES = tuple(f"c{i}" for i in range(8))
 LIMITED = {i: f", max_tension: {{parameter: most{i}, value: 60}}" for i in (0, 2, 4, 6)}
@@ -35,18 +35,20 @@ def robot(extra: dict[int, str] | None = None) -> fan.Marionette:
 
 
 def lengths(moved: np.ndarray) -> np.ndarray:
-    """(8,) of a box that has moved by (3,) without turning."""
+    """(8,) lengths for a box moved by (3,) without a turn."""
     return np.linalg.norm(MIDDLE + moved + BOX - FRAME, axis=1)
 
 
 def moved(
-    marionette: fan.Marionette, far=(0.3, 0.0, 0.0), n: int = 101, end: float = 1.0
+    marionette: fan.Marionette, shift=(0.3, 0.0, 0.0), n: int = 101, end: float = 1.0
 ) -> tuple[fan.State, fan.Input]:
-    """By ``far`` until ``end``, from ``n`` samples of the inverse kinematics."""
+    """Initial state and input of a move by `shift` until `end`, from `n` samples of the inverse
+    kinematics.
+    """
     t = np.linspace(0.0, end, n)
     s = t / end
     way = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    sampled = np.array([lengths(np.asarray(far) * part) for part in way])
+    sampled = np.array([lengths(np.asarray(shift) * part) for part in way])
     columns = {f"{name}.length": sampled[:, i] for i, name in enumerate(NAMES)}
     x0 = marionette.state({name: column[0] for name, column in columns.items()})
     return x0, fan.Input.samples(marionette, t, columns)

@@ -1,4 +1,4 @@
-"""Puppets and reference runs that several tests of runs share."""
+"""Puppets and reference runs shared by tests of runs."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import fantoccini as fan
 
 @pytest.fixture(scope="module")
 def reference():
-    """Runs with an outside integrator, by the name of their case."""
+    """Runs with another integrator, by the name of their case."""
     return references()
 
 
 @pytest.fixture(scope="module")
 def arm_reference(reference):
-    """That of the planar arm: arguments of ``simulate``, and the run."""
+    """Reference of the planar arm: arguments of `simulate`, and the run."""
     return reference["arm"]
 
 

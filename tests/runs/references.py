@@ -45,7 +45,7 @@ bodies:
 strings:
   - {name: line, path: [{body: bob}, {world: [0, 0, 0.6]}], length: 0.6, restitution: 0.5}
 """
-"""A bob on a string that springs back with half the speed."""
+"""A bob on a string that rebounds with half the speed."""
 
 
 def jerk(arm):
@@ -88,15 +88,15 @@ CASES = {
     "winch": (winch_case, 8),
     "springy": (springy_case, 10),
 }
-"""Puppet, start, inputs and end; number of events at least."""
+"""Puppet, start, inputs and end; least number of events."""
 
 
 def references():
     """Case -> its arguments and the compiled integrator's run."""
-    found = {}
-    for name, (case, least) in CASES.items():
-        given = case()
-        run = fan.simulate(*given, method=fan.Event(rtol=1e-12, atol=1e-12))
-        assert len(run.events) >= least
-        found[name] = given, run
-    return found
+    runs = {}
+    for name, (case, min_events) in CASES.items():
+        arguments = case()
+        run = fan.simulate(*arguments, method=fan.Event(rtol=1e-12, atol=1e-12))
+        assert len(run.events) >= min_events
+        runs[name] = arguments, run
+    return runs

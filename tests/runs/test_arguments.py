@@ -1,4 +1,4 @@
-"""Arguments that look right and are not: every one is refused, with what is needed instead."""
+"""Plausible wrong arguments are refused, and the message says what is needed."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ def caught(arm):
     return arm.state(dict(zip(arm.coordinates.q_D, q_D, strict=True)) | {"hand.length": 0.9})
 
 
-def test_a_run_of_a_batch_does_not_claim_that_nothing_happened(arm, caught, tmp_path):
+def test_a_run_of_a_batch_says_that_events_are_not_recorded(arm, caught, tmp_path):
     alone = fan.simulate(arm, caught, t_end=1.0)
     batch = fan.simulate_batch(arm, [caught, caught], t_end=1.0, save="all")
     run = batch.trajectory(1)
     n = alone.summary()["tension"]["hand"]["catches"]
     assert n >= 1 and batch.catches[1] == n
     run.save(tmp_path / "run.npz")
-    for one in (run, fan.Trajectory.load(tmp_path / "run.npz")):
-        summary = one.summary()
+    for loaded in (run, fan.Trajectory.load(tmp_path / "run.npz")):
+        summary = loaded.summary()
         assert summary["events"] is None and summary["drives"] is None
         assert summary["tension"]["hand"]["catches"] is None
-        assert "not recorded" in one._repr_html_()
-        assert "impulse:hand" not in one.columns() and "events not recorded" in repr(one)
+        assert "not recorded" in loaded._repr_html_()
+        assert "impulse:hand" not in loaded.columns() and "events not recorded" in repr(loaded)
         with pytest.raises(ValueError, match="a batch keeps no events"):
-            _ = one.impulse
+            _ = loaded.impulse
 
 
-def test_events_stay_where_they_happened(arm, caught):
+def test_events_keep_their_times(arm, caught):
     run = fan.simulate(arm, caught, t_end=1.0)
     event = next(e for e in run.events if e.kind == "catch")
     after = np.linspace(event.t + 0.05, 1.0, 6)
@@ -110,7 +110,7 @@ def refused(arm, x0):
 
 
 def complex_or_text(arm, x0):
-    """Functions that take numbers, called with complex numbers and text."""
+    """Functions of numbers, called with complex numbers and text."""
     yield lambda q: x0.replace(q_D=q(x0.q_D))
     yield lambda q: x0.replace(v_K=q(x0.v_K))
     yield lambda q: x0.replace(t=q(np.array(0.5))[()])
@@ -137,15 +137,15 @@ def complex_or_text(arm, x0):
 
 @pytest.mark.parametrize("kind", [complex, np.complex64, str])
 @pytest.mark.filterwarnings("error")
-def test_complex_numbers_and_text_are_refused_not_cut(arm, kind):
-    """Of complex numbers only the real part counted; text of a number counted as one."""
+def test_complex_numbers_and_text_are_refused(arm, kind):
+    """The imaginary part of complex numbers was dropped; text of a number counted as a number."""
     x0 = arm.rest({"hand.length": 0.8})
     for call in complex_or_text(arm, x0):
         with pytest.raises((ValueError, TypeError, fan.FantocciniError), match=r"found|must be"):
             call(lambda a: a.astype(kind))
 
 
-def test_what_is_refused_says_what_is_needed(arm):
+def test_refusals_name_the_needed_argument(arm):
     x0 = arm.rest({"hand.length": 0.8})
     for call, message in refused(arm, x0):
         with pytest.raises((ValueError, TypeError, KeyError, fan.FantocciniError), match=message):
@@ -157,7 +157,7 @@ def test_one_row_may_be_named_without_a_list(arm):
     assert arm.linearise(x0, rows="hand").rows == ("hand",)
 
 
-def test_a_stepper_under_feedback_keeps_its_states_where_it_stops(arm):
+def test_a_stopped_stepper_under_feedback_keeps_its_states(arm):
     x0 = arm.rest({"hand.length": 0.8})
     stepper = arm.stepper(x0)
     states = stepper.run(5.0, lambda x: {"hand.length": -1.0}, 20, throw=False)
@@ -167,7 +167,7 @@ def test_a_stepper_under_feedback_keeps_its_states_where_it_stops(arm):
 
 
 def test_a_law_that_forgets_return_is_refused(arm):
-    """Regression: the run went on open loop."""
+    """Regression: the run continued in open loop."""
     x0 = arm.rest({"hand.length": 0.8})
     stepper = arm.stepper(x0)
 

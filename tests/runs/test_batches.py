@@ -1,4 +1,4 @@
-"""Many runs in one call: each is the run it would be by itself."""
+"""Batches of runs: each run equals a single one."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def stepped(inputs, x0=X0, **how) -> fan.Trajectories:
 
 
 def same(a: fan.Trajectories, b: fan.Trajectories, rows=slice(None)) -> bool:
-    """Whether some of a's runs are all of b's, bit for bit."""
+    """Whether some runs of a equal all runs of b, bit for bit."""
     names = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
     tables = ("tension", "limit_force", "taut", "ledger", "slip")
     arrays = [(getattr(a, n)[rows], getattr(b, n)) for n in names]
@@ -36,8 +36,8 @@ def same(a: fan.Trajectories, b: fan.Trajectories, rows=slice(None)) -> bool:
 
 
 @pytest.mark.parametrize("puppet", ["arm2d", "marionette_bar"])
-def test_a_lane_is_the_run_by_itself(puppet):
-    """marionette_bar hangs from a bar that turns: rotations are driven too."""
+def test_a_lane_equals_the_single_run(puppet):
+    """marionette_bar hangs from a rotating bar: rotations are driven too."""
     marionette = getattr(fan.puppets, puppet)()
     x0 = marionette.rest()
     inputs = fan.motion.Inputs.random(marionette, n=11, seed=3, t_end=0.5, reach=0.12, turn=0.2)
@@ -48,29 +48,29 @@ def test_a_lane_is_the_run_by_itself(puppet):
     )
     assert np.sum(many.catches) + np.sum(many.releases) > 0
     for i in range(len(many)):
-        one = fan.simulate(marionette, x0, bound[i], effort=False, **how)
+        single = fan.simulate(marionette, x0, bound[i], effort=False, **how)
         lane = many.trajectory(i)
-        assert np.array_equal(lane.t, one.t)
-        assert np.allclose(lane.q_K, one.q_K, rtol=0, atol=1e-14)
-        assert np.allclose(lane.q_D, one.q_D, rtol=0, atol=1e-10)
-        assert np.allclose(lane.v_D, one.v_D, rtol=0, atol=1e-8)
-        assert np.array_equal(lane.taut.values, one.taut.values)
-        scale = 1.0 + np.max(one.tension.values)
-        assert np.allclose(lane.tension.values, one.tension.values, rtol=0, atol=1e-6 * scale)
-        assert np.allclose(lane.ledger.values, one.ledger.values, rtol=0, atol=1e-8)
-        kinds = [e.kind for e in one.events]
+        assert np.array_equal(lane.t, single.t)
+        assert np.allclose(lane.q_K, single.q_K, rtol=0, atol=1e-14)
+        assert np.allclose(lane.q_D, single.q_D, rtol=0, atol=1e-10)
+        assert np.allclose(lane.v_D, single.v_D, rtol=0, atol=1e-8)
+        assert np.array_equal(lane.taut.values, single.taut.values)
+        scale = 1.0 + np.max(single.tension.values)
+        assert np.allclose(lane.tension.values, single.tension.values, rtol=0, atol=1e-6 * scale)
+        assert np.allclose(lane.ledger.values, single.ledger.values, rtol=0, atol=1e-8)
+        kinds = [e.kind for e in single.events]
         assert many.catches[i] == sum(k in ("catch", "limit_on") for k in kinds)
         assert many.releases[i] == sum(k in ("release", "limit_off") for k in kinds)
 
 
-def test_an_event_driven_run_of_a_batch_has_the_bits_of_the_run_by_itself():
+def test_an_event_driven_run_of_a_batch_has_the_bits_of_the_single_run():
     times = np.linspace(0.0, END, 9)
     inputs = wandering(6)
     many = fan.simulate_batch(ARM, X0, inputs, t_end=END, save_at=times, save="all")
     assert many.method == "event"
     assert np.sum(many.catches) > 0
-    for i, one in enumerate(inputs.bound(X0.q_K)):
-        run = fan.simulate(ARM, X0, one, t_end=END, save_at=times, effort=False)
+    for i, own_input in enumerate(inputs.bound(X0.q_K)):
+        run = fan.simulate(ARM, X0, own_input, t_end=END, save_at=times, effort=False)
         rows = [np.flatnonzero(run.t == t)[-1] for t in many.t]
         assert np.array_equal(run.q_D[rows], many.q_D[i])
         assert np.array_equal(run.tension.values[rows], many.tension.values[i])
@@ -85,7 +85,7 @@ def test_neighbours_and_threads_make_no_difference():
     assert same(many, stepped(wandering(5)), slice(5))
 
 
-def test_states_and_inputs_go_together_or_one_goes_with_all():
+def test_states_and_inputs_are_paired_or_one_is_shared():
     states = [X0.replace(v_D=X0.v_D + 0.1 * i) for i in range(4)]
     states = [ARM.project(x) for x in states]
     inputs = wandering(4)
@@ -106,15 +106,15 @@ def test_inputs_of_different_lengths_are_held_at_their_ends():
         ),
     ]
     many = stepped(inputs)
-    for i, one in enumerate(inputs):
-        assert same(many, stepped([one]), slice(i, i + 1))
+    for i, own_input in enumerate(inputs):
+        assert same(many, stepped([own_input]), slice(i, i + 1))
 
 
-def test_a_run_that_stops_keeps_what_it_had_and_disturbs_no_other():
+def test_a_stopped_run_keeps_its_rows_and_affects_no_other():
     hold = fan.Input.hold(ARM)
     name = ARM.coordinates.v_D[0]
     pushed = hold.with_forces({name: [(0.0, 0.0), (0.1, 0.0), (0.2, 1.0)]})
-    # Numbers that are finite, and a force that is not from the middle of the piece on.
+    # The numbers are finite, but a force is not, from the middle of the piece on.
     force = np.array(pushed.force)
     force[int(np.searchsorted(pushed.breaks, 0.1)), 0, :2] = 1.75e308
     pushed = dataclasses.replace(pushed, force=force)
@@ -131,7 +131,7 @@ def test_a_run_that_stops_keeps_what_it_had_and_disturbs_no_other():
     assert "NOT_FINITE" in repr(many)
 
 
-def test_an_impossible_input_is_told_by_its_status_and_its_strings():
+def test_an_impossible_input_has_a_status_and_strings():
     arm = fan.puppets.arm3d()
     x0 = arm.rest()
     hold = fan.Input.hold(arm)
@@ -143,7 +143,7 @@ def test_an_impossible_input_is_told_by_its_status_and_its_strings():
     assert many.blamed(1) and set(many.blamed(1)) <= set(arm.tree.row_names)
 
 
-def test_only_what_is_asked_for_is_saved():
+def test_only_requested_results_are_saved():
     inputs = wandering(3)
     many = fan.simulate_batch(ARM, X0, inputs, t_end=END, method="timestepping", save_every=50)
     assert many.t.tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
@@ -156,7 +156,7 @@ def test_only_what_is_asked_for_is_saved():
         stepped(wandering(3), save="q")
 
 
-def test_results_go_into_arrays_that_are_given():
+def test_results_are_written_into_arrays_of_the_caller():
     shape = (3, 201, ARM.coordinates.n_qD)
     out = {"q_D": np.zeros(shape)}
     many = stepped(wandering(3), out=out, save=("q_D",))
@@ -169,12 +169,12 @@ def test_results_go_into_arrays_that_are_given():
 
 
 @pytest.mark.parametrize("method", ["timestepping", "event"])
-def test_ctrl_c_keeps_what_was_reached(method):
+def test_ctrl_c_keeps_the_finished_rows(method):
     def interrupt(_: object) -> None:
         raise KeyboardInterrupt
 
     inputs = fan.motion.Inputs.random(ARM, n=64, seed=0, t_end=30.0, reach=0.1)
-    # Far longer than the first look at the batch takes to come: some seconds of work.
+    # Much longer than the first poll of the batch takes: some seconds of work.
     t_end = 3000.0
     many = fan.simulate_batch(
         ARM,
@@ -204,10 +204,10 @@ def test_mistakes_name_the_run():
     bad = X0.replace(q_K=X0.q_K * 0.9)
     with pytest.raises(fan.errors.StateError, match=r"states\[2] violates"):
         stepped(None, [X0, X0, bad])
-    far = fan.Input.waypoints(ARM, {"hand.length": [(0, 0.3), (1, 0.4)]})
+    distant = fan.Input.waypoints(ARM, {"hand.length": [(0, 0.3), (1, 0.4)]})
     near = fan.Input.waypoints(ARM, {"hand.length": [(0, X0.q_K[-1]), (1, 0.4)]})
     with pytest.raises(fan.errors.InputError, match=r"\[1\]\.hand\.length"):
-        stepped([near, far])
+        stepped([near, distant])
     with pytest.raises(TypeError, match="or a list of one or more of them"):
         stepped([1, 2])
     with pytest.raises(ValueError, match="must have one time"):
@@ -217,11 +217,11 @@ def test_mistakes_name_the_run():
 def test_random_inputs_wander_within_reach_and_are_the_same_again():
     many = wandering(50).bound(X0.q_K)
     places = np.array([many.evaluate(t)[0] for t in np.linspace(0, 1, 101)])
-    far = np.abs(places - X0.q_K)
-    assert 0.05 < np.max(far) <= 0.1 + 1e-12
+    distances = np.abs(places - X0.q_K)
+    assert 0.05 < np.max(distances) <= 0.1 + 1e-12
     assert np.allclose(places[0], X0.q_K) and np.allclose(places[-1], X0.q_K)
-    for one in (many[0], many[49]):
-        one.checked()
+    for own_input in (many[0], many[49]):
+        own_input.checked()
     again = wandering(3).bound(X0.q_K)
     assert np.array_equal(again.coef, many.coef[:3])
     assert not np.array_equal(wandering(3, seed=2).coef, wandering(3).coef)
@@ -232,7 +232,7 @@ def test_random_inputs_wander_within_reach_and_are_the_same_again():
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_each_run_may_have_its_own_parameters(method):
-    """Domain randomisation: a run of the batch is that of the puppet with its parameters."""
+    """Domain randomisation: a run of the batch equals that of the puppet with its parameters."""
     masses = np.linspace(0.05, 0.3, 11)
     lift = fan.Input.waypoints(ARM, {"hand.length": [(0, X0["hand.length"]), (END, 0.6)]})
     how = {"t_end": END, "method": method}
@@ -243,7 +243,8 @@ def test_each_run_may_have_its_own_parameters(method):
     for i, mass in enumerate(masses):
         own = ARM.with_parameters({"m2": mass})
         alone = fan.simulate_batch(own, X0, lift, save="all", **how)
-        # Event-driven tolerances of energies are relative to the weight of the marionette given.
+        # Event-driven tolerances of energies are relative to the weight of the argument's
+        # marionette.
         if method == "event":
             assert np.allclose(many.q_D[i], alone.q_D[0], rtol=0, atol=1e-7)
             assert np.allclose(many.tension.values[i], alone.tension.values[0], rtol=1e-5)
@@ -262,12 +263,12 @@ def test_each_run_may_have_its_own_parameters(method):
         ({"m1": [0.1, 0.2], "m2": [0.1, 0.2, 0.3]}, ValueError, "2 of m1, 3 of m2"),
     ],
 )
-def test_parameters_of_a_batch_that_cannot_be(parameters, error, says):
+def test_impossible_parameters_of_a_batch_are_refused(parameters, error, says):
     with pytest.raises(error, match=says):
         fan.simulate_batch(ARM, X0, t_end=END, parameters=parameters)
 
 
-def test_parameters_inputs_and_states_are_as_many():
+def test_parameters_inputs_and_states_have_equal_numbers():
     with pytest.raises(ValueError, match="3 values of parameters"):
         fan.simulate_batch(ARM, X0, wandering(2), t_end=END, parameters={"m2": [0.1, 0.2, 0.3]})
 
@@ -290,7 +291,7 @@ strings:
 
 @pytest.mark.parametrize("method", ["event", fan.TimeStepping(dt=2e-3)])
 def test_the_bundled_marionette_has_numbers_to_change(method):
-    """Heavier feet and a softer neck, run by run, are those of a puppet with these numbers."""
+    """Heavier feet and a softer neck, for each run, equal those of a puppet with these numbers."""
     puppet, n = fan.puppets.marionette(), 3
     x0 = puppet.rest()
     lift = fan.Input.waypoints(puppet, {"knee_left.length": [(0, 1.0609), (0.3, 0.98)]})

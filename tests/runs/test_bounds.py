@@ -1,4 +1,4 @@
-"""Numbers that a run is given are bounded: by the integers of the compiled code, by memory."""
+"""Numerical arguments of runs are bounded: by the integers of the compiled code, by memory."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def simulated(x0, **how):
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 @pytest.mark.parametrize("x0", [X0, [X0, X0]], ids=["one", "many"])
 @pytest.mark.parametrize("every", [0, -1, 2.5, np.nan, 2**31, 2**32, 2**33 + 5, 2**70])
-def test_rows_are_saved_as_often_as_can_be_counted(method, x0, every):
-    """17.23: an interval that does not fit its integer is refused; 2^32 was 0 and killed Python."""
+def test_saving_intervals_fit_their_integer(method, x0, every):
+    """17.23: an interval beyond its integer is refused; 2^32 became 0 and killed Python."""
     with pytest.raises(ValueError, match=r"save_every is .* a whole number from 1 to 2147483647"):
         simulated(x0, t_end=0.01, method=method, save_every=every)
     if method == "event":
-        return  # it takes no interval at all
+        return  # this method takes no interval
     run = simulated(x0, t_end=0.01, method=method, save_every=np.int64(2**31 - 1))
     assert run.t[-1] == 0.01 and len(run.t) == 2
 
 
 def test_integers_that_cross_to_compiled_code_are_checked():
-    """17.23: arguments and fields of every structure; ctypes by itself wraps them round."""
+    """17.23: arguments and fields of every structure; ctypes alone wraps them round."""
 
     class Pair(Numbers):
         _fields_ = (("short", ctypes.c_int), ("long", ctypes.c_longlong))
@@ -54,7 +54,7 @@ def test_integers_that_cross_to_compiled_code_are_checked():
 
 
 def test_every_structure_of_the_runtime_is_checked():
-    """17.23: none of them takes an integer unseen."""
+    """17.23: no structure takes an integer without a check."""
     import fantoccini.kernel.runtime as runtime
 
     def below(kind):
@@ -67,8 +67,8 @@ def test_every_structure_of_the_runtime_is_checked():
 
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 @pytest.mark.parametrize("x0", [X0, [X0] * 8], ids=["one", "many"])
-def test_rows_that_do_not_fit_are_refused_before_anything_is_made(method, x0):
-    """17.6, 26: 5e11 rows of fixed steps; a batch had made 37 GiB of times first."""
+def test_too_many_rows_are_refused_before_allocation(method, x0):
+    """17.6, 26: 5e11 rows of fixed steps; a batch used to allocate 37 GiB of times first."""
     with pytest.raises(ValueError, match=r"5e\+11 samples from 0 s .* GB may be used.*save_every="):
         simulated(x0, t_end=1e9, method=method)
     with pytest.raises(ValueError, match=r"need 0.0.* GB .*max_memory"):
@@ -81,14 +81,14 @@ def test_rows_that_do_not_fit_are_refused_before_anything_is_made(method, x0):
 
 @pytest.mark.parametrize("x0", [X0, [X0] * 2000], ids=["one", "many"])
 def test_times_to_save_that_do_not_fit_are_refused(x0):
-    """17.6: the rows of an event-driven run are known where its times are given."""
+    """17.6: the rows of an event-driven run with fixed times are known beforehand."""
     times = np.linspace(0.0, 1e3, 10**5)
     with pytest.raises(ValueError, match=r"1e\+05 samples .* fewer times in save_at"):
         simulated(x0, t_end=1e3, save_at=times, max_memory=1e7)
 
 
-def test_a_run_that_writes_too_much_ends_and_keeps_what_it_has():
-    """17.6: steps that nobody can count beforehand end with a status, before memory is gone."""
+def test_a_run_with_too_many_rows_ends_and_keeps_them():
+    """17.6: an unpredictable number of steps ends with a status, before memory is exhausted."""
     x0 = ARM.project(X0.replace(v_D=[3.0, -3.0]))
     how = {"t_end": 20.0, "method": fan.Event(rtol=1e-9, atol=1e-9)}
     whole_run = simulated(x0, max_memory=1e9, **how)
@@ -113,8 +113,8 @@ def test_steps_of_a_batch_are_bounded(monkeypatch):
     assert many.reached == pytest.approx([0.02] * 3)
 
 
-def test_memory_is_what_the_machine_the_group_and_the_process_leave(tmp_path):
-    """17.6: a container's limit counts, less what it uses and cannot give back."""
+def test_memory_is_limited_by_the_machine_the_group_and_the_process(tmp_path):
+    """17.6: a container's limit counts, minus its memory in use that cannot be freed."""
     assert 1e6 < memory.allowed() < 1e15
     assert memory.bound(1e3, None) == np.inf and memory.bound(1e9, None) < 1e15
     assert memory.bound(1e9, 5.0) == 5.0
@@ -126,8 +126,8 @@ def test_memory_is_what_the_machine_the_group_and_the_process_leave(tmp_path):
     assert memory.of_group(tmp_path) is None
 
 
-def test_a_run_needs_no_more_memory_than_was_reckoned():
-    """17.6: the copies that are counted are those that are made."""
+def test_a_run_needs_no_more_memory_than_estimated():
+    """17.6: the estimated copies are the ones created."""
     import tracemalloc
 
     fan.simulate(ARM, X0, t_end=0.1, method="timestepping")
@@ -141,7 +141,7 @@ def test_a_run_needs_no_more_memory_than_was_reckoned():
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 @pytest.mark.parametrize("x0", [X0, [X0] * 3], ids=["one", "many"])
 def test_a_step_longer_than_the_run_is_one_step(method, x0):
-    """17.31: dt = 1e300 was DONE at the start; one below the clock's resolution never ended."""
+    """17.31: dt = 1e300 was DONE at the start; dt below the clock's resolution never ended."""
     for dt in (0.01, 1.0, 1e300):
         run = simulated(x0, t_end=0.01, method=method_of(method, dt=dt))
         assert run.t.tolist() == [0.0, 0.01]
@@ -155,10 +155,10 @@ def test_a_step_longer_than_the_run_is_one_step(method, x0):
 
 
 def test_threads_and_arrays_of_a_batch_are_checked():
-    """17.31: threads=-1 was a lack of memory; one array for two results held either."""
+    """17.31: threads=-1 was called a lack of memory; one array for two results had mixed rows."""
     for threads in (-1, 0, 1.5):
         with pytest.raises(ValueError, match=r"threads is .* a whole number from 1"):
             fan.simulate_batch(ARM, [X0] * 2, t_end=0.1, threads=threads)
-    room = np.zeros((2, 2, ARM.coordinates.n_qD))
+    out = np.zeros((2, 2, ARM.coordinates.n_qD))
     with pytest.raises(ValueError, match=r"out\['v_D'\] and out\['q_D'\] share their memory"):
-        fan.simulate_batch(ARM, [X0] * 2, t_end=0.1, out={"q_D": room, "v_D": room[:]})
+        fan.simulate_batch(ARM, [X0] * 2, t_end=0.1, out={"q_D": out, "v_D": out[:]})

@@ -17,7 +17,7 @@ METHODS = ("event", "timestepping", "variational")
 
 @pytest.mark.parametrize("method", METHODS)
 def test_lengths_that_contradict_one_another_are_named(eight, method):
-    """17.10: rounding between samples is enough; no method goes on, or gives up without a word."""
+    """17.10: rounding between samples suffices; no method continues, or ends without a reason."""
     x0, inputs = moved(eight)
     with pytest.raises(fan.errors.SimulationError) as caught:
         fan.simulate(eight, x0, inputs, method=method)
@@ -36,8 +36,8 @@ def giving():
     return robot({i: ", max_tension: 60, rewind_speed: 0.5" for i in (0, 2, 4, 6)})
 
 
-def test_winches_that_give_way_move_it(giving):
-    """17.10: the advice is good: four winches with a largest tension let the others lead."""
+def test_yielding_winches_move_it(giving):
+    """17.10: the advice works: four winches with a largest tension yield to the others."""
     x0, inputs = moved(giving)
     run = fan.simulate(giving, x0, inputs, 1.5, method="timestepping")
     assert run.status is Status.DONE
@@ -52,22 +52,25 @@ def limited(request):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_slipping_strings_beside_taut_ones_do_not_stop_time(limited, seed):
-    """17.22: strings that slip by what the samples contradict one another were caught and let go
-    for ever. Decided together they end the run where fixed steps do, books close, and no catch adds
-    energy; a string that slips pulls with its largest tension, and none with more."""
+    """17.22: strings that slip by the contradictions of the samples were caught and released for
+    ever. If they are decided together, the run ends where fixed steps do, energies balance, and
+    no catch adds energy; a slipping string pulls with its largest tension, and none with more.
+    """
     random = np.random.default_rng(seed)
-    far = random.uniform(-0.3, 0.3, 3) if seed else np.array([0.3, 0.0, 0.0])
-    most = random.uniform(20.0, 150.0, 4) if seed else np.full(4, 60.0)
+    shift = random.uniform(-0.3, 0.3, 3) if seed else np.array([0.3, 0.0, 0.0])
+    max_tensions = random.uniform(20.0, 150.0, 4) if seed else np.full(4, 60.0)
     n, end = (int(random.integers(11, 151)), random.uniform(0.4, 2.0)) if seed else (101, 1.0)
-    giving = limited.with_parameters({f"most{i}": m for i, m in zip(LIMITED, most, strict=True)})
-    x0, inputs = moved(giving, far, n, end)
+    giving = limited.with_parameters(
+        {f"most{i}": m for i, m in zip(LIMITED, max_tensions, strict=True)}
+    )
+    x0, inputs = moved(giving, shift, n, end)
     run = fan.simulate(giving, x0, inputs, end + 0.2)
     assert run.status is Status.DONE
     assert len(run.events) < 1000
     assert np.max(np.abs(run.ledger["residual"])) < 1e-8
     assert np.min(np.diff(run.ledger["impact"], prepend=0.0)) > -1e-9
     assert np.max(run.violation.values) < 1e-11
-    for i, largest in zip(LIMITED, most, strict=True):
+    for i, largest in zip(LIMITED, max_tensions, strict=True):
         assert np.max(run.tension[f"c{i}"]) <= largest * (1 + 1e-9)
         assert np.min(run.slip[f"c{i}"]) >= 0.0
         slipped = np.diff(run.slip[f"c{i}"]) > 1e-9
@@ -92,7 +95,7 @@ strings:
 @pytest.mark.parametrize("most", [8.0, 20.0, 60.0])
 @pytest.mark.parametrize("length", [0.7, 1.3])
 def test_a_driven_winch_that_slips_beside_a_taut_string(most, length):
-    """17.22: it made 298,581 catches and releases of impulse 0 in 0.4 ms."""
+    """17.22: it had 298,581 catches and releases of impulse 0 in 0.4 ms."""
     two = fan.loads(TWO).with_parameters({"most": most})
     x0 = two.project(two.state({"slips.length": 1.2}))
     inputs = fan.Input.waypoints(two, {"slips.length": [(0, 1.2), (0.5, length), (1.0, 1.2)]})
@@ -104,8 +107,8 @@ def test_a_driven_winch_that_slips_beside_a_taut_string(most, length):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_redundant_strings_that_agree_hold(eight, method):
-    """17.10: at rest eight strings share the weight, and nothing is said."""
+def test_consistent_redundant_strings_hold(eight, method):
+    """17.10: at rest eight strings share the weight, without a warning."""
     x0, _ = moved(eight)
     run = fan.simulate(eight, x0, t_end=0.2, method=method)
     assert run.status is Status.DONE
@@ -117,7 +120,7 @@ def test_redundant_strings_that_agree_hold(eight, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_redundant_strings_stop_runs_of_a_batch(eight, method):
-    """17.10: they ended with what the method met first, or DONE; runs that hold are left alone."""
+    """17.10: they ended with the method's first error, or DONE; runs that hold are unaffected."""
     x0, inputs = moved(eight)
     still = fan.Input.hold(eight, 1.0).bound(x0.q_K)
     many = fan.simulate_batch(eight, x0, [still, inputs, still], 0.5, method=method)
@@ -129,7 +132,7 @@ def test_redundant_strings_stop_runs_of_a_batch(eight, method):
 
 @pytest.mark.parametrize("method", ["event", "variational"])
 def test_redundant_strings_stop_a_stepper(eight, method):
-    """17.10: a stepper says what a single run says."""
+    """17.10: a stepper has the status of a single run."""
     x0, inputs = moved(eight)
     stepper = eight.stepper(x0, method)
     with pytest.raises(fan.errors.SimulationError, match="are 8 strings on 6 degrees of freedom"):
@@ -140,8 +143,8 @@ def test_redundant_strings_stop_a_stepper(eight, method):
         stepper.advance(0.1)
 
 
-def test_only_more_strings_than_freedoms_are_looked_at(eight, giving):
-    """17.10: batches of other puppets cost nothing more."""
+def test_only_redundant_strings_are_checked(eight, giving):
+    """17.10: batches of other puppets have no extra cost."""
     assert may_be_redundant(eight) and not may_be_redundant(giving)
     assert not may_be_redundant(fan.puppets.arm2d())
     text = """
@@ -158,7 +161,7 @@ strings:
 
 
 def test_two_hands_that_pull_apart_are_not_redundant():
-    """17.10: no string too many, but a pull too far: the status is the one it was."""
+    """17.10: there is no redundant string, but an impossible pull: the status is unchanged."""
     between = fan.loads("""
 puppet: between
 bodies:
@@ -174,7 +177,7 @@ strings:
         assert set(run.blamed) == {"left", "right"}
 
 
-def test_a_step_that_fails_is_refused_as_a_stepper_refuses_it(eight):
+def test_a_failing_step_is_refused_as_in_a_stepper(eight):
     start = zip(NAMES, lengths(np.zeros(3)), strict=True)
     x0 = eight.state({f"{name}.length": length for name, length in start})
     acc_K = np.full(8, -1e7)

@@ -1,4 +1,4 @@
-"""The bundled performance: what the issue of a marionette from a file to a picture asks of it."""
+"""The bundled performance meets the requirements on a marionette from a file to a picture."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ def run(marionette):
 
 
 def slack_spells(run, string):
-    """(begin, end) of the times a string is slack and then taut again."""
+    """(begin, end) of the times at which a string is slack before it is taut again."""
     taut = run.taut[string]
     begins = np.flatnonzero(~taut[1:] & taut[:-1]) + 1
     ends = np.flatnonzero(taut[1:] & ~taut[:-1]) + 1
@@ -66,7 +66,7 @@ def test_the_hand_goes_up_and_the_puppet_walks_and_bows(marionette, run):
 
 
 def test_time_stepping_follows_it(marionette, run):
-    """Until the first step, where no string is caught, both methods give the same motion."""
+    """Until the first step, before any catch, both methods give the same motion."""
     x0, inputs, _ = performance(marionette)
     apart = []
     for dt in (0.004, 0.002, 0.001):

@@ -1,4 +1,4 @@
-"""A thousand seconds: lengths stay right at every accepted step, and the ledger closes."""
+"""Runs of a thousand seconds: lengths stay right at every accepted step, and energies balance."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ pose: {left.length: 0.9, right.length: 0.9}
 
 
 def relative(marionette, run) -> float:
-    """The largest violation of a string, relative to its length."""
+    """Largest violation of a string, relative to its length."""
     lengths = marionette.string_lengths(run.q_D, run.q_K)
     return float(np.max(run.violation.values[:, : lengths.shape[1]] / lengths))
 
@@ -49,7 +49,7 @@ def test_a_swing_of_a_thousand_seconds():
 
 
 def test_a_thousand_seconds_of_bounces():
-    """An elastic string: thousands of catches, none of which may leave a trace."""
+    """An elastic string: thousands of catches, without accumulated errors."""
     pendulum = fan.loads(PENDULUM).with_parameters({"e": 1.0})
     run = fan.simulate(pendulum, pendulum.state({"bob.x": 0.1, "bob.z": -0.2}), t_end=SECONDS)
     assert sum(e.kind == "catch" for e in run.events) > 2000
@@ -58,7 +58,7 @@ def test_a_thousand_seconds_of_bounces():
 
 
 def test_a_thousand_seconds_of_slack_and_taut():
-    """A rod jerked by its two strings, again and again: chaotic, so that catches vary in number."""
+    """A rod jerked repeatedly by its two strings: chaotic, so that the number of catches varies."""
     rod = fan.loads(ROD)
     rng, points = np.random.default_rng(0), {}
     times = np.arange(0.0, SECONDS + 0.4, 0.4)
@@ -76,7 +76,7 @@ def test_a_thousand_seconds_of_slack_and_taut():
 
 @pytest.mark.parametrize("name", ["arm2d", "marionette"])
 def test_the_ledger_closes_with_the_tolerance(name):
-    """Each step of tolerance takes the residual down, to rounding."""
+    """Each smaller tolerance reduces the residual, down to rounding."""
     puppet = getattr(fan.puppets, name)()
     x0 = puppet.rest()
     table = puppet.coordinates

@@ -44,7 +44,7 @@ TABLE = {
         for i, (x, y) in enumerate([(0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)])
     ],
 }
-"""A board on four upright strings, one more than it needs."""
+"""A board on four upright strings, one of them redundant."""
 
 LEVER = {
     "puppet": "lever",
@@ -70,7 +70,7 @@ LEVER = {
         },
     ],
 }
-"""A rod tied inside its radius of gyration: what lifts one end lifts the other."""
+"""A rod tied inside its radius of gyration: lifting one end lifts the other."""
 
 
 def kinds(run) -> list[tuple[str, str]]:
@@ -84,7 +84,7 @@ def pendulum():
 
 @pytest.mark.parametrize("k", [2.02, 2.1, 2.5, 3.3, 4.2, 4.8, 4.95])
 def test_a_tangential_release_and_its_catch(pendulum, k):
-    """Released where the gap opens as t^3, caught at -3 psi; also where that is almost at once."""
+    """It is released where the gap opens as t^3, and caught at -3 psi, even almost at once."""
     f = flight(k, LENGTH, MASS, GRAVITY)
     x0 = start(pendulum, {}, {"bob.x": np.sqrt(k * GRAVITY * LENGTH)})
     run = fan.simulate(
@@ -101,7 +101,7 @@ def test_a_tangential_release_and_its_catch(pendulum, k):
 
 
 def test_four_strings_caught_at_once():
-    """A level board falls into its four strings: one instant, shared evenly, no chatter."""
+    """A level board falls into its four strings: one instant, equal shares, no chatter."""
     table = fan.loads(json.dumps(TABLE))
     run = fan.simulate(table, table.state({"top.z": 0.05}), t_end=1.0)
     caught = [e for e in run.events if e.kind == "catch"]
@@ -116,9 +116,9 @@ def test_four_strings_caught_at_once():
 
 
 def test_a_catch_that_releases_another_string():
-    """A rod hanging on one string is caught by the other, and thrown out of the first."""
+    """A rod on one string is caught by the other, and thrown out of the first."""
     lever = fan.loads(json.dumps(LEVER))
-    # On its left string, turning so that its right end falls.
+    # On its left string, with a rotation by which its right end falls.
     tilt, turn = 0.2, 1.0
     x0 = lever.state(
         {
@@ -141,7 +141,7 @@ def test_a_catch_that_releases_another_string():
 
 
 def test_events_do_not_depend_on_the_steps(pendulum):
-    """Long steps find what short ones find: a flight and its catch are not jumped over."""
+    """Long steps find the events of short ones: a flight and its catch are not skipped."""
     f = flight(4.9, LENGTH, MASS, GRAVITY)
     x0 = start(pendulum, {}, {"bob.x": np.sqrt(4.9 * GRAVITY * LENGTH)})
     runs = [
@@ -156,7 +156,7 @@ def test_events_do_not_depend_on_the_steps(pendulum):
 
 
 def test_breaks_of_the_inputs_are_events(pendulum):
-    """Where the acceleration of an input jumps, the tension jumps and an event says so."""
+    """At a jump of an input's acceleration the tension jumps, and there is an event."""
     hoist = fan.loads(
         json.dumps(PENDULUM | {"strings": [{**PENDULUM["strings"][0], "length": "driven"}]})
     )
@@ -169,8 +169,8 @@ def test_breaks_of_the_inputs_are_events(pendulum):
     assert run.tension["string"][after] == pytest.approx(MASS * (GRAVITY - 2.0), rel=1e-9)
 
 
-def test_an_acceleration_beyond_gravity_lets_go(pendulum):
-    """A string paid out faster than its load falls goes slack at the break itself."""
+def test_an_acceleration_beyond_gravity_releases_the_string(pendulum):
+    """A string let out faster than its load falls goes slack at the break itself."""
     hoist = fan.loads(
         json.dumps(PENDULUM | {"strings": [{**PENDULUM["strings"][0], "length": "driven"}]})
     )
@@ -185,7 +185,7 @@ def test_an_acceleration_beyond_gravity_lets_go(pendulum):
         ("catch", "string"),
     ]
     assert run.events[1].t == pytest.approx(0.2, abs=1e-12)
-    # The gap grows by 1.095 t^2 for 0.1 s and is closed at 14.905 t^2 with the speed it had.
+    # The gap grows by 1.095 t^2 for 0.1 s and is closed at 14.905 t^2 with the speed at that time.
     gap, speed = 1.095 * 0.1**2, 2.19 * 0.1
     t = (speed + np.sqrt(speed**2 + 4 * 14.905 * gap)) / (2 * 14.905)
     assert run.events[-1].t == pytest.approx(0.3 + t, abs=1e-10)
@@ -218,8 +218,8 @@ def test_a_catch_is_the_same_beside_redundant_strings_and_unlike_masses(light):
     assert {e.name for e in run.events} == {"bounce"}
 
 
-def test_a_fast_wheel_is_left_alone_by_large_steps():
-    """Only what impossible inputs stir up is braked."""
+def test_a_fast_wheel_is_not_damped_by_large_steps():
+    """Only motions caused by impossible inputs are damped."""
     wheel = fan.loads("""
 puppet: wheel
 bodies:

@@ -1,4 +1,4 @@
-"""A flow: the motion with a fixed active set, for integrators from elsewhere."""
+"""A flow: the motion with a fixed active set, for other integrators."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_rate_is_the_motion(arm_reference):
 
 @pytest.mark.parametrize("method", ["DOP853", "Radau"])
 def test_solve_ivp_on_a_flow(reference, method):
-    """Up to the first event, whose time is the root of a guard."""
+    """The first event is at the root of a guard."""
     for name in ("arm", "bar"):
         (marionette, x0, inputs, _), ours = reference[name]
         flow = marionette.flow(x0, inputs)
@@ -37,24 +37,24 @@ def test_solve_ivp_on_a_flow(reference, method):
 
         guard.terminal, guard.direction = True, 1
         assert flow.t_end > first.t
-        found = integrate.solve_ivp(
+        solution = integrate.solve_ivp(
             flow.rate, (flow.t0, flow.t_end), flow.y0, method, events=guard, rtol=1e-10, atol=1e-10
         )
-        assert found.t[-1] == pytest.approx(first.t, abs=1e-7)
-        x = flow.state(found.t[-1], found.y[:, -1])
+        assert solution.t[-1] == pytest.approx(first.t, abs=1e-7)
+        x = flow.state(solution.t[-1], solution.y[:, -1])
         there = ours.at(first.t)
         assert x.q_D == pytest.approx(there.q_D, abs=1e-6)
         assert x.q_K == pytest.approx(there.q_K, abs=1e-6)
         assert x.taut.tolist() == flow.taut.tolist()
 
 
-def test_a_flow_ends_where_its_inputs_next_piece_begins(arm_reference):
+def test_a_flow_ends_at_the_next_break_of_its_input(arm_reference):
     (marionette, x0, inputs, _), _ = arm_reference
     assert marionette.flow(x0, inputs).t_end == inputs.breaks[1]
     assert marionette.flow(x0).t_end == np.inf
 
 
-def test_a_flow_starts_where_a_run_could(arm_reference):
+def test_a_flow_starts_from_valid_states(arm_reference):
     (marionette, x0, _, _), _ = arm_reference
     with pytest.raises(fan.errors.StateError, match="hand is violated"):
         marionette.flow(x0.replace(q_D=x0.q_D + np.array([-0.2, 0.0])))

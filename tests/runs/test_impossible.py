@@ -1,4 +1,4 @@
-"""Inputs that no puppet can follow: the run says so, names the strings and keeps what it has."""
+"""Impossible inputs: the run reports them, names the strings and keeps its rows."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ strings:
 
 
 def shaken(marionette, x0, **moves):
-    """Waypoints from where the coordinates are: suffix -> (time, change with sign by turns)."""
+    """Waypoints from the present values: suffix -> (time, change with alternating sign)."""
     points = {}
     for suffix, (t, change) in moves.items():
         names = [n for n in marionette.coordinates.q_K if n.endswith("." + suffix)]
@@ -94,7 +94,7 @@ pose: {bob.x: -1, bob.z: 0}
 
 @pytest.mark.parametrize(("end", "status"), [(-0.7, 2), (-0.69999, 3)])
 def test_blame_is_a_share_of_strings_that_pull_and_wires_that_push(end, status):
-    """It was -1 for the pulling string, which was not named, and 1.1 where the cap was passed."""
+    """It was -1 for the pulling string, which was not named, and 1.1 above the cap."""
     prop = fan.loads(PROP)
     inputs = fan.Input.waypoints(prop, {"pull.x": [(0, -0.8), (4, end)]})
     many = fan.simulate_batch(prop, [prop.rest()], inputs, t_end=4.0, method="event")
@@ -102,8 +102,8 @@ def test_blame_is_a_share_of_strings_that_pull_and_wires_that_push(end, status):
     assert np.all((many.blame.values > 0.9) & (many.blame.values <= 1.0))
 
 
-def test_rows_that_contradict_one_another_at_once_are_named():
-    """A string between two ends that nothing dynamic holds: the driven one leaves it."""
+def test_contradictory_rows_are_named():
+    """A string between two ends without dynamic coordinates: the driven one moves away."""
     short = fan.loads(SHORT)
     inputs = fan.Input.waypoints(short, {"link.x": [(0, 0.5), (1, 0.8)]})
     run = fan.simulate(short, short.rest(), inputs, throw=False)
@@ -113,8 +113,8 @@ def test_rows_that_contradict_one_another_at_once_are_named():
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
-def test_a_string_that_moves_nothing_is_no_group_of_redundant_ones(method):
-    """All strings lie between a driven end and the world: W is 0."""
+def test_a_string_without_dynamic_ends_is_not_redundant(method):
+    """All strings are between a driven end and the world: W is 0."""
     useless = fan.loads(USELESS)
     inputs = fan.Input.waypoints(useless, {"link.x": [(0, 0.5), (1, 0.8)]})
     run = fan.simulate(useless, useless.rest(), inputs, method=method, throw=False)
@@ -135,8 +135,9 @@ def test_a_hook_pulled_into_its_pulley_collapses():
 
 @pytest.mark.parametrize("ask", ["apart", "short", "both"])
 def test_the_marionette_is_torn_apart(ask):
-    """Event-driven runs stop with names; time-stepping goes on, as far off as it has to be,
-    and says so at its end."""
+    """Event-driven runs stop with names; time-stepping continues, with the necessary violation,
+    and reports it at its end.
+    """
     puppet = fan.puppets.marionette()
     x0 = puppet.rest()
     lengths = max(puppet.string_lengths(x0.q_D, x0.q_K))
@@ -164,7 +165,7 @@ def test_the_marionette_is_torn_apart(ask):
 
 
 def test_a_singular_mass_matrix_is_named():
-    """A point on the axis that it turns about has no inertia there."""
+    """A point on its rotation axis has no inertia about it."""
     gimbal = fan.loads("""
 puppet: gimbal
 bodies:

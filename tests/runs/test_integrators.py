@@ -14,7 +14,7 @@ from runs.references import CASES
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets, pytest.mark.long]
 
 METHODS = {
-    # tolerance given to it; allowed difference of event times, of impulses, of the end state
+    # its tolerance; allowed difference of event times, of impulses, of the end state
     "DOP853": (1e-11, 1e-11, 1e-11, 1e-9),
     "Radau": (1e-9, 1e-11, 1e-11, 1e-9),
     "RK45": (1e-10, 1e-9, 1e-9, 1e-6),
@@ -25,7 +25,7 @@ METHODS = {
 
 
 class FixedStep(integrate.OdeSolver):
-    """The classical Runge-Kutta method: a solver of one's own, which takes no tolerances."""
+    """The classical Runge-Kutta method as a custom solver without tolerances."""
 
     h = 5e-4
 
@@ -49,7 +49,7 @@ class FixedStep(integrate.OdeSolver):
 
 
 def agree(run, ours, t, impulse, state):
-    """The same events in the same order, with times, impulses and the end state close."""
+    """The same events in the same order, with close times, impulses and end state."""
     assert not run.stopped and run.x.t == ours.t[-1]
     assert [(e.kind, e.name) for e in run.events] == [(e.kind, e.name) for e in ours.events]
     assert [e.t for e in run.events] == pytest.approx([e.t for e in ours.events], abs=t)
@@ -65,20 +65,20 @@ def agree(run, ours, t, impulse, state):
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("name", METHODS)
 def test_scipys_methods_give_the_compiled_run(reference, name, case):
-    given, ours = reference[case]
+    arguments, ours = reference[case]
     tolerance, t, impulse, state = METHODS[name]
-    run = flow_events.simulate(*given, integrator=name, rtol=tolerance, atol=tolerance)
+    run = flow_events.simulate(*arguments, integrator=name, rtol=tolerance, atol=tolerance)
     agree(run, ours, t, impulse, state)
 
 
-def test_a_solver_of_ones_own(arm_reference):
-    given, ours = arm_reference
-    run = flow_events.simulate(*given, integrator=FixedStep, rtol=1e-11, atol=1e-11)
+def test_a_custom_solver(arm_reference):
+    arguments, ours = arm_reference
+    run = flow_events.simulate(*arguments, integrator=FixedStep, rtol=1e-11, atol=1e-11)
     agree(run, ours, 1e-9, 1e-9, 1e-5)
 
 
-def test_an_implicit_method_takes_long_steps_where_the_puppet_is_stiff():
-    """An elbow as in honey: its time constant is 5 us."""
+def test_an_implicit_method_takes_long_steps_for_a_stiff_puppet():
+    """An elbow with high damping: its time constant is 5 us."""
     arm = fan.loads("""
 puppet: stiff
 bodies:
@@ -97,16 +97,16 @@ strings:
   - {name: hand, path: [{body: lower, at: [0.3, 0, 0]}, {world: [0.45, 0, 0.7]}], length: driven}
 pose: {hand.length: 0.9}
 """)
-    given = arm, arm.project(arm.state()), None, 0.3
-    ours = fan.simulate(*given)
+    arguments = arm, arm.project(arm.state()), None, 0.3
+    ours = fan.simulate(*arguments)
     for name in ("Radau", "BDF", "LSODA"):
-        run = flow_events.simulate(*given, integrator=name, rtol=1e-7, atol=1e-7, max_step=0.1)
+        run = flow_events.simulate(*arguments, integrator=name, rtol=1e-7, atol=1e-7, max_step=0.1)
         agree(run, ours, 1e-6, 1e-5, 1e-4)
         assert 20 * run.n_steps < len(ours.t)
 
 
 def test_a_bulge_within_one_step_is_found():
-    """Released at 1 s, the string closes and opens again within one long step."""
+    """A string released at 1 s opens and closes within one long step."""
     bob, inputs = bulge()
     x0 = bob.project(bob.state())
     ours = fan.simulate(bob, x0, inputs, 1.0999)
@@ -117,7 +117,7 @@ def test_a_bulge_within_one_step_is_found():
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_a_pull_that_nothing_can_follow_ends_alike(arm_reference, name):
+def test_an_impossible_pull_ends_equally(arm_reference, name):
     (marionette, x0, _, _), _ = arm_reference
     inputs = fan.Input.waypoints(marionette, {"hand.x": [(0, x0.q_K[0]), (2, 3.0)]})
     ours = fan.simulate(marionette, x0, inputs, throw=False)

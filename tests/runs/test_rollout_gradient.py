@@ -17,7 +17,7 @@ PUPPETS = ("arm2d", "marionette_bar", "marionette")
 
 
 def shaken(name, n=20, seed=3):
-    """A puppet that is thrown while its strings are moved: some catch, some go slack."""
+    """A thrown puppet with moving strings: some catch, some go slack."""
     puppet = getattr(fan.puppets, name)()
     rng = np.random.default_rng(seed)
     t = puppet.coordinates
@@ -27,7 +27,7 @@ def shaken(name, n=20, seed=3):
 
 @pytest.mark.parametrize("name", PUPPETS)
 def test_a_sweep_is_the_product_of_all_steps(name):
-    """Of steps that depend on their state alone, also of driven joints that turn."""
+    """Steps depend on their state alone; driven rotations are included."""
     puppet, x, acc = shaken(name)
     n, t = len(acc), puppet.coordinates
     force = 0.01 * np.random.default_rng(1).normal(size=(n, t.n_vD))
@@ -38,15 +38,15 @@ def test_a_sweep_is_the_product_of_all_steps(name):
     rng = np.random.default_rng(2)
     own = [rng.normal(size=(n + 1, w)) for w in (t.n_vD, t.n_vD, t.n_vK, t.n_vK)]
     by_tension = rng.normal(size=run.tension.shape)
-    found = run.gradient(*own, by_tension)
+    gradient = run.gradient(*own, by_tension)
     wanted = swept(puppet, run, acc, force, own, by_tension)
     for key, values in wanted.items():
         size = np.max(np.abs(values), initial=1e-9)
-        assert np.allclose(getattr(found, key), values, rtol=0, atol=1e-10 * size), key
+        assert np.allclose(getattr(gradient, key), values, rtol=0, atol=1e-10 * size), key
 
 
-def test_it_is_what_differences_of_rollouts_give():
-    """With the time-stepper's extrapolation; the string of the arm catches within the rollout."""
+def test_it_agrees_with_differences_of_rollouts():
+    """The steps use extrapolation; the arm's string catches within the rollout."""
     arm = fan.puppets.arm2d()
     t, rng = arm.coordinates, np.random.default_rng(0)
     x, acc = arm.rest().replace(v_D=np.array([0.3, -0.5])), rng.normal(size=(40, t.n_vK))
@@ -54,9 +54,10 @@ def test_it_is_what_differences_of_rollouts_give():
     run = arm.rollout(x, acc, force)
     assert 0 < run.held.sum() < run.held.size
     own = rng.normal(size=(2, 41, t.n_vD))
-    found = run.gradient(q_D=own[0], v_D=own[1])
+    gradient = run.gradient(q_D=own[0], v_D=own[1])
     along = {
-        f.name: rng.normal(size=getattr(found, f.name).shape) for f in dataclasses.fields(found)
+        f.name: rng.normal(size=getattr(gradient, f.name).shape)
+        for f in dataclasses.fields(gradient)
     }
     steps = {
         "q_D": 1e-5,
@@ -76,16 +77,16 @@ def test_it_is_what_differences_of_rollouts_give():
             q_K=x.q_K + d["q_K"],
             v_K=x.v_K + d["v_K"],
         )
-        made = arm.rollout(there, acc + d["acc_K"], force + d["u_D"], p=arm.p + d["p"])
-        assert (made.held == run.held).all()
-        return float(np.sum(own[0] * made.q_D) + np.sum(own[1] * made.v_D))
+        rollout = arm.rollout(there, acc + d["acc_K"], force + d["u_D"], p=arm.p + d["p"])
+        assert (rollout.held == run.held).all()
+        return float(np.sum(own[0] * rollout.q_D) + np.sum(own[1] * rollout.v_D))
 
     for name, h in steps.items():
-        one, two, three = (
+        first, second, third = (
             (cost(name, k * h) - cost(name, -k * h)) / (2 * k * h) for k in (1, 2, 3)
         )
-        wanted = 1.5 * one - 0.6 * two + 0.1 * three
-        terms = getattr(found, name) * along[name]
+        wanted = 1.5 * first - 0.6 * second + 0.1 * third
+        terms = getattr(gradient, name) * along[name]
         assert abs(np.sum(terms) - wanted) < 1e-7 * np.sum(np.abs(terms)), name
 
 
@@ -101,9 +102,11 @@ def test_a_weight_that_is_hoisted_follows_its_string():
     assert run.held.all()
     last = np.zeros((n + 1, 1))
     last[-1] = 1.0
-    found = run.gradient(q_D=last)
-    assert np.allclose(found.acc_K[:, 0], -(dt**2) * (n - np.arange(n) - 0.5), rtol=0, atol=1e-12)
-    assert np.allclose(found.u_D, 0.0, rtol=0, atol=1e-12)
+    gradient = run.gradient(q_D=last)
+    assert np.allclose(
+        gradient.acc_K[:, 0], -(dt**2) * (n - np.arange(n) - 0.5), rtol=0, atol=1e-12
+    )
+    assert np.allclose(gradient.u_D, 0.0, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("extrapolate", [False, True])
@@ -118,7 +121,7 @@ def test_the_rollout_is_that_of_the_stepper(extrapolate):
         assert np.allclose(run.v_D[i + 1], y.v_D, rtol=0, atol=1e-10)
 
 
-def test_what_has_no_gradient_says_why():
+def test_a_missing_gradient_has_a_reason():
     arm = fan.puppets.arm2d()
     x, acc = arm.rest(), np.zeros((3, arm.coordinates.n_vK))
     run = arm.rollout(x.replace(v_D=np.array([3000.0, -3000.0])), acc)
@@ -151,7 +154,7 @@ def test_a_rollout_that_stopped_raises_or_is_cut_at_the_stop():
 
 
 def test_accelerations_of_a_rollout_have_a_row_for_each_step():
-    """One row of n_vK numbers was one step, whatever was meant."""
+    """One row of n_vK numbers used to count as one step."""
     arm = fan.puppets.arm2d()
     x, n = arm.rest(), arm.coordinates.n_vK
     for shape in ((n,), (2, 3, n)):

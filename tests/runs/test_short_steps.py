@@ -1,4 +1,4 @@
-"""The last step of a run with fixed steps may be short: it is no blow."""
+"""The last step of a run with fixed steps may be short, without an impact."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def energies(run):
 
 @pytest.mark.parametrize("remainder", REMAINDERS)
 def test_a_short_last_step_gains_no_energy(swing, remainder):
-    """17.20: it took a violation back within itself, at up to 1 m/s, and kept that speed."""
+    """17.20: it corrected a violation within itself, at up to 1 m/s, and kept that speed."""
     x0 = swinging(swing)
     run = fan.simulate(swing, x0, t_end=WHOLE + remainder, method=fan.TimeStepping(dt=DT))
     assert run.t[-1] - run.t[-2] == pytest.approx(remainder, rel=1e-6)
     assert np.max(run.violation.values[-2]) > 1e-6
     change = np.linalg.norm(run.v_D[-1] - run.v_D[-2])
     largest = np.max(np.linalg.norm(np.diff(run.v_D[:-1], axis=0), axis=1))
-    # Both bobs turn from going out at violation / dt to coming back at that, and no faster.
+    # Both bobs change from moving out at violation / dt to moving in at this speed, and no faster.
     recovery = 2.0 * np.sqrt(2.0) * np.max(run.violation.values[-2]) / DT
     assert change <= 1.1 * (largest * remainder / DT + recovery)
     swings = np.max(np.abs(np.diff(energies(run)[:-1])))
@@ -55,7 +55,7 @@ def test_a_short_last_step_gains_no_energy(swing, remainder):
 
 
 def test_short_last_steps_are_the_same_in_lanes(swing):
-    """17.20: a batch's last step is the single run's."""
+    """17.20: a batch's last step equals the single run's."""
     x0 = swinging(swing)
     states = [x0.replace(v_D=x0.v_D * k) for k in (1.0, 0.5, -1.0, 0.2, 0.7)]
     for remainder in REMAINDERS[::5]:
@@ -63,13 +63,13 @@ def test_short_last_steps_are_the_same_in_lanes(swing):
         many = fan.simulate_batch(swing, states, t_end=t_end, method=fan.TimeStepping(dt=DT))
         assert many.done.all()
         for i, x in enumerate(states):
-            one = fan.simulate(swing, x, t_end=t_end, method=fan.TimeStepping(dt=DT))
-            assert many.v_D[i, -1] == pytest.approx(one.v_D[-1], abs=1e-9)
+            single = fan.simulate(swing, x, t_end=t_end, method=fan.TimeStepping(dt=DT))
+            assert many.v_D[i, -1] == pytest.approx(single.v_D[-1], abs=1e-9)
 
 
 @pytest.mark.parametrize("remainder", [1e-6, 1e-5, 1e-4, 1e-3])
 def test_a_catch_within_a_short_step_is_exact(swing, remainder):
-    """17.20: a string that is still loose closes within the step, and goes no farther."""
+    """17.20: a slack string closes within the step, and moves no farther."""
     x0 = swing.rest()
     start = x0.q_D.copy()
     speed = 2.0
@@ -81,7 +81,7 @@ def test_a_catch_within_a_short_step_is_exact(swing, remainder):
 
 
 def test_many_short_pieces_keep_the_energy(swing):
-    """17.20: a stepper whose every piece is shorter than its step swings on."""
+    """17.20: a stepper with pieces shorter than its step keeps swinging."""
     x0 = swinging(swing)
     stepper = swing.stepper(x0, fan.TimeStepping(dt=DT))
     whole = fan.simulate(swing, x0, t_end=0.1, method=fan.TimeStepping(dt=DT))

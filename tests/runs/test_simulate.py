@@ -1,4 +1,4 @@
-"""simulate: its arguments, its refusals, and what it gives when a run cannot go on."""
+"""simulate: its arguments, its refusals, and results of incomplete runs."""
 
 import numpy as np
 import pytest
@@ -82,7 +82,7 @@ def test_methods_are_named_or_given_with_their_options(arm, hanging):
 
 
 def test_a_marionette_does_not_change(arm):
-    """18.2: what differs is another marionette, which shares what is compiled."""
+    """18.2: a changed one is another marionette, with the same compiled library."""
     heavy = arm.with_parameters({"m2": 0.2})
     assert heavy.libraries is arm.libraries
     for change in (lambda: setattr(arm, "model", heavy), lambda: setattr(arm, "p", heavy.p)):
@@ -121,12 +121,12 @@ def test_a_length_driven_through_zero_stops_the_run(arm, method):
     inputs = fan.Input(arm.coordinates, breaks, coef, np.array([x0.q_K]), np.ones(2, dtype=bool))
     with pytest.raises(fan.errors.SimulationError, match="hand") as caught:
         fan.simulate(arm, x0, inputs, method=method)
-    # Before the string is gone the arm cannot follow it: only `event` finds that out by itself.
+    # The arm cannot follow before the length is 0: only `event` detects this itself.
     assert caught.value.status in (fan.Status.TENSION_CAP, fan.Status.LENGTH_NOT_POSITIVE)
 
 
-def test_a_pull_that_nothing_can_follow_stops_with_what_was_reached(arm, hanging):
-    """The tip reaches 0.6 m from the shoulder; the string's end goes on beyond that."""
+def test_an_impossible_pull_stops_with_a_partial_run(arm, hanging):
+    """The tip reaches 0.6 m from the shoulder; the string's end moves on beyond that."""
     inputs = fan.Input.waypoints(arm, {"hand.x": [(0, hanging.q_K[0]), (2, 3.0)]})
     with pytest.raises(fan.errors.SimulationError) as caught:
         fan.simulate(arm, hanging, inputs)
@@ -143,7 +143,7 @@ def test_a_pull_that_nothing_can_follow_stops_with_what_was_reached(arm, hanging
     assert silent.status is error.status
 
 
-def test_time_stepping_goes_on_with_a_bounded_state(arm, hanging):
+def test_time_stepping_continues_with_a_bounded_state(arm, hanging):
     inputs = fan.Input.waypoints(arm, {"hand.x": [(0, hanging.q_K[0]), (2, 3.0)]})
     run = fan.simulate(arm, hanging, inputs, 3.0, method="timestepping", throw=False)
     assert np.all(np.isfinite(run.q_D))
@@ -153,23 +153,23 @@ def test_time_stepping_goes_on_with_a_bounded_state(arm, hanging):
 def test_saved_times_are_on_the_motion(arm, hanging):
     times = np.linspace(0.0, 1.0, 101)
     every = fan.simulate(arm, hanging, jerk(arm), 1.0, method=fan.Event(rtol=1e-11, atol=1e-11))
-    some = fan.simulate(
+    saved = fan.simulate(
         arm, hanging, jerk(arm), 1.0, method=fan.Event(rtol=1e-11, atol=1e-11), save_at=times
     )
-    assert np.all(np.isin(times[1:], some.t))
-    at = np.searchsorted(some.t, times[1:], side="right") - 1
+    assert np.all(np.isin(times[1:], saved.t))
+    at = np.searchsorted(saved.t, times[1:], side="right") - 1
     there = every.resample(times[1:])
-    assert np.max(np.abs(some.q_D[at] - there.q_D)) < 1e-8
-    assert [e.t for e in some.events] == [e.t for e in every.events]
+    assert np.max(np.abs(saved.q_D[at] - there.q_D)) < 1e-8
+    assert [e.t for e in saved.events] == [e.t for e in every.events]
 
 
 def test_the_same_run_gives_the_same_bits(arm, hanging):
-    one, two = (fan.simulate(arm, hanging, jerk(arm), 2.0) for _ in range(2))
-    assert np.array_equal(one.t, two.t) and np.array_equal(one.q_D, two.q_D)
+    first, second = (fan.simulate(arm, hanging, jerk(arm), 2.0) for _ in range(2))
+    assert np.array_equal(first.t, second.t) and np.array_equal(first.q_D, second.q_D)
 
 
-def test_effort_is_what_the_hand_feels(arm, hanging):
-    """At rest a string pulls its end down with its tension, and resists being shortened."""
+def test_effort_is_the_force_on_the_hand(arm, hanging):
+    """At rest a string pulls its end down with its tension, and resists shortening."""
     run = fan.simulate(arm, hanging, t_end=0.1)
     tension = run.tension["hand"][0]
     end, tip = arm.string_points(run.q_D, run.q_K)["hand"][0][::-1]
@@ -179,7 +179,7 @@ def test_effort_is_what_the_hand_feels(arm, hanging):
 
 
 def test_user_forces_act(arm, hanging):
-    """u_D of Eq. 8: without gravity's pull changed, a torque moves the shoulder by M^-1 u."""
+    """u_D of Eq. 8: with unchanged gravity, a torque moves the shoulder by M^-1 u."""
     inputs = fan.Input.hold(arm).with_forces({"shoulder": [(0.0, 0.5), (1.0, 0.5)]})
     run = fan.simulate(arm, hanging, inputs, t_end=0.5)
     x = run.state(0)
@@ -190,7 +190,7 @@ def test_user_forces_act(arm, hanging):
     assert np.allclose(M @ acc + c, np.array([0.5, 0.0]) + pull, atol=1e-10)
 
 
-def test_ctrl_c_keeps_what_was_reached(arm, hanging):
+def test_ctrl_c_keeps_the_finished_rows(arm, hanging):
     def stop(at):
         if at.done > 0.3:
             raise KeyboardInterrupt
@@ -204,9 +204,9 @@ def test_ctrl_c_keeps_what_was_reached(arm, hanging):
 
 def test_a_progress_function_changes_nothing(arm, hanging):
     for how in ("event", fan.TimeStepping(dt=0.003)):
-        one = fan.simulate(arm, hanging, jerk(arm), 1.0, method=how)
+        first = fan.simulate(arm, hanging, jerk(arm), 1.0, method=how)
         two = fan.simulate(arm, hanging, jerk(arm), 1.0, method=how, progress=lambda at: None)
-        assert np.array_equal(one.t, two.t) and np.array_equal(one.q_D, two.q_D)
+        assert np.array_equal(first.t, two.t) and np.array_equal(first.q_D, two.q_D)
 
 
 @pytest.mark.parametrize("times", [[0.2, 0.2], [0.3, 0.1], [np.nan], [2.0], [-1.0]])
@@ -221,7 +221,7 @@ def test_inputs_of_another_puppet_are_refused(arm, hanging):
         fan.simulate(arm, hanging, other, 1.0)
 
 
-def test_inputs_that_stop_dead_within_the_run_are_refused(arm, hanging):
+def test_inputs_with_a_jump_of_velocity_are_refused(arm, hanging):
     inputs = fan.Input.segments(arm, [0.0, 0.5], hanging.q_K, [0.0, 0.0], [[0.5, 0.0]])
     run = fan.simulate(arm, hanging, inputs)
     assert run.v_K[-1, 0] == pytest.approx(0.25)
@@ -243,7 +243,7 @@ def test_a_jump_of_the_inputs_acceleration_is_two_rows(arm, hanging):
 
 
 def test_a_bulge_past_a_loosened_string_is_a_catch():
-    """Released at 1 s, the string closes and opens again within one long step."""
+    """A string released at 1 s opens and closes within one long step."""
     bob, inputs = bulge()
     for max_step in (0.1, 0.005):
         run = fan.simulate(
@@ -295,14 +295,14 @@ strings:
 
 
 def test_a_run_knows_the_values_of_its_parameters(tmp_path):
-    """They are in the puppet that it keeps, which is not compiled again for them."""
+    """They are in the saved puppet, which is not compiled again."""
     arm = fan.puppets.arm2d().with_parameters({"m1": 0.5}).with_parameters({"m2": 0.25})
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), t_end=0.01)
     run.save(tmp_path / "run.npz")
-    told = []
-    again = fan.Marionette(fan.Trajectory.load(tmp_path / "run.npz").puppet, told.append)
+    progress = []
+    again = fan.Marionette(fan.Trajectory.load(tmp_path / "run.npz").puppet, progress.append)
     assert np.array_equal(again.p, arm.p) and again.mass == pytest.approx(0.75)
     assert np.array_equal(again.mass_matrix(run.state(0)), arm.mass_matrix(run.state(0)))
-    assert not told
+    assert not progress
     file = fan.puppets.arm2d()
     assert file.described is file.puppet

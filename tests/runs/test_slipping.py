@@ -1,4 +1,4 @@
-"""Winches that slip: closed forms of a caught weight, the ledger, pulls made possible."""
+"""Winches that slip: closed forms of a caught weight, the ledger, formerly impossible pulls."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import fantoccini as fan
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
-MASS, GRAVITY, MOST = 1.0, 9.81, 20.0
-DROP = 0.5  # m that the weight falls before its string is taut
+MASS, GRAVITY, MAX_TENSION = 1.0, 9.81, 20.0
+DROP = 0.5  # m, fall of the weight until its string is taut
 
 WEIGHT = """
 puppet: weight
@@ -39,27 +39,27 @@ def kinds(run) -> list[str]:
 
 
 def test_a_caught_weight_slips_until_it_has_stopped():
-    """v = sqrt(2 g d) is taken away at (max - m g) / m; the winch takes max times the slip."""
+    """v = sqrt(2 g d) decreases at (max - m g) / m; the winch absorbs max times the slip."""
     weight = fan.loads(WEIGHT)
     run = fan.simulate(weight, weight.state(), t_end=2.0)
     assert kinds(run) == ["catch", "slip", "grip"]
-    speed, brake = np.sqrt(2 * GRAVITY * DROP), (MOST - MASS * GRAVITY) / MASS
+    speed, brake = np.sqrt(2 * GRAVITY * DROP), (MAX_TENSION - MASS * GRAVITY) / MASS
     caught, slipped, gripped = run.events
     assert caught.t == slipped.t == pytest.approx(np.sqrt(2 * DROP / GRAVITY), abs=1e-10)
     assert (caught.impulse, slipped.speed) == (0.0, pytest.approx(speed, abs=1e-10))
     assert gripped.t - slipped.t == pytest.approx(speed / brake, abs=1e-9)
     slip = speed**2 / (2 * brake)
     assert run.slip["line"][-1] == pytest.approx(slip, abs=1e-10)
-    assert np.max(run.tension["line"]) == MOST
-    assert run.ledger["slip"][-1] == pytest.approx(MOST * slip, abs=1e-9)
+    assert np.max(run.tension["line"]) == MAX_TENSION
+    assert run.ledger["slip"][-1] == pytest.approx(MAX_TENSION * slip, abs=1e-9)
     assert run.ledger["impact"][-1] == 0.0
     assert np.max(np.abs(run.ledger["residual"])) < 1e-9
     assert np.max(run.violation["line"]) < 1e-12
     assert run.tension["line"][-1] == pytest.approx(MASS * GRAVITY, abs=1e-9)
 
 
-def test_what_slipped_is_wound_back_gently():
-    """In the end the whole drop's energy is the winch's, and the string is never loose again."""
+def test_slip_is_wound_back_gently():
+    """At the end the winch has all energy of the drop, and the string is never slack again."""
     weight = fan.loads(REWOUND)
     run = fan.simulate(weight, weight.state(), t_end=5.0)
     assert kinds(run) == ["catch", "slip", "grip"]
@@ -70,21 +70,21 @@ def test_what_slipped_is_wound_back_gently():
     assert np.max(np.abs(run.ledger["residual"])) < 1e-9
 
 
-def test_time_stepping_slips_alike():
+def test_time_stepping_slips_equally():
     weight = fan.loads(REWOUND)
     exact = fan.simulate(weight, weight.state(), t_end=5.0)
     errors = []
     for dt in (2e-3, 1e-3, 5e-4):
         run = fan.simulate(weight, weight.state(), t_end=5.0, method=fan.TimeStepping(dt=dt))
         assert kinds(run)[:2] == ["catch", "slip"] and "grip" in kinds(run)
-        assert np.max(run.tension["line"]) <= MOST * (1 + 1e-12)
+        assert np.max(run.tension["line"]) <= MAX_TENSION * (1 + 1e-12)
         errors.append(abs(np.max(run.slip["line"]) - np.max(exact.slip["line"])))
     assert errors[2] < errors[0] < 0.02
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 def test_a_winch_makes_an_impossible_pull_possible(method):
-    """Two hands pull a taut line apart: the winch gives way by what is missing, and rewinds."""
+    """Two hands pull a taut line apart: the winch yields by the missing length, and rewinds."""
     between = fan.loads(BETWEEN)
     inputs = fan.Input.waypoints(between, {"left.x": [(0, -1.0), (2, -2.0), (4, -1.0)]})
     run = fan.simulate(between, between.rest(), inputs, t_end=8.0, method=method)
@@ -96,7 +96,7 @@ def test_a_winch_makes_an_impossible_pull_possible(method):
 
 
 def test_a_state_carries_its_slip():
-    """A run that goes on from another's state ends where one run through both does."""
+    """A run from another run's last state ends where one run through both does."""
     weight = fan.loads(REWOUND)
     whole = fan.simulate(weight, weight.state(), t_end=3.0)
     first = fan.simulate(weight, weight.state(), t_end=1.0)
@@ -117,14 +117,14 @@ def test_a_puppet_too_heavy_for_its_winch_does_not_rest():
     assert strong.rest().q_D[1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_run_goes_on_from_every_row_of_another():
-    """Slipping, winding back, braking: the state knows, the compiled model and Python alike."""
+def test_a_run_continues_from_every_row_of_another():
+    """Slipping, rewinding, braking: the state determines this, compiled and in Python."""
     weight = fan.loads(REWOUND)
     whole = fan.simulate(weight, weight.state(), t_end=4.0)
     slips = whole.slip["line"] > 0
     assert np.sum(slips) > 20
     last = {t: i for i, t in enumerate(whole.t)}.values()  # an event is two rows at one time
-    # Where the winch begins to brake its acceleration jumps, and a row there may say either.
+    # The winch's acceleration jumps when it begins to brake, and a row there may have either value.
     jumps = np.abs(whole.slip["line"] - 0.2**2 / 2) < 1e-9
     for i in [i for i in last if slips[i] and not jumps[i]][::2]:
         x = whole.state(i)
@@ -156,7 +156,7 @@ def test_a_slip_is_a_length_for_every_string(slip):
         fan.simulate(weight, weight.state().replace(slip=slip), t_end=0.1)
 
 
-def test_rest_winds_back_what_can_be_wound_back():
+def test_rest_rewinds_slip_where_possible():
     weight = fan.loads(REWOUND)
     x = weight.rest(weight.state().replace(slip=[0.3]))
     assert x.slip[0] == 0.0 and x.q_D[1] == pytest.approx(0.0, abs=1e-9)
@@ -164,8 +164,8 @@ def test_rest_winds_back_what_can_be_wound_back():
     assert held.rest(held.state().replace(slip=[0.3])).q_D[1] == pytest.approx(-0.3, abs=1e-9)
 
 
-def test_what_a_winch_gives_way_by_is_no_violation():
-    """17.2: in variational batches it counted as one, and had to be left out of the verdict."""
+def test_slip_is_not_a_violation():
+    """17.2: variational batches counted it as one, and had to exclude it from the status."""
     weight = fan.loads(WEIGHT)
     x0 = weight.state()
     many = fan.simulate_batch(

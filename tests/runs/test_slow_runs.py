@@ -27,7 +27,7 @@ bodies:
 """
 
 
-def test_a_time_limit_ends_a_run_with_what_it_has():
+def test_a_time_limit_ends_a_run_with_a_partial_result():
     began = time.perf_counter()
     run = fan.simulate(ARM, SWINGING, t_end=1e5, save_at=[1e5], time_limit=0.5, throw=False)
     assert run.status is Status.OUT_OF_TIME
@@ -47,13 +47,13 @@ def test_a_time_limit_is_a_positive_number(limit):
         fan.simulate(ARM, SWINGING, t_end=1.0, time_limit=limit)
 
 
-def test_a_run_that_would_take_minutes_says_so_early_and_names_what_to_do(monkeypatch):
+def test_a_run_of_minutes_warns_early_with_a_remedy(monkeypatch):
     early = dataclasses.replace(pace.LIMITS, first_look=0.2)
     monkeypatch.setattr(pace, "LIMITS", early)
     with pytest.warns(SlowRunWarning) as warned:
         fan.simulate(ARM, SWINGING, t_end=1e6, time_limit=1.0, throw=False)
-    (one,) = warned
-    text = str(one.message)
+    (warning,) = warned
+    text = str(warning.message)
     assert "of computing the run is at t =" in text and "samples take" in text
     assert "method='timestepping'" in text and "time_limit" in text
     with pytest.warns(SlowRunWarning):
@@ -78,7 +78,7 @@ def test_chattering_is_reported_with_events_and_touches():
 
 
 @pytest.mark.slow
-def test_a_heap_of_spinning_bodies_names_what_touches_while_it_crawls(monkeypatch):
+def test_a_slow_run_of_spinning_bodies_names_their_contacts(monkeypatch):
     early = dataclasses.replace(pace.LIMITS, first_look=0.5)
     monkeypatch.setattr(pace, "LIMITS", early)
     heap = fan.loads(SPINNING)

@@ -1,4 +1,4 @@
-"""Fixed steps: what spins keeps its energy, any drag damps, and what is wrong is said."""
+"""Fixed steps: spinning bodies keep their energy, any drag damps, and errors are reported."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def test_a_free_body_that_spins_keeps_its_energy(w, bound):
 
 
 def test_a_chain_of_bodies_that_spins_keeps_its_energy_in_lanes_too():
-    """17.20: ball and scalar joints; a batch makes the steps of single runs."""
+    """17.20: ball and scalar joints; a batch has the steps of single runs."""
     puppet = fan.loads(CHAIN)
     rng = np.random.default_rng(0)
     starts = [spun(puppet, 10.0 * rng.uniform(-1, 1, puppet.coordinates.n_vD)) for _ in range(3)]
@@ -132,8 +132,8 @@ def test_a_chain_of_bodies_that_spins_keeps_its_energy_in_lanes_too():
         np.testing.assert_allclose(run.ledger["damping"], alone.ledger["damping"], atol=1e-9)
 
 
-def test_energy_made_out_of_nothing_ends_with_a_status():
-    """17.20: a spin that the step cannot follow is told, with the trajectory to its end."""
+def test_a_gain_of_energy_ends_with_a_status():
+    """17.20: too fast a spin for the step is reported, with the complete trajectory."""
     puppet = fan.loads(CAPSULE)
     x = spun(puppet, [0, 0, 0, 300, 30, 300])
     with pytest.raises(fan.errors.SimulationError, match=r"shorter than 0\.002 s") as caught:
@@ -146,10 +146,10 @@ def test_energy_made_out_of_nothing_ends_with_a_status():
 
 
 @pytest.mark.parametrize("slack", [0.0, 0.001, 0.004, 0.009, 0.013, 0.03])
-def test_a_catch_at_the_start_is_booked_whole(slack):
-    """A string that closes within the first steps: both steps of its catch are in the books.
+def test_the_ledger_has_a_whole_catch_at_the_start(slack):
+    """A string closes within the first steps: the ledger contains both steps of its catch.
 
-    The second was missing where the first was that of the start: up to a sixth of the energy here.
+    The second was missing if the first was that of the start: up to a sixth of the energy here.
     """
     puppet = fan.loads(BEAD)
     x = spun(puppet.state({"bead.z": slack}), [1.0, -5.0])
@@ -159,8 +159,9 @@ def test_a_catch_at_the_start_is_booked_whole(slack):
     assert run.ledger["impact"][-1] == pytest.approx(25.0 / 26.0 * T, rel=0.01)
 
 
-def test_what_a_slipping_winch_takes_in_a_catch_is_booked_once():
-    """A falling bead is caught by a winch that slips: that is slip, and impact while a gap closes.
+def test_the_ledger_has_the_loss_of_a_slipping_winch_once():
+    """A falling bead is caught by a slipping winch: this counts as slip, and as impact while a gap
+    closes.
 
     The first two steps were in both columns.
     """
@@ -174,10 +175,10 @@ def test_what_a_slipping_winch_takes_in_a_catch_is_booked_once():
 
 
 @pytest.mark.parametrize("tilt", [0.03, 0.04, 0.05])
-def test_an_end_that_rebounds_and_is_thrown_back_is_booked_whole(tilt):
-    """A rod falls flat: the impact of one end turns round the other, which has just rebounded.
+def test_the_ledger_has_a_whole_rebound(tilt):
+    """A rod falls flat: the impact of one end reverses the other, which has just rebounded.
 
-    It then pushes for a third step, which was not in the books: 12 % of the energy.
+    It then pushes for a third step, which was not in the ledger: 12 % of the energy.
     """
     puppet = fan.loads(ROD)
     turn = (np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0)
@@ -188,9 +189,9 @@ def test_an_end_that_rebounds_and_is_thrown_back_is_booked_whole(tilt):
 
 
 def test_a_ledger_that_does_not_balance_ends_with_a_status():
-    """A spin whose energy swings by a third within 0.25 rad a step: neither gain nor DONE.
+    """A spin whose energy oscillates by a third at 0.25 rad per step is neither a gain nor DONE.
 
-    A quarter of the step balances; a batch says the same.
+    A quarter of the step balances; a batch gives the same.
     """
     puppet = fan.loads(CAPSULE)
     x = spun(puppet, [0, 0, 0, 113, 11, 113])
@@ -204,14 +205,14 @@ def test_a_ledger_that_does_not_balance_ends_with_a_status():
         method = fan.TimeStepping(dt=dt)
         many = fan.simulate_batch(puppet, [x], t_end=5.0, method=method, save="all")
         assert many.status[0] == status
-        few = fan.simulate_batch(
+        batch = fan.simulate_batch(
             puppet, [x], t_end=5.0, method=method, save="all", save_every=round(0.02 / dt)
         )
-        assert few.status[0] == status
+        assert batch.status[0] == status
 
 
-def test_what_the_last_step_leaves_is_looked_at():
-    """A stick that turns by 2.4 rad in the last step strikes what no step has looked at."""
+def test_the_state_after_the_last_step_is_checked():
+    """A stick that turns by 2.4 rad in the last step hits a solid that no step has checked."""
     puppet = fan.loads(STICK)
     turn = (np.cos(np.radians(25)), 0.0, -np.sin(np.radians(25)), 0.0)
     x = spun(puppet.state({"stick.z": 0.14, "stick.rotation": turn}), [0, 0, 0, 0, 1200, 0])
@@ -222,7 +223,7 @@ def test_what_the_last_step_leaves_is_looked_at():
 
 
 def test_drag_is_implicit():
-    """17.21: however strong, it slows down, and the ledger has what it took."""
+    """17.21: drag of any size slows down, and the ledger contains its loss."""
     puppet = fan.loads(DRAGGED)
     x = spun(puppet, [1.0, 0.2, -0.3, 1.0, 0.5, -0.2])
     run = fan.simulate(puppet, x, t_end=0.1, method="timestepping")
@@ -244,8 +245,8 @@ def test_the_derivatives_of_a_step_have_its_drag():
 
     for k in range(n):
         d = 1e-6 * np.eye(n)[k]
-        found = (end(x.v_D + d) - end(x.v_D - d)) / 2e-6
-        np.testing.assert_allclose(A[:, k], found, atol=1e-7)
+        slope = (end(x.v_D + d) - end(x.v_D - d)) / 2e-6
+        np.testing.assert_allclose(A[:, k], slope, atol=1e-7)
 
 
 @pytest.mark.parametrize("k, c, longest", [(1e6, 0.0, "0.00063"), (10.0, 150.0, "0.0013")])
@@ -261,15 +262,15 @@ def test_springs_too_stiff_for_the_step_are_refused(k, c, longest):
 
 
 @pytest.mark.parametrize("k, c, ends", [(1e6, 0.0, "GAINED_ENERGY"), (10.0, 150.0, "DONE")])
-def test_springs_too_stiff_for_a_variational_step_are_told(k, c, ends):
-    """17.21: it stands longer steps than 2 / omega; where it does not, its books say so."""
+def test_springs_too_stiff_for_a_variational_step_are_reported(k, c, ends):
+    """17.21: it allows longer steps than 2 / omega; if it fails, its ledger shows it."""
     puppet = fan.loads(SPRUNG).with_parameters({"k": k, "c": c})
     x = puppet.state().replace(q_D=np.array([0.0, 0.0, 0.11]))
     run = fan.simulate(puppet, x, t_end=1.0, method=fan.Variational(dt=0.01), throw=False)
     assert run.status.name == ends
 
 
-def test_strings_that_vibrate_faster_than_the_step_are_told():
+def test_strings_that_vibrate_faster_than_the_step_are_reported():
     """17.2: 1 g between two strings above 1,000 kg; the longest step is 2 / omega."""
     puppet = fan.loads(UNEQUAL)
     x = spun(puppet, [0, 0, 0.3, 0])
@@ -284,12 +285,12 @@ def test_strings_that_vibrate_faster_than_the_step_are_told():
     assert many.status[0] == fan.Status.OVERSTEPPED
     fine = fan.simulate(puppet, x, t_end=1.0, method=fan.TimeStepping(dt=1.0 / omega))
     assert np.max(fine.violation.values) < 1e-6
-    few = puppet.with_parameters({"M": 10.0})
-    assert fan.simulate(few, x, t_end=1.0, method="timestepping").status is fan.Status.DONE
+    light = puppet.with_parameters({"M": 10.0})
+    assert fan.simulate(light, x, t_end=1.0, method="timestepping").status is fan.Status.DONE
 
 
 def test_a_violation_between_the_rows_counts():
-    """17.2: every step is looked at, whatever is written."""
+    """17.2: every step is checked, independent of the written rows."""
     puppet = fan.loads(UNEQUAL)
     x = spun(puppet, [0, 0, 0.3, 0])
     for every in (500, 10**6):

@@ -1,4 +1,4 @@
-"""States of runs: every function takes them in their mode, and runs go on from them."""
+"""States of runs: every function takes them in their mode, and runs continue from them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def lift(arm):
 
 @pytest.fixture(scope="module")
 def wandering(marionette):
-    """A second of the marionette with its strings in wandering hands, by method."""
+    """One second of the marionette with wandering strings, by method."""
     x0 = marionette.rest()
     inputs = fan.motion.Inputs.random(marionette, 1, seed=1, t_end=1.0).bound(x0.q_K)[0]
     runs = {m: fan.simulate(marionette, x0, inputs, method=alone(m)) for m in FIXED}
@@ -39,8 +39,8 @@ def forces(run: fan.Trajectory, row: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("method", FIXED)
-def test_states_of_fixed_steps_pull_as_their_run_says(marionette, wandering, method):
-    """17.1: accelerations use the mode of the state, whatever gaps a step has left."""
+def test_states_of_fixed_steps_have_the_tensions_of_their_run(marionette, wandering, method):
+    """17.1: accelerations use the mode of the state, for any gaps left by a step."""
     run = wandering[1][method]
     events = np.array([e.t for e in run.events])
     apart = []
@@ -57,7 +57,7 @@ def test_states_of_fixed_steps_pull_as_their_run_says(marionette, wandering, met
 
 
 def test_tensions_of_stepped_states_are_of_the_steps_order(arm, lift):
-    """17.1: what is left between accelerations and the run's tensions shrinks with the step."""
+    """17.1: the difference of accelerations from the run's tensions shrinks with the step."""
     x0, worst = arm.rest({"hand.length": 0.8}), []
     for dt in (0.004, 0.002):
         run = fan.simulate(arm, x0, lift, t_end=1.4, method=fan.TimeStepping(dt=dt))
@@ -70,7 +70,7 @@ def test_tensions_of_stepped_states_are_of_the_steps_order(arm, lift):
 
 
 def test_stepped_states_are_linearised_in_their_mode(arm, lift):
-    """17.1: the rows of a linearisation are those that pull in the run."""
+    """17.1: the rows of a linearisation are the taut ones in the run."""
     x0 = arm.rest({"hand.length": 0.8})
     run = fan.simulate(arm, x0, lift, t_end=1.4, method="timestepping")
     for i in range(0, len(run), 25):
@@ -81,35 +81,35 @@ def test_stepped_states_are_linearised_in_their_mode(arm, lift):
         )
 
 
-def test_project_keeps_what_is_taut(arm, lift):
-    """17.1: a string slack by some nanometres that is taut in the mode is brought to its length."""
+def test_project_keeps_taut_strings(arm, lift):
+    """17.1: a string that is slack by some nanometres and taut in the mode gets its length."""
     x0 = arm.rest({"hand.length": 0.8})
     run = fan.simulate(arm, x0, lift, t_end=1.4, method="timestepping")
     gaps = [(Evaluation.of(arm, run.state(i)).h[0], i) for i in range(len(run))]
     for h, i in (min(gaps), max(gaps)):
         x = run.state(i)
-        made = arm.project(x)
-        at = Evaluation.of(arm, made)
-        assert abs(at.h[0]) < 1e-13 and abs(at.hdot[0]) < 1e-12 and made.taut[0]
-        assert np.max(np.abs(made.q_D - x.q_D)) < 10.0 * abs(h)
-        check_start(arm, made)
+        projected = arm.project(x)
+        at = Evaluation.of(arm, projected)
+        assert abs(at.h[0]) < 1e-13 and abs(at.hdot[0]) < 1e-12 and projected.taut[0]
+        assert np.max(np.abs(projected.q_D - x.q_D)) < 10.0 * abs(h)
+        check_start(arm, projected)
     assert min(gaps)[0] < -1e-9
 
 
 def test_projected_states_of_the_marionette_start_event_driven_runs(marionette, wandering):
-    """17.1, 17.7: the mode is kept by project, and an event-driven run begins in it."""
+    """17.1, 17.7: project keeps the mode, and an event-driven run begins in it."""
     inputs, runs = wandering
     for method in FIXED:
         for i in range(0, 480, 60):
             x = runs[method].state(i)
-            made = marionette.project(x)
-            assert np.all(np.abs(Evaluation.of(marionette, made).h[x.taut]) < 1e-9)
-            run = fan.simulate(marionette, made, inputs, t_end=x.t + 0.002, effort=False)
+            projected = marionette.project(x)
+            assert np.all(np.abs(Evaluation.of(marionette, projected).h[x.taut]) < 1e-9)
+            run = fan.simulate(marionette, projected, inputs, t_end=x.t + 0.002, effort=False)
             assert run.status.name == "DONE"
 
 
 def test_an_active_set_that_is_wrong_is_refused(arm):
-    """17.1: what is said to be taut and hangs slack is no state."""
+    """17.1: a slack string in the active set makes a state invalid."""
     x = arm.state({"hand.length": 0.8, "shoulder": 0.9, "elbow": 0.3})
     x = x.replace(q_K=[0.45, 1.5], taut=[True])
     with pytest.raises(fan.errors.StateError, match=r"range: hand by"):
@@ -122,7 +122,7 @@ def test_an_active_set_that_is_wrong_is_refused(arm):
 
 
 def test_another_motion_has_another_mode(arm):
-    """17.1: the mode goes with the motion; a string that is left upwards does not pull."""
+    """17.1: a changed motion has its own mode; a bob that moves up leaves its string slack."""
     x = arm.rest({"hand.length": 0.8})
     assert x.taut[0] and x.replace(t=2.0, v_D=x.v_D).taut[0]
     up = x.replace(v_D=-10.0 * arm.A_D(x)[0])
@@ -131,7 +131,7 @@ def test_another_motion_has_another_mode(arm):
 
 
 def test_a_string_overstepped_at_rest_is_closed(arm):
-    """17.1: no row is taken as slack because it is longer than its length."""
+    """17.1: no row counts as slack because of its violation."""
     x = arm.rest({"hand.length": 0.8})
     short = x.replace(q_K=[x.q_K[0], 0.8 - 1e-4])
     assert ActiveSet.of(arm, short, Evaluation.of(arm, short)).held[0]
@@ -140,12 +140,12 @@ def test_a_string_overstepped_at_rest_is_closed(arm):
     )
 
 
-# -- runs that go on -------------------------------------------------------------------------------
+# -- continued runs ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", FIXED)
-def test_a_run_goes_on_from_any_of_its_rows(marionette, wandering, method):
-    """17.7: a fixed-step run begins at any row of its own kind, and goes on as that did."""
+def test_a_run_continues_from_any_of_its_rows(marionette, wandering, method):
+    """17.7: a fixed-step run begins at any row of its own kind, and continues it."""
     inputs, runs = wandering
     whole = runs[method]
     for i in range(0, len(whole) - 5, 7):
@@ -160,8 +160,8 @@ def test_a_run_goes_on_from_any_of_its_rows(marionette, wandering, method):
 
 
 @pytest.mark.parametrize("method", FIXED)
-def test_a_run_goes_on_a_hundred_times(arm, lift, method):
-    """17.7: piece by piece, each from the end of the last, is the run at one go."""
+def test_a_run_continues_a_hundred_times(arm, lift, method):
+    """17.7: pieces, each from the end of the last one, equal the whole run."""
     x = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
     whole = fan.simulate(arm, x, lift, t_end=1.0, method=alone(method))
     for k in range(100):
@@ -171,8 +171,8 @@ def test_a_run_goes_on_a_hundred_times(arm, lift, method):
     np.testing.assert_allclose(x.v_D, whole.v_D[-1], atol=1e-6)
 
 
-def test_extrapolating_steps_go_on_within_their_error(arm, lift):
-    """17.7, 17.20: a run that goes on lacks the accelerations before: an error of one step each."""
+def test_extrapolating_steps_continue_within_their_error(arm, lift):
+    """17.7, 17.20: a continued run lacks the earlier accelerations: an error of one step each."""
     x0 = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
     runs = {
         dt: fan.simulate(arm, x0, lift, t_end=1.0, method=fan.TimeStepping(dt=dt))
@@ -185,8 +185,8 @@ def test_extrapolating_steps_go_on_within_their_error(arm, lift):
     assert 0.0 < np.abs(x.q_D - runs[0.002].q_D[-1]).max() < error
 
 
-def test_an_event_driven_run_goes_on_from_its_rows(arm, lift):
-    """17.7: to the tolerance of the integrator."""
+def test_an_event_driven_run_continues_from_its_rows(arm, lift):
+    """17.7: the tolerance is that of the integrator."""
     x0 = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
     whole = fan.simulate(arm, x0, lift, t_end=0.5)
     for i in range(0, len(whole), max(1, len(whole) // 10)):
@@ -197,8 +197,8 @@ def test_an_event_driven_run_goes_on_from_its_rows(arm, lift):
 
 
 @pytest.mark.parametrize("before", [0.0, 1e-13, 1e-11, 1e-10, 1e-9, 1e-7])
-def test_a_run_that_ends_just_at_a_catch_goes_on_from_there(arm, before):
-    """It refused the start: the string is at its bound and moves past it."""
+def test_a_run_that_ends_at_a_catch_continues(arm, before):
+    """The start was refused: the string is at its bound and moves past it."""
     x0 = arm.rest({"hand.length": 0.8})
     points = [(0, 0.8), (0.15, 0.5), (0.4, 0.5), (0.6, 0.8)]
     jerk = fan.Input.waypoints(arm, {"hand.length": points})
@@ -209,14 +209,14 @@ def test_a_run_that_ends_just_at_a_catch_goes_on_from_there(arm, before):
         part = fan.simulate(arm, x0, jerk, t_end=event.t - before)
         rest = fan.simulate(arm, part.state(-1), jerk, t_end=1.0)
         np.testing.assert_allclose(rest.q_D[-1], whole.q_D[-1], atol=1e-7)
-        # The catch is in the one or in the other.
-        impulses = [e.impulse for one in (part, rest) for e in one.events if e.kind == "catch"]
+        # The catch is in one of the two runs.
+        impulses = [e.impulse for run in (part, rest) for e in run.events if e.kind == "catch"]
         assert max(impulses) == pytest.approx(max(e.impulse for e in catches), rel=1e-5)
         assert len(impulses) == len(catches)
 
 
 def test_exact_lengths_are_asked_for_with_the_remedy(arm, lift):
-    """17.7: where a method cannot begin at a state, the message says how to make it one."""
+    """17.7: if a method cannot begin at a state, the message says how to correct it."""
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method="timestepping")
     gaps = [Evaluation.of(arm, run.state(i)).h[0] for i in range(len(run))]
     for i, says in ((int(np.argmin(gaps)), "slack by"), (int(np.argmax(gaps)), "violated by")):
@@ -225,7 +225,7 @@ def test_exact_lengths_are_asked_for_with_the_remedy(arm, lift):
 
 
 def test_far_too_short_is_refused_by_time_stepping_too(arm):
-    """17.7: what no step leaves is a mistake."""
+    """17.7: a violation larger than those of steps is a mistake."""
     x = arm.rest({"hand.length": 0.8})
     short = x.replace(q_K=[x.q_K[0], 0.79])
     with pytest.raises(fan.errors.StateError, match=r"hand is violated by 0.01"):
@@ -243,8 +243,8 @@ strings:
 """
 
 
-def test_runs_with_a_slipping_winch_go_on():
-    """17.1, 17.7: the winch's tension is that of the run, and resumed runs slip as the whole."""
+def test_runs_with_a_slipping_winch_continue():
+    """17.1, 17.7: the winch's tension is that of the run, and continued runs slip as the whole."""
     between = fan.loads(SLIPPING)
     inputs = fan.Input.waypoints(between, {"left.x": [(0, -1.0), (2, -2.0), (4, -1.0)]})
     whole = fan.simulate(between, between.rest(), inputs, t_end=4.0, method="timestepping")
@@ -262,14 +262,14 @@ def test_runs_with_a_slipping_winch_go_on():
         np.testing.assert_allclose(part.slip.values[-1], whole.slip.values[i + 50], atol=1e-9)
 
 
-# -- what is no state ------------------------------------------------------------------------------
+# -- invalid states ---------------------------------------------------------------------------
 
 
 def test_a_state_of_another_puppet_is_named(arm, marionette):
     """17.17: the message is about states, not about the widths of a generated function."""
     x = marionette.rest()
     nameless = State(0.0, x.q_D, x.v_D, x.q_K, x.v_K, x.taut)
-    for given in (x, nameless):
+    for state in (x, nameless):
         for ask in (
             arm.forward_dynamics,
             arm.mass_matrix,
@@ -288,17 +288,17 @@ def test_a_state_of_another_puppet_is_named(arm, marionette):
             lambda x: fan.dynamics.sensitivity(arm, x, t_end=0.1),
         ):
             with pytest.raises(fan.errors.StateError, match="another puppet"):
-                ask(given)
+                ask(state)
 
 
-def test_a_run_is_of_one_puppet(arm):
-    """17.17: two puppets are no puppet."""
+def test_a_run_has_one_puppet(arm):
+    """17.17: two puppets do not combine."""
     with pytest.raises(TypeError, match="one Marionette"):
         fan.simulate([arm, arm], arm.rest(), t_end=0.1)
 
 
 def test_a_wire_that_is_slack_is_named(arm):
-    """17.17: a state that no configuration fits names a row, also where that is too short."""
+    """17.17: a state that no configuration satisfies names a row, also one that is too short."""
     text = """
 puppet: too_short
 bodies:
@@ -315,7 +315,7 @@ strings:
 
 @pytest.mark.parametrize("part", ["t", "q_D", "v_D", "q_K", "v_K", "slip"])
 def test_nan_is_in_no_state(arm, part):
-    """17.25: a state with a part that is no number is none."""
+    """17.25: a state with a part that is not a number is refused."""
     x = arm.rest({"hand.length": 0.8})
     value = np.array(getattr(x, part), dtype=float)
     for number in (np.nan, np.inf):

@@ -1,4 +1,4 @@
-"""Rest: equilibria that are minima, with strings that pull."""
+"""Rest: equilibria that are minima, with non-negative tensions."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ def test_vertical_string_forces_carry_the_weight(name):
     for force, points, string in zip(
         tension, puppet.string_points(x.q_D, x.q_K).values(), puppet.tree.strings, strict=False
     ):
-        # What a string does to the points that hang from the puppet's own bodies.
+        # Forces of a string on its points on the puppet's own bodies.
         for k, point in enumerate(string.points):
             if point.link < 0 or puppet.tree.links[point.link].role == "driven":
                 continue
@@ -44,7 +44,7 @@ def test_vertical_string_forces_carry_the_weight(name):
 
 
 def test_a_head_without_its_string_falls():
-    """Standing on the neck it is in equilibrium, but not at a minimum."""
+    """Upright on the neck it is in equilibrium, but not at a minimum."""
     puppet = fan.puppets.marionette()
     x = puppet.rest({"head.length": 0.75})
     head = puppet.pose(x, "skull")[:3, 2]
@@ -67,7 +67,7 @@ bodies:
     assert abs(np.cos(x.q_D[0]) + 1.0) < 1e-12
 
 
-def test_what_nothing_holds_has_no_rest():
+def test_an_unsupported_puppet_has_no_rest():
     text = """
 puppet: stone
 bodies:
@@ -79,8 +79,8 @@ bodies:
         fan.loads(text).rest()
 
 
-def test_a_bar_that_nobody_holds_is_seen_in_the_file():
-    """It was let fall for 72 s before there was "no equilibrium"."""
+def test_an_unsupported_bar_is_detected_in_the_file():
+    """It was relaxed for 72 s before the message "no equilibrium"."""
     text = fan.puppets.path("marionette_bar").read_text()
     free = fan.loads(text.replace("joint: {type: free, driven: true}", "joint: {type: free}"))
     with pytest.raises(
@@ -108,7 +108,7 @@ HELD = {
 
 
 @pytest.mark.parametrize(("joint", "held"), HELD.items())
-def test_what_holds_a_body_is_its_joint_or_what_it_is_tied_to(joint, held):
+def test_bodies_are_supported_by_joints_or_ties(joint, held):
     text = (
         f"{{puppet: p, bodies: [{{name: bar, joint: {joint}, mass: 1, inertia: [1, 1, 1]}}, "
         "{name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 1}], "
@@ -130,8 +130,8 @@ def test_lengths_that_do_not_fit_are_named():
 
 
 @pytest.mark.parametrize(("name", "seed"), [("marionette", 0), ("stand6", 6), ("stand6", 13)])
-def test_rest_is_found_from_afar(name, seed):
-    """Lengths off by a tenth: soft modes, limits that come to bear, saddles passed on the way."""
+def test_rest_is_found_from_distant_states(name, seed):
+    """Lengths are off by a tenth: soft modes, limits that become active, saddles on the way."""
     puppet = getattr(fan.puppets, name)()
     x0, rng, values = puppet.rest(), np.random.default_rng(seed), {}
     for q, _ in puppet.coordinates.scalars_K:
@@ -187,7 +187,7 @@ def dachshund() -> fan.Marionette:
 
 @pytest.mark.parametrize("z", [-0.03, 0.0, 0.02, 0.1])
 def test_rest_from_below_and_above(dachshund, z):
-    """17.9: three strings 6 to 14 mm too short and knees at their limits; the rest is one."""
+    """17.9: three strings 6 to 14 mm too short and knees at their limits; the rest is unique."""
     x = dachshund.rest({"trunk.z": z})
     acc, tension = dachshund.forward_dynamics(x)
     assert np.max(np.abs(acc)) < 1e-7
@@ -198,22 +198,22 @@ def test_rest_from_below_and_above(dachshund, z):
 
 @pytest.mark.parametrize("z", [-0.02, 0.0, 0.004])
 def test_project_gives_the_nearest_state(dachshund, z):
-    """17.9: M (q - q_0) = -A^T y with y >= 0 on the rows that are met: no row is held for good."""
-    given = dachshund.state({"trunk.z": z, "thigh_left": 0.4, "shank_left": -0.05})
-    x, table = dachshund.project(given), dachshund.coordinates
+    """17.9: M (q - q_0) = -A^T y with y >= 0 on the active rows: no row is held for good."""
+    state = dachshund.state({"trunk.z": z, "thigh_left": 0.4, "shank_left": -0.05})
+    x, table = dachshund.project(state), dachshund.coordinates
     h = dachshund.constraint(x)
     assert np.max(h) < 1e-12
     met = h > -1e-9
     places = table.scalars_D, table.quaternions_D
-    moved = tangent.between(*places, given.q_D, x.q_D, table.n_vD)
+    moved = tangent.between(*places, state.q_D, x.q_D, table.n_vD)
     force = dachshund.mass_matrix(x) @ moved
     _, left = nnls(dachshund.A_D(x)[met].T, -force)
     assert left < 1e-7 * np.linalg.norm(force)
     assert np.array_equal(dachshund.project(x).q_D, x.q_D)
 
 
-def test_a_straight_limb_gives_way():
-    """17.9: pulled along itself it has no slope by which to give way; states to both sides fit."""
+def test_a_straight_limb_bends():
+    """17.9: a pull along itself has no slope; states to both sides are valid."""
     rod = fan.loads("""
 puppet: straight
 bodies:
@@ -229,7 +229,7 @@ strings:
 
 
 def test_a_heavily_damped_puppet_rests_too():
-    """17.9: what only creeps is not let go until it stands still: V is descended."""
+    """17.9: creeping motions are not simulated to rest: V is minimised by descent."""
     bob = fan.loads("""
 puppet: creeping
 bodies:
@@ -241,7 +241,7 @@ pose: {bob.x: 0.4, bob.z: 0.5}
     assert bob.rest().q_D == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
-def test_what_does_not_fit_says_by_how_much():
+def test_contradictory_lengths_name_the_distance():
     """17.9: two ends 1.2 m apart and strings of 0.5 m each miss one another by 200 mm."""
     bob = fan.loads("""
 puppet: apart
@@ -258,7 +258,7 @@ strings:
 
 @pytest.mark.parametrize("eye", ["[0, 0, 0.35]", "[0.02, 0.03, 0.35]"])
 def test_a_load_that_swings_to_rest_does_not_turn_about_its_string(eye: str):
-    """Nothing determines that turn, and no input could undo it: it stays as it was asked for."""
+    """This rotation is undetermined, and no input could undo it: it keeps its initial value."""
     file = Path(fan.__file__).parent / "model" / "puppets" / "crane.yaml"
     crane = fan.loads(file.read_text().replace("at: [0, 0, 0.35]}", f"at: {eye}}}"))
     first = crane.rest()

@@ -1,4 +1,4 @@
-"""Compiled derivatives of time steps: those of one step at a time, and central differences."""
+"""Compiled derivatives of time steps, compared with single steps and central differences."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PUPPETS = ("arm2d", "stand6", "marionette_bar", "marionette")
 
 
 def moving(name, n=4, seed=0):
-    """A puppet, and n states of it with strings and limits that pull and do not."""
+    """A puppet, and n of its states with active and inactive strings and limits."""
     puppet = getattr(fan.puppets, name)()
     rng = np.random.default_rng(seed)
     batch = puppet.stepper_batch(puppet.rest(), n)
@@ -29,7 +29,7 @@ def moving(name, n=4, seed=0):
 
 
 def split(puppet, many):
-    """Places of the columns of ``motion``."""
+    """Places of the columns of `motion`."""
     t = puppet.coordinates
     widths = (t.n_vD, t.n_vD, t.n_vK, t.n_vK, t.n_vK, t.n_vD, len(puppet.p))
     return np.split(many, np.cumsum(widths)[:-1], axis=-1)
@@ -44,26 +44,30 @@ def test_many_steps_are_differentiated_as_one(name):
     )
     assert many.settled.all() and many.held.any()
     for i in range(len(many)):
-        one = puppet.linearise_step(batch.state(i), acc[i], force[i])
-        size = np.max(np.abs(one.A))
+        single = puppet.linearise_step(batch.state(i), acc[i], force[i])
+        size = np.max(np.abs(single.A))
         names = tuple(puppet.tree.row_names[r] for r in np.flatnonzero(many.held[i]))
-        assert names == one.rows
-        assert np.allclose(many.q_D[i], one.x_next.q_D, rtol=0, atol=1e-12)
-        assert np.allclose(many.v_D[i], one.x_next.v_D, rtol=0, atol=1e-9)
-        assert np.allclose(many.A[i], one.A, rtol=0, atol=1e-10 * size)
-        assert np.allclose(many.B[i], one.B, rtol=0, atol=1e-10)
+        assert names == single.rows
+        assert np.allclose(many.q_D[i], single.x_next.q_D, rtol=0, atol=1e-12)
+        assert np.allclose(many.v_D[i], single.x_next.v_D, rtol=0, atol=1e-9)
+        assert np.allclose(many.A[i], single.A, rtol=0, atol=1e-10 * size)
+        assert np.allclose(many.B[i], single.B, rtol=0, atol=1e-10)
         *_, by_u, by_p = split(puppet, many.motion[i])
         n = puppet.coordinates.n_vD
-        assert np.allclose(by_u, one.B_u[: 2 * n], rtol=0, atol=1e-10 * (1 + np.max(np.abs(by_u))))
-        assert np.allclose(by_p, one.B_p[: 2 * n], rtol=0, atol=1e-10)
-        for found, wanted in zip(split(puppet, many.pull[i]), vars(one.pull).values(), strict=True):
+        assert np.allclose(
+            by_u, single.B_u[: 2 * n], rtol=0, atol=1e-10 * (1 + np.max(np.abs(by_u)))
+        )
+        assert np.allclose(by_p, single.B_p[: 2 * n], rtol=0, atol=1e-10)
+        for block, wanted in zip(
+            split(puppet, many.pull[i]), vars(single.pull).values(), strict=True
+        ):
             scale = np.max(np.abs(wanted), initial=1.0)
-            assert np.allclose(found, wanted, rtol=0, atol=1e-9 * scale)
+            assert np.allclose(block, wanted, rtol=0, atol=1e-9 * scale)
 
 
 @pytest.mark.parametrize("name", ["arm2d", "marionette_bar", "marionette"])
-def test_they_are_what_central_differences_give(name):
-    """The steps themselves are the oracle: of fixed steps that depend on their state alone."""
+def test_they_agree_with_central_differences(name):
+    """The steps themselves are the oracle: fixed steps that depend on their state alone."""
     puppet, batch, rng = moving(name, n=1, seed=3)
     t, acc = puppet.coordinates, rng.normal(size=(1, batch.v_K.shape[1]))
     start = [a[0].copy() for a in (batch.q_D, batch.v_D, batch.q_K, batch.v_K)]
@@ -87,9 +91,9 @@ def test_they_are_what_central_differences_give(name):
     half = len(changes)
     dq = np.array([puppet.difference(after.q_D[half + i], after.q_D[i]) for i in range(half)])
     dv = after.v_D[:half] - after.v_D[half:]
-    found = np.concatenate([dq, dv], axis=1).T / (2 * h)
+    slope = np.concatenate([dq, dv], axis=1).T / (2 * h)
     wanted = many.A[0][: 2 * n]
-    assert np.allclose(found, wanted, rtol=0, atol=1e-7 * np.max(np.abs(wanted)))
+    assert np.allclose(slope, wanted, rtol=0, atol=1e-7 * np.max(np.abs(wanted)))
 
 
 def test_parameters_may_differ_from_node_to_node():
@@ -98,12 +102,12 @@ def test_parameters_may_differ_from_node_to_node():
     p = np.array([[0.12, 0.08], [0.2, 0.05]])
     many = arm.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K, p=p)
     for i, own in enumerate(p):
-        one = arm.with_parameters(dict(zip(("m1", "m2"), own, strict=True))).linearise_step(x)
-        assert np.allclose(many.A[i], one.A, rtol=0, atol=1e-9)
-        assert np.allclose(many.motion[i][:, -2:], one.B_p[:4], rtol=0, atol=1e-12)
+        single = arm.with_parameters(dict(zip(("m1", "m2"), own, strict=True))).linearise_step(x)
+        assert np.allclose(many.A[i], single.A, rtol=0, atol=1e-9)
+        assert np.allclose(many.motion[i][:, -2:], single.B_p[:4], rtol=0, atol=1e-12)
 
 
-def test_a_step_that_is_cut_short_is_not_settled():
+def test_a_shortened_step_is_not_settled():
     arm = fan.puppets.arm2d()
     x = arm.rest()
     many = arm.linearise_steps(x.q_D, [[0.0, 0.0], [3000.0, -3000.0]], x.q_K, x.v_K)
@@ -113,12 +117,12 @@ def test_a_step_that_is_cut_short_is_not_settled():
 def test_threads_make_no_difference():
     puppet, batch, _ = moving("arm2d", n=23)
     args = batch.q_D, batch.v_D, batch.q_K, batch.v_K
-    one, two = (puppet.linearise_steps(*args, threads=n) for n in (1, 2))
-    assert np.array_equal(one.motion, two.motion)
+    single_thread, two = (puppet.linearise_steps(*args, threads=n) for n in (1, 2))
+    assert np.array_equal(single_thread.motion, two.motion)
 
 
 @pytest.mark.parametrize("slip", [[0.5, 0.5], [-0.1]])
-def test_a_slip_that_no_string_has_is_refused(slip):
+def test_a_negative_or_foreign_slip_is_refused(slip):
     arm = fan.puppets.arm2d()
     with pytest.raises(fan.errors.StateError, match="slip: found"):
         arm.linearise_step(arm.rest().replace(slip=slip))

@@ -1,4 +1,4 @@
-"""The stepper: what happens on line is what simulate gives."""
+"""The stepper: online steps agree with simulate."""
 
 import copy
 import pickle
@@ -24,7 +24,7 @@ def test_pieces_join_to_the_whole(arm, method):
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping"])
-def test_accelerations_drive_and_velocities_go_on(arm, method):
+def test_accelerations_drive_and_velocities_continue(arm, method):
     """Eq. 12: the input is the acceleration of the driven coordinates."""
     x0 = arm.rest({"hand.length": 0.8})
     stepper = arm.stepper(x0, method)
@@ -36,7 +36,7 @@ def test_accelerations_drive_and_velocities_go_on(arm, method):
     assert arm.constraint(stepper.state)[0] < 1e-4
 
 
-def test_a_law_is_asked_at_its_rate(arm):
+def test_a_law_is_called_at_its_rate(arm):
     x0 = arm.rest({"hand.length": 0.8})
     asked = []
 
@@ -60,7 +60,7 @@ def test_an_unknown_driven_name_is_an_error(arm):
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 @pytest.mark.parametrize("number", [np.nan, np.inf])
 def test_a_law_that_gives_no_number_is_refused(arm, method, number):
-    """17.8: `event` went on without the string whose height was no number, and said DONE."""
+    """17.8: `event` continued without the string whose height was not a number, and ended DONE."""
     x0 = arm.rest({"hand.length": 0.8})
     for asked in ({"acc_K": {"hand.x": number}}, {"u_D": [number, 0.0]}):
         stepper = arm.stepper(x0, method)
@@ -71,7 +71,7 @@ def test_a_law_that_gives_no_number_is_refused(arm, method, number):
 
 
 def test_an_endless_piece_is_refused(arm):
-    """17.31: advance(inf) never ended; nor did one of rows that no memory holds."""
+    """17.31: advance(inf) never ended; nor did a piece with too many rows for the memory."""
     stepper = arm.stepper(arm.rest({"hand.length": 0.8}))
     for duration in (np.inf, np.nan, 0.0, -1.0):
         with pytest.raises(ValueError, match="it must be a finite number greater than 0"):
@@ -82,8 +82,8 @@ def test_an_endless_piece_is_refused(arm):
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
-def test_an_interrupted_stepper_is_where_it_got_to(arm, method):
-    """17.31: it kept the state before, and jumped from there to where it had been later."""
+def test_an_interrupted_stepper_keeps_its_last_state(arm, method):
+    """17.31: it kept the earlier state, and jumped from there to the later one."""
     x0 = arm.rest({"hand.length": 0.8})
     stepper, whole = arm.stepper(x0, method), arm.stepper(x0, method)
     pieces = Run.advance
@@ -108,13 +108,13 @@ def test_an_interrupted_stepper_is_where_it_got_to(arm, method):
     assert y.q_D == pytest.approx(z.q_D, abs=1e-6)
 
 
-def test_little_gravity_leaves_room_for_inputs():
-    """17.31: the cap on tensions was 1e5 weights, and made every input impossible without one."""
+def test_weak_gravity_allows_inputs():
+    """17.31: the cap on tensions was 1e5 weights: every input without gravity was impossible."""
     text = fan.puppets.path("arm2d").read_text(encoding="utf-8")
     assert "gravity" not in text
-    given = "\ngravity: [0, 0, {parameter: fall, value: -9.81}]\n"
+    gravity_text = "\ngravity: [0, 0, {parameter: fall, value: -9.81}]\n"
     for gravity in (0.0, 1e-9, 1e-3, 9.81):
-        arm = fan.loads(text + given).with_parameters({"fall": -gravity})
+        arm = fan.loads(text + gravity_text).with_parameters({"fall": -gravity})
         x0 = arm.project(arm.state())
         length = x0.q_K[1]
         inputs = fan.Input.waypoints(arm, {"hand.length": [(0, length), (1, length - 0.1)]})
@@ -125,24 +125,24 @@ def test_little_gravity_leaves_room_for_inputs():
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_steppers_are_copied_and_pickled(arm, method):
-    """17.18: copies go on by themselves, as the stepper does."""
+    """17.18: copies continue independently, as the stepper does."""
     stepper = arm.stepper(arm.rest({"hand.length": 0.8}), method)
     stepper.advance(0.4, {"hand.length": -0.2, "hand.x": 0.1})
     copies = [copy.copy(stepper), copy.deepcopy(stepper), pickle.loads(pickle.dumps(stepper))]
-    assert all(one.state == stepper.state for one in copies)
-    assert all(np.array_equal(one.tension, stepper.tension) for one in copies)
+    assert all(copied.state == stepper.state for copied in copies)
+    assert all(np.array_equal(copied.tension, stepper.tension) for copied in copies)
     copies[0].advance(0.1, {"hand.length": 0.5})
     x = stepper.advance(0.4, {"hand.length": -0.1})
-    for one in copies[1:]:
-        y = one.advance(0.4, {"hand.length": -0.1})
+    for copied in copies[1:]:
+        y = copied.advance(0.4, {"hand.length": -0.1})
         np.testing.assert_allclose(y.q_D, x.q_D, atol=1e-7)
         np.testing.assert_allclose(y.v_D, x.v_D, atol=1e-6)
     assert copies[0].state.t == pytest.approx(0.5) and copies[0].status.name == "DONE"
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
-def test_copies_go_on_to_the_same_bits(arm, method):
-    """17.18: copies forgot the accelerations of the steps before, the mode and the books."""
+def test_copies_continue_to_the_same_bits(arm, method):
+    """17.18: copies forgot the earlier accelerations, the mode and the ledger."""
     stepper = arm.stepper(arm.rest({"hand.length": 0.8}), method)
     stepper.advance(0.3, {"hand.length": 2.0})
     stepper.advance(0.0731, {"hand.length": -9.0, "hand.x": 3.0})
@@ -150,15 +150,15 @@ def test_copies_go_on_to_the_same_bits(arm, method):
     for k in range(10):
         acc_K = {"hand.length": 2.0 * np.sin(k), "hand.x": np.cos(k)}
         x = stepper.advance(0.002, acc_K)
-        for one in copies:
-            assert one.advance(0.002, acc_K) == x and one.status is stepper.status
-            assert np.array_equal(one.samples, stepper.samples)
-            assert np.array_equal(one.events, stepper.events)
+        for copied in copies:
+            assert copied.advance(0.002, acc_K) == x and copied.status is stepper.status
+            assert np.array_equal(copied.samples, stepper.samples)
+            assert np.array_equal(copied.events, stepper.events)
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_a_stepper_begins_with_the_velocities_of_its_state(arm, method):
-    """17.1: the tensions at its start are those of driven coordinates that move."""
+    """17.1: the tensions at its start include moving driven coordinates."""
     lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method=method)
     row = int(np.argmin(np.abs(run.t - 0.7)))

@@ -1,4 +1,4 @@
-"""Steppers side by side: each is the stepper it would be by itself."""
+"""Batches of steppers: each equals a single stepper."""
 
 from __future__ import annotations
 
@@ -30,30 +30,32 @@ def wandering(rng, batch, size=0.5):
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational", "event"])
-def test_each_is_the_stepper_by_itself(method):
+def test_each_equals_the_single_stepper(method):
     batch = ARM.stepper_batch(HANG, 11, method, threads=2)
     alone = [ARM.stepper(HANG, method) for _ in range(11)]
     rng = np.random.default_rng(0)
     for _ in range(12):
         acc, force = wandering(rng, batch), rng.normal(scale=0.01, size=(11, 2))
         assert batch.advance(0.025, acc, u_D=force).all()
-        for i, one in enumerate(alone):
-            one.advance(0.025, acc[i], u_D=force[i])
+        for i, single in enumerate(alone):
+            single.advance(0.025, acc[i], u_D=force[i])
     assert np.allclose(batch.t, 0.3)
     assert np.ptp(batch.q_D, axis=0).max() > 1e-3
-    for i, one in enumerate(alone):
+    for i, single in enumerate(alone):
         x = batch.state(i)
         for name in ("q_D", "v_D", "q_K", "v_K"):
-            assert np.allclose(getattr(x, name), getattr(one.state, name), rtol=0, atol=1e-9), name
-        assert np.array_equal(x.taut, one.state.taut)
-        assert np.allclose(batch.tension[i], one.tension, rtol=1e-6, atol=1e-6)
-        books = ARM.sample_layout.split(one.samples[-1:])
+            assert np.allclose(getattr(x, name), getattr(single.state, name), rtol=0, atol=1e-9), (
+                name
+            )
+        assert np.array_equal(x.taut, single.state.taut)
+        assert np.allclose(batch.tension[i], single.tension, rtol=1e-6, atol=1e-6)
+        books = ARM.sample_layout.split(single.samples[-1:])
         for name, sum_ in zip(("work", "damping", "impact"), batch.books[i], strict=False):
             assert sum_ == pytest.approx(books[name][0], abs=1e-8)
 
 
 def test_rotations_are_driven():
-    """A control bar that turns, as quaternions."""
+    """A turning control bar, with quaternions."""
     bar = fan.puppets.marionette_bar()
     x0 = bar.rest()
     batch, alone = bar.stepper_batch(x0, 3), [bar.stepper(x0) for _ in range(3)]
@@ -61,45 +63,45 @@ def test_rotations_are_driven():
     for _ in range(5):
         acc = rng.normal(scale=0.5, size=(3, bar.coordinates.n_vK))
         batch.advance(0.02, acc)
-        for i, one in enumerate(alone):
-            one.advance(0.02, acc[i])
-    for i, one in enumerate(alone):
-        assert np.allclose(batch.q_K[i], one.state.q_K, rtol=0, atol=1e-12)
-        assert np.allclose(batch.q_D[i], one.state.q_D, rtol=0, atol=1e-9)
+        for i, single in enumerate(alone):
+            single.advance(0.02, acc[i])
+    for i, single in enumerate(alone):
+        assert np.allclose(batch.q_K[i], single.state.q_K, rtol=0, atol=1e-12)
+        assert np.allclose(batch.q_D[i], single.state.q_D, rtol=0, atol=1e-9)
 
 
 def test_solids_slide_as_they_do_alone():
-    batch, one = BLOCK.stepper_batch(BLOCK.state(), 9), BLOCK.stepper(BLOCK.state())
+    batch, single = BLOCK.stepper_batch(BLOCK.state(), 9), BLOCK.stepper(BLOCK.state())
     for _ in range(20):
         assert batch.advance(0.02).all()
-        one.advance(0.02)
-    assert one.state["v:body.x"] > 0.3
+        single.advance(0.02)
+    assert single.state["v:body.x"] > 0.3
     for i in range(9):
-        assert np.allclose(batch.q_D[i], one.state.q_D, rtol=0, atol=1e-8)
-    friction = BLOCK.sample_layout.split(one.samples[-1:])["friction"][0]
+        assert np.allclose(batch.q_D[i], single.state.q_D, rtol=0, atol=1e-8)
+    friction = BLOCK.sample_layout.split(single.samples[-1:])["friction"][0]
     assert np.allclose(batch.books[:, 4], friction, rtol=1e-6)
 
 
 @pytest.mark.parametrize("method", ["timestepping", "event"])
-def test_some_begin_anew_and_the_others_go_on(method):
+def test_some_are_reset_and_the_others_continue(method):
     rng = np.random.default_rng(2)
-    batch, kept = (ARM.stepper_batch(HANG, 10, method) for _ in range(2))
+    batch, undisturbed = (ARM.stepper_batch(HANG, 10, method) for _ in range(2))
     other = ARM.rest({"hand.length": 0.7}).replace(t=5.0)
     acc = [wandering(rng, batch) for _ in range(8)]
     for a in acc[:4]:
         batch.advance(0.02, a)
-        kept.advance(0.02, a)
+        undisturbed.advance(0.02, a)
     batch.reset([2, 7], other)
     assert np.allclose(batch.t, [0.08, 0.08, 5.0, *[0.08] * 4, 5.0, 0.08, 0.08])
     assert np.allclose(batch.tension[2], ARM.stepper(other, method).tension, rtol=1e-9)
     late = ARM.stepper(other, method)
     for a in acc[4:]:
         batch.advance(0.02, a)
-        kept.advance(0.02, a)
+        undisturbed.advance(0.02, a)
         late.advance(0.02, a[7])
     others = [i for i in range(10) if i not in (2, 7)]
-    assert np.array_equal(batch.q_D[others], kept.q_D[others])
-    assert np.array_equal(batch.books[others], kept.books[others])
+    assert np.array_equal(batch.q_D[others], undisturbed.q_D[others])
+    assert np.array_equal(batch.books[others], undisturbed.books[others])
     assert np.allclose(batch.q_D[7], late.state.q_D, rtol=0, atol=1e-9)
     batch.reset()
     assert np.all(batch.t == 0.0) and np.all(batch.q_D == HANG.q_D) and np.all(batch.books == 0.0)
@@ -109,12 +111,12 @@ def test_neighbours_and_threads_make_no_difference():
     rng = np.random.default_rng(3)
     acc = rng.normal(scale=0.5, size=(6, 29, 2))
     many = ARM.stepper_batch(HANG, 29, threads=2)
-    few = ARM.stepper_batch(HANG, 5, threads=1)
+    small = ARM.stepper_batch(HANG, 5, threads=1)
     for a in acc:
         many.advance(0.02, a)
-        few.advance(0.02, a[13:18])
-    assert np.array_equal(many.q_D[13:18], few.q_D)
-    assert np.array_equal(many.tension[13:18], few.tension)
+        small.advance(0.02, a[13:18])
+    assert np.array_equal(many.q_D[13:18], small.q_D)
+    assert np.array_equal(many.tension[13:18], small.tension)
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational", "event"])
@@ -125,18 +127,18 @@ def test_each_has_its_own_parameters(method):
     for _ in range(4):
         batch.advance(0.05, {"hand.length": np.full(9, -0.4)})
     for i in (0, 4, 8):
-        one = ARM.with_parameters({"m2": masses[i]}).stepper(HANG, method)
+        single = ARM.with_parameters({"m2": masses[i]}).stepper(HANG, method)
         for _ in range(4):
-            one.advance(0.05, {"hand.length": -0.4})
-        assert np.allclose(batch.q_D[i], one.state.q_D, rtol=0, atol=1e-7)
+            single.advance(0.05, {"hand.length": -0.4})
+        assert np.allclose(batch.q_D[i], single.state.q_D, rtol=0, atol=1e-7)
     before = batch.q_D[4].copy()
     batch.reset([3], parameters={"m2": 0.5})
     assert batch.p[3, 1] == 0.5 and batch.p[4, 1] == masses[4]
     assert np.array_equal(batch.q_D[4], before)
 
 
-def test_what_stopped_keeps_its_state_until_it_is_reset():
-    """Its winch runs out of string; the others go on."""
+def test_a_stopped_stepper_keeps_its_state_until_it_is_reset():
+    """Its winch runs out of string; the others continue."""
     batch = ARM.stepper_batch(HANG, 3)
     acc = np.zeros((3, 2))
     acc[1, 1] = -40.0
@@ -145,23 +147,23 @@ def test_what_stopped_keeps_its_state_until_it_is_reset():
     assert arrived.tolist() == [True, False, True]
     assert batch.status[1] == Status.LENGTH_NOT_POSITIVE and batch.blamed(1) == ("hand",)
     assert batch.t[1] < 0.21 and batch.t[0] == pytest.approx(0.3)
-    kept = batch.q_D[1].copy()
+    saved = batch.q_D[1].copy()
     batch.advance(0.02)
-    assert np.array_equal(batch.q_D[1], kept)
+    assert np.array_equal(batch.q_D[1], saved)
     batch.reset(batch.status != Status.DONE)
     assert batch.advance(0.02).all() and batch.t[1] == pytest.approx(0.02)
 
 
-def test_where_they_begin_may_be_arrays():
+def test_initial_states_may_be_arrays():
     batch = ARM.stepper_batch(HANG, 4)
     v_D = np.array([[0.1, 0.0], [0.0, 0.2]])
     x0 = HANG.replace(v_D=v_D[1])
     batch.reset([1, 3], v_D=v_D, t=np.array([1.0, 2.0]))
     assert np.array_equal(batch.v_D[[1, 3]], v_D) and np.all(batch.v_D[[0, 2]] == HANG.v_D)
     batch.advance(0.02)
-    one = ARM.stepper(x0)
-    one.advance(0.02)
-    assert np.allclose(batch.q_D[3], one.state.q_D, rtol=0, atol=1e-12)
+    single = ARM.stepper(x0)
+    single.advance(0.02)
+    assert np.allclose(batch.q_D[3], single.state.q_D, rtol=0, atol=1e-12)
     assert batch.t.tolist() == pytest.approx([0.02, 1.02, 0.02, 2.02])
 
 

@@ -18,11 +18,11 @@ CASES = [
     ("arm3d", 13),
     ("crane", 7),
 ]
-"""Puppets and seeds; most of them once stopped a run or let a string stretch."""
+"""Puppets and seeds; most of them once stopped a run or stretched a string."""
 
 
 def performance(puppet, x0, seed):
-    """Waypoints for every driven coordinate: lengths by up to a third, ends by up to 0.4 m."""
+    """Waypoints of all driven coordinates: lengths by up to a third, ends by up to 0.4 m."""
     rng, table = np.random.default_rng(seed), puppet.coordinates
     duration, wildness, points = rng.uniform(2, 4), rng.uniform(0.2, 1.5), {}
     for q, _ in table.scalars_K:

@@ -56,7 +56,7 @@ def test_the_motion_converges_at_first_order(pendulum):
 
 
 def test_the_impact_of_a_fall_converges(pendulum):
-    """Dropped beside its pivot, the bob falls free and is caught by the line."""
+    """The bob is dropped beside its pivot, falls freely and is caught by the line."""
     x0 = pendulum.state({"bob.x": 0.3, "bob.z": 0.0})
     exact = fan.simulate(pendulum, x0, t_end=0.8)
     assert [e.kind.value for e in exact.events] == ["catch"]
@@ -75,7 +75,7 @@ def test_rows_lie_on_the_grid(pendulum):
 
 
 @pytest.mark.parametrize("slack", [0.0, 1e-4])
-def test_a_catch_in_the_first_step_is_booked(slack):
+def test_the_ledger_has_a_catch_in_the_first_step(slack):
     """A bob thrown straight down on a taut string loses its whole kinetic energy to the catch."""
     bob = fan.loads("""
 puppet: thrown
@@ -90,9 +90,9 @@ strings:
     assert abs(run.ledger["residual"][-1]) < 0.02
 
 
-def test_inputs_that_rest_are_those_that_creep():
-    """Inputs that hold still are written once, and a step between two of them has no rates to find:
-    also where a whole move lies between them, and where every lane of a batch rests elsewhere.
+def test_inputs_at_rest_equal_creeping_ones():
+    """Inputs at rest are written once, and a step between two of them needs no rates: also if a
+    whole move is between them, and if every lane of a batch rests at another place.
     """
     arm = fan.puppets.arm2d()
     x0 = arm.rest({"hand.length": 0.8})
@@ -112,6 +112,6 @@ def test_inputs_that_rest_are_those_that_creep():
     rises = np.linspace(0.0, 1e-5, 9)
     many = fan.simulate_batch(arm, x0, [lift(0.0, rise) for rise in rises], save="all", **how)
     for i, rise in enumerate(rises):
-        one = fan.simulate(arm, x0, lift(0.0, rise), **how)
-        assert np.array_equal(many.trajectory(i).q_K, one.q_K)
-        assert np.max(np.abs(many.trajectory(i).v_D - one.v_D)) < 1e-10
+        single = fan.simulate(arm, x0, lift(0.0, rise), **how)
+        assert np.array_equal(many.trajectory(i).q_K, single.q_K)
+        assert np.max(np.abs(many.trajectory(i).v_D - single.v_D)) < 1e-10

@@ -1,6 +1,6 @@
-"""Tensions and efforts that the motion does not determine are told, for that string and time.
+"""Undetermined tensions and efforts are marked, for their string and time.
 
-The oracle is the null space of the taut strings' A_D^T by SVD, written down from the geometry.
+The oracle is the null space of the taut strings' A_D^T by SVD, from the geometry.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def hat(x: float, y: float, z: float) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_eight_cables_at_rest_are_marked_at_every_time(eight, method, tmp_path):
-    """Of rank 5 (nothing holds the yaw), three self-stresses reach every cable and winch."""
+    """The rank is 5 (the yaw is free): three self-stresses involve every cable and winch."""
     x0, _ = moved(eight)
     run = fan.simulate(eight, x0, t_end=0.1, method=method)
     null = scipy.linalg.null_space(pulls(run.q_D[0]))
@@ -81,34 +81,34 @@ def moving():
 
 @pytest.mark.slow
 def test_determined_tensions_agree_between_both_methods(moving):
-    """Where rounding puts tensions at the winch's cap by one method, and not by the other."""
+    """Rounding puts tensions at the winch's cap in one method, and not in the other."""
     _, (event, stepped) = moving
     stepped = stepped.resample(event.t)
     apart = np.abs(event.tension.values - stepped.tension.values)
-    told = event.undetermined.values[:, :8]
+    marked = event.undetermined.values[:, :8]
     assert np.max(apart) > 0.1 * WEIGHT
-    assert np.all(told[apart > 0.05 * WEIGHT])
-    assert np.mean(told) > 0.9
+    assert np.all(marked[apart > 0.05 * WEIGHT])
+    assert np.mean(marked) > 0.9
 
 
 @pytest.mark.slow
 def test_a_stand_is_not_judged_by_tensions_that_the_motion_does_not_determine(moving):
     platform, runs = moving
     for run in runs:
-        found = check_stand(loads_stand(STAND), run, platform)
+        check = check_stand(loads_stand(STAND), run, platform)
         assert (
-            not found.ok
-            and not found.broken
-            and set(found.undetermined) == {f"w{i}" for i in range(8)}
+            not check.ok
+            and not check.broken
+            and set(check.undetermined) == {f"w{i}" for i in range(8)}
         )
-        assert "is not determined" in found.summary() and "w3" in found.summary()
-        assert any("does not determine the forces of w0" in note for note in found.notes)
+        assert "is not determined" in check.summary() and "w3" in check.summary()
+        assert any("does not determine the forces of w0" in note for note in check.notes)
         # Speeds are those of the inputs, and are judged.
         slow = check_stand(loads_stand(STAND.replace("speed: 5", "speed: 0.1")), run, platform)
         assert {limit.quantity for limit in slow.broken} == {"speed"}
 
 
-SMALL = """
+CART_AND_BOB = """
 puppet: small
 bodies:
   - {name: cart, joint: {type: translation, axes: [x]}, mass: 1}
@@ -122,7 +122,7 @@ strings:
 
 @pytest.fixture(scope="module")
 def small():
-    return fan.loads(SMALL)
+    return fan.loads(CART_AND_BOB)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -139,8 +139,8 @@ def test_only_strings_in_the_null_space_are_marked(small, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_strings_that_can_only_pull_determine_that_none_does(small, method):
-    """Without a force on the cart (1, -1) is a null vector; neither tension can fall below 0."""
+def test_unloaded_parallel_strings_have_zero_tension(small, method):
+    """Without a force on the cart, (1, -1) is a null vector; neither tension can be negative."""
     run = fan.simulate(small, small.state({"alone.length": 1.0}), t_end=0.1, method=method)
     assert not np.any(run.undetermined.values) and not undetermined_lines(run)
     assert np.max(run.tension["first"]) < 1e-9
@@ -185,14 +185,14 @@ def test_rounding_peaks_near_a_symmetric_pose_are_marked(axis):
         for method in ("event", fan.TimeStepping(dt=5e-4))
     )
     apart = np.abs(event.tension.values - stepped.tension.values)
-    told = event.undetermined.values[:, :4] | stepped.undetermined.values[:, :4]
-    assert np.max(apart[told]) > 0.2 * WEIGHT and np.max(apart[~told]) < 0.005 * WEIGHT
-    assert 0.05 < np.mean(told) < 0.5
+    marked = event.undetermined.values[:, :4] | stepped.undetermined.values[:, :4]
+    assert np.max(apart[marked]) > 0.2 * WEIGHT and np.max(apart[~marked]) < 0.005 * WEIGHT
+    assert 0.05 < np.mean(marked) < 0.5
 
 
 @pytest.mark.slow
 def test_strings_that_stretch_are_determined():
-    """In chains, the motion determines every tension."""
+    """The motion determines every tension of chains."""
     chains = plate("chain")
     run = fan.simulate(chains, chains.rest({f"c{i}.length": 1.4 for i in range(4)}), t_end=0.05)
     assert not np.any(run.undetermined.values)
@@ -226,8 +226,10 @@ strings:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 def test_four_corners_of_a_sole_alone_are_not_marked(method):
-    """They share the weight in many ways, of which the string that holds the shin knows nothing. A
-    string upright over a box on the floor shares its weight with the floor, and is told."""
+    """The corners share the weight in several ways, without effect on the string that holds the
+    shin. A string upright over a box on the floor shares its weight with the floor, and is
+    marked.
+    """
     standing = fan.loads(STANDING)
     x0 = standing.project(standing.state({"leans.length": 1.0, "lifts.length": 1.0}))
     run = fan.simulate(standing, x0, t_end=0.1, method=method)

@@ -1,4 +1,4 @@
-"""A winch that runs out of string stops its run, and only that run, with a status."""
+"""A winch that runs out of string stops its run, and only this run, with a status."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ strings:
 pose: {line.length: 0.5, far.length: 0.6}
 """
 ENDS = np.sqrt(2 * 0.5 / 1.2)
-"""When a length of 0.5 m that shrinks at 1.2 m/s^2 runs out [s]."""
+"""Time at which a length of 0.5 m, shrinking at 1.2 m/s^2, runs out [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def winches():
 
 
 def wound_in(marionette, x0, acceleration, parts=2):
-    """Inputs that wind `line` in at a constant acceleration for 2 s, in some pieces."""
+    """Inputs that wind `line` in at a constant acceleration for 2 s, in several pieces."""
     acc = np.tile([acceleration, 0.0], (parts, 1))
     return fan.Input.segments(marionette, np.linspace(0, 2, parts + 1), x0.q_K, x0.v_K, acc)
 
@@ -40,7 +40,7 @@ def wound_in(marionette, x0, acceleration, parts=2):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("parts", [1, 2, 16])
 def test_a_winch_that_runs_out_is_a_status(winches, method, parts):
-    """17.8: nothing raises; all rows up to then are there; the string is named."""
+    """17.8: no exception; all earlier rows are there, and the string is named."""
     x0 = winches.rest()
     inputs = wound_in(winches, x0, -1.2, parts)
     run = fan.simulate(winches, x0, inputs, method=method, throw=False)
@@ -55,7 +55,7 @@ def test_a_winch_that_runs_out_is_a_status(winches, method, parts):
 
 
 def test_inputs_that_begin_after_the_run_run_out_too(winches):
-    """Where it happens is located as in a run that begins with its inputs, not stepped past."""
+    """The time is located as in a run that begins with its inputs, not skipped."""
     x0 = winches.rest()
     inputs = wound_in(winches, x0, -1.2, 1)
     for later in (0.0, 1.0):
@@ -66,10 +66,10 @@ def test_inputs_that_begin_after_the_run_run_out_too(winches):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_one_lane_that_runs_out_stops_no_other(winches, method):
-    """17.8: each run of a batch has its own end, also where many inputs begin at the state."""
+    """17.8: each run of a batch has its own end, also if many inputs begin at the state."""
     x0 = winches.rest()
-    given = [wound_in(winches, x0, a) for a in (0.0, -1.2, 0.1, -4.8)]
-    many = fan.simulate_batch(winches, x0, given, 1.5, method=method)
+    inputs = [wound_in(winches, x0, a) for a in (0.0, -1.2, 0.1, -4.8)]
+    many = fan.simulate_batch(winches, x0, inputs, 1.5, method=method)
     gone = Status.LENGTH_NOT_POSITIVE
     assert many.status.tolist() == [Status.DONE, gone, Status.DONE, gone]
     assert many.reached == pytest.approx([1.5, ENDS, 1.5, ENDS / 2], abs=0.0021)
@@ -95,7 +95,7 @@ def test_a_stepper_runs_out(winches, method):
 
 
 def test_a_length_that_only_dips_runs_out(winches):
-    """17.8: also where it is positive again long before the next step would have looked."""
+    """17.8: this holds even if it is positive again long before the end of the next step."""
     x0 = winches.rest()
     dip = 0.5 + 1e-4
     times = np.array([0.0, 1.0, 2.0])
@@ -107,12 +107,12 @@ def test_a_length_that_only_dips_runs_out(winches):
 
 
 def test_a_flow_ends_where_its_winch_runs_out(winches):
-    """17.8: an integrator from elsewhere goes no further either."""
+    """17.8: other integrators go no further either."""
     x0 = winches.rest()
     assert winches.flow(x0, wound_in(winches, x0, -1.2)).t_end == pytest.approx(ENDS, abs=1e-5)
 
 
 def test_a_mistake_in_waypoints_is_still_one(winches):
-    """17.8: a length that somebody writes down is refused where it is written."""
+    """17.8: a negative length in waypoints is refused immediately."""
     with pytest.raises(fan.errors.InputError, match=r"line\.length: .* must stay above 0"):
         fan.Input.waypoints(winches, {"line.length": [(0, 0.5), (1, 0.0)]})

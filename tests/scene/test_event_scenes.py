@@ -1,4 +1,4 @@
-"""The bundled scenes, event-driven: the law of fixed steps, at the integrator's tolerance."""
+"""The bundled scenes, event-driven: the result of fixed steps, at the integrator's tolerance."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_a_bundled_scene_runs_event_driven(name, performance, duration):
     assert run.violation.values.max() < 1e-8
     assert np.abs(run.ledger["residual"]).max() < 1e-7
     steps = fan.simulate(stage, stage.rest(), inputs, t_end=duration, method="timestepping")
-    # Both are where the winches lead: fixed steps are off by a part of their step.
+    # Both end where the winches lead: fixed steps are off by a part of their step.
     assert np.abs(run.q_D[-1, :3] - steps.q_D[-1, :3]).max() < 5e-3
 
 

@@ -16,7 +16,7 @@ STEPS = [(0.9 + 0.575 * k, ("left", "right")[k % 2]) for k in range(6)]
 """Beginning of each step [s], and the foot that swings."""
 STEP = 0.575
 LOADED = 0.03
-"""Part of the weight from which on a foot stands."""
+"""Part of the weight above which a foot counts as loaded."""
 
 
 def corners(marionette, run, foot):
@@ -40,8 +40,8 @@ def test_it_stands_at_the_start(walked):
     assert 0.3 * stage.weight < begins[2] < stage.weight
 
 
-def test_the_books_of_the_walk_close(walked):
-    """Its residual was a tenth of the energy exchanged while impulses were booked with gravity."""
+def test_the_energies_of_the_walk_balance(walked):
+    """The residual was a tenth of the exchanged energy when impulses counted as gravity."""
     _, run = walked
     exchanged = run.ledger["kinetic"].max() + np.ptp(run.ledger["potential"])
     assert np.max(np.abs(run.ledger["residual"])) < 0.02 * exchanged
@@ -59,7 +59,7 @@ def test_a_step_carries_swings_and_does_not_slip(walked, step):
     assert air.mean() > 0.45
     height = corners(stage, run, swings)[during][:, :, 2].min(axis=1)
     assert height.max() > 0.008
-    # The corner that stands lowest stays where it is while the foot carries.
+    # The lowest corner stays in place while the foot is loaded.
     whole = (run.t >= begin) & (run.t < begin + STEP)
     soles, carries = corners(stage, run, stands)[whole], load[whole] > LOADED
     lowest = soles[:, :, 2].argmin(axis=1)[:-1]
@@ -69,8 +69,9 @@ def test_a_step_carries_swings_and_does_not_slip(walked, step):
 
 
 def test_the_feet_go_forward_one_after_the_other(walked):
-    """Where the feet land hangs on the last bit, and how far ahead of one another; not that
-    each step carries its own foot forward."""
+    """The places where the feet land depend on the last bit, and so do the distances between them.
+    Each step still carries its own foot forward.
+    """
     stage, run = walked
     x = {foot: corners(stage, run, foot).mean(axis=1)[:, 0] for foot in ("left", "right")}
     for begin, foot in STEPS:
@@ -121,7 +122,7 @@ def test_columbine_sits_on_the_chair(visit):
 
 
 def pushed(run, name: str, on: str) -> np.ndarray:
-    """(T,) force along z that one body's contacts put on another [N]."""
+    """(T,) force along z from the contacts of one body on another [N]."""
     points = run.contact.of(on, name)
     sign = np.array([1.0 if run.contact.names[p][0] == on else -1.0 for p in points.pair])
     total = np.zeros(len(run))
@@ -139,7 +140,7 @@ def test_pierrot_hands_her_the_ball(visit):
     assert np.all(hers[before] == 0.0)
     assert hers[after].mean() == pytest.approx(weight, rel=0.02)
     assert np.all(his[after] == 0.0)
-    # It never falls on the way: until she sits it hangs more than 0.15 m above the floor.
+    # It never falls on the way: until she sits, it is more than 0.15 m above the floor.
     assert run["ball.z"][run.t < 7.6].min() > 0.15
 
 

@@ -42,21 +42,21 @@ obstacles:
 
 
 def puppet(name: str, rest: str = "") -> Puppet:
-    """A puppet that is one fixed body."""
+    """A puppet of one fixed body."""
     return loads(f"puppet: {name}\nbodies: [{{name: a}}]\n{rest}")
 
 
 def written(folder: Path, text: str = DUET, body: str = BODY) -> Path:
-    """The scene in a file, and its puppet in another."""
+    """Path of the scene's file, with its puppet in another file."""
     (folder / "a.yaml").write_text(body.format(name="arm"))
     (folder / "duet.yaml").write_text(text)
     return folder / "duet.yaml"
 
 
 def test_a_scene_is_one_puppet_whose_names_begin_with_its_members(tmp_path) -> None:
-    made = fan.load(written(tmp_path))
-    table = made.coordinates
-    assert made.name == "duet" and made.puppet.members == ("one", "two")
+    scene = fan.load(written(tmp_path))
+    table = scene.coordinates
+    assert scene.name == "duet" and scene.puppet.members == ("one", "two")
     assert table.q_K == (
         "one.hand.x",
         "one.hand.z",
@@ -66,41 +66,41 @@ def test_a_scene_is_one_puppet_whose_names_begin_with_its_members(tmp_path) -> N
         "two.hand.length",
     )
     assert table.q_D[:3] == ("one.a.x", "one.a.y", "one.a.z") and "ball.qw" in table.q_D
-    x = made.state({"one.a.z": 0.1})
+    x = scene.state({"one.a.z": 0.1})
     assert x["two.a.x"] == 0.5 and x["ball.z"] == 0.2 and x["two.hand.length"] == 0.9
-    assert made.tree.parameters == {"one.l": 2.0, "two.l": 3.0}
-    assert made.puppet.floor == 0.1 and [o.name for o in made.puppet.obstacles] == ["table"]
+    assert scene.tree.parameters == {"one.l": 2.0, "two.l": 3.0}
+    assert scene.puppet.floor == 0.1 and [o.name for o in scene.puppet.obstacles] == ["table"]
 
 
 def test_its_text_reads_as_an_equal_puppet(tmp_path) -> None:
-    made = load(written(tmp_path))
-    assert loads(made.to_yaml()) == made
+    puppet = load(written(tmp_path))
+    assert loads(puppet.to_yaml()) == puppet
 
 
 def test_places_and_orientations_are_those_of_the_members(tmp_path) -> None:
-    made = fan.load(written(tmp_path))
-    x = made.state()
-    tree = made.tree
+    scene = fan.load(written(tmp_path))
+    x = scene.state()
+    tree = scene.tree
     links = [link.name for link in tree.links]
-    poses = dict(zip(links, made.poses(x.q_D, x.q_K), strict=True))
+    poses = dict(zip(links, scene.poses(x.q_D, x.q_K), strict=True))
     assert np.allclose(poses["one.a"][:, 3], [1.0, 0.0, 0.0])
     assert np.allclose(poses["two.a"][:, 3], [0.0, 0.5, 0.0], atol=1e-15)
-    points = made.string_points(x.q_D, x.q_K)
+    points = scene.string_points(x.q_D, x.q_K)
     assert np.allclose(points["two.peg"][1], [0.0, 0.0, 2.0], atol=1e-15)
     assert np.allclose(points["one.hand"][1], [1.0, 0.0, 1.0])
 
 
 def test_a_member_may_be_a_bundled_puppet_and_a_scene_of_one_keeps_short_names() -> None:
-    made = fan.loads("scene: solo\npuppets: [{name: pierrot, puppet: arm2d, at: [0, 1, 0]}]")
-    assert made.coordinates.q_D == fan.puppets.arm2d().coordinates.q_D
-    assert made.puppet.members == ()
+    scene = fan.loads("scene: solo\npuppets: [{name: pierrot, puppet: arm2d, at: [0, 1, 0]}]")
+    assert scene.coordinates.q_D == fan.puppets.arm2d().coordinates.q_D
+    assert scene.puppet.members == ()
 
 
 def test_obstacles_of_a_puppet_stand_where_it_is_placed(tmp_path) -> None:
     table = "obstacles:\n  - {{name: wall, type: box, size: [2, 1, 1], at: [1, 0, 0]}}\n"
     table += "  - {{name: pole, type: capsule, from: [1, 0, 0], to: [1, 0, 1], radius: 0.1}}\n"
-    made = load(written(tmp_path, body=BODY + table))
-    stand = {o.name: o for o in made.obstacles}
+    puppet = load(written(tmp_path, body=BODY + table))
+    stand = {o.name: o for o in puppet.obstacles}
     assert np.allclose(stand["one.wall"].at, [2.0, 0.0, 0.0])
     assert np.allclose(stand["two.wall"].at, [0.0, 1.0, 0.0])
     turned = stand["two.wall"].orientation.matrix @ [2.0, 1.0, 1.0]
@@ -119,29 +119,29 @@ def test_meshes_are_found_from_the_scene(tmp_path) -> None:
     scene = tmp_path / "scenes" / "s.yaml"
     scene.parent.mkdir()
     scene.write_text("scene: s\npuppets: [{name: stone, puppet: ../puppets/stone.yaml}]\n")
-    made = fan.load(scene)
-    assert made.mass == pytest.approx(6.0)
-    assert made.puppet.bodies[0].shapes[0].path.is_file()
+    marionette = fan.load(scene)
+    assert marionette.mass == pytest.approx(6.0)
+    assert marionette.puppet.bodies[0].shapes[0].path.is_file()
 
 
 def test_puppets_built_in_python_make_a_scene() -> None:
     table = "obstacles: [{name: table, type: box, size: [1, 1, 1]}]"
     scene = fan.Scene.of(puppet("p", table), puppet("q", table), puppet("r", "floor: 1"))
-    made = assembled(scene)
-    assert (made.name, made.floor) == ("p_q_r", 1.0)
-    assert len(made.obstacles) == 1  # it is the same table
+    stage = assembled(scene)
+    assert (stage.name, stage.floor) == ("p_q_r", 1.0)
+    assert len(stage.obstacles) == 1  # the same table
     assert fan.Scene.of(puppet("p"), puppet("q"), name="stage").name == "stage"
     with pytest.raises(PuppetError, match="needs a puppet"):
         fan.Scene.of()
 
 
 def test_a_hand_may_move_on_any_body() -> None:
-    """`parent` of a driven end: the hand's axes turn with the carriage it moves on."""
+    """`parent` of a driven end: the hand's axes turn with the carriage on which it moves."""
     text = BODY.format(name="p").replace("{driven: [x, z], at", "{driven: [x, z], parent: b, at")
     text = text.replace("bodies:", "bodies:\n  - {name: b, joint: {type: fixed, at: [3, 0, 0]}}")
-    made = fan.loads(text)
-    x = made.state()
-    assert np.allclose(next(iter(made.string_points(x.q_D, x.q_K).values()))[1], [3.0, 0.0, 1.0])
+    scene = fan.loads(text)
+    x = scene.state()
+    assert np.allclose(next(iter(scene.string_points(x.q_D, x.q_K).values()))[1], [3.0, 0.0, 1.0])
 
 
 MISTAKES = [
@@ -179,7 +179,7 @@ def test_names_of_the_scene_are_not_those_of_its_only_puppets_parts(tmp_path) ->
         with pytest.raises(PuppetError) as caught:
             loads_scene(text, "s.yaml", tmp_path)
         assert str(caught.value).startswith(f"s.yaml:{message}")
-    # Unplaced, the puppet's own name names nothing.
+    # Without a placement, the puppet's own name is not a body.
     assert loads_scene("scene: s\npuppets: [{name: a, puppet: a.yaml}]\n", folder=tmp_path)
 
 
@@ -202,12 +202,12 @@ def test_puppets_that_do_not_go_together(first, second, message: str) -> None:
 
 
 def test_things_are_located_where_they_are_written(tmp_path) -> None:
-    made = load(written(tmp_path))
-    assert made.locate("two.peg") == (str(tmp_path / "a.yaml"), 7)
-    assert made.locate("ball") == (str(tmp_path / "duet.yaml"), 12)
+    puppet = load(written(tmp_path))
+    assert puppet.locate("two.peg") == (str(tmp_path / "a.yaml"), 7)
+    assert puppet.locate("ball") == (str(tmp_path / "duet.yaml"), 12)
 
 
-def test_a_name_with_a_dot_is_none_in_a_puppet_file() -> None:
+def test_a_puppet_file_refuses_a_name_with_a_dot() -> None:
     for text in ("name: a.b", "name: b.a.c"):
         with pytest.raises(PuppetError, match="a name is up to 64 letters"):
             loads(BODY.format(name="p").replace("name: a,", f"{text},", 1))
@@ -225,8 +225,8 @@ def test_loads_reads_both_kinds() -> None:
 
 
 def test_the_frame_on_which_a_puppet_stands_is_not_drawn(tmp_path) -> None:
-    made = fan.load(written(tmp_path))
-    drawn = geometry_at(made, made.state())
-    frames = {i for i, link in enumerate(made.tree.links) if link.name in ("one", "two")}
+    scene = fan.load(written(tmp_path))
+    drawn = geometry_at(scene, scene.state())
+    frames = {i for i, link in enumerate(scene.tree.links) if link.name in ("one", "two")}
     assert len(frames) == 2 and not frames & {solid.link for solid in drawn.solids}
     assert len(drawn.names) == 4

@@ -1,4 +1,4 @@
-"""What stands in a scene moves as it does by itself."""
+"""Members of a scene move as they do alone."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def inputs(marionette: fan.Marionette, prefix: str = "") -> dict[str, list[tuple
 
 @pytest.mark.parametrize("method", METHODS)
 def test_members_and_props_do_not_disturb_each_other(alone, scene, method: str) -> None:
-    """A turned and shifted puppet moves as at home, with another one and a falling ball about."""
+    """A turned and shifted puppet moves as it does alone, beside another one and a falling ball."""
     start = alone.project(alone.state({"hand.length": 0.75}))
     waypoints = {}
     for name in ("one", "two"):
@@ -120,7 +120,7 @@ pose: {one.z: 0.1}
 
 
 def test_a_swing_without_damping_rests_beside_a_ball_that_falls():
-    """Its strings alone let the ball go on falling; let go, the swing never stops by itself."""
+    """Strings alone do not stop the fall of the ball, and a released undamped swing never stops."""
     scene = fan.Scene.model_validate(
         {
             "scene": "swing",
@@ -137,6 +137,6 @@ def test_a_swing_without_damping_rests_beside_a_ball_that_falls():
         }
     )
     stage, arm = fan.Marionette(scene), fan.puppets.arm2d()
-    found = stage.rest()
-    assert found.q_D[:2] == pytest.approx(arm.rest().q_D, abs=1e-6)
-    assert found.q_D[4] == pytest.approx(0.05, abs=1e-6)
+    rest = stage.rest()
+    assert rest.q_D[:2] == pytest.approx(arm.rest().q_D, abs=1e-6)
+    assert rest.q_D[4] == pytest.approx(0.05, abs=1e-6)

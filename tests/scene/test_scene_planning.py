@@ -1,4 +1,4 @@
-"""Plans in scenes: other puppets and props are things to keep clear of."""
+"""Plans in scenes: other puppets and props are obstacles."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def test_clearances_are_those_between_members(scene) -> None:
 
 
 def test_a_plan_keeps_a_puppet_away_from_the_other(scene) -> None:
-    """The first lamp goes to where the second hangs, which has to make room."""
+    """The first lamp's goal is the place of the second, which has to move away."""
     lamps = fan.Marionette(scene.puppet.model_copy(update={"bodies": scene.puppet.bodies[:-1]}))
     x0 = lamps.rest()
     goal = {"one.bulb.x": 0.5, "two.bulb.x": 0.4}
-    made = fan.plan(
+    plan = fan.plan(
         lamps,
         x0,
         goal,
@@ -66,6 +66,6 @@ def test_a_plan_keeps_a_puppet_away_from_the_other(scene) -> None:
             position={"one.cord.x": (-0.5, 1.5), "two.cord.x": (-1.0, 1.5)},
         ),
     )
-    assert made, made.reason
-    run = made.verify(method="event").run
+    assert plan, plan.reason
+    run = plan.verify(method="event").run
     assert float(Clearance(lamps).of(run).min()) > 0.0

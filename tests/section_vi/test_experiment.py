@@ -1,4 +1,4 @@
-"""Mixed and full model side by side: a bob on a winch that moves along x."""
+"""Comparison of the mixed and the full model: a bob on a winch that moves along x."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def winch():
 def test_exact_tracking_gives_the_mixed_models_motion():
     mechanism, motion, full = winch()
     assert motion.smooth and np.ptp(motion.run.q_D[:, 0]) > 0.005
-    found, stopped = compare(mechanism, full, motion, ("event", "timestepping"))
+    comparisons, stopped = compare(mechanism, full, motion, ("event", "timestepping"))
     assert stopped == []
-    event = [c for c in found if c.method == "event"]
+    event = [c for c in comparisons if c.method == "event"]
     assert event[-1].deviation.max_puppet < 1e-10 and event[-1].deviation.max_mechanism < 1e-10
-    steps = [(c.setting, c.deviation.max_puppet) for c in found if c.method == "timestepping"]
+    steps = [(c.setting, c.deviation.max_puppet) for c in comparisons if c.method == "timestepping"]
     assert convergence_order(*zip(*steps, strict=True)) > 0.9
 
 
@@ -49,31 +49,31 @@ def test_a_catch_is_shared_with_the_drives():
     x = thrown.run.at(first.t, side="left")
     d_x = (x.q_D[0] - x.q_K[0]) / x.q_K[1]
     assert first.impulse == pytest.approx(MASS * first.speed, rel=1e-9)
-    found = shared_catches(mechanism, full, thrown)
-    for c in found:
+    catches = shared_catches(mechanism, full, thrown)
+    for c in catches:
         shared = first.speed / (1 / MASS + (1 + d_x**2) / (c.ratio * MASS))
         assert c.impulse == pytest.approx(shared, rel=1e-7)
         assert c.jump == pytest.approx(1 - shared / first.impulse, rel=1e-4)
-    order = convergence_order([c.ratio for c in found], [c.after for c in found])
+    order = convergence_order([c.ratio for c in catches], [c.after for c in catches])
     assert order == pytest.approx(-1, abs=0.01)
 
 
 def test_the_puppet_nears_the_mixed_model_as_the_square_of_the_bandwidth():
     mechanism, motion, _ = winch()
     full = mechanism.full(bandwidth=1.0)
-    found = [tracking_run(mechanism, full, motion, w) for w in (200.0, 400.0, 800.0)]
-    worst = [t.deviation.max_puppet for t in found]
-    assert convergence_order([t.bandwidth for t in found], worst) == pytest.approx(-2, abs=0.02)
+    runs = [tracking_run(mechanism, full, motion, w) for w in (200.0, 400.0, 800.0)]
+    worst = [t.deviation.max_puppet for t in runs]
+    assert convergence_order([t.bandwidth for t in runs], worst) == pytest.approx(-2, abs=0.02)
     # The winch lags by pull / (J w^2).
     pull = np.max(motion.run.tension["line"])
-    assert found[-1].deviation.max_mechanism == pytest.approx(pull / (MASS * 800.0**2), rel=0.02)
+    assert runs[-1].deviation.max_mechanism == pytest.approx(pull / (MASS * 800.0**2), rel=0.02)
 
 
 def test_a_string_with_mass_stays_away():
     mechanism, motion, _ = winch()
     light, heavy = heavy_strings(mechanism, motion, masses=(0.02, 0.1), bandwidths=(200.0, 800.0))
-    for found in (light, heavy):
-        slow, fast = (t.deviation.max_puppet for t in found.tracking)
+    for string in (light, heavy):
+        slow, fast = (t.deviation.max_puppet for t in string.tracking)
         assert fast > 0.7 * slow
     last = light.tracking[-1].deviation.max_puppet
     assert heavy.tracking[-1].deviation.max_puppet > 3.0 * last
@@ -102,7 +102,7 @@ def test_drives_of_the_file_are_replaced():
 
 
 def test_drives_of_the_file_are_measured_as_they_are():
-    """A winch of stiffness k sags by weight / k, and lags by what accelerates its drum."""
+    """A winch of stiffness k sags by weight / k, and lags by its drum's inertia force / k."""
     drives = """
 drives:
   - {on: line.x, mass: 2.0, control: {type: computed_torque, bandwidth: 400}}
@@ -111,15 +111,17 @@ drives:
     stand = fan.loads(WINCH + drives)
     lift = fan.Input.waypoints(stand, {"line.length": [(0, 1.05), (0.5, 0.9)]})
     mechanism = Mechanism.of(stand)
-    given = mechanism.translated(lift, mechanism.mixed)
-    x0 = mechanism.mixed.rest(given.first_values())
-    motion = simulate_reference(mechanism, x0, given.bound(x0.q_K))
-    found = follow_on_file_drives(mechanism, stand, motion)
-    assert found.drives == ("line.x", "line.length") and not found.deviation.status
-    assert found.lag[0] == pytest.approx([0.0, 0.5 * 9.81 / 2e4], abs=1e-9)
-    command = motion.inputs.evaluate(found.deviation.t)
-    most = np.max(2.0 * np.abs(command[2][:, 1])) / 2e4  # (m + J) acc / k, taken quasi-statically
-    lag = np.max(np.abs(found.lag[:, 1] - found.lag[0, 1]))
-    assert 0.5 * most < lag < 1.5 * most
-    assert found.deviation.max_puppet == pytest.approx(lag, rel=0.1)
-    assert found.force[1] == pytest.approx(0.5 * 9.81 + 2.0 * np.max(command[2][:, 1]), rel=0.1)
+    inputs = mechanism.translated(lift, mechanism.mixed)
+    x0 = mechanism.mixed.rest(inputs.first_values())
+    motion = simulate_reference(mechanism, x0, inputs.bound(x0.q_K))
+    follow = follow_on_file_drives(mechanism, stand, motion)
+    assert follow.drives == ("line.x", "line.length") and not follow.deviation.status
+    assert follow.lag[0] == pytest.approx([0.0, 0.5 * 9.81 / 2e4], abs=1e-9)
+    command = motion.inputs.evaluate(follow.deviation.t)
+    max_lag = (
+        np.max(2.0 * np.abs(command[2][:, 1])) / 2e4
+    )  # (m + J) acc / k, taken quasi-statically
+    lag = np.max(np.abs(follow.lag[:, 1] - follow.lag[0, 1]))
+    assert 0.5 * max_lag < lag < 1.5 * max_lag
+    assert follow.deviation.max_puppet == pytest.approx(lag, rel=0.1)
+    assert follow.force[1] == pytest.approx(0.5 * 9.81 + 2.0 * np.max(command[2][:, 1]), rel=0.1)

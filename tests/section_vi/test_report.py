@@ -1,4 +1,4 @@
-"""The report of a measurement: its page, plots and results, with figures made up."""
+"""Report of a measurement with invented figures: its page, plots and results."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lab.toys import CART
 
 
 def report(puppet: fan.Marionette) -> SectionReport:
-    """With figures that are made up but for the structure."""
+    """Report with invented figures; only the puppet's structure is real."""
     t, runs = np.linspace(0.0, 1.0, 5), []
     for w in (50.0, 100.0, 200.0):
         runs.append(TrackingRun(w, Deviation(t, t / w**2, 0.1 * t / w**2)))

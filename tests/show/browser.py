@@ -1,4 +1,4 @@
-"""A headless Chromium that looks at pages, takes hold of things on them and takes pictures."""
+"""A headless Chromium for tests: it opens pages, drags things on them and takes pictures."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ FLAGS = (
 )
 
 _PATIENCE = 40.0
-"""Software rendering on a busy machine is slow [s]."""
+"""Time limit for software rendering on a busy machine [s]."""
 
 
 def missing() -> str:
-    """What keeps a browser from running here; empty where nothing does."""
+    """Reason why no browser runs here; empty if one does."""
     try:
         import selenium  # noqa: F401
     except ImportError:
@@ -39,19 +39,19 @@ def missing() -> str:
 
 
 def chromium() -> str | None:
-    """Where the browser is."""
+    """Path of the browser."""
     names = ("chromium", "chromium-browser", "google-chrome")
     return next((path for name in names if (path := shutil.which(name))), None)
 
 
 def driver() -> str | None:
-    """Where its driver is."""
+    """Path of its driver."""
     return shutil.which("chromedriver")
 
 
 @contextmanager
 def chrome() -> Iterator[Any]:
-    """A browser with an empty profile; the test is skipped where there is none."""
+    """A browser with an empty profile; the test is skipped without one."""
     if why := missing():
         pytest.skip(why)
     from selenium import webdriver
@@ -71,17 +71,17 @@ def chrome() -> Iterator[Any]:
 
 
 def until(true: Callable[[], Any], what: str, patience: float = _PATIENCE) -> Any:
-    """Waits until something holds."""
+    """Wait until a condition holds."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
-        if found := true():
-            return found
+        if result := true():
+            return result
         time.sleep(0.05)
     raise AssertionError(f"waited {patience:g} s in vain: {what}")
 
 
 def picture(browser: Any, name: str = "") -> np.ndarray:
-    """(height, width, 3) of what the browser shows.
+    """Picture (height, width, 3) in the browser.
 
     With the environment variable FANTOCCINI_SCREENSHOTS the picture is also written there.
     """
@@ -99,7 +99,7 @@ def colours(pixels: np.ndarray) -> int:
 
 
 def like(pixels: np.ndarray, hue: tuple[int, int, int], off: int = 45) -> int:
-    """Number of pixels about the colour of something under a light: same hue, any brightness."""
+    """Number of pixels with the colour of a lit body: same hue, any brightness."""
     flat = pixels.reshape(-1, 3).astype(float)
     bright = flat.max(axis=1)
     wanted = np.array(hue) / max(hue)
@@ -108,10 +108,10 @@ def like(pixels: np.ndarray, hue: tuple[int, int, int], off: int = 45) -> int:
 
 
 def pixel(client: Any, point: np.ndarray, canvas: dict) -> tuple[float, float]:
-    """Where in the window a place in the world is seen.
+    """Pixel in the window of a place in the world.
 
     Args:
-        client: of viser, that looks at it.
+        client: client of viser that looks at it.
         point: (3,) [m].
         canvas: the canvas element's rectangle.
     """
@@ -131,7 +131,7 @@ def pixel(client: Any, point: np.ndarray, canvas: dict) -> tuple[float, float]:
 
 
 def rectangles(browser: Any, selector: str) -> list[dict]:
-    """Where elements are in the window [px], asked at once: a page that draws answers slowly."""
+    """Rectangles of elements in the window [px], read at once: a drawing page answers slowly."""
     return browser.execute_script(
         "return [...document.querySelectorAll(arguments[0])].map((e) => e.getBoundingClientRect())",
         selector,
@@ -144,7 +144,7 @@ def canvas(browser: Any) -> dict:
 
 
 def press(browser: Any, label: str) -> None:
-    """Presses the button of this name."""
+    """Press the button of this name."""
     browser.execute_script(
         "[...document.querySelectorAll('button, [role=button]')]"
         ".find((b) => b.textContent.trim() === arguments[0]).click()",
@@ -153,12 +153,12 @@ def press(browser: Any, label: str) -> None:
 
 
 def words(browser: Any) -> str:
-    """What the page says."""
+    """Text of the page."""
     return browser.execute_script("return document.body.innerText")
 
 
 def open_tab(browser: Any, name: str) -> None:
-    """Opens a tab of the panel, with the mouse."""
+    """Open a tab of the panel, with the mouse."""
     tab = f"[role=tab][title='{name}']"
     until(lambda: rectangles(browser, tab), f"the tab {name}")
     browser.find_element("css selector", tab).click()

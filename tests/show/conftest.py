@@ -1,4 +1,4 @@
-"""The browser of the tests that look at a page."""
+"""The browser for tests of pages."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ from tests.show.browser import chrome
 
 @pytest.fixture(scope="module")
 def browser():
-    """One browser a file: windows and settings of a page do not reach the next."""
+    """One browser for each file: windows and settings of a page do not affect the next."""
     with chrome() as driver:
         yield driver

@@ -1,4 +1,4 @@
-"""Hands that balance a live puppet, and bodies that viewers pull at."""
+"""Hands that balance a live puppet, and bodies that viewers pull."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ BODY = "/puppet/lower/0"
 
 @pytest.fixture
 def page(tmp_path):
-    made = fan.show(
+    shown = fan.show(
         fan.puppets.arm2d(), port=0, browser=False, wait=False, record_to=tmp_path, balance=True
     )
-    yield made
-    made.close()
+    yield shown
+    shown.close()
 
 
 def tip(performance) -> np.ndarray:
@@ -37,14 +37,14 @@ def test_a_body_is_pulled_at_and_let_go_while_the_hands_balance_it(page):
         viewer.until_said("updates,", 120.0)  # compiling takes its time
         assert "The hands balance it" in viewer.said
         home = tip(performance)
-        far = home + np.array([0.3, 0.0, 0.0])
+        target = home + np.array([0.3, 0.0, 0.0])
         viewer.drag("start", BODY, home, home)
-        viewer.drag("update", BODY, home, far)
+        viewer.drag("update", BODY, home, target)
         until(lambda: (tip(performance) - home)[0] > 0.01, "the arm follows the mouse")
         assert live.holder.viewer is not None
         push = performance.pushes["lower"]
         assert np.linalg.norm(push.force) <= 0.5 * performance.marionette.weight * (1.0 + 1e-9)
-        viewer.drag("end", BODY, home, far)
+        viewer.drag("end", BODY, home, target)
         until(lambda: not performance.pushes, "it is let go")
         until(lambda: live.holder.viewer is None, "the strings are free")
         until(lambda: np.linalg.norm(tip(performance) - home) < 5e-3, "it is back")
@@ -61,7 +61,7 @@ def test_the_box_gives_the_hands_back_and_a_reset_keeps_them_balancing(page):
         until(lambda: live.balance is not None, "hands that balance", 120.0)
 
 
-def test_a_click_while_the_one_before_takes_effect_is_not_lost(page):
+def test_a_second_click_during_the_first_is_not_lost(page):
     live = page.show
     with Viewer(page.url) as viewer:
         for on in (False, True) * 20:
@@ -69,7 +69,7 @@ def test_a_click_while_the_one_before_takes_effect_is_not_lost(page):
             until(lambda on=on: (live.balance is not None) == on, f"the box that says {on}", 10.0)
 
 
-def test_a_puppet_whose_winch_may_slip_says_why_not(tmp_path):
+def test_a_puppet_with_a_slipping_winch_names_the_reason(tmp_path):
     toy = fan.loads(TOY.replace("length: driven", "length: driven\n    max_tension: 50"))
     with pytest.raises(StateError, match="may slip"):
         fan.show(toy, port=0, browser=False, wait=False, record_to=tmp_path, balance=True)
@@ -87,7 +87,7 @@ def test_a_motion_is_not_balanced(tmp_path):
         fan.show(run, port=0, browser=False, wait=False, record_to=tmp_path, balance=True)
 
 
-def test_the_page_tells_it(page):
+def test_the_page_reports_the_balance(page):
     with chrome() as browser:
         page.show.panel.views.shadows_box.value = False
         browser.get(page.url)

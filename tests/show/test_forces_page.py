@@ -39,7 +39,7 @@ def run(block):
 
 
 def ticked(show, wanted: bool) -> None:
-    """Ticks or unticks the box, as a viewer does."""
+    """Tick or clear the box, as a viewer does."""
     views = show.views if hasattr(show, "views") else show.panel.views
     views.forces_box.value = wanted
     views.apply()
@@ -49,7 +49,7 @@ def node_of(show):
     return show.nodes.forces.node
 
 
-def test_a_performance_says_what_touches(block):
+def test_a_performance_names_contacts(block):
     live = fan.Performance(block, block.state())
     live.advance(0.2)
     assert live.contact.names == (("body", "floor"),)
@@ -71,7 +71,7 @@ def test_a_live_page_draws_them(block):
         points = node_of(live).points
         assert points.shape == (4, 2, 3)
         along = points[:, 1] - points[:, 0]
-        # A quarter of the weight at each corner, or shared otherwise: together four long arrows.
+        # A quarter of the weight at each corner, or another share: four long arrows together.
         size = live.nodes.geometry.size
         assert along.sum(axis=0) == pytest.approx([0, 0, 4 * 0.15 * size], abs=1e-3 * size)
         live.performance.wind("line", 0.42)
@@ -115,7 +115,7 @@ def test_a_browser_shows_them(run):
         until(lambda: changed(browser, without) < 75, "they are gone")
 
 
-def test_an_exported_page_has_them_where_asked(run, tmp_path):
+def test_an_exported_page_has_them_on_request(run, tmp_path):
     path = tmp_path / "block.html"
     with chrome() as browser:
 
@@ -149,6 +149,6 @@ def test_files_without_forces_to_draw_are_refused(tmp_path):
 
 
 def changed(browser, before: np.ndarray) -> int:
-    """Number of pixels of the scene, left of the panel, that differ."""
+    """Number of different pixels in the scene, left of the panel."""
     left = slice(320, 610)
     return int(np.sum(np.abs(picture(browser) - before)[:, left].max(axis=2) > 60))

@@ -1,4 +1,4 @@
-"""A page in the hand, in a real browser: keys, drags, and what small windows show."""
+"""A page in a real browser: keys, drags, and small windows."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ RED = (192, 32, 32)
 
 @pytest.fixture(scope="module")
 def scene(browser, tmp_path_factory):
-    """A live page that the browser looks at."""
+    """A live page in the browser."""
     folder = tmp_path_factory.mktemp("page")
     page = fan.show(toy(folder), port=0, browser=False, wait=False, record_to=folder)
     page.show.panel.views.shadows_box.value = False  # software draws them slowly
     browser.get(page.url)
     clients = page.server.viser.get_clients
     until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
-    page.show.pause()  # hands are wanted elsewhere all the same, and nothing has to be drawn
+    page.show.pause()  # targets still count, and nothing has to be drawn
     yield SimpleNamespace(
         browser=browser,
         page=page,
@@ -38,7 +38,7 @@ def scene(browser, tmp_path_factory):
 
 
 def drag(scene, monkeypatch, down: int) -> np.ndarray:
-    """Drags the bead down by pixels; by how many it is seen to have moved, right and down."""
+    """Drag the bead down by pixels; return its motion in the picture, right and down."""
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
     monkeypatch.setattr(scene.live.holder, "idle", 60.0)
@@ -55,7 +55,7 @@ def drag(scene, monkeypatch, down: int) -> np.ndarray:
     since = [time.monotonic(), np.zeros(3)]
 
     def settled() -> bool:
-        """Whether what was on its way has arrived."""
+        """Whether all pending changes have arrived."""
         now = performance.target("line")[0]
         if np.array_equal(now, [0, 0, 1]) or not np.array_equal(now, since[1]):
             since[:] = time.monotonic(), now
@@ -71,14 +71,14 @@ def drag(scene, monkeypatch, down: int) -> np.ndarray:
 
 
 def test_a_bead_stays_under_a_mouse_that_goes_down(scene, monkeypatch):
-    """17.12: 120 px down moved the bead 33 px up in the view that a page opens with."""
+    """17.12: 120 px down moved the bead 33 px up in the initial view of a page."""
     right, down = drag(scene, monkeypatch, 120)
     assert abs(right) < 8.0
     assert down == pytest.approx(120.0, abs=10.0)
 
 
-def test_a_bead_never_goes_against_the_mouse(scene, monkeypatch):
-    """17.12: also where the hand's plane lies above the eye and is seen from below."""
+def test_a_bead_never_moves_against_the_mouse(scene, monkeypatch):
+    """17.12: this holds if the hand's plane is above the eye and seen from below, too."""
     press_view(scene, "front")
     right, down = drag(scene, monkeypatch, 80)
     assert abs(right) < 8.0
@@ -93,13 +93,13 @@ def press_view(scene, name: str) -> None:
 
 
 def test_keys_move_the_handle_and_not_the_camera(scene):
-    """17.12: W, A, S, D, E, Q flew viser's camera, too; ten taps lost the puppet."""
+    """17.12: W, A, S, D, E, Q also moved viser's camera; ten taps lost the puppet."""
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.keys import Keys
 
     scene.browser.execute_script("document.activeElement.blur()")
     camera = np.array(scene.client.camera.position)
-    looks = np.array(scene.client.camera.look_at)
+    direction = np.array(scene.client.camera.look_at)
     home, length = scene.performance.target("line")[0], scene.performance.wanted_length("line")
     for key in "dwe":
         keys = ActionChains(scene.browser)
@@ -113,8 +113,8 @@ def test_keys_move_the_handle_and_not_the_camera(scene):
         keys.key_down(key).pause(0.3).key_up(key)
     keys.perform()
     assert np.allclose(scene.client.camera.position, camera)
-    assert np.allclose(scene.client.camera.look_at, looks)
-    # An arrow key, which is no command, does turn the camera: what was sent before has arrived.
+    assert np.allclose(scene.client.camera.look_at, direction)
+    # An arrow key, which is not a command, turns the camera: earlier messages have arrived.
     keys = ActionChains(scene.browser)
     keys.key_down(Keys.ARROW_LEFT).pause(0.5).key_up(Keys.ARROW_LEFT).perform()
     until(lambda: not np.allclose(scene.client.camera.position, camera), "the camera turns")
@@ -122,7 +122,7 @@ def test_keys_move_the_handle_and_not_the_camera(scene):
 
 
 def test_strings_are_wound_without_scrolling(browser, tmp_path):
-    """17.14: in a window of 1280 x 720 the strings' sliders lay below the fold."""
+    """17.14: in a window of 1280 x 720 the strings' sliders were below the fold."""
     with (
         fan.show(
             fan.puppets.marionette(), port=0, browser=False, wait=False, record_to=tmp_path
@@ -136,9 +136,9 @@ def test_strings_are_wound_without_scrolling(browser, tmp_path):
 
         def lie_above_the_fold() -> bool:
             sliders = rectangles(browser, "[role=slider]")
-            return len(sliders) >= n and all(one["bottom"] < 700 for one in sliders[:n])
+            return len(sliders) >= n and all(slider["bottom"] < 700 for slider in sliders[:n])
 
-        until(lie_above_the_fold, "the sliders are seen")  # once the page is laid out
+        until(lie_above_the_fold, "the sliders are seen")  # after the layout of the page
         until(lambda: "with Shift" in words(browser), "how strings are wound is told")
 
 
@@ -167,7 +167,7 @@ def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):
 
 
 class window:
-    """A window of a size, while it lasts."""
+    """Context with a window of this size."""
 
     def __init__(self, browser, width: int, height: int, mobile: bool = False):
         self._browser = browser

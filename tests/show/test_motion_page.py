@@ -1,6 +1,6 @@
 """Pages that play a motion, in a real browser: a replay, and one file from disk.
 
-Where Chromium cannot be found the tests are skipped.
+Without Chromium the tests are skipped.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ const field = document.querySelector("input");
 Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(field, arguments[0]);
 field.dispatchEvent(new Event("input", {bubbles: true}));
 """
-"""Types a time into the player of an exported page, at a stroke."""
+"""Script that types a time into the player of an exported page, at once."""
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def swing(tmp_path_factory):
     return fan.simulate(marionette, x0, moves, t_end=2.0)
 
 
-def test_a_replay_goes_through_the_motion(browser, swing):
+def test_a_replay_plays_the_motion(browser, swing):
     with fan.show(swing, port=0, browser=False, wait=False) as page:
         page.show.nodes.show_shadows(False)
         browser.get(page.url)
@@ -85,7 +85,7 @@ def test_a_file_plays_from_disk_without_a_network(browser, swing, tmp_path):
 
 
 def settled(browser) -> np.ndarray:
-    """The picture over the player's bar, in which a caret blinks, after a few more frames."""
+    """Picture above the player's bar, in which a caret blinks, after a few more frames."""
     browser.execute_async_script(
         "const done = arguments[0];"
         "const frames = (n) => n ? requestAnimationFrame(() => frames(n - 1)) : done();"
@@ -95,7 +95,7 @@ def settled(browser) -> np.ndarray:
 
 
 def in_step(browser, swing):
-    """Bodies, strings, name of the time and numbers of an exported page are those of one time."""
+    """Bodies, strings, clock and numbers of an exported page belong to one time."""
     motion = ResampledRun.of(fan.loads(TOY), swing, rate=60.0)
     server = Server("toy", LIGHT, port=0)
     view = SceneNodes(server.viser, motion.geometry, LIGHT).view("three-quarter")
@@ -110,8 +110,8 @@ def in_step(browser, swing):
     for t in (0.6, 1.3, 0.6):  # on, and back
         browser.execute_script(SCRUB, str(t))
         stands_at(browser, t, motion, swing, camera)
-        # viser's player may stand a frame beside the time that was typed: outlines differ then, by
-        # some hundred pixels. A ball that is elsewhere differs by its area, some three thousand.
+        # viser's player may be one frame away from the typed time: outlines then differ by some
+        # hundred pixels. A misplaced ball differs by its area, some three thousand.
         shot = settled(browser)
         off = np.abs(shot - seen.setdefault(t, shot)).max(axis=2) > 30
         assert off.sum() < 400
@@ -122,7 +122,7 @@ def in_step(browser, swing):
 def stands_at(
     browser, t: float, motion: ResampledRun, swing: fan.Trajectory, camera: SimpleNamespace
 ):
-    """Clock, tension, ball and string of an exported page are those of a time [s]."""
+    """Clock, tension, ball and string of an exported page belong to a time [s]."""
     k = motion.frame(t)
     says = "return ['clock', 'readings'].map(n => document.getElementById(n).innerText)"
 
@@ -130,7 +130,7 @@ def stands_at(
         clock, readings = browser.execute_script(says)
         if clock == f"{t:.1f} s" and f"{motion.geometry.tension[k, 0]:.2f} N" in readings:
             return True
-        # A page that is busy may lose what is typed, and plays on.
+        # A busy page may lose the typed time, and play on.
         browser.execute_script(SCRUB, str(t))
         return False
 

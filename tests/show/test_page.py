@@ -1,7 +1,7 @@
-"""Pages in a real browser: what is dragged and pressed reaches the puppet, and is seen.
+"""Pages in a real browser: drags and buttons act on the puppet, with visible effect.
 
-Where Chromium cannot be found the tests are skipped. Pictures go to the folder that the environment
-variable FANTOCCINI_SCREENSHOTS names, if any.
+Without Chromium the tests are skipped. Pictures are written to the folder of the environment
+variable FANTOCCINI_SCREENSHOTS, if any.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ RED, GREENISH = (192, 32, 32), (32, 160, 32)
 
 @pytest.fixture(scope="module")
 def scene(browser, tmp_path_factory):
-    """A live page that the browser looks at."""
+    """A live page in the browser."""
     folder = tmp_path_factory.mktemp("page")
     file = toy(folder)
     page = fan.show(file, port=0, browser=False, wait=False, record_to=folder)
@@ -31,7 +31,7 @@ def scene(browser, tmp_path_factory):
     browser.get(page.url)
     clients = page.server.viser.get_clients
     until(clients, "the page connects")
-    found = SimpleNamespace(
+    scene_parts = SimpleNamespace(
         browser=browser,
         page=page,
         live=page.show,
@@ -41,13 +41,13 @@ def scene(browser, tmp_path_factory):
         client=next(iter(clients().values())),
     )
     until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
-    yield found
+    yield scene_parts
     page.close()
 
 
 @pytest.fixture(autouse=True)
 def free_strings(request):
-    """Every test begins with strings that nobody holds, and time that goes on."""
+    """Every test begins with free strings, and with running time."""
     if "scene" in request.fixturenames:
         live = request.getfixturevalue("scene").live
         live.holder.leave(live.holder.viewer)
@@ -62,11 +62,11 @@ navigator.getGamepads = () => window.stick.gone ? [] : [{
   buttons: [...Array(16).keys()].map((n) => ({pressed: window.stick.down.includes(n)})),
 }];
 """
-"""A gamepad that a test holds."""
+"""A gamepad controlled by a test."""
 
 
 def still(scene) -> bool:
-    """Whether nothing moves."""
+    """Whether the puppet is at rest."""
     x = scene.performance.state
     return np.abs(x.v_D).max() < 0.05 and not x.v_K.any()
 
@@ -85,7 +85,7 @@ def test_the_puppet_is_seen_with_its_numbers(scene):
 def test_a_bead_is_dragged_and_the_puppet_follows(scene, monkeypatch):
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)  # a slow machine lets go later
+    monkeypatch.setattr(scene.live.holder, "idle", 60.0)  # a slow machine releases later
     until(lambda: still(scene), "the puppet hangs still")
     before = scene.performance.place("line")[0]
     bob = scene.performance.state.q_D[:3].copy()
@@ -98,7 +98,7 @@ def test_a_bead_is_dragged_and_the_puppet_follows(scene, monkeypatch):
     until(
         lambda: np.linalg.norm(scene.performance.place("line")[0] - before) > 0.1, "the end moves"
     )
-    # What was 80 pixels to the right still lies under the mouse.
+    # The place 80 pixels to the right is still under the mouse.
     until(
         lambda: (
             abs(
@@ -127,7 +127,7 @@ def test_a_slider_winds_the_string(scene):
     until(lambda: scene.performance.length("line") < before - 0.015, "the string is wound in")
 
 
-def test_time_stands_still_and_goes_step_by_step(scene):
+def test_time_is_paused_and_advanced_by_steps(scene):
     press(scene.browser, "Pause")
     until(lambda: scene.live.paused, "a pause")
     t = scene.performance.t
@@ -151,7 +151,7 @@ def test_keys_move_the_handle_that_is_selected(scene):
     until(lambda: np.allclose(scene.performance.target("line")[0], [0, 0, 1]), "a reset")
 
 
-def test_a_parameter_changes_under_way(scene):
+def test_a_parameter_changes_during_a_performance(scene):
     from selenium.webdriver.common.keys import Keys
 
     until(lambda: still(scene), "the puppet hangs still")
@@ -166,7 +166,7 @@ def test_a_parameter_changes_under_way(scene):
             scene.performance.marionette.p[0]
             == pytest.approx(float(slider.get_attribute("aria-valuenow")))
         ),
-        "the slider says what it is",
+        "the slider shows its value",
     )
     mass = float(scene.performance.marionette.p[0])
     until(lambda: abs(scene.performance.tension[0] - 9.81 * mass) < 0.03 * 9.81 * mass, "weight")
@@ -218,7 +218,7 @@ def test_one_viewer_holds_the_strings(scene):
     assert scene.performance.t >= t
 
 
-def test_a_tab_that_is_closed_and_opened_again_sees_the_same_puppet(scene):
+def test_a_reopened_tab_shows_the_same_puppet(scene):
     before = scene.performance.t
     scene.browser.refresh()
     until(lambda: like(picture(scene.browser), GREENISH) > 200, "the puppet is seen again")
@@ -240,13 +240,13 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
         start = performance.target("line")[0]
         hold(axes=[1, 0, 0, 0])
         until(lambda: np.linalg.norm(performance.target("line")[0] - start) > 0.05, "it moves")
-        hold(axes=[0.05, 0, 0, 0])  # no stick is ever quite at rest
+        hold(axes=[0.05, 0, 0, 0])  # no stick rests exactly at 0
         until(lambda: not live.pads.sticks.moved, "the stick is let go")
         rest = performance.target("line")[0]
         length = performance.wanted_length("line")
         hold(axes=[0, 0, 0, -1])
         until(lambda: performance.wanted_length("line") < length - 0.03, "the string is wound in")
-        hold(gone=True)  # as where the gamepad loses its radio
+        hold(gone=True)  # as when the gamepad loses its radio
         until(lambda: not live.pads.sticks.moved, "nobody tells of it")
         length = performance.wanted_length("line")
         assert np.array_equal(performance.target("line")[0], rest)
@@ -266,7 +266,7 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
         browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
 
 
-def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
+def test_two_tabs_compete_for_the_strings(scene, monkeypatch):
     from selenium.webdriver.common.keys import Keys
 
     monkeypatch.setattr(scene.live.holder, "idle", 60.0)
@@ -287,7 +287,7 @@ def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
     before = performance.wanted_length("line")
     slide(Keys.ARROW_LEFT * 5)
     until(lambda: performance.wanted_length("line") < before - 0.003, "it winds")
-    time.sleep(0.5)  # for what is on its way
+    time.sleep(0.5)  # pending changes
     held = performance.wanted_length("line")
     browser.switch_to.window(first)
     slider = slide(Keys.ARROW_RIGHT * 9)
@@ -316,7 +316,7 @@ def test_rings_turn_a_bar(browser, tmp_path):
         radius, rectangle = 0.65 * page.show.controls.rings["bar"].scale, canvas(browser)
 
         def seen(angle: float) -> tuple[int, int]:
-            """A place on the ring about x: a quarter of a circle from y to z."""
+            """A place on the ring about x, in the quarter from y to z."""
             point = home + radius * np.array([0.0, np.cos(angle), np.sin(angle)])
             x, y = pixel(client, point, rectangle)
             return round(x), round(y)
@@ -333,7 +333,7 @@ def test_rings_turn_a_bar(browser, tmp_path):
         mouse.pointer_action.pointer_up()
         mouse.perform()
         until(lambda: page.show.holder.viewer is None, "the strings are free")
-        # Half an angle of 0.5, about x alone.
+        # Half an angle of 0.5, only about x.
         assert performance.target("bar")[1] == pytest.approx(
             [np.cos(0.25), np.sin(0.25), 0.0, 0.0], abs=0.05
         )

@@ -1,4 +1,4 @@
-"""The parts of a page that need no browser: hands, gamepads, text, strings, files."""
+"""Parts of a page that need no browser: hands, gamepads, text, strings, files."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def ray(eye, point):
 
 
 @given(st.floats(-np.pi, np.pi), st.floats(0.3, 1.4), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
-def test_in_a_plane_that_is_seen_well_a_handle_stays_under_the_mouse(azimuth, elevation, right, up):
-    """17.12: by the ray through the handle, wherever in the picture it is taken."""
+def test_in_a_visible_plane_a_handle_stays_under_the_mouse(azimuth, elevation, right, up):
+    """17.12: the motion follows the ray through the handle, at any place in the picture."""
     ahead = -np.array(
         [
             np.cos(elevation) * np.cos(azimuth),
@@ -57,24 +57,24 @@ def test_in_a_plane_that_is_seen_well_a_handle_stays_under_the_mouse(azimuth, el
     across = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     upwards = np.cross(across, ahead)
     place = np.array([0.3, -0.2, 1.0])
-    # The camera's axis does not go through the handle.
+    # The camera's axis does not pass through the handle.
     eye = place - 3.0 * ahead + 0.3 * across - 0.2 * upwards
     mouse = place + right * across + up * upwards
     for axes in (np.eye(3)[:2], np.array([[0.8, 0.6, 0.0], [0.0, 1.0, 0.0]])):
         went = drag.follow(axes, eye, place, place, mouse)
         assert went[2] == pytest.approx(0.0, abs=1e-12)
-        if ray(eye, mouse)[2] < -0.2:  # the plane is seen well there as well
+        if ray(eye, mouse)[2] < -0.2:  # the view of the plane is good there as well
             assert ray(eye, place + went) == pytest.approx(ray(eye, mouse), abs=4e-3)
 
 
 @given(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
-def test_no_mouse_lets_a_handle_run_away_or_go_against_it(height, right, up):
-    """17.12: a plane above the eye is seen from below, where down in the picture is away."""
+def test_a_handle_never_runs_away_or_moves_against_the_mouse(height, right, up):
+    """17.12: a plane above the eye is seen from below, and down in the picture is away in it."""
     eye, place = np.array([3.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0 + height])
     mouse = place + np.array([0.0, right, up])
     for axes in (np.eye(3)[:1], np.eye(3)[:2], np.eye(3)[1:], np.eye(3)):
         went = drag.follow(axes, eye, place, place, mouse)
-        # Twice the angle of the mouse at most, at a distance that grows by e to the gain.
+        # At most twice the angle of the mouse, at a distance that grows by e to the gain.
         turn = np.hypot(right, up) / 2.5
         assert np.linalg.norm(went) <= 5.0 * np.expm1(turn / 0.15) + 1e-9
         seen = ray(eye, place + went) - ray(eye, place)
@@ -101,7 +101,7 @@ def test_a_push_up_is_a_push_away_for_a_handle_in_a_plane():
     assert np.isfinite(drag.nudge(np.eye(3)[:2], down, 0.1, 0.2)).all()
 
 
-def test_one_viewer_holds_the_strings_until_hands_are_off():
+def test_one_viewer_holds_the_strings_until_it_releases_them():
     now = [0.0]
     holder = Holder(idle=3.0, clock=lambda: now[0])
     assert holder.claim(0) and not holder.claim(1) and holder.viewer == 0
@@ -117,8 +117,8 @@ def test_one_viewer_holds_the_strings_until_hands_are_off():
     assert holder.claim(0)
 
 
-def test_who_holds_the_strings_is_said_to_each():
-    """17.14: "Viewer 5 holds the strings" was said to viewer 5."""
+def test_each_viewer_is_told_the_holder_of_the_strings():
+    """17.14: "Viewer 5 holds the strings" was shown to viewer 5."""
     assert holder_text(None, 4) == "The strings are free"
     assert holder_text(4, 4) == "You hold the strings"
     assert holder_text(4, 3) == holder_text(4) == "Viewer 5 holds the strings"
@@ -156,7 +156,7 @@ def test_text_of_a_puppet_is_never_markup(name):
 
 
 @given(st.binary(max_size=300) | st.text(max_size=300))
-def test_a_gamepad_that_says_nonsense_is_not_listened_to(message):
+def test_invalid_messages_of_gamepads_are_ignored(message):
     sticks = pad.read(message)
     assert sticks is None or max(map(abs, (sticks.right, sticks.away, sticks.up))) <= 1.0
 
@@ -194,7 +194,7 @@ def test_two_short_recordings_are_two_files(tmp_path):
     assert len(list(tmp_path.glob("*.npz"))) == 3
 
 
-def test_what_keeps_a_recording_from_disk_is_told(tmp_path, monkeypatch):
+def test_errors_of_saving_a_recording_are_reported(tmp_path, monkeypatch):
     spare = tmp_path / "spare"
     spare.mkdir()
     monkeypatch.setattr(recorder.tempfile, "gettempdir", lambda: str(spare))
@@ -203,7 +203,7 @@ def test_what_keeps_a_recording_from_disk_is_told(tmp_path, monkeypatch):
     taken.begin()
     live.advance(0.05)
     taken.finish()
-    (path,) = spare.iterdir()  # nothing is lost where its folder is gone
+    (path,) = spare.iterdir()  # nothing is lost if its folder is missing
     assert "there is no folder" in taken.status and f"; wrote {path} (0.1 s)" in taken.status
     assert taken.status.count("cannot be written") == 1
     assert fan.theatre.Recording.load(path).duration == pytest.approx(0.05)
@@ -216,24 +216,24 @@ def test_what_keeps_a_recording_from_disk_is_told(tmp_path, monkeypatch):
 
 
 def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):
-    one, two = fan.puppets.arm2d().puppet, fan.puppets.string_pendulum().puppet
-    world = fan.Marionette(fan.Scene.of(one, two)).with_parameters({"arm2d.m1": 0.3})
+    arm, two = fan.puppets.arm2d().puppet, fan.puppets.string_pendulum().puppet
+    world = fan.Marionette(fan.Scene.of(arm, two)).with_parameters({"arm2d.m1": 0.3})
     live = fan.Performance(world)
     live.record()
     live.advance(0.1)
-    made = live.stop()
-    made.save(tmp_path / "two.npz")
-    for what in (made, tmp_path / "two.npz"):
+    recording = live.stop()
+    recording.save(tmp_path / "two.npz")
+    for what in (recording, tmp_path / "two.npz"):
         subject = page.subject_of(what)
         assert np.array_equal(subject.marionette.p, world.p)
         scene = replay.ResampledRun.of(subject.marionette, subject.run).geometry
         assert len(scene.names) == 2
-    made.trajectory.save(tmp_path / "run.npz")
-    for run in (made.trajectory, tmp_path / "run.npz"):
+    recording.trajectory.save(tmp_path / "run.npz")
+    for run in (recording.trajectory, tmp_path / "run.npz"):
         assert page.subject_of(run).marionette.coordinates.q_D == world.coordinates.q_D
 
 
-def test_a_file_that_cannot_even_be_read_is_told_of(tmp_path, monkeypatch):
+def test_an_unreadable_file_is_reported(tmp_path, monkeypatch):
     path = toy(tmp_path)
     watched = watched_file.WatchedFile(path, watched_file.compiled)
     monkeypatch.setattr(watched_file, "load", lambda _: 1 / 0)
@@ -242,7 +242,7 @@ def test_a_file_that_cannot_even_be_read_is_told_of(tmp_path, monkeypatch):
     assert result.mistakes == ("internal error: ZeroDivisionError: division by zero",)
 
 
-def test_what_cannot_be_shown_is_said():
+def test_objects_that_cannot_be_shown_are_refused():
     with pytest.raises(ValueError, match="found int; expected a puppet"):
         fan.show(3)
     with pytest.raises(ValueError, match="live puppet cannot be written as a file"):

@@ -42,14 +42,14 @@ def bell(path) -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    made = tmp_path_factory.mktemp("performed")
-    bell(made / "bell.wav")
-    (made / "number.yaml").write_text(SCORE, encoding="utf-8")
-    (made / "curtsy.yaml").write_text(
+    path = tmp_path_factory.mktemp("performed")
+    bell(path / "bell.wav")
+    (path / "number.yaml").write_text(SCORE, encoding="utf-8")
+    (path / "curtsy.yaml").write_text(
         "gesture: curtsy\nmoves: {knee_left.up: [[0, 0], [0.5, 5 cm], [1, 0]]}\n"
     )
-    (made / "wrong.yaml").write_text("gesture: wrong\nmoves: {kne.up: [[0, 0], [1, 5 cm]]}\n")
-    return made
+    (path / "wrong.yaml").write_text("gesture: wrong\nmoves: {kne.up: [[0, 0], [1, 5 cm]]}\n")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def scene(folder):
 
 @pytest.fixture(autouse=True)
 def quiet(request):
-    """Every test begins at the start, with nothing played and strings that nobody holds."""
+    """Every test begins at the start, with nothing played and free strings."""
     if "scene" in request.fixturenames:
         live = request.getfixturevalue("scene").live
         live.holder.leave(live.holder.viewer)
@@ -85,7 +85,7 @@ def quiet(request):
 
 
 def recorded(scene, seconds: float = 0.6) -> str:
-    """Records a hand that goes to and fro; the name of the take."""
+    """Record a hand that moves to and fro; returns the name of the take."""
     before = scene.stage.takes.names
     scene.viewer.press("Record")
     until(lambda: scene.live.recorder.running, "it records")
@@ -104,7 +104,7 @@ def recorded(scene, seconds: float = 0.6) -> str:
     return name
 
 
-def test_a_button_plays_a_gesture_and_home_takes_it_back(scene):
+def test_a_button_plays_a_gesture_and_home_reverts_it(scene):
     home = scene.performance.state.q_K
     scene.viewer.pick("C V U", "wave")
     until(lambda: scene.performance.playing == ("wave",), "it waves")
@@ -115,13 +115,13 @@ def test_a_button_plays_a_gesture_and_home_takes_it_back(scene):
     until(lambda: np.max(np.abs(scene.performance.state.q_K - home)) < 1e-9, "the hands are home")
 
 
-def test_files_of_the_folder_are_gestures_and_mistakes_are_told(scene):
+def test_files_of_the_folder_are_gestures_and_mistakes_are_reported(scene):
     assert "curtsy" in scene.stage.gesture_player.gestures
     scene.viewer.until_said("kne")  # of wrong.yaml
     assert "wrong.yaml" in scene.viewer.said
 
 
-def test_mirrored_gestures_and_those_that_go_on_until_pressed_again(scene):
+def test_mirrored_and_repeated_gestures(scene):
     names, home = scene.performance.marionette.coordinates.q_K, scene.performance.state.q_K
     left = [i for i, name in enumerate(names) if name.startswith("hand_left")]
     right = [i for i, name in enumerate(names) if name.startswith("hand_right")]
@@ -169,9 +169,9 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     scene.viewer.slide("Smooth [s]", 0.1)
     scene.viewer.slide("Stretch", 2.0)
     until(lambda: scene.stage.takes.edits.stretch == 2.0, "the edits")
-    made = scene.stage.takes.edited()
+    edited = scene.stage.takes.edited()
     same = whole.trimmed(0.2, 0.7).smoothed(0.1).stretched(2.0)
-    np.testing.assert_array_equal(made.acc_K, same.acc_K)
+    np.testing.assert_array_equal(edited.acc_K, same.acc_K)
     scene.viewer.press("Play (L)")
     until(lambda: (scene.performance.take_time or 0.0) > 0.2, "it plays")
     until(lambda: scene.performance.take_time is None, "it ends")
@@ -184,7 +184,7 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     assert gesture.uses == ("hand_left",)
     assert gesture.duration == pytest.approx(1.0)
     until(lambda: "reach" in str(list(scene.viewer.controls.values())), "its button")
-    # The same name again, and names that are none, or lead elsewhere, are refused.
+    # Existing names, invalid names and names in other folders are refused.
     for wrong, why in (("reach", "already"), ("../out", "not a valid name"), ("wave", "already")):
         scene.viewer.type_in("Name", wrong)
         until(lambda wrong=wrong: scene.live.panel.takes.name_field.value == wrong, "the name")
@@ -195,8 +195,8 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     scene.viewer.pick("Save as", "New take")
     until(lambda: scene.live.panel.takes.part_of == f"{name}-edited", "the edited take")
     until((scene.folder / f"{name}-edited.npz").is_file, "its file")
-    kept = fan.theatre.Recording.load(scene.folder / f"{name}-edited.npz")
-    np.testing.assert_array_equal(kept.acc_K, same.acc_K)
+    saved = fan.theatre.Recording.load(scene.folder / f"{name}-edited.npz")
+    np.testing.assert_array_equal(saved.acc_K, same.acc_K)
     scene.viewer.choose("Take", name)
     until(lambda: scene.stage.takes.chosen == name, "the first take")
     assert scene.stage.takes.edits.stretch == 1.0
@@ -214,7 +214,9 @@ def test_an_overdub_keeps_the_take_and_adds_the_hands(scene):
     until(lambda: scene.stage.takes.chosen != name, "it ends with the take")
     over = scene.stage.takes.take
     names = scene.performance.marionette.coordinates.q_K
-    own = [i for i, one in enumerate(names) if not one.startswith("hand_right")]
+    own = [
+        i for i, name_of_string in enumerate(names) if not name_of_string.startswith("hand_right")
+    ]
     n = min(len(over.trajectory), len(take.trajectory))
     assert n >= len(take.trajectory) - 1
     a, b = over.trajectory.q_K[:n], take.trajectory.q_K[:n]
@@ -225,7 +227,7 @@ def test_an_overdub_keeps_the_take_and_adds_the_hands(scene):
     until(lambda: not scene.stage.armed, "it is not armed")
 
 
-def test_who_does_not_hold_the_strings_changes_nothing(scene, monkeypatch):
+def test_a_viewer_without_the_strings_changes_nothing(scene, monkeypatch):
     name, stage = recorded(scene), scene.stage
     until(lambda: scene.live.panel.takes.part_of == name, "its part is shown")
     other = stage.takes.names[-1]
@@ -259,7 +261,7 @@ def test_a_take_becomes_a_film(scene):
     assert frames == pytest.approx(30.0 * scene.stage.takes.take.duration, abs=1.5)
 
 
-def test_a_score_waits_for_go_pauses_and_goes_to_marks(scene):
+def test_a_score_waits_for_go_pauses_and_jumps_to_marks(scene):
     performance = scene.performance
     scene.viewer.until_said(", beat 0.0")
     scene.viewer.until_said("Changes to the score:")  # the caption ends after the score
@@ -297,30 +299,32 @@ def test_a_score_that_is_saved_is_loaded_again(scene):
 
 
 def told(socket, true, patience: float = 20.0) -> dict:
-    """The first thing that a page's script is told for which something holds."""
+    """The first message to a page's script that fulfils a condition."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
         said = socket.recv(timeout=patience)
-        if isinstance(said, str) and true(found := json.loads(said)):
-            return found
+        if isinstance(said, str) and true(message := json.loads(said)):
+            return message
     raise AssertionError("the script is not told")
 
 
 def test_the_sound_follows_the_beat_and_the_score(scene):
     tempo = scene.stage.gesture_player.tempo
-    with connect(scene.page.url.replace("http", "ws", 1) + "/sound", origin=scene.page.url) as one:
-        assert json.loads(one.recv(timeout=20.0)) == {"start": 0.0, "gain": 1.0}
-        assert one.recv(timeout=20.0) == (scene.folder / "bell.wav").read_bytes()
-        assert told(one, lambda said: "beat" in said) == {"beat": None, "score": None}
+    with connect(
+        scene.page.url.replace("http", "ws", 1) + "/sound", origin=scene.page.url
+    ) as socket:
+        assert json.loads(socket.recv(timeout=20.0)) == {"start": 0.0, "gain": 1.0}
+        assert socket.recv(timeout=20.0) == (scene.folder / "bell.wav").read_bytes()
+        assert told(socket, lambda said: "beat" in said) == {"beat": None, "score": None}
         scene.viewer.pick("B M", "Metronome")
-        beat = told(one, lambda said: said.get("beat"))["beat"]
+        beat = told(socket, lambda said: said.get("beat"))["beat"]
         assert beat["period"] == pytest.approx(tempo.beat) and 0 <= beat["next"] <= tempo.beat
         scene.viewer.pick("B M", "Metronome")
-        told(one, lambda said: "beat" in said and said["beat"] is None)
+        told(socket, lambda said: "beat" in said and said["beat"] is None)
         scene.viewer.press("GO (Space)")
-        assert told(one, lambda said: said.get("score"))["score"]["t"] > 0.0
+        assert told(socket, lambda said: said.get("score"))["score"]["t"] > 0.0
         scene.viewer.press("Stop")
-        told(one, lambda said: "score" in said and said["score"] is None)
+        told(socket, lambda said: "score" in said and said["score"] is None)
 
 
 def test_a_tapped_tempo_is_shown(scene):

@@ -58,7 +58,7 @@ def test_buttons_direct_the_show(scene):
     until(lambda: show.held, "all hands stop")
 
 
-def test_the_page_lists_acts_cues_and_what_cannot_be_done(scene):
+def test_the_page_lists_acts_cues_and_refused_cues(scene):
     scene.viewer.until_said("columbine: nod")
     assert "One" in scene.viewer.said
 
@@ -76,10 +76,10 @@ def test_a_browser_shows_the_tab_and_the_space_bar_is_go(scene):
 
     with chrome() as browser:
         browser.get(scene.page.url)
-        found = until(
+        tabs = until(
             lambda: browser.find_elements(By.XPATH, "//*[normalize-space(text())='Play']"), "a tab"
         )
-        found[-1].click()
+        tabs[-1].click()
         until(lambda: "stands by for GO" in browser.page_source, "the tab is shown")
         browser.find_element(By.TAG_NAME, "body").send_keys(" ")
         until(lambda: scene.show.voice is not None, "it plays")

@@ -1,4 +1,4 @@
-"""From a hand on a bead to a film, by the page alone, in a real browser."""
+"""The steps from a drag of a bead to a film, only by the page, in a real browser."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RED = (192, 32, 32)
 
 @pytest.fixture
 def scene(browser, tmp_path, monkeypatch):
-    """A live page that the browser looks at, and strings that stay in this viewer's hands."""
+    """A live page in the browser, and strings that stay in this viewer's hands."""
     page = fan.show(toy(tmp_path), port=0, browser=False, wait=False, record_to=tmp_path)
     with page:
         monkeypatch.setattr(page.show.holder, "idle", 60.0)
@@ -49,7 +49,7 @@ def scene(browser, tmp_path, monkeypatch):
 
 
 def drag_bead(scene, right: int) -> None:
-    """Drags the bead to the right by pixels, and lets go."""
+    """Drag the bead to the right by pixels, and release it."""
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
     start = scene.performance.place("line")[0]
@@ -66,20 +66,20 @@ def drag_bead(scene, right: int) -> None:
 
 
 def shown(scene, selector: str) -> list:
-    """The elements that can be seen."""
-    found = scene.browser.find_elements("css selector", selector)
-    return [one for one in found if one.is_displayed()]
+    """The visible elements."""
+    elements = scene.browser.find_elements("css selector", selector)
+    return [element for element in elements if element.is_displayed()]
 
 
 def buttons(scene) -> list[str]:
-    """What the buttons of the page say."""
+    """Labels of the page's buttons."""
     return scene.browser.execute_script(
         "return [...document.querySelectorAll('button')].map((b) => b.textContent.trim())"
     )
 
 
 def recorded(scene, do) -> str:
-    """Records something by the page's button; the name of the take."""
+    """Record with the page's button; returns the name of the take."""
     before = scene.stage.takes.names
     press(scene.browser, "Record")
     until(lambda: scene.live.recorder.running, "it records")
@@ -98,7 +98,7 @@ def test_record_trim_gesture_performance_film(scene):
     open_tab(scene.browser, "Takes")
     until(lambda: first in scene.browser.page_source, "the take is shown")
 
-    # Trim: the first end of the part goes to the right, while the hand is still at rest.
+    # Trim: the first end of the part moves to the right, while the hand is still at rest.
     thumb = until(lambda: shown(scene, ".multi-slider-thumb"), "the ends of the part")[0]
     mouse = ActionChains(scene.browser).click_and_hold(thumb)
     for _ in range(4):
@@ -151,7 +151,7 @@ def test_record_trim_gesture_performance_film(scene):
     assert frames > 10 and seconds == pytest.approx(take.duration, abs=0.1)
     read = imageio_ffmpeg.read_frames(str(film))
     width, height = next(read)["size"]
-    early, *_, late = (np.frombuffer(one, np.uint8).reshape(height, width, 3) for one in read)
+    early, *_, late = (np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in read)
     assert np.abs(early.astype(int) - late).max() > 60
 
 
@@ -159,15 +159,15 @@ def test_the_metronome_is_heard(scene):
     open_tab(scene.browser, "Gestures")
     button = until(
         lambda: [
-            one
-            for one in scene.browser.find_elements("css selector", "button")
-            if one.text == "Metronome"
+            button_element
+            for button_element in scene.browser.find_elements("css selector", "button")
+            if button_element.text == "Metronome"
         ],
         "its button",
     )[0]
     said = "return Number(document.documentElement.dataset.clicks)"
     assert scene.browser.execute_script(said) == 0
-    button.click()  # a mouse's click: until then browsers are silent
+    button.click()  # a mouse's click, because browsers are silent before one
     until(lambda: scene.stage.gesture_player.metronome, "it is on")
     until(lambda: scene.browser.execute_script(said) >= 3, "three clicks")
     button.click()
@@ -175,7 +175,7 @@ def test_the_metronome_is_heard(scene):
 
 
 def test_keys_are_heard_after_clicks(scene):
-    """A button, a box or a list that was clicked does not keep the keyboard."""
+    """Buttons, boxes and lists do not keep the keyboard after a click."""
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.keys import Keys
 
@@ -191,7 +191,7 @@ def test_keys_are_heard_after_clicks(scene):
     until(lambda: gesture_player.options.mirrored, "the box is ticked")
     ActionChains(scene.browser).send_keys("1").perform()
     until(lambda: scene.performance.playing, "the key plays it")
-    next(one for one in shown(scene, "button") if one.text == "Record").click()
+    next(button for button in shown(scene, "button") if button.text == "Record").click()
     until(lambda: scene.live.recorder.running, "it records")
     ActionChains(scene.browser).send_keys(Keys.SPACE).send_keys("h").perform()
     until(lambda: not scene.performance.playing, "home: the keys have come")
@@ -201,8 +201,8 @@ def test_keys_are_heard_after_clicks(scene):
     until(lambda: np.linalg.norm(scene.client.camera.position - camera) > 0.1, "another view")
 
 
-def test_the_panel_does_not_hide_what_is_played(scene):
-    """All of the gestures' tab lies above the fold of a window of 1280 x 720."""
+def test_the_panel_does_not_hide_the_gestures(scene):
+    """All of the gestures' tab is above the fold of a window of 1280 x 720."""
     scene.browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
         {"width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": False},
@@ -210,9 +210,13 @@ def test_the_panel_does_not_hide_what_is_played(scene):
     try:
         open_tab(scene.browser, "Gestures")
         shown = until(
-            lambda: [one for one in rectangles(scene.browser, "button") if one["height"] > 0],
+            lambda: [
+                rectangle
+                for rectangle in rectangles(scene.browser, "button")
+                if rectangle["height"] > 0
+            ],
             "buttons",
         )
-        assert max(one["bottom"] for one in shown) < 720
+        assert max(rectangle["bottom"] for rectangle in shown) < 720
     finally:
         scene.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})

@@ -1,4 +1,4 @@
-"""Who is let in, and where a page goes when its port is taken."""
+"""Access to a page, and its port if the usual one is in use."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def server():
         async for message in connection:
             await connection.send(message)
 
-    found = Server(NAME, DARK, port=0, script="window.ours = 1;", handlers={"/echo": echo})
-    yield found
-    found.stop()
+    running = Server(NAME, DARK, port=0, script="window.ours = 1;", handlers={"/echo": echo})
+    yield running
+    running.stop()
 
 
 def answer(
@@ -58,7 +58,7 @@ def test_it_listens_on_this_machine_only(server):
             socket.create_connection((address, server.port), timeout=2)
 
 
-def test_a_name_that_was_bent_to_this_machine_is_refused(server):
+def test_another_name_for_this_machine_is_refused(server):
     assert answer(server, Host=f"evil.example:{server.port}")[0] == 403
     assert answer(server, Host=f"localhost:{server.port}")[0] == 200
 
@@ -91,8 +91,8 @@ def test_a_port_that_is_taken_gives_the_next_one():
         taken.bind(("127.0.0.1", 0))
         taken.listen(1)
         port = taken.getsockname()[1]
-        found = free_port("127.0.0.1", port)
-        assert found > port
+        other = free_port("127.0.0.1", port)
+        assert other > port
         server = Server("toy", DARK, port=port)
         try:
             assert server.moved
@@ -114,7 +114,7 @@ def test_an_address_that_is_not_ours_is_a_clear_mistake():
     ["//", "/./", "/index.html", "/index%2ehtml", "/./index.html?x=1", "/%2e/", "/x", "/../"],
 )
 def test_every_answer_has_the_security_headers(server, path):
-    """17.32: other spellings of the page's address gave the page without a policy."""
+    """17.32: other spellings of the page's address had no policy."""
     status, body, headers = answer(server, path)
     assert (status == 200) == ("window.ours = 1;" in body) == (path not in ("/x", "/../"))
     assert "default-src 'none'" in headers["Content-Security-Policy"]
@@ -124,8 +124,8 @@ def test_every_answer_has_the_security_headers(server, path):
     assert "Content-Security-Policy" in refused[2]
 
 
-def test_the_address_that_is_told_answers():
-    """17.32: with --host :: the page was said to be at 127.0.0.1, where nobody listened."""
+def test_the_announced_address_answers():
+    """17.32: with --host :: the announced address was 127.0.0.1, where nothing listened."""
     try:
         socket.create_server(("::1", 0), family=socket.AF_INET6).close()
     except OSError:
@@ -141,7 +141,7 @@ def test_the_address_that_is_told_answers():
 
 
 def test_only_values_that_a_control_can_have_are_set(server):
-    """17.32: a viewer could set a control's callbacks, and leave it dead for all."""
+    """17.32: a viewer could set a control's callbacks, and break it for all."""
     from viser import _messages
 
     gui = server.viser.gui
@@ -184,7 +184,7 @@ def test_only_values_that_a_control_can_have_are_set(server):
 
 
 def test_no_file_can_be_sent(server):
-    """17.32: a file that was sent to a control became its value, and was kept in memory."""
+    """17.32: a file sent to a control became its value, and stayed in memory."""
     from viser import _messages
 
     handled = server.viser._websock_server._incoming_handlers

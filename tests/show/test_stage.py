@@ -1,4 +1,4 @@
-"""What is performed on a page, without the page: scores, GO, gestures that repeat."""
+"""The performing part of a page, without the page: scores, GO, repeated gestures."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def made(tmp_path):
     stage.finish()
 
 
-def test_go_begins_a_score_also_one_that_waits_at_once_or_has_ended(made):
+def test_go_begins_a_score_even_if_it_waits_or_has_ended(made):
     made.stage.go()
     made.performance.advance(1.0)
     assert made.performance.score.t > 0.5
@@ -52,7 +52,7 @@ def test_one_beat_a_second_is_a_tempo(made):
     assert fan.load_score(made.performance.marionette, made.file).tempo is None
 
 
-def test_a_button_ends_what_it_repeats_though_mirrored_has_changed(made):
+def test_a_button_ends_its_gesture_after_a_change_of_mirrored(made):
     gesture_player = made.stage.gesture_player
     gesture_player.options.again = gesture_player.options.mirrored = True
     gesture_player.press("wave")
@@ -64,7 +64,7 @@ def test_a_button_ends_what_it_repeats_though_mirrored_has_changed(made):
     assert gesture_player.playing == ()
 
 
-def test_a_score_goes_on_with_a_puppet_that_was_saved(made):
+def test_a_score_continues_with_a_saved_puppet(made):
     made.stage.go()
     made.performance.advance(1.0)
     t = made.performance.score.t
@@ -86,8 +86,10 @@ def test_a_score_read_for_the_puppet_before_is_read_again(made, monkeypatch):
     first, second = made.performance.marionette, fan.puppets.marionette()
     monkeypatch.setattr(stage_module, "load_score", slow)
     made.file.write_text(SCORE.replace("nod", "shake"), encoding="utf-8")
-    looks, found = count(INTERVAL, INTERVAL), []
-    until(lambda: found.append(made.stage.poll(next(looks))) or found[-1] is not None, "a score")
-    assert found[-1] == ()
+    times, results = count(INTERVAL, INTERVAL), []
+    until(
+        lambda: results.append(made.stage.poll(next(times))) or results[-1] is not None, "a score"
+    )
+    assert results[-1] == ()
     assert made.stage.score.marionette is second
     assert made.stage.score.cues[0].gesture == "shake"

@@ -1,4 +1,4 @@
-"""Viewers of a page, without a browser: what they do to the puppet and to each other."""
+"""Viewers of a page, without a browser: their effect on the puppet and on each other."""
 
 from __future__ import annotations
 
@@ -38,84 +38,84 @@ def opened(marionette, folder):
 @pytest.fixture
 def scene(tmp_path):
     """A live page with the ball on a string."""
-    found = opened(fan.loads(TOY), tmp_path)
-    yield found
-    found.page.close()
+    opened_scene = opened(fan.loads(TOY), tmp_path)
+    yield opened_scene
+    opened_scene.page.close()
 
 
 def finite(performance) -> bool:
-    """Whether the puppet is somewhere."""
+    """Whether the puppet's state is finite."""
     x = performance.state
     return all(np.isfinite(part).all() for part in (x.q_D, x.v_D, x.q_K, x.v_K))
 
 
-def test_strings_are_free_when_a_hand_lets_go_of_its_bead(scene):
+def test_strings_are_free_after_a_bead_is_released(scene):
     home = scene.performance.place("line")[0]
-    with Viewer(scene.url) as one:
-        one.drag("start", BEAD, home, home)
+    with Viewer(scene.url) as viewer:
+        viewer.drag("start", BEAD, home, home)
         until(lambda: scene.live.holder.viewer is not None, "the strings are held")
-        for far in (0.02, 0.05):
-            one.drag("update", BEAD, home, home + far * np.eye(3)[1])
-        # The hand's plane lies at the eye's height here: how deep in it is all the same to the eye.
+        for distance in (0.02, 0.05):
+            viewer.drag("update", BEAD, home, home + distance * np.eye(3)[1])
+        # The hand's plane is at the eye's height here: depth in it is invisible.
         there = pytest.approx(0.05, abs=1e-4)
         until(lambda: scene.performance.target("line")[0][1] == there, "a move")
         began = scene.performance.t
-        one.drag("end", BEAD, home, home)
+        viewer.drag("end", BEAD, home, home)
         until(lambda: scene.live.holder.viewer is None, "the strings are free")
-        assert scene.performance.t < began + 2.0  # not for want of a move
+        assert scene.performance.t < began + 2.0  # other reasons than a missing move
         assert scene.performance.target("line")[0][1] == there
 
 
-def test_of_two_viewers_one_holds_and_the_other_is_told(scene, monkeypatch):
+def test_one_of_two_viewers_holds_and_the_other_is_told(scene, monkeypatch):
     monkeypatch.setattr(scene.live.holder, "idle", 60.0)
     line = "line"
     with Viewer(scene.url) as two:
-        one = Viewer(scene.url)
-        one.slide(line, 0.5)
+        first = Viewer(scene.url)
+        first.slide(line, 0.5)
         until(lambda: scene.performance.wanted_length(line) == 0.5, "the first winds")
         until(lambda: two.value(line) == 0.5, "the other sees it")
         two.slide(line, 0.7)
         two.until_said("Another viewer holds the strings")
         until(lambda: two.value(line) == 0.5, "the slider of the other snaps back")
         assert scene.performance.wanted_length(line) == 0.5
-        one.close()
+        first.close()
         until(lambda: scene.live.holder.viewer is None, "the holder's tab is closed")
         two.slide(line, 0.7)
         until(lambda: scene.performance.wanted_length(line) == 0.7, "the other takes over")
 
 
 def test_each_viewer_is_told_who_holds_the_strings(scene, monkeypatch):
-    """17.14: the one who holds them is told "you"."""
+    """17.14: the holder is told "you"."""
     monkeypatch.setattr(scene.live.holder, "idle", 60.0)
-    with Viewer(scene.url) as one, Viewer(scene.url) as two:
-        for viewer in (one, two):
+    with Viewer(scene.url) as holder, Viewer(scene.url) as two:
+        for viewer in (holder, two):
             viewer.until_said("The strings are free")
-        one.slide("line", 0.5)
-        one.until_said("You hold the strings")
+        holder.slide("line", 0.5)
+        holder.until_said("You hold the strings")
         two.until_said("holds the strings")
         assert "You hold" not in two.said
         number = scene.live.holder.viewer + 1
         assert f"Viewer {number} holds the strings" in two.said
-        assert f"Viewer {number} holds" not in one.said
+        assert f"Viewer {number} holds" not in holder.said
 
 
 def test_a_bead_winds_its_string_without_shift(scene):
-    """17.14: a phone has no Shift; what is up in the picture winds in, in every view."""
+    """17.14: a phone has no Shift; upward in the picture winds in, in every view."""
     home = scene.performance.place("line")[0]
-    with Viewer(scene.url) as one:
-        one.tick("Drag winds", True)
+    with Viewer(scene.url) as viewer:
+        viewer.tick("Drag winds", True)
         until(lambda: scene.live.panel.drag_winds, "the box is ticked")
         length = scene.performance.wanted_length("line")
-        one.drag("start", BEAD, home, home)
-        one.drag("update", BEAD, home, home + 0.05 * np.eye(3)[2])
+        viewer.drag("start", BEAD, home, home)
+        viewer.drag("update", BEAD, home, home + 0.05 * np.eye(3)[2])
         until(lambda: scene.performance.wanted_length("line") < length, "it winds in")
         assert scene.performance.wanted_length("line") == pytest.approx(length - 0.05)
         assert np.array_equal(scene.performance.target("line")[0], home)
-        one.drag("end", BEAD, home, home)
+        viewer.drag("end", BEAD, home, home)
 
 
 def test_rings_are_about_the_handle_that_is_chosen(tmp_path):
-    """17.14: rings of a bar and of a rocker on it lay in one another."""
+    """17.14: rings of a bar and of a rocker on it overlapped."""
     scene = opened(fan.loads(ROCKER), tmp_path)
     controls = scene.live.controls
     try:
@@ -123,8 +123,8 @@ def test_rings_are_about_the_handle_that_is_chosen(tmp_path):
             "bar": True,
             "rocker": False,
         }
-        with Viewer(scene.url) as one:
-            one.choose("Handle", "rocker")
+        with Viewer(scene.url) as viewer:
+            viewer.choose("Handle", "rocker")
             until(lambda: controls.selected == "rocker", "it is chosen")
             until(lambda: controls.rings["rocker"].visible, "its rings are seen")
             assert not controls.rings["bar"].visible
@@ -133,11 +133,11 @@ def test_rings_are_about_the_handle_that_is_chosen(tmp_path):
         scene.page.close()
 
 
-def test_what_a_viewer_has_just_chosen_is_not_overruled(tmp_path):
-    """17.14: a frame that came between a choice and its callback took the choice back."""
+def test_a_viewers_last_choice_is_kept(tmp_path):
+    """17.14: a frame between a choice and its callback reverted the choice."""
     scene = opened(fan.loads(ROCKER.replace("length: 0.4", "length: driven")), tmp_path)
     try:
-        # The values are as viser sets them before it calls anybody back.
+        # viser sets the values before it calls any callback.
         choice, slider = scene.live.panel.handle_choice, scene.live.controls.sliders["left"]
         choice.value, slider.value = "rocker", 0.5
         t = scene.performance.t
@@ -149,27 +149,27 @@ def test_what_a_viewer_has_just_chosen_is_not_overruled(tmp_path):
 
 def test_a_hand_that_vanishes_in_mid_drag_frees_the_strings(scene):
     home = scene.performance.place("line")[0]
-    one = Viewer(scene.url)
-    one.drag("start", BEAD, home, home)
-    one.drag("update", BEAD, home, home + 0.05 * np.eye(3)[1])
+    viewer = Viewer(scene.url)
+    viewer.drag("start", BEAD, home, home)
+    viewer.drag("update", BEAD, home, home + 0.05 * np.eye(3)[1])
     until(lambda: scene.live.holder.viewer is not None, "the strings are held")
-    one.close()
+    viewer.close()
     until(lambda: not scene.live.controls.grabs, "nothing is in a hand")
     assert scene.live.holder.viewer is None
 
 
 def lasting_threads() -> int:
-    """Number of threads but for viser's pool, which starts its at most 32 as they are needed."""
+    """Number of threads, without viser's pool, which starts up to 32 when they are needed."""
     names = [thread.name for thread in threading.enumerate()]
     return sum(not name.startswith("ThreadPoolExecutor") for name in names)
 
 
-def test_many_tabs_come_and_go_and_leave_nothing(scene):
+def test_many_tabs_leave_nothing_behind(scene):
     def tabs(count: int) -> None:
         for _ in range(count):
-            with Viewer(scene.url) as one:
-                until(lambda: one.bundles > 2, "the page is sent")
-                one.slide("line", 0.6)
+            with Viewer(scene.url) as viewer:
+                until(lambda: viewer.bundles > 2, "the page is sent")
+                viewer.slide("line", 0.6)
         until(lambda: not scene.clients(), "all are gone")
 
     tabs(8)
@@ -179,7 +179,7 @@ def test_many_tabs_come_and_go_and_leave_nothing(scene):
     gc.collect()
     until(lambda: lasting_threads() <= threads, "no thread stays")
     handles = sum(isinstance(thing, ClientHandle) for thing in gc.get_objects())
-    assert handles <= 3  # and none of those who left
+    assert handles <= 3  # and not those of closed tabs
     server = scene.page.server.viser._websock_server
     assert not server._client_state_from_id and not server._broadcast_buffer.generator_cursors
     assert len(server._broadcast_buffer.message_from_id) < 500
@@ -193,9 +193,9 @@ def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monke
     other = Rotation.from_euler("y", 60.0, degrees=True).as_quat()[[3, 0, 1, 2]]
     home, level = bar.performance.place("bar")
     try:
-        with Viewer(bar.url) as one, Viewer(bar.url) as two:
-            one.turn("start", RINGS, home, level)
-            one.turn("update", RINGS, home, turned)
+        with Viewer(bar.url) as holder, Viewer(bar.url) as two:
+            holder.turn("start", RINGS, home, level)
+            holder.turn("update", RINGS, home, turned)
             until(
                 lambda: np.allclose(bar.performance.place("bar")[1], turned, atol=1e-3), "it turns"
             )
@@ -204,7 +204,7 @@ def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monke
             two.until_said("Another viewer holds the strings")
             assert bar.live.controls.turned == {"bar": 0}
             two.turn("end", RINGS, home, other)
-            one.turn("end", RINGS, home, turned)
+            holder.turn("end", RINGS, home, turned)
             until(lambda: bar.live.holder.viewer is None, "the strings are free")
             # The block hangs where the bar has taken it: one end higher by 0.24 m sin 20 deg.
             rings = bar.live.controls.rings["bar"]
@@ -221,31 +221,31 @@ def test_abuse_leaves_a_puppet_a_page_and_a_whole_recording(tmp_path):
     performance, rng = scene.performance, np.random.default_rng(6)
     homes = [performance.place(handle.name)[0] for handle in performance.handles]
     try:
-        with Viewer(scene.url) as one:
-            one.press("Record")
+        with Viewer(scene.url) as viewer:
+            viewer.press("Record")
             until(lambda: scene.live.recorder.running, "a recording")
             for n, home in enumerate(homes):
-                one.drag("start", f"/handles/{n}", home, home)
-            ends = {name: one.ends(name) for name in performance.lengths}
+                viewer.drag("start", f"/handles/{n}", home, home)
+            ends = {name: viewer.ends(name) for name in performance.lengths}
             for k in range(100):
                 for n, home in enumerate(homes):
                     away = rng.normal(size=3)
-                    far = home + 10.0 * away / np.linalg.norm(away)
-                    one.drag("update", f"/handles/{n}", home, far)
+                    target = home + 10.0 * away / np.linalg.norm(away)
+                    viewer.drag("update", f"/handles/{n}", home, target)
                 for name, (low, high) in ends.items():
-                    one.slide(name, high if k % 2 else low)
+                    viewer.slide(name, high if k % 2 else low)
                 t = performance.t
                 until(lambda: performance.t > t + 0.015, "time goes on")  # noqa: B023
                 assert finite(performance)
                 for n, home in enumerate(homes):
-                    one.drag("update", f"/handles/{n}", home, home)
+                    viewer.drag("update", f"/handles/{n}", home, home)
             for n, home in enumerate(homes):
-                one.drag("end", f"/handles/{n}", home, home)
-            one.press("Stop recording")
+                viewer.drag("end", f"/handles/{n}", home, home)
+            viewer.press("Stop recording")
             path = until(lambda: next(iter(tmp_path.glob("*.npz")), None), "a file")
             assert scene.live.running and finite(performance)
-            assert "internal error" not in one.said
-            one.press("Pause")
+            assert "internal error" not in viewer.said
+            viewer.press("Pause")
             until(lambda: scene.live.paused, "the page still answers")
     finally:
         scene.page.close()
@@ -258,7 +258,7 @@ def test_abuse_leaves_a_puppet_a_page_and_a_whole_recording(tmp_path):
 
 
 @pytest.mark.parametrize("value", [10**400, -(10**400), float("inf"), float("nan"), 2, "0.5"])
-def test_a_slider_takes_what_is_in_its_range(value):
+def test_a_slider_takes_values_in_its_range(value):
     server = viser.ViserServer(port=0, verbose=False)
     try:
         slider = server.gui.add_slider("T", min=0.0, max=1.0, step=0.01, initial_value=0.5)

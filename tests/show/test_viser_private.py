@@ -1,4 +1,4 @@
-"""What fantoccini uses of viser beyond its public interface is in one module, and is checked."""
+"""Uses of viser's private members are in one module, and are checked."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_the_installed_viser_is_a_checked_one():
 
 
 def test_private_members_are_used_in_one_module_only():
-    """Elsewhere nothing is imported from viser's inside, and ``_names`` belong to ``self``."""
+    """Elsewhere nothing is imported from viser's private modules, and `_names` belong to `self`."""
     wrong = []
     files = {file for folder in ("web", "pages", "live") for file in (APP / folder).glob("*.py")}
     assert len(files) > 25
@@ -44,14 +44,14 @@ def test_private_members_are_used_in_one_module_only():
         ("MESSAGES", ("GoneMessage", "GuiUpdateMessage"), "_messages.GoneMessage"),
     ],
 )
-def test_a_viser_without_what_is_used_is_refused(monkeypatch, name, changed, missing):
+def test_a_viser_without_the_used_members_is_refused(monkeypatch, name, changed, missing):
     monkeypatch.setattr(viser_private, name, changed)
     versions = f"viser {viser.__version__} cannot be used: it has no {missing}; fantoccini works "
     with pytest.raises(ViserError, match=versions):
         Server("toy", LIGHT, port=0)
 
 
-def test_a_viser_that_serves_otherwise_is_refused(monkeypatch):
+def test_a_viser_with_another_server_is_refused(monkeypatch):
     """Its requests would not be filtered."""
     stopped = []
     server = SimpleNamespace(stop=lambda: stopped.append(True))

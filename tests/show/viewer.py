@@ -1,4 +1,4 @@
-"""A viewer without a browser: it speaks the language of viser's page and does what a page does."""
+"""A viewer without a browser: it speaks the protocol of viser's page and acts as a page does."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from websockets.sync.client import connect
 
 
 class Viewer:
-    """A connection to a page, which takes in everything that the page is sent.
+    """A connection to a page, which receives all of its messages.
 
     Attributes:
-        bundles: how many bundles of messages have come.
+        bundles: number of received bundles of messages.
         controls: kind and properties of everything in the panel, by its identifier.
-        poses: where nodes are, by name.
-        notices: titles of what popped up.
+        poses: poses of nodes, by name.
+        notices: titles of notices.
 
     Args:
-        url: of the page.
-        heard: told every message, if given.
+        url: address of the page.
+        heard: called with every message, if given.
     """
 
     def __init__(self, url: str, heard: Callable[[dict], None] | None = None):
@@ -43,7 +43,7 @@ class Viewer:
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        # Nobody is a viewer before it has said where it looks from.
+        # A viewer counts only after it has sent its camera.
         self.send(
             _messages.ViewerCameraMessage(
                 wxyz=(1.0, 0.0, 0.0, 0.0),
@@ -65,40 +65,40 @@ class Viewer:
         self.close()
 
     def close(self) -> None:
-        """Closes the tab."""
+        """Close the tab."""
         self._socket.close()
         self._reader.join()
 
     def send(self, message: Any) -> None:
-        """Sends a message of viser's page."""
+        """Send a message of viser's page."""
         self._socket.send(msgspec.msgpack.encode(message.as_serializable_dict()))
 
     def press(self, label: str) -> None:
-        """Presses a button."""
+        """Press a button."""
         self.send(_messages.GuiUpdateMessage(self._named("GuiButtonMessage", label), {"value": 1}))
 
     def slide(self, label: str, value: float) -> None:
-        """Moves a slider; ``low`` and ``high`` of :meth:`ends` are how far it goes."""
+        """Move a slider; `low` and `high` of `ends` are its range."""
         uuid = self._named("GuiSliderMessage", label)
         self.send(_messages.GuiUpdateMessage(uuid, {"value": float(value)}))
 
     def tick(self, label: str, on: bool) -> None:
-        """Ticks a box, or clears it."""
+        """Tick a box, or clear it."""
         uuid = self._named("GuiCheckboxMessage", label)
         self.send(_messages.GuiUpdateMessage(uuid, {"value": on}))
 
     def pick(self, label: str, option: str) -> None:
-        """Presses one of a row of buttons."""
+        """Press one of a row of buttons."""
         uuid = self._named("GuiButtonGroupMessage", label)
         self.send(_messages.GuiUpdateMessage(uuid, {"value": option}))
 
     def type_in(self, label: str, text: str) -> None:
-        """Types into a field."""
+        """Type into a field."""
         uuid = self._named("GuiTextMessage", label)
         self.send(_messages.GuiUpdateMessage(uuid, {"value": text}))
 
     def keep_part(self, label: str, start: float, end: float) -> None:
-        """Moves both ends of a slider that has two."""
+        """Move both ends of a slider that has two."""
         uuid = self._named("GuiMultiSliderMessage", label)
         self.send(_messages.GuiUpdateMessage(uuid, {"value": [start, end]}))
 
@@ -107,7 +107,7 @@ class Viewer:
         return tuple(self.controls[self._named("GuiDropdownMessage", label)]["options"])
 
     def choose(self, label: str, option: str) -> None:
-        """Chooses in a list."""
+        """Choose in a list."""
         uuid = self._named("GuiDropdownMessage", label)
         self.send(_messages.GuiUpdateMessage(uuid, {"value": option}))
 
@@ -117,11 +117,11 @@ class Viewer:
         return props["min"], props["max"]
 
     def value(self, label: str) -> float:
-        """Where a slider stands."""
+        """Value of a slider."""
         return self.controls[self._named("GuiSliderMessage", label)]["value"]
 
     def drag(self, phase: str, node: str, start: np.ndarray, end: np.ndarray) -> None:
-        """Drags a node from where it was taken to somewhere else [m]."""
+        """Drag a node from a place to another [m]."""
         self.send(
             _messages.SceneNodeDragMessage(
                 phase,
@@ -137,7 +137,7 @@ class Viewer:
         )
 
     def turn(self, phase: str, node: str, position: np.ndarray, wxyz: np.ndarray) -> None:
-        """Turns rings as a mouse on them does."""
+        """Turn rings as a mouse on them does."""
         if phase == "start":
             self.send(_messages.TransformControlsDragStartMessage(node))
         self.send(
@@ -149,7 +149,7 @@ class Viewer:
             self.send(_messages.TransformControlsDragEndMessage(node))
 
     def until_said(self, words: str, patience: float = 20.0) -> None:
-        """Waits until the page says something."""
+        """Wait until the page says these words."""
         end = time.monotonic() + patience
         while words not in self.said:
             assert time.monotonic() < end, f"waited {patience:g} s for {words!r}: {self.said}"
@@ -157,11 +157,11 @@ class Viewer:
 
     @property
     def said(self) -> str:
-        """What the page says, as HTML, and in notices."""
+        """Text of the page, as HTML, and of notices."""
         panels = (str(props.get("content", "")) for props in list(self.controls.values()))
         return "\n".join((*panels, *self.notices))
 
-    # -- what comes ----------------------------------------------------------------------------
+    # -- incoming messages ----------------------------------------------------------------------
 
     def _named(self, kind: str, label: str, patience: float = 20.0) -> str:
         end = time.monotonic() + patience

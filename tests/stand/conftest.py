@@ -1,4 +1,4 @@
-"""Puppets and runs that several tests of stands share."""
+"""Puppets and runs shared by tests of stands."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ LIFT = {"line.length": [(0.1, 0.8), (0.6, 0.4), (0.8, 0.4), (1.3, 0.8)]}
 
 
 def stand(torque: str = "0.5", text: str = STAND, **changes: str) -> Stand:
-    """The stand with a torque, and other texts replaced (blanks are underscores)."""
+    """The stand with a torque, and other texts replaced (underscores stand for blanks)."""
     text = text.replace("TORQUE", torque)
     for old, new in changes.items():
         assert old in text, old
@@ -41,6 +41,6 @@ def stand(torque: str = "0.5", text: str = STAND, **changes: str) -> Stand:
 def lift(hoist: fan.Marionette, method: str = "event") -> fan.Trajectory:
     """The bob goes up and down."""
     x0 = hoist.rest({"line.length": 0.8})
-    given = fan.Input.waypoints(hoist, LIFT)
+    inputs = fan.Input.waypoints(hoist, LIFT)
     save_at = np.linspace(0.0, 1.5, 1501) if method == "event" else None
-    return fan.simulate(hoist, x0, given, t_end=1.5, method=method, save_at=save_at)
+    return fan.simulate(hoist, x0, inputs, t_end=1.5, method=method, save_at=save_at)

@@ -1,4 +1,4 @@
-"""Axes and driven coordinates: a linear map, virtual work, and what a stand cannot move."""
+"""Axes and driven coordinates: a linear map, virtual work, and motions impossible for a stand."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ zero: {{hoist.length: 0.5}}
 
 @pytest.fixture(scope="module")
 def hoisted(crane):
-    given = fan.Input.waypoints(
+    inputs = fan.Input.waypoints(
         crane, {"hoist.length": [(0, 2.5), (1, 2.0), (2, 2.2)], "trolley": [(0.3, 0), (1.5, 0.4)]}
     )
-    return fan.simulate(crane, crane.rest({"hoist.length": 2.5}), given, t_end=2.5)
+    return fan.simulate(crane, crane.rest({"hoist.length": 2.5}), inputs, t_end=2.5)
 
 
 def test_a_carriage_that_takes_string(crane, hoisted):
-    """By hand: trolley = p_c, length = 0.5 - p_c + p_w."""
+    """The closed form is trolley = p_c, length = 0.5 - p_c + p_w."""
     bound = AxisMap.of(loads_stand(CRANE), crane.coordinates)
     motion = bound.motion_of(hoisted)
     trolley, length = (
@@ -47,7 +47,7 @@ def test_a_carriage_that_takes_string(crane, hoisted):
 
 
 def test_the_power_of_axes_is_that_of_coordinates(crane, hoisted):
-    """Virtual work: F . pdot = f_K . v_K, whatever the map."""
+    """Virtual work: F . pdot = f_K . v_K, for any map."""
     bound = AxisMap.of(loads_stand(CRANE), crane.coordinates)
     motion, effort = bound.motion_of(hoisted), hoisted.effort.values
     by_axes = np.sum(bound.forces(effort) * motion.velocity, axis=1)
@@ -56,7 +56,7 @@ def test_the_power_of_axes_is_that_of_coordinates(crane, hoisted):
     assert np.max(np.abs(by_axes)) > 1.0
 
 
-def test_what_no_axis_moves_must_hold_still(crane, hoisted):
+def test_coordinates_without_an_axis_must_hold_still(crane, hoisted):
     only = CRANE.replace("moves: {trolley: 1, hoist.length: -1}", "moves: {trolley: 1}")
     only = only[: only.index("  winch")]
     bound = AxisMap.of(loads_stand(only), crane.coordinates)
@@ -66,14 +66,14 @@ def test_what_no_axis_moves_must_hold_still(crane, hoisted):
 
 
 def test_coordinates_that_one_axis_moves_must_go_together(crane):
-    one = CRANE.replace("{trolley: 1, hoist.length: -1}", "{trolley: 2, hoist.length: 1}")
-    one = one[: one.index("  winch")] + "zero: {hoist.length: 2.5}\n"
-    bound = AxisMap.of(loads_stand(one), crane.coordinates)
+    text = CRANE.replace("{trolley: 1, hoist.length: -1}", "{trolley: 2, hoist.length: 1}")
+    text = text[: text.index("  winch")] + "zero: {hoist.length: 2.5}\n"
+    bound = AxisMap.of(loads_stand(text), crane.coordinates)
     start = crane.rest({"hoist.length": 2.5})
     times = np.linspace(0, 2, 50)
     along = {"hoist.length": [(0, 2.5), (1, 2.0)], "trolley": [(0, 0), (1, -1.0)]}
-    given = fan.Input.waypoints(crane, along).bound(start.q_K)
-    assert np.allclose(bound.motion_of(given, times).position[-1], -0.5)
+    inputs = fan.Input.waypoints(crane, along).bound(start.q_K)
+    assert np.allclose(bound.motion_of(inputs, times).position[-1], -0.5)
     apart = fan.Input.waypoints(crane, along | {"trolley": [(0, 0), (1, -0.8)]}).bound(start.q_K)
     with pytest.raises(FileError, match=r"cannot move .* independently of their other coordinates"):
         bound.motion_of(apart, times)

@@ -1,4 +1,4 @@
-"""Whether a stand can do a run, against closed forms, the ledger and simulated motors."""
+"""The check of a stand for a run, compared with closed forms, the ledger and simulated motors."""
 
 from __future__ import annotations
 
@@ -23,59 +23,59 @@ G = 9.81
 
 def test_the_torque_of_a_winch_that_lifts_a_mass(hoist, lifted):
     """Closed form: torque = -m (g - lddot) r + J lddot / r, the length l growing."""
-    found = check_stand(stand(), lifted, hoist)
-    length, _, acc = found.motion.of("winch")
-    told = -MASS * (G - acc) * RADIUS + ROTOR * acc / RADIUS
-    # Between samples, at the accelerations' kinks, forces are interpolated.
-    assert np.allclose(found.torque[:, 0], told, atol=1e-3 * MASS * G * RADIUS)
-    assert np.mean(np.abs(found.torque[:, 0] - told)) < 1e-6 * MASS * G * RADIUS
+    check = check_stand(stand(), lifted, hoist)
+    length, _, acc = check.motion.of("winch")
+    torque = -MASS * (G - acc) * RADIUS + ROTOR * acc / RADIUS
+    # Between samples, at kinks of the accelerations, forces are interpolated.
+    assert np.allclose(check.torque[:, 0], torque, atol=1e-3 * MASS * G * RADIUS)
+    assert np.mean(np.abs(check.torque[:, 0] - torque)) < 1e-6 * MASS * G * RADIUS
     assert np.max(np.abs(acc)) > 5.0 and np.ptp(length) == pytest.approx(0.4, abs=1e-6)
-    limits = found.of("winch")
+    limits = check.of("winch")
     assert limits["speed"].value == pytest.approx(1.875 * 0.4 / 0.5, rel=1e-5)  # minimum jerk
     peak = 10 / np.sqrt(3) * 0.4 / 0.5**2
     assert limits["acceleration"].value == pytest.approx(peak, rel=1e-4)
-    assert limits["speed"].margin == pytest.approx(-50.0, abs=0.01) and not found.ok
+    assert limits["speed"].margin == pytest.approx(-50.0, abs=0.01) and not check.ok
     assert limits["travel"].margin == pytest.approx(100 / 7, abs=1e-3)
     # 15 s^2 - 60 s^3 ... : the first time at which 30 s^2 (1 - s)^2 0.4 / 0.5 = 1.
     s = (1 - np.sqrt(1 - 4 * np.sqrt(1 / 24))) / 2
-    assert found.first.quantity == "speed" and found.first.axis == "winch"
-    assert found.first.broken == pytest.approx(0.1 + 0.5 * s, abs=2e-3)
-    assert "cannot do it: at t = 0.2" in found.summary()
+    assert check.first.quantity == "speed" and check.first.axis == "winch"
+    assert check.first.broken == pytest.approx(0.1 + 0.5 * s, abs=2e-3)
+    assert "cannot do it: at t = 0.2" in check.summary()
 
 
 @pytest.mark.parametrize("gear, efficiency", [(1.0, 1.0), (4.0, 0.8)])
 def test_a_hanging_mass(hoist, gear, efficiency):
-    """m g r / gear, whether it is held, and more where it is lifted through an efficiency."""
+    """m g r / gear at rest, and more when it is lifted through an efficiency."""
     x0 = hoist.rest({"line.length": 0.8})
     still = fan.simulate(hoist, x0, t_end=0.5)
     text = STAND.replace("    moves", f"    gear: {gear}\n    efficiency: {efficiency}\n    moves")
-    found = check_stand(stand(text=text), still, hoist)
-    assert np.allclose(found.torque, -MASS * G * RADIUS / gear, rtol=1e-6)
+    check = check_stand(stand(text=text), still, hoist)
+    assert np.allclose(check.torque, -MASS * G * RADIUS / gear, rtol=1e-6)
     up = fan.Input.segments(hoist, np.array([0.0, 0.4]), x0.q_K, np.array([-0.5]), np.zeros((1, 1)))
     moving = hoist.project(hoist.state({"line.length": 0.8}))
     moving = replace(moving, v_D=np.array([0.5]), v_K=np.array([-0.5]))
     steady = fan.simulate(hoist, moving, up, t_end=0.4)
-    found = check_stand(stand(text=text), steady, hoist)
-    mid = len(found.torque) // 2
-    assert found.torque[mid, 0] == pytest.approx(-MASS * G * RADIUS / gear / efficiency, rel=1e-6)
+    check = check_stand(stand(text=text), steady, hoist)
+    mid = len(check.torque) // 2
+    assert check.torque[mid, 0] == pytest.approx(-MASS * G * RADIUS / gear / efficiency, rel=1e-6)
 
 
 def test_power_goes_into_the_puppet_the_rotors_and_friction(stand6, conduct):
     """sum of torque w = d/dt (kinetic energy of rotors) + work of the ledger + friction."""
     puppet, run = stand6, conduct
-    found = check_stand("six_winches", run, puppet)
-    t, v = found.motion.t, found.motion.velocity
-    n = np.array([axis.ratio for axis in found.axes])
-    J = np.array([axis.inertia for axis in found.axes])
+    check = check_stand("six_winches", run, puppet)
+    t, v = check.motion.t, check.motion.velocity
+    n = np.array([axis.ratio for axis in check.axes])
+    J = np.array([axis.inertia for axis in check.axes])
     spun = 0.5 * (v * n) ** 2 @ J
     w = v * n
     viscous, coulomb, slow = (
-        getattr(found.axes[0].file.friction, k) for k in ("viscous", "coulomb", "speed")
+        getattr(check.axes[0].file.friction, k) for k in ("viscous", "coulomb", "speed")
     )
     rubbed = np.sum(viscous * w**2 + coulomb * w**2 / np.sqrt(w**2 + slow**2), axis=1)
-    # The six_winches have gears that lose a part: what arrives is F pdot.
-    arrives = np.sum(found.force * v, axis=1)
-    sent = np.sum(found.power(), axis=1)
+    # The gears of six_winches have losses: the output is F pdot.
+    arrives = np.sum(check.force * v, axis=1)
+    sent = np.sum(check.power(), axis=1)
     lost = sent - arrives - rubbed - np.gradient(spun, t)
     smooth = np.abs(np.gradient(spun, t)) < 1e-3
     assert np.max(lost) > 0.0 and np.min(np.where(smooth, lost, 0.0)) > -1e-3
@@ -100,29 +100,29 @@ def test_impulses_on_winches_are_those_of_their_strings(stand6, conduct):
 
 
 @pytest.mark.parametrize("load", [0.0, 0.3, 0.8])
-def test_the_hump_that_a_catch_must_not_pass(load):
-    """Against the equation of a rotor that is hit: J angle'' = T sin(-50 angle) - M."""
+def test_the_largest_impulse_on_a_stepper(load):
+    """The equation of a rotor after an impulse: J angle'' = T sin(-50 angle) - M."""
     (axis,) = axes_of(stand("0.4"))
     T, M, caught = 0.4, 0.4 * load, 2e-5
     J = axis.inertia + caught
-    most = float(max_impulse(axis, *(np.array(x) for x in (M, 0.0, caught))))
+    limit = float(max_impulse(axis, *(np.array(x) for x in (M, 0.0, caught))))
     rest = -np.arcsin(load) / 50
 
     def escapes(impulse: float) -> bool:
-        found = scipy.integrate.solve_ivp(
+        solution = scipy.integrate.solve_ivp(
             lambda t, y: [y[1], (-T * np.sin(50 * y[0]) - M) / J],
             (0.0, 0.5),
             [rest, -impulse / J],
             rtol=1e-9,
             atol=1e-12,
         )
-        return bool(np.min(found.y[0]) < rest - 2 * np.pi / 50)
+        return bool(np.min(solution.y[0]) < rest - 2 * np.pi / 50)
 
-    assert not escapes(0.995 * most) and escapes(1.005 * most)
+    assert not escapes(0.995 * limit) and escapes(1.005 * limit)
 
 
 @pytest.mark.parametrize("height", [0.005, 0.01])
-def test_a_simulated_stepper_takes_the_catches_that_the_check_says(hoist, height):
+def test_a_simulated_stepper_agrees_with_the_check_on_catches(hoist, height):
     """A bob falls into its string, whose winch is a rotor on a simulated stepper motor."""
     slack = replace(hoist.rest({"line.length": 0.8}), taut=np.array([False]))
     run = fan.simulate(hoist, replace(slack, q_D=slack.q_D + height), t_end=0.4)
@@ -138,9 +138,9 @@ def test_a_simulated_stepper_takes_the_catches_that_the_check_says(hoist, height
     state = {"bob.z": 0.2 + height, "line.length": 0.8, "line.command.length": 0.8}
 
     def keeps(torque: float) -> bool:
-        made = real.with_parameters({"torque": torque})
+        weaker = real.with_parameters({"torque": torque})
         run = fan.simulate(
-            made, made.state(state), t_end=0.2, method=fan.TimeStepping(dt=2e-5), throw=False
+            weaker, weaker.state(state), t_end=0.2, method=fan.TimeStepping(dt=2e-5), throw=False
         )
         return run.status is fan.Status.DONE
 
@@ -161,36 +161,36 @@ def test_steps_lost_under_a_constant_load():
 
 @pytest.mark.parametrize("share", [0.9, 1.15])
 def test_a_simulated_stepper_agrees(hoist, lifted, share):
-    """The same winch as a drive: it keeps step where the check says so, and else loses more."""
-    found = check_stand(stand(), lifted, hoist)
-    torque = share * found.of("winch")["torque"].value
-    found = check_stand(stand(f"{torque}"), lifted, hoist)
+    """The same winch as a drive: it loses no step if the check says so, and otherwise more."""
+    check = check_stand(stand(), lifted, hoist)
+    torque = share * check.of("winch")["torque"].value
+    check = check_stand(stand(f"{torque}"), lifted, hoist)
     real = fan.loads(
         HOIST + f"drives: [{{on: line.length, inertia: {ROTOR}, drum: {RADIUS}, "
         "friction: {viscous: 5.0e-5}, "
         "motor: {type: stepper, torque: {parameter: torque, value: 0.1}}}]"
     ).with_parameters({"torque": torque})
-    given = fan.Input.waypoints(real, LIFT)
+    inputs = fan.Input.waypoints(real, LIFT)
     run = fan.simulate(
         real,
         real.rest({"line.length": 0.8}),
-        given,
+        inputs,
         t_end=1.5,
         method=fan.TimeStepping(dt=1e-4),
         throw=False,
     )
-    limit = found.of("winch")["torque"]
+    limit = check.of("winch")["torque"]
     if share > 1.0:
-        assert limit.broken is None and not found.lost and run.status is fan.Status.DONE
+        assert limit.broken is None and not check.lost and run.status is fan.Status.DONE
     else:
         assert limit.broken is not None and run.status is not fan.Status.DONE
         (overload,) = run.overloads.values()
-        lost = found.lost["winch"]
+        lost = check.lost["winch"]
         assert lost.steps <= 4 * overload.lost_steps
         assert lost.since <= overload.since + 1e-3
 
 
-def test_a_motor_or_a_drum_that_was_computed_does_it(hoist, lifted):
+def test_an_advised_motor_or_drum_passes(hoist, lifted):
     """The factors are those of a check that passes."""
     sure = {"speed": "speed: 2 #", "acceleration": "acceleration: 60 #"}
     weak = check_stand(stand("0.055", **sure), lifted)
@@ -207,11 +207,11 @@ def test_a_motor_or_a_drum_that_was_computed_does_it(hoist, lifted):
 
 def test_step_rates_are_those_of_the_controller(hoist, lifted):
     bound = {"axes:": "controller: {type: grbl, step_rate: 60000}\naxes:"}
-    found = check_stand(stand(**bound), lifted, hoist)
-    limit = found.of("winch")["step rate"]
+    check = check_stand(stand(**bound), lifted, hoist)
+    limit = check.of("winch")["step rate"]
     assert limit.value == pytest.approx(1.5 * 3200 / (2 * np.pi * 0.01), rel=1e-4)
     assert limit.broken is not None
-    assert any("8 microsteps instead of 16" in line for line in remedies(found))
+    assert any("8 microsteps instead of 16" in line for line in remedies(check))
     assert "step rate" not in check_stand(stand(), lifted, hoist).of("winch")
 
 
@@ -223,27 +223,27 @@ def test_torques_that_the_motion_does_not_determine_are_not_judged(hoist, lifted
     flags = np.zeros(lifted.undetermined.values.shape, dtype=bool)
     flags[lifted.t >= first - 0.01, lifted.undetermined.names.index("line.length")] = True
     unsure = replace(lifted, undetermined=lifted.undetermined.like(flags))
-    found = check_stand(stand("0.055", **sure), unsure, hoist)
-    assert not found.broken and not found.ok and not found.lost and not remedies(found)
-    assert found.undetermined["winch"] == pytest.approx(first - 0.01, abs=4e-3)
-    assert "is not determined" in found.summary() and "one_winch perhaps can" in repr(found)
-    assert found.margin_text("winch", "torque").endswith("?")
+    check = check_stand(stand("0.055", **sure), unsure, hoist)
+    assert not check.broken and not check.ok and not check.lost and not remedies(check)
+    assert check.undetermined["winch"] == pytest.approx(first - 0.01, abs=4e-3)
+    assert "is not determined" in check.summary() and "one_winch perhaps can" in repr(check)
+    assert check.margin_text("winch", "torque").endswith("?")
     slow = check_stand(stand("0.055", **sure, **{"travel: [0.2": "travel: [0.5"}), unsure, hoist)
     assert {limit.quantity for limit in slow.broken} == {"travel"}
 
 
 def test_effort_is_computed_where_a_run_has_none(hoist, lifted):
     x0 = hoist.rest({"line.length": 0.8})
-    given = fan.Input.waypoints(hoist, {"line.length": [(0.1, 0.8), (0.6, 0.4)]})
-    bare = fan.simulate(hoist, x0, given, t_end=0.8, effort=False)
-    full = fan.simulate(hoist, x0, given, t_end=0.8)
-    one, two = (check_stand(stand(), run, hoist) for run in (bare, full))
-    assert np.array_equal(one.torque, two.torque)
+    inputs = fan.Input.waypoints(hoist, {"line.length": [(0.1, 0.8), (0.6, 0.4)]})
+    bare = fan.simulate(hoist, x0, inputs, t_end=0.8, effort=False)
+    full = fan.simulate(hoist, x0, inputs, t_end=0.8)
+    without_effort, with_effort = (check_stand(stand(), run, hoist) for run in (bare, full))
+    assert np.array_equal(without_effort.torque, with_effort.torque)
 
 
 def test_bundled_stands_do_bundled_performances(stand6, conduct):
-    """As the docs say, with the margins they say."""
+    """The margins are those of the docs."""
     puppet, run = stand6, conduct
-    found = check_stand("six_winches", run, puppet)
-    assert found.ok and not found.lost and found.margin > 15.0
-    assert repr(found) == f"<StandCheck: six_winches can, least margin {found.margin:.0f} %>"
+    check = check_stand("six_winches", run, puppet)
+    assert check.ok and not check.lost and check.margin > 15.0
+    assert repr(check) == f"<StandCheck: six_winches can, least margin {check.margin:.0f} %>"

@@ -1,4 +1,4 @@
-"""What others read in our files: a parser of G-code, Jinja2 as Klipper has it, ROS messages."""
+"""Foreign readers of our files: a parser of G-code, Jinja2 as in Klipper, ROS messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_parser_of_gcode_finds_the_set_points_and_their_times(conduct, kind, s
     points = set_points("six_winches", conduct, controller=kind, **sequences)
     settings = grbl_settings(points.map.stand, points.controller, points.rate)
     letters = settings.letters
-    text, found, clock, at, linear = gcode(points), [], 0.0, {}, "G94"
+    text, moves, clock, at, linear = gcode(points), [], 0.0, {}, "G94"
     number = text.splitlines().index("; motion")
     end = text.splitlines().index("; end")
     for line in parse_gcode_lines(text):
@@ -44,13 +44,15 @@ def test_a_parser_of_gcode_finds_the_set_points_and_their_times(conduct, kind, s
             clock += values["P"] * (1e-3 if kind == "marlin" else 1.0)
         else:
             assert command == "G1"
-            far = np.array([at[a] - before[a] for a in letters])
-            length = np.linalg.norm(far[:3]) if np.any(far[:3]) else np.linalg.norm(far[3:])
+            change = np.array([at[a] - before[a] for a in letters])
+            length = (
+                np.linalg.norm(change[:3]) if np.any(change[:3]) else np.linalg.norm(change[3:])
+            )
             clock += 60.0 / values["F"] * (length if linear == "G94" else 1.0)
-        found.append([clock, *(at[a] for a in letters)])
-    found = np.array(found)
-    steps = np.rint(found[:, 1:] * settings.steps)
-    # Every set point at which something moves is there, in order; short holds creep by a step.
+        moves.append([clock, *(at[a] for a in letters)])
+    moves = np.array(moves)
+    steps = np.rint(moves[:, 1:] * settings.steps)
+    # Every set point with a motion is there, in order; short holds creep by a step.
     counts = points.counts
     moved = np.flatnonzero(np.any(np.diff(counts, axis=0), axis=1)) + 1
     place = 0
@@ -58,16 +60,16 @@ def test_a_parser_of_gcode_finds_the_set_points_and_their_times(conduct, kind, s
         same = np.flatnonzero(np.all(steps[place:] == counts[k], axis=1))
         assert len(same), points.motion.t[k]
         place += same[0]
-        # Even speeds are faster than the mean, for the ramps; never so by much.
-        assert -0.05 < found[place, 0] - points.motion.t[k] < 1e-3
-    # And nothing else that is farther than a step from some set point.
+        # Constant speeds are faster than the mean, because of the ramps, but only slightly.
+        assert -0.05 < moves[place, 0] - points.motion.t[k] < 1e-3
+    # All other rows are within a step of a set point.
     for row in steps:
         assert np.min(np.max(np.abs(counts - row), axis=1)) <= 0.02 * 0.5 * settings.steps[0] + 1
 
 
 @pytest.mark.parametrize("sequences", [{}, SEQUENCES])
 def test_klipper_reads_its_macro(conduct, sequences, tmp_path):
-    """By the library for configurations and the templates that Klipper itself uses."""
+    """The library for configurations and the templates are those of Klipper."""
     points = set_points("six_winches", conduct, controller="klipper", **sequences)
     path = save_points(points, tmp_path / "conduct.cfg")
     config = configparser.RawConfigParser(strict=True, inline_comment_prefixes=(";", "#"))
@@ -106,10 +108,10 @@ def test_klipper_reads_its_macro(conduct, sequences, tmp_path):
                 at[values["STEPPER"]].append(float(values[key]))
     for axis, column in zip(points.axes, 1e3 * points.motion.position.T, strict=True):
         changes = column[np.append(True, np.diff(np.round(column, 4)) != 0.0)]
-        found = np.array(at[axis.name])
-        first = len(found) - len(changes) - (1 if sequences else 0)
+        positions = np.array(at[axis.name])
+        first = len(positions) - len(changes) - (1 if sequences else 0)
         np.testing.assert_allclose(
-            found[first : first + len(changes)], changes, atol=1e-4, err_msg=axis.name
+            positions[first : first + len(changes)], changes, atol=1e-4, err_msg=axis.name
         )
 
 
@@ -148,7 +150,7 @@ def test_ros_takes_the_trajectory_as_a_message(conduct, ending, tmp_path):
 def typed(store, kind, data):
     """The message of plain data, by the definitions of the message's type."""
     fields = dict(store.fielddefs[kind][1])
-    made = {}
+    arguments = {}
     for name, value in data.items():
         if name not in fields:
             raise TypeError(name)
@@ -164,5 +166,5 @@ def typed(store, kind, data):
                 if of[0] == "string"
                 else np.array(value, np.float64)
             )
-        made[name] = value
-    return store.types[kind](**made)
+        arguments[name] = value
+    return store.types[kind](**arguments)

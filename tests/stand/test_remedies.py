@@ -1,4 +1,4 @@
-"""Advice of a stand's check passes the whole check before it is given."""
+"""Advice of a stand's check passes the whole check."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def of(kind: str, number: float, torque: float, microsteps: int, rate: float | N
         text = text.replace("axes:", f"controller: {{type: grbl, step_rate: {rate}}}\naxes:")
     text = text.replace("inertia: 1.0e-5}", f"inertia: 1.0e-5, microsteps: {microsteps}}}")
     if kind == "shaft":
-        # An axis that turns: lengths are 0.01 m a radian.
+        # For an axis that turns, lengths are 0.01 m per radian.
         text = text.replace("{type: drum, radius: 0.01}", "{type: shaft}")
         text = text.replace("line.length: 1", "line.length: 0.01").replace("[0.2, 0.9]", "[20, 90]")
         text = text.replace("speed: 2", "speed: 200")
@@ -48,15 +48,15 @@ def of(kind: str, number: float, torque: float, microsteps: int, rate: float | N
 
 
 def advised(check: StandCheck, kind: str) -> tuple[list[float], int | None]:
-    """The numbers of the transmission from the least to the most advised, and microsteps."""
+    """Smallest and largest advised number of the transmission, and microsteps."""
     (line,) = remedies(check)
-    found = re.search(PARTS[kind][2] + r"[^;]*", line)
-    if found is None:
+    match = re.search(PARTS[kind][2] + r"[^;]*", line)
+    if match is None:
         return [], None
-    low, high = float(found[1]), float(found[2] or found[1])
+    low, high = float(match[1]), float(match[2] or match[1])
     numbers = np.linspace(low, high, 7)
     numbers = sorted({round(x) for x in numbers}) if kind == "belt" else numbers.tolist()
-    fewer = re.search(r"with (\d+) microsteps", found[0])
+    fewer = re.search(r"with (\d+) microsteps", match[0])
     return numbers, None if fewer is None else int(fewer[1])
 
 
@@ -65,7 +65,7 @@ def advised(check: StandCheck, kind: str) -> tuple[list[float], int | None]:
 def test_every_transmission_that_is_advised_passes_the_whole_check(
     hoist, lifted, kind, torque, rate
 ):
-    """A smaller drum has the torque, and needs more steps a second than the controller makes."""
+    """A smaller drum has the torque, but needs a higher step rate than the controller has."""
     weak = check_stand(fan.stand.loads_stand(of(kind, OWN[kind], torque, 16, rate)), lifted, hoist)
     assert weak.of("winch")["torque"].broken is not None
     numbers, microsteps = advised(weak, kind)
@@ -77,8 +77,8 @@ def test_every_transmission_that_is_advised_passes_the_whole_check(
         assert better.of("winch")["torque"].margin > 9.99
 
 
-def test_a_drum_is_no_advice_where_its_step_rate_is_too_high(hoist, lifted):
-    """By torque alone radii from 3 mm would do; 8.7 mm already need too many steps a second."""
+def test_a_drum_with_too_high_a_step_rate_is_not_advised(hoist, lifted):
+    """Radii from 3 mm would suffice for the torque; 8.7 mm already need too high a step rate."""
     weak = check_stand(stand("0.055", **SURE, **RATE), lifted, hoist)
     (line,) = remedies(weak)
     (low, *_, high), microsteps = advised(weak, "drum")
@@ -88,26 +88,26 @@ def test_a_drum_is_no_advice_where_its_step_rate_is_too_high(hoist, lifted):
 
 @pytest.mark.parametrize("microsteps", [3, 10, 16, 128])
 @pytest.mark.parametrize("share", [0.97, 0.3, 0.13])
-def test_microsteps_are_those_that_drivers_have(hoist, lifted, microsteps, share):
-    """Powers of two, the largest that the controller can make; none where none is enough."""
+def test_advised_microsteps_exist_in_drivers(hoist, lifted, microsteps, share):
+    """Powers of two, the largest that the controller allows; no advice if none suffices."""
     needs = 1.5 * 200 * microsteps / (2 * np.pi * 0.01)
     rate = share * needs
-    found = check_stand(
+    check = check_stand(
         fan.stand.loads_stand(of("drum", 0.01, 0.5, microsteps, rate)), lifted, hoist
     )
-    (line,) = remedies(found)
-    told = re.search(r"or (\d+) microsteps instead of (\d+)", line)
-    most = [2**k for k in range(9) if 2**k <= share * microsteps * (1 - 1e-4)]
-    if not most:
-        assert told is None
+    (line,) = remedies(check)
+    match = re.search(r"or (\d+) microsteps instead of (\d+)", line)
+    possible = [2**k for k in range(9) if 2**k <= share * microsteps * (1 - 1e-4)]
+    if not possible:
+        assert match is None
         return
-    assert (int(told[1]), int(told[2])) == (most[-1], microsteps)
-    text = of("drum", 0.01, 0.5, int(told[1]), rate)
+    assert (int(match[1]), int(match[2])) == (possible[-1], microsteps)
+    text = of("drum", 0.01, 0.5, int(match[1]), rate)
     assert check_stand(fan.stand.loads_stand(text), lifted, hoist).ok
 
 
 def test_no_microsteps_are_advised_where_the_torque_lacks_too(hoist, lifted):
-    """They would pass the step rate, but not the whole check."""
+    """They would meet the step rate, but not pass the whole check."""
     weak = check_stand(fan.stand.loads_stand(of("drum", 0.01, 0.055, 16, 60000)), lifted, hoist)
     assert {limit.quantity for limit in weak.broken} == {"torque", "step rate"}
     (line,) = remedies(weak)
@@ -117,16 +117,16 @@ def test_no_microsteps_are_advised_where_the_torque_lacks_too(hoist, lifted):
 
 @pytest.mark.parametrize("torque", ["0.05", "[[0, 0.055], [12, 0.05], [24, 0.01]]"])
 def test_numbers_of_advice_are_rounded_to_the_safe_side(hoist, lifted, torque):
-    """Speed, steps a second and torques of the advice hold where they are taken at their word."""
+    """Speed, step rate and torques of the advice suffice exactly as printed."""
     bounds = {"axes:": "controller: {type: grbl, step_rate: 76000}\naxes:"}
     weak = check_stand(stand(torque, **bounds), lifted, hoist)
     (line,) = remedies(weak)
     speed = re.search(rf"top speed of {NUMBER} m/s", line)[1]
     rate = re.search(rf"makes {NUMBER} steps/s", line)[1]
     torques = [float(x) for x in re.findall(rf"{NUMBER} N m at", line)]
-    told = {
+    advised_keys = {
         "speed: 1": f"speed: {speed}",
         "acceleration: 20": "acceleration: 60",
         "axes:": f"controller: {{type: grbl, step_rate: {rate}}}\naxes:",
     }
-    assert check_stand(stand(f"{max(torques)}", **told), lifted, hoist).ok
+    assert check_stand(stand(f"{max(torques)}", **advised_keys), lifted, hoist).ok

@@ -37,7 +37,7 @@ LOCAL = "127.0.0.1"
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
-    """The machine of the tests may be busy; what is late is left out."""
+    """Tolerate a busy machine: late set points are skipped."""
     monkeypatch.setattr(sending, "LATEST", 2.0)
 
 
@@ -48,7 +48,7 @@ def points_of(lifted, hoist, kind="osc", more="", **options):
 
 
 def artnet_read(data, universe=0):
-    """The channels of a packet, as a library has them."""
+    """Channels of a packet, read by a library."""
     server = StupidArtnetServer.__new__(StupidArtnetServer)  # without its thread and its port
     assert server.validate_header(data)
     server.listeners = []
@@ -62,7 +62,7 @@ def artnet_read(data, universe=0):
 
 
 def test_an_osc_server_hears_every_set_point(conduct):
-    """The first second of six axes, in real time."""
+    """The first second of six axes is sent in real time."""
     points = set_points(
         "six_winches",
         conduct.resample(np.linspace(0.0, 1.0, 501)),
@@ -97,7 +97,7 @@ def test_bundles_carry_the_time_at_which_they_are_due(lifted, hoist):
     done = send_points(points, lambda data: sent.append((time.time(), OscBundle(data))))
     stamps = np.array([bundle.timestamp for _, bundle in sent])
     n = round(100.0 * REPEATED)
-    # Those of the motion are as far apart as its set points; before and after it, an interval.
+    # Intervals are those of the motion's set points; before and after it, they are constant.
     own = slice(n, len(sent) - n)
     np.testing.assert_allclose(
         stamps[own] - stamps[n], np.array(done.times)[own] - done.times[n], atol=1e-6
@@ -115,21 +115,21 @@ def test_bundles_carry_the_time_at_which_they_are_due(lifted, hoist):
 @pytest.mark.parametrize("bits", [8, 16])
 @pytest.mark.parametrize("universe", [0, 300])
 def test_art_net_is_read_by_a_library(conduct, bits, universe):
-    """Every set point within half a unit of the last channel."""
+    """Every set point is exact to half a unit of the last channel."""
     controller = f"{{type: artnet, universe: {universe}, bits: {bits}, names: {{head: 11}}}}"
     points = set_points(
         loads_stand(SIX + f"controller: {controller}\n"), conduct, fan.puppets.stand6()
     )
     packets = packets_of(points.map.stand, points.controller, points.rate)
     assert points.rate == 40.0
-    wide, found = bits // 8, []
+    wide, values = bits // 8, []
     for position in points.motion.position:
         slots = artnet_read(packets.encode(position, 0.0), universe)
         first = [11, *(1 + wide * k for k in range(5))]
-        found.append([int.from_bytes(bytes(slots[k - 1 : k - 1 + wide]), "big") for k in first])
+        values.append([int.from_bytes(bytes(slots[k - 1 : k - 1 + wide]), "big") for k in first])
     low, high = np.array([axis.travel for axis in points.axes]).T
     unit = (high - low) / (2**bits - 1)
-    away = np.abs(low + np.array(found) * unit - points.motion.position) / unit
+    away = np.abs(low + np.array(values) * unit - points.motion.position) / unit
     assert 0.3 < np.max(away) <= 0.5 + 1e-9
 
 
@@ -144,7 +144,7 @@ def test_a_puppet_on_the_received_set_points_moves_as_in_its_run(hoist, kind):
             done = send_points(points, send)
         time.sleep(0.1)
     assert stand.wrong == 0 and len(stand) == done.sent
-    # Before the motion, in it, and after it.
+    # Before, during and after the motion.
     t = np.array(done.times)
     counts = np.rint(
         np.interp(t, points.motion.t, points.motion.position[:, 0]) * points.axes[0].counts
@@ -153,14 +153,14 @@ def test_a_puppet_on_the_received_set_points_moves_as_in_its_run(hoist, kind):
     assert np.max(np.abs(stand.steps[:, 0] - counts)) <= within
     own = np.append(np.diff(t) > 0.0, False)
     p = stand.steps[own, 0] / points.axes[0].counts
-    given = fan.Input.samples(hoist, t[own], {"line.length": p})
-    again = fan.simulate(hoist, hoist.rest({"line.length": p[0]}), given, 2.9, save_at=save_at)
+    inputs = fan.Input.samples(hoist, t[own], {"line.length": p})
+    again = fan.simulate(hoist, hoist.rest({"line.length": p[0]}), inputs, 2.9, save_at=save_at)
     poses = [hoist.poses(r.resample(save_at).q_D, r.resample(save_at).q_K) for r in (first, again)]
     away = np.linalg.norm(poses[0][..., 3] - poses[1][..., 3], axis=-1)
     assert 0.0 < np.max(away) < 1e-3
 
 
-def test_late_set_points_are_left_out_and_never_come_in_bunches(lifted, hoist):
+def test_late_set_points_are_skipped_and_not_sent_in_bursts(lifted, hoist):
     times, values = [], []
 
     def slow(data):
@@ -175,7 +175,7 @@ def test_late_set_points_are_left_out_and_never_come_in_bunches(lifted, hoist):
     assert done.dropped >= 5
     assert done.sent == len(points) + repeated - done.dropped == len(times)
     assert np.max(np.diff(times)) > 0.069
-    # One that is late, one that has no successor yet, and one that is due; not all seven.
+    # One set point that is late, one without a successor, and one that is due; not all seven.
     assert np.min(np.array(times)[6:] - times[:-6]) > 0.0095
     assert np.max(np.diff(done.times)) > 0.055
     at = np.interp(done.times, points.motion.t, points.motion.position[:, 0])
@@ -196,7 +196,7 @@ def test_a_long_pause_stops_before_the_axes_jump(lifted, hoist):
     assert stopped.value.t == pytest.approx(0.34, abs=0.05)
 
 
-def test_nobody_listening_stops_before_the_motion(lifted, hoist):
+def test_without_a_listener_the_motion_does_not_begin(lifted, hoist):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind((LOCAL, 0))
         port = taken.getsockname()[1]
@@ -222,7 +222,7 @@ def test_a_listener_that_goes_away_stops_the_motion(lifted, hoist):
     assert 0.2 < progress.t < 1.0
 
 
-def test_wrong_hosts_are_told():
+def test_wrong_hosts_are_refused():
     for host in ("no.such.host.invalid", "a..b", "a" * 64 + ".b"):
         refused = r"is no address: .*; needed: an address such as 127\.0\.0\.1"
         with pytest.raises(StandError, match=refused), udp_sender(host, 9000):
@@ -231,7 +231,7 @@ def test_wrong_hosts_are_told():
         pass
 
 
-def test_a_broadcast_address_needs_the_word():
+def test_a_broadcast_address_needs_the_option():
     """Nothing is sent: the socket only gets its address."""
     refused = pytest.raises(StandError, match=r"needed: the address of one, or `broadcast: true`")
     with refused, udp_sender("255.255.255.255", 6454):
@@ -244,7 +244,7 @@ def test_a_broadcast_address_needs_the_word():
 
 
 @pytest.mark.parametrize("host", ["224.0.0.1", "239.255.1.2", "ff02::1", "::ffff:224.0.0.1"])
-def test_a_multicast_address_needs_the_word_too(host):
+def test_a_multicast_address_needs_the_option_too(host):
     refused = pytest.raises(StandError, match=r"needed: the address of one, or `broadcast: true`")
     with refused, udp_sender(host, 6454):
         pass
@@ -263,8 +263,8 @@ def test_only_art_net_broadcasts(lifted, hoist):
 
 
 @pytest.mark.parametrize("answer", [True, False])
-def test_a_hold_stays_on_the_path_and_goes_on_or_stops(lifted, hoist, answer):
-    """Its time slows down evenly and rises evenly; the position is kept alive in between."""
+def test_a_hold_stays_on_the_path_and_resumes_or_stops(lifted, hoist, answer):
+    """Its time slows down and speeds up evenly; meanwhile the position is repeated."""
     points, progress = points_of(lifted, hoist, rate=100.0), Sending()
     hold, sent, asked = threading.Event(), [], []
 
@@ -289,13 +289,13 @@ def test_a_hold_stays_on_the_path_and_goes_on_or_stops(lifted, hoist, answer):
         with pytest.raises(PacketError, match="stopped here") as stopped:
             send_points(points, send, hold=hold, go_on=go_on, counts=progress)
         assert stopped.value.t == progress.t
-    ((k, kept),) = asked
+    ((k, n_repeated),) = asked
     t = np.array(progress.times)
     at = np.interp(t, points.motion.t, points.motion.position[:, 0])
-    own = np.delete(sent, range(k, k + len(sent) - len(t)))  # without what was sent meanwhile
-    assert len(sent) - len(t) >= kept
+    own = np.delete(sent, range(k, k + len(sent) - len(t)))  # without repetitions during the hold
+    assert len(sent) - len(t) >= n_repeated
     np.testing.assert_allclose(own, at, atol=2e-4)  # between set points it is a spline
-    # Twice what the axis needs to stop from 2 m/s at 20 m/s^2, from full speed to rest.
+    # Twice the time that the axis needs to stop from 2 m/s at 20 m/s^2, from full speed to rest.
     ramp = 2.0 * 2.0 / 20.0
     begun = t[59]
     assert t[k - 1] - begun == pytest.approx(ramp / 2.0, abs=0.011 + 0.01 * progress.dropped)
@@ -306,7 +306,7 @@ def test_a_hold_stays_on_the_path_and_goes_on_or_stops(lifted, hoist, answer):
             np.testing.assert_allclose(np.diff(step[k + 1 : k + 15]), 0.01**2 / ramp, atol=1e-9)
 
 
-def test_set_points_go_on_from_a_time(lifted, hoist):
+def test_set_points_resume_at_a_time(lifted, hoist):
     points, sent = points_of(lifted, hoist, rate=100.0), []
     done = send_points(
         points, lambda data: sent.append(OscBundle(data).content(0).params[0]), first=0.4
@@ -315,7 +315,7 @@ def test_set_points_go_on_from_a_time(lifted, hoist):
     at = np.interp(t, points.motion.t, points.motion.position[:, 0])
     np.testing.assert_allclose(sent, at, atol=2e-4)  # between set points it is a spline
     assert np.all(t[: n + 1] == 0.4) and np.all(t[-n:] == points.motion.t[-1])
-    # From rest: by the ramp's triangle the first 0.1 s of it make 0.025 s of the motion.
+    # From rest: by the ramp's triangle, its first 0.1 s cover 0.025 s of the motion.
     ramp = 2.0 * 2.0 / 20.0
     assert np.all(np.diff(t) >= 0.0) and np.max(np.diff(t)) < 0.011 * (1 + done.dropped)
     if not done.dropped:
@@ -326,7 +326,7 @@ def test_set_points_go_on_from_a_time(lifted, hoist):
 
 
 def sent_to(points, packets, wait=0.2):
-    """An emulated stand that heard packets, and some silence."""
+    """An emulated stand that received packets, followed by silence."""
     listener = Receiver(points.map.stand, points.controller, LOCAL, 0)
     with listener as stand, udp_sender(*stand.address) as send:
         for data in packets:
@@ -335,7 +335,7 @@ def sent_to(points, packets, wait=0.2):
     return stand
 
 
-def test_the_emulated_stand_refuses_what_is_none(lifted, hoist):
+def test_the_emulated_stand_refuses_other_packets(lifted, hoist):
     points = points_of(lifted, hoist, "artnet", ", universe: 5")
     own = packets_of(points.map.stand, points.controller, points.rate)
     good = own.encode(np.array([0.3]), 0.0)
@@ -360,7 +360,7 @@ def test_the_emulated_stand_refuses_what_is_none(lifted, hoist):
     assert stand.steps[0, 0] == np.rint(0.5 * points.axes[0].counts)
 
 
-def test_a_port_that_is_taken_is_told(lifted, hoist):
+def test_a_port_in_use_is_reported(lifted, hoist):
     points = points_of(lifted, hoist)
     refused = pytest.raises(StandError, match="a free port of this machine")
     with Receiver(points.map.stand, points.controller, LOCAL, 0) as stand, refused:
@@ -381,13 +381,13 @@ WRONG = {
 
 @pytest.mark.parametrize("given, words", WRONG.values(), ids=WRONG)
 def test_mistakes_in_the_file_have_their_line(lifted, hoist, given, words):
-    with pytest.raises(FileError) as found:
+    with pytest.raises(FileError) as caught:
         points = set_points(
             loads_stand(f"{ABLE}controller: {{type: {given}}}\n", "s.yaml"), lifted, hoist
         )
         packets_of(points.map.stand, points.controller, points.rate)
-    assert words in str(found.value)
-    assert found.value.mistakes[0].line == 1 + ABLE.count("\n")
+    assert words in str(caught.value)
+    assert caught.value.mistakes[0].line == 1 + ABLE.count("\n")
 
 
 def test_two_axes_do_not_share_a_channel():

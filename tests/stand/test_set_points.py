@@ -1,4 +1,4 @@
-"""Set points: what is exported, and what an emulated controller makes of it."""
+"""Set points: exported files, and their motion in an emulated controller."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HOME = ABLE + "    home: {towards: min, at: 0.2, speed: 0.03}\n"
 
 
 def replayed(points, inverse=True):
-    """The machine that took all lines, and its settings."""
+    """The machine after all lines, and its settings."""
     machine = GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
     for line in gcode(points, inverse).splitlines():
         assert machine.line(line) == "ok", line
@@ -78,8 +78,8 @@ def test_a_puppet_on_the_emulated_steps_moves_as_in_its_run(hoist):
     machine = replayed(points)
     t = points.motion.t[::2]
     p = 1e-3 * machine.positions(machine.starts[0] + t)
-    given = fan.Input.samples(hoist, t, {"line.length": p[:, 0]})
-    again = fan.simulate(hoist, hoist.rest({"line.length": p[0, 0]}), given, 4.5, save_at=save_at)
+    inputs = fan.Input.samples(hoist, t, {"line.length": p[:, 0]})
+    again = fan.simulate(hoist, hoist.rest({"line.length": p[0, 0]}), inputs, 4.5, save_at=save_at)
     poses = [hoist.poses(r.resample(save_at).q_D, r.resample(save_at).q_K) for r in (first, again)]
     away = np.linalg.norm(poses[0][..., 3] - poses[1][..., 3], axis=-1)
     assert 0.0 < np.max(away) < 1e-3
@@ -90,7 +90,7 @@ def test_marlin_counts_its_path_over_x_y_z_alone(conduct):
     lines = gcode(points).splitlines()
     first = next(line for line in lines[lines.index("; motion") + 1 :] if line.count("A"))
     assert "G93" not in lines and "M2" not in lines
-    # The emulator takes paths over all axes; where only the ratio of speeds differs, F must too.
+    # The emulator measures paths over all axes; if only the ratio of speeds differs, F must too.
     other = gcode(set_points("six_winches", conduct, controller="grbl"), False).splitlines()
     k = lines.index(first) - lines.index("; motion") + other.index("; motion")
     assert other[k].split("F")[0] == first.split("F")[0]
@@ -98,9 +98,9 @@ def test_marlin_counts_its_path_over_x_y_z_alone(conduct):
 
 
 def test_klipper_follows_the_set_points_by_its_own_rules(conduct):
-    """SYNC=0 moves begin at the clock, which G4 sets on; ACCEL=0 moves are even."""
+    """SYNC=0 moves begin at the clock, which G4 advances; ACCEL=0 moves have constant speed."""
     points = set_points("six_winches", conduct, controller="klipper")
-    at, until, clock, found = {}, {}, 0.0, []
+    at, until, clock, rows_sent = {}, {}, 0.0, []
     for line in gcode(points).splitlines():
         values = dict(re.findall(r"(\w+)=(\S+)", line))
         if "SET_POSITION" in values:
@@ -111,14 +111,14 @@ def test_klipper_follows_the_set_points_by_its_own_rules(conduct):
             until[name] = clock + abs(to - at[name]) / float(values["SPEED"])
             at[name] = to
         elif line == "; motion":
-            found.append([0.0, *at.values()])
+            rows_sent.append([0.0, *at.values()])
         elif line.startswith("G4"):
             clock += 1e-3 * float(line.split("P")[1])
             assert max(until.values(), default=0.0) <= clock + 1e-6
-            found.append([clock, *at.values()])
-    found = np.array(found)
-    np.testing.assert_allclose(found[:, 0], points.motion.t, atol=1e-6)
-    np.testing.assert_allclose(found[:, 1:], 1e3 * points.motion.position, atol=1e-4)
+            rows_sent.append([clock, *at.values()])
+    rows_sent = np.array(rows_sent)
+    np.testing.assert_allclose(rows_sent[:, 0], points.motion.t, atol=1e-6)
+    np.testing.assert_allclose(rows_sent[:, 1:], 1e3 * points.motion.position, atol=1e-4)
 
 
 def test_joint_trajectories_read_back(lifted, hoist, tmp_path):
@@ -133,12 +133,12 @@ def test_joint_trajectories_read_back(lifted, hoist, tmp_path):
     np.testing.assert_allclose(t, whole.t, atol=1e-9)
     for name, values in (("positions", whole.position), ("velocities", whole.velocity)):
         np.testing.assert_array_equal([p[name] for p in read["points"]], values)
-    # Slack is paid out, wound in, then the run comes, then home.
+    # Slack is let out and wound in, then the run follows, then home.
     p, begin = whole.position[:, 0], len(whole) - np.argmax(whole.position[::-1, 0] == 0.8)
     assert np.all(np.diff(whole.t) > 0.0) and begin > 0
     assert p[0] == pytest.approx(0.8) and np.max(p) == pytest.approx(0.82)
     assert p[-1] == pytest.approx(0.202)
-    # Velocities are those of the positions, and gentle before and after.
+    # Velocities are those of the positions, and low before and after.
     slope = np.gradient(p, whole.t)
     assert np.max(np.abs(slope - whole.velocity[:, 0])) < 0.08  # a dt / 2 at the ends
     assert np.max(np.abs(whole.velocity[whole.t < 0.1])) <= 0.4
@@ -158,13 +158,13 @@ def test_tables(lifted, hoist, tmp_path, kind, column, scale, offset, tolerance)
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [float(row["t [s]"]) for row in rows] == pytest.approx(np.arange(61) / 40.0)
-    found = np.array([float(row[column]) for row in rows])
+    column_values = np.array([float(row[column]) for row in rows])
     np.testing.assert_allclose(
-        found, offset + scale * points.motion.position[:, 0], atol=tolerance + 1e-9
+        column_values, offset + scale * points.motion.position[:, 0], atol=tolerance + 1e-9
     )
 
 
-def test_what_a_stand_cannot_do_is_refused(lifted, hoist, tmp_path):
+def test_impossible_motions_of_a_stand_are_refused(lifted, hoist, tmp_path):
     weak = loads_stand(ABLE.replace("0.5, i", "0.01, i"))
     with pytest.raises(StandError, match="cannot"):
         set_points(weak, lifted, hoist, controller="grbl")

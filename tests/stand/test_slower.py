@@ -1,4 +1,4 @@
-"""A slower tempo: the inputs of a run on another clock, simulated again."""
+"""A slower tempo: the inputs of a run at another speed, simulated again."""
 
 from __future__ import annotations
 
@@ -16,45 +16,45 @@ from fantoccini.stand.tempo import distances
 
 @pytest.fixture(scope="module")
 def conducted(stand6, conduct):
-    given = fan.Input.load(stand6, fan.puppets.performance("conduct"))
-    return stand6, given.bound(stand6.rest().q_K), conduct
+    inputs = fan.Input.load(stand6, fan.puppets.performance("conduct"))
+    return stand6, inputs.bound(stand6.rest().q_K), conduct
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.7])
 def test_the_inputs_of_a_run_are_those_it_had(conducted, factor):
     """q(t / f), v / f, acc / f^2; splines' accelerations jump between samples."""
-    _, given, run = conducted
-    made = inputs_of(run, factor)
+    _, inputs, run = conducted
+    slower_inputs = inputs_of(run, factor)
     t = np.linspace(0.0, 5.0, 1237)
-    q, v, acc = given.evaluate(t)
-    slow = made.evaluate(factor * t)
+    q, v, acc = inputs.evaluate(t)
+    slow = slower_inputs.evaluate(factor * t)
     assert np.max(np.abs(slow[0] - q)) < 1e-7
     assert np.max(np.abs(slow[1] * factor - v)) < 1e-4
     assert np.max(np.abs(slow[2] * factor**2 - acc)) < 0.02 * np.max(np.abs(acc))
 
 
-def test_as_fast_as_before_is_the_same_motion(conducted):
+def test_the_same_tempo_is_the_same_motion(conducted):
     puppet, _, run = conducted
     again = slowed(check_stand("six_winches", run, puppet), 1.0)
     assert again.apart < 1e-3 and again.rms < 1e-4
 
 
-def test_slower_is_simulated_and_moves_otherwise(conducted):
-    """Not the old motion on a longer clock: the swing keeps its own time."""
+def test_a_slower_run_is_simulated_and_differs(conducted):
+    """The motion is not the old one on a longer clock: the swing has its own period."""
     puppet, _, run = conducted
     text = (STANDS / "six_winches.yaml").read_text(encoding="utf-8")
     tight = loads_stand(text.replace("speed: 1.2", "speed: 0.3"))
-    found = check_stand(tight, run, puppet)
-    assert not found.ok and found.first.quantity == "speed"
-    need = max(limit.value / limit.bound for limit in found.broken)
-    best, words = slower(found)
+    check = check_stand(tight, run, puppet)
+    assert not check.ok and check.first.quantity == "speed"
+    need = max(limit.value / limit.bound for limit in check.broken)
+    best, words = slower(check)
     assert best is not None and best.check.ok
     assert need < best.factor < 1.1 * need and f"{best.factor:.3g} times as long" in words
     assert best.run.duration == pytest.approx(5.0 * best.factor)
-    speeds = [max(found.of(a.name)["speed"].value for a in found.axes)]
-    speeds.append(max(best.check.of(a.name)["speed"].value for a in found.axes))
+    speeds = [max(check.of(a.name)["speed"].value for a in check.axes)]
+    speeds.append(max(best.check.of(a.name)["speed"].value for a in check.axes))
     assert speeds[0] / speeds[1] == pytest.approx(best.factor, rel=1e-3)
-    # The puppet is elsewhere by millimetres, and would not be if time were only stretched.
+    # The puppet differs by millimetres, and would not if time were only stretched.
     assert best.apart > 0.003
     f = best.factor
     rates = {name: getattr(run, name) / f for name in ("v_D", "v_K")}
@@ -65,15 +65,15 @@ def test_slower_is_simulated_and_moves_otherwise(conducted):
 
 def test_no_tempo_makes_a_travel_longer():
     hoist = fan.loads(HOIST)
-    found = check_stand(stand(**{"[0.2, 0.9]": "[0.5, 0.9]"}), lift(hoist), hoist)
-    assert found.of("winch")["travel"].broken is not None
-    best, words = slower(found)
+    check = check_stand(stand(**{"[0.2, 0.9]": "[0.5, 0.9]"}), lift(hoist), hoist)
+    assert check.of("winch")["travel"].broken is not None
+    best, words = slower(check)
     assert best is None and "the travel is too short at any tempo" in words
 
 
-def test_no_tempo_holds_what_is_too_heavy_at_rest():
+def test_no_tempo_holds_too_heavy_a_load_at_rest():
     hoist = fan.loads(HOIST)
-    found = check_stand(stand("0.02"), lift(hoist), hoist)
-    best, words = slower(found)
+    check = check_stand(stand("0.02"), lift(hoist), hoist)
+    best, words = slower(check)
     assert best is None and "the torque of winch is still not enough" in words
-    assert found.lost["winch"].since == 0.0
+    assert check.lost["winch"].since == 0.0

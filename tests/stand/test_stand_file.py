@@ -1,4 +1,4 @@
-"""Stand files: what they say, and their mistakes with the line of each."""
+"""Stand files: their meaning, and mistakes with their lines."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from fantoccini.stand.stand_file import STANDS
 @pytest.mark.parametrize("name", stand_names())
 def test_bundled_stands_move_their_puppets(name):
     read = load_stand(name)
-    made = fan.load(read.puppet_path)
-    bound = AxisMap.of(read, made.coordinates)
+    marionette = fan.load(read.puppet_path)
+    bound = AxisMap.of(read, marionette.coordinates)
     assert len(bound.axes) in (6, 21) and all(a.kind == "stepper" for a in bound.axes)
     p = np.random.default_rng(1).normal(size=(5, len(bound.axes)))
     q = bound.coordinates_of(p)
@@ -49,8 +49,10 @@ def test_transmissions_and_counts():
         "{type: shaft}": 2 * np.pi,
     }
     for text, way in ways.items():
-        made = STAND.replace("{type: drum, radius: 0.01}", text + "\n    gear: 3\n    mass: 0.2")
-        (axis,) = axes_of(loads_stand(made.replace("TORQUE", "1")))
+        text_of_stand = STAND.replace(
+            "{type: drum, radius: 0.01}", text + "\n    gear: 3\n    mass: 0.2"
+        )
+        (axis,) = axes_of(loads_stand(text_of_stand.replace("TORQUE", "1")))
         assert axis.ratio == pytest.approx(3 * 2 * np.pi / way)
         assert axis.counts == pytest.approx(3 * 3200 / way)
         assert axis.inertia == pytest.approx(1e-5 + 0.2 / axis.ratio**2)
@@ -59,14 +61,14 @@ def test_transmissions_and_counts():
     assert axis.count(np.array([0.5])) == -np.rint(0.5 * axis.counts)
 
 
-def test_what_motors_give():
+def test_torques_of_motors():
     (axis,) = axes_of(stand("[[0, 0.4], [10, 0.2]]"))
     w = 2 * np.pi * np.array([0.0, 5.0, -5.0, 10.0, 10.1])
     assert np.allclose(axis.motor.largest(w, np.ones(5)), [0.4, 0.3, 0.3, 0.2, 0.0])
     dc = "{type: dc, constant: 0.05, current: 2, resistance: 4, voltage: 12, inertia: 1.0e-5}"
     text = STAND.replace("{type: stepper, torque: TORQUE, inertia: 1.0e-5}", dc)
     (axis,) = axes_of(loads_stand(text))
-    # At rest by the current; at 200 rad/s (12 - 10) / 4 A; braking the back-EMF helps; no-load 240.
+    # By the current at rest; at 200 rad/s (12 - 10) / 4 A; the back-EMF helps braking; no-load 240.
     speed, torque = np.array([0.0, 200.0, 200.0, 240.0]), np.array([1.0, 1.0, -1.0, 1.0])
     assert np.allclose(axis.motor.largest(speed, torque), [0.1, 0.025, 0.1, 0.0])
 
@@ -95,7 +97,7 @@ WRONG = {
     "an unknown key": ("    speed: 1\n", "    sped: 1\n    speed: 1\n", 9, "did you mean 'speed'"),
     "like nobody": ("    speed: 1\n", "    like: wich\n", 9, "there is no axis 'wich'"),
     "like itself": ("    speed: 1\n", "    like: winch\n", 9, "would be like itself"),
-    "zero of what nothing moves": (
+    "zero of a coordinate without an axis": (
         "axes:",
         "zero: {line.lenght: 1}\naxes:",
         3,
@@ -120,14 +122,14 @@ WRONG = {
 @pytest.mark.parametrize("old, new, line, words", WRONG.values(), ids=WRONG)
 def test_mistakes_have_their_line(old, new, line, words):
     assert old in STAND
-    with pytest.raises(FileError) as found:
+    with pytest.raises(FileError) as caught:
         loads_stand(STAND.replace(old, new).replace("TORQUE", "0.5").lstrip("\n"), "s.yaml")
-    assert words in str(found.value)
+    assert words in str(caught.value)
     if line:
-        assert any(m.line == line - 1 for m in found.value.mistakes), str(found.value)
+        assert any(m.line == line - 1 for m in caught.value.mistakes), str(caught.value)
 
 
-def test_axes_are_bound_to_what_is_driven():
+def test_axes_are_bound_to_driven_coordinates():
     hoist = fan.loads(HOIST)
     with pytest.raises(FileError, match=r"did you mean 'line\.length'"):
         AxisMap.of(stand(**{"line.length": "lines.length"}), hoist.coordinates)
@@ -139,7 +141,7 @@ def test_axes_are_bound_to_what_is_driven():
         AxisMap.of(stand(**{"line.length": "bar.qx"}), bar.coordinates)
 
 
-def test_a_puppet_that_is_not_there(tmp_path):
+def test_a_missing_puppet_is_named(tmp_path):
     (tmp_path / "s.yaml").write_text(STAND.replace("TORQUE", "1") + "puppet: nobody\n")
     with pytest.raises(
         FileError, match="'nobody': no file in this one's folder and no bundled pup"
@@ -149,7 +151,7 @@ def test_a_puppet_that_is_not_there(tmp_path):
         load_stand("six_winch")
 
 
-def test_a_stand_prints_in_a_line_and_has_a_hash():
+def test_a_stand_has_a_repr_of_one_line_and_a_hash():
     stand = fan.stand.load_stand("desktop6")
     assert str(stand) == repr(stand) and len(str(stand)) < 100
     assert stand in {stand}

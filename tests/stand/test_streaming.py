@@ -52,8 +52,8 @@ def test_a_streamed_motion_is_that_of_the_file(points, counting):
     assert np.max(np.abs(np.rint(at) - points.counts)) <= 1.0
 
 
-def test_the_emulator_loses_what_does_not_fit(points):
-    """So that the test above can fail: a stream that counts too high overruns the buffer."""
+def test_the_emulator_loses_lines_beyond_its_buffer(points):
+    """The test above can fail: a stream that counts too high overruns the buffer."""
     emulator = Emulator(machine_of(points), pace=5e-3)
     with emulator, serial_port(emulator.port, 115_200) as port, pytest.raises(StreamError):
         stream(port, lines_of(gcode(points)), buffer=2000, silence=0.5)
@@ -67,14 +67,14 @@ def test_an_error_stops_the_stream_with_line_and_reason(points):
     with Emulator(machine_of(points), pace=1e-3) as emulator:
         with serial_port(emulator.port, 115_200) as port, pytest.raises(StreamError) as stopped:
             stream(port, lines_of("\n".join(text)))
-        threading.Event().wait(0.1)  # for the reset to arrive
+        threading.Event().wait(0.1)  # time for the reset to arrive
     assert (stopped.value.line, stopped.value.text) == (k + 1, "G7")
     assert "error:20, this command is not known" in str(stopped.value)
     assert emulator.resets == 1
     assert len(emulator.lines) < len(lines_of("\n".join(text)))
 
 
-def test_hold_goes_on_or_stops(points):
+def test_a_hold_resumes_or_stops(points):
     lines, hold, asked = lines_of(gcode(points)), threading.Event(), []
 
     def hold_at_line_20(at):
@@ -100,26 +100,26 @@ def test_hold_goes_on_or_stops(points):
     assert asked == [True, True]
 
 
-def test_a_stream_goes_on_from_a_line(points):
+def test_a_stream_resumes_from_a_line(points):
     text = gcode(points)
     lines = lines_of(text)
     machine = machine_of(points)
     for line in lines[:40]:
         assert machine.line(line.text) == "ok"
-    machine.reset()  # moves that waited are lost
+    machine.reset()  # waiting moves are lost
     for line in resumed(text, lines[40].number):
         assert machine.line(line.text) == "ok", line
     t0 = points.motion.t[-1] - points.motion.t
     at = machine.positions(machine.time - t0) * machine.settings.steps
-    # From a stop: the first moves are late, the end is where it was.
+    # The first moves are late after a stop; the end is the same.
     assert abs(np.rint(at[-1, 0]) - points.counts[-1, 0]) <= 1.0
     assert machine.position[0] == pytest.approx(1e3 * points.motion.position[-1, 0], abs=0.02)
     with pytest.raises(StandError, match="no line 9999"):
         resumed(text, 9999)
 
 
-def test_what_a_reset_may_have_lost(points):
-    """The line from which the machine goes on stands where it was stopped, or up to one before."""
+def test_lines_that_a_reset_may_have_lost(points):
+    """The line to resume from is the position at the stop, or at most one line before it."""
     text = gcode(points)
     lines = lines_of(text)
     for taken in (8, 20, 40, 50, 60):
@@ -139,7 +139,7 @@ def test_what_a_reset_may_have_lost(points):
         assert machine.position[0] == pytest.approx(1e3 * points.motion.position[-1, 0], abs=0.02)
 
 
-def test_silence_and_wrong_ports_are_told(points):
+def test_silence_and_wrong_ports_are_reported(points):
     with Emulator(machine_of(points)) as emulator:
         emulator.held = True
         refused = pytest.raises(StreamError, match=r"no answer in 0\.3 s")

@@ -1,4 +1,4 @@
-"""The walk-through of docs/stand.md: its commands run, and the emulated motors do the motion."""
+"""The walk-through of docs/stand.md: its commands run, and emulated motors follow the motion."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STANDS = {"six_winches": "conduct", "desktop6": "waves", "gantry21": "greeting"}
 
 
 def commands(stand):
-    """The lines of the block that begins with the check of a stand."""
+    """Lines of the block that begins with the check of a stand."""
     (block,) = [b for b in blocks(PAGE, "sh") if b.startswith(f"fantoccini check {stand}\n")]
     return [shlex.split(line)[1:] for line in block.splitlines()]
 
@@ -67,7 +67,7 @@ def test_a_stand_from_its_puppet_to_its_motors(stand, tmp_path, monkeypatch):
 
 
 def started(command):
-    """An emulator in a process of its own, and where it listens."""
+    """An emulator in a process of its own, and its address."""
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     where = ["--listen", "127.0.0.1:0"] if "osc" in command else []
     process = subprocess.Popen(
@@ -84,7 +84,7 @@ def started(command):
 
 
 def compared(stand, path, run):
-    """The motors do the run, after what comes before it and before what comes after it."""
+    """The motors follow the run, apart from the sequences before and after it."""
     table = np.genfromtxt(path, delimiter=",", names=True)
     t, names = table["t_s"], table.dtype.names[1:]
     bound = fan.stand.set_points(stand, run, controller="csv").map
@@ -97,6 +97,6 @@ def compared(stand, path, run):
         errors = np.abs(at[begun : begun + len(wanted)] - wanted)
         assert np.percentile(errors.max(axis=1), 90) < 30.0
         return
-    # Between the table's rows, at up to 0.6 m/s: 5 ms are 3 mm. In steps: test_set_points.
+    # Between the table's rows, at up to 0.6 m/s, 5 ms are 3 mm. test_set_points checks steps.
     tries = range(len(t) - len(wanted) + 1)
     assert min(np.abs(at[k : k + len(wanted)] - wanted).max() for k in tries) < 7.0

@@ -1,4 +1,4 @@
-"""Which cases a sweep has, in which order, with which random numbers."""
+"""Cases of a sweep: their number, their order and their random numbers."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ def design(over=None, draw=None, seeds=None, seed=0, puppet=None):
 
 
 def test_a_dict_is_a_grid_whose_last_name_is_the_fastest():
-    made = design({"a": [1, 2], "b": ["x", "y", "z"]})
-    assert made.shape == (2, 3)
-    assert [(c["a"], c["b"]) for c in made.cases] == [
+    sweep_design = design({"a": [1, 2], "b": ["x", "y", "z"]})
+    assert sweep_design.shape == (2, 3)
+    assert [(c["a"], c["b"]) for c in sweep_design.cases] == [
         (1, "x"),
         (1, "y"),
         (1, "z"),
@@ -25,19 +25,21 @@ def test_a_dict_is_a_grid_whose_last_name_is_the_fastest():
         (2, "y"),
         (2, "z"),
     ]
-    assert [c.index for c in made.cases] == list(range(6))
+    assert [c.index for c in sweep_design.cases] == list(range(6))
 
 
 def test_a_list_of_dicts_is_one_case_each():
-    made = design([{"a": 1, "b": 2.0}, {"b": 3.0, "a": 1}])
-    assert [axis.name for axis in made.axes] == ["case"]
-    assert [(c["a"], c["b"]) for c in made.cases] == [(1, 2.0), (1, 3.0)]
+    sweep_design = design([{"a": 1, "b": 2.0}, {"b": 3.0, "a": 1}])
+    assert [axis.name for axis in sweep_design.axes] == ["case"]
+    assert [(c["a"], c["b"]) for c in sweep_design.cases] == [(1, 2.0), (1, 3.0)]
 
 
 def test_seeds_repeat_every_case_on_the_last_axis():
-    made = design({"a": [1, 2]}, seeds=3)
-    assert made.shape == (2, 3)
-    assert [(c["a"], c.repeat) for c in made.cases] == [(a, k) for a in (1, 2) for k in range(3)]
+    sweep_design = design({"a": [1, 2]}, seeds=3)
+    assert sweep_design.shape == (2, 3)
+    assert [(c["a"], c.repeat) for c in sweep_design.cases] == [
+        (a, k) for a in (1, 2) for k in range(3)
+    ]
 
 
 def test_nothing_varied_is_one_case():
@@ -49,46 +51,46 @@ def test_puppets_and_inputs_go_by_their_names(arm):
     other = arm.with_parameters({"m2": 0.2})
     lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1, 0.7)]})
     down = fan.Input.waypoints(arm, {"hand.length": [(0, 0.7), (1, 0.8)]}).called("down")
-    made = design({"puppet": [arm, other], "inputs": [lift, down]})
-    assert made.axes[0].labels == ("arm2d", "arm2d 2")
-    assert made.axes[1].labels == ("inputs 0", "down")
-    assert made.puppets["arm2d 2"] is other
-    assert made.cases[1]["inputs"] is down
+    sweep_design = design({"puppet": [arm, other], "inputs": [lift, down]})
+    assert sweep_design.axes[0].labels == ("arm2d", "arm2d 2")
+    assert sweep_design.axes[1].labels == ("inputs 0", "down")
+    assert sweep_design.puppets["arm2d 2"] is other
+    assert sweep_design.cases[1]["inputs"] is down
     named = design({"puppet": {"light": arm, "heavy": other}})
     assert named.axes[0].labels == ("light", "heavy")
     listed = design([{"puppet": p, "a": a} for p in (arm, other) for a in (1, 2)])
-    assert [told["puppet"] for told in listed.labels] == ["arm2d"] * 2 + ["arm2d 2"] * 2
+    assert [label["puppet"] for label in listed.labels] == ["arm2d"] * 2 + ["arm2d 2"] * 2
 
 
 def test_arrays_are_values_and_stand_for_themselves():
     starts = np.arange(2000.0).reshape(2, 1000)
-    made = fan.sweep(lambda case: {"x": case["start"].sum()}, {"start": starts})
-    assert np.array_equal(made["start"], starts) and np.array_equal(made.axes["start"], starts)
-    assert np.array_equal(made["x"], starts.sum(axis=1))
+    sweep = fan.sweep(lambda case: {"x": case["start"].sum()}, {"start": starts})
+    assert np.array_equal(sweep["start"], starts) and np.array_equal(sweep.axes["start"], starts)
+    assert np.array_equal(sweep["x"], starts.sum(axis=1))
     with pytest.raises(ValueError, match="twice"):
         design({"start": starts[[0, 0]]})
     assert design({"start": starts}, seeds=np.int64(2), seed=np.int64(1)).shape == (2, 2)
 
 
 def test_a_case_has_random_numbers_of_its_own_whatever_the_others_are():
-    few = design({"a": [1, 2]}, seeds=2)
+    small = design({"a": [1, 2]}, seeds=2)
     more = design({"a": [0, 2, 1, 5]}, seeds=5)
-    one = {(c["a"], c.repeat): (c.rng.random(), c.seed) for c in few.cases}
+    draws = {(c["a"], c.repeat): (c.rng.random(), c.seed) for c in small.cases}
     all_ = {(c["a"], c.repeat): (c.rng.random(), c.seed) for c in more.cases}
     assert len(set(all_.values())) == 20
-    assert {key: all_[key] for key in one} == one
+    assert {key: all_[key] for key in draws} == draws
     other = design({"a": [1, 2]}, seeds=2, seed=1)
-    assert not {c.seed for c in other.cases} & {c.seed for c in few.cases}
+    assert not {c.seed for c in other.cases} & {c.seed for c in small.cases}
 
 
-def test_what_is_drawn_depends_on_the_case_and_the_name_alone():
-    one = design({"a": [1, 2]}, {"m": (0.5, 1.5)}, seeds=50)
+def test_draws_depend_only_on_the_case_and_the_name():
+    drawn = design({"a": [1, 2]}, {"m": (0.5, 1.5)}, seeds=50)
     two = design(
         {"a": [2]},
         {"n": stats.norm(3.0, 0.1), "k": lambda rng: int(rng.integers(10)), "m": (0.5, 1.5)},
         seeds=50,
     )
-    m = [c["m"] for c in one.cases if c["a"] == 2]
+    m = [c["m"] for c in drawn.cases if c["a"] == 2]
     assert m == [c["m"] for c in two.cases]
     assert all(0.5 <= x <= 1.5 for x in m) and len(set(m)) == 50
     assert abs(np.mean([c["n"] for c in two.cases]) - 3.0) < 0.06
@@ -97,17 +99,17 @@ def test_what_is_drawn_depends_on_the_case_and_the_name_alone():
 
 
 def test_a_case_keeps_its_key_when_the_grid_grows(arm):
-    few = design({"a": [1.0, 2.0]}, {"m": (0, 1)}, 2, puppet=arm)
+    small = design({"a": [1.0, 2.0]}, {"m": (0, 1)}, 2, puppet=arm)
     more = design({"a": np.linspace(0, 2, 5)}, {"m": (0, 1)}, 3, puppet=fan.puppets.arm2d())
-    assert set(few.keys) <= set(more.keys) and len(set(more.keys)) == 15
+    assert set(small.keys) <= set(more.keys) and len(set(more.keys)) == 15
     heavy = design({"a": [1.0, 2.0]}, {"m": (0, 1)}, 2, puppet=arm.with_parameters({"m1": 1.0}))
-    assert not set(heavy.keys) & set(few.keys)
-    assert [c.seed for c in heavy.cases] == [c.seed for c in few.cases]
+    assert not set(heavy.keys) & set(small.keys)
+    assert [c.seed for c in heavy.cases] == [c.seed for c in small.cases]
 
 
-def test_what_has_other_random_numbers_is_stored_apart():
-    one = design({"way": {"slow": [1, 2], "gentle": [1, 2]}})
-    assert len(set(one.keys)) == 2 and one.cases[0].seed != one.cases[1].seed
+def test_cases_with_other_random_numbers_have_other_keys():
+    grid = design({"way": {"slow": [1, 2], "gentle": [1, 2]}})
+    assert len(set(grid.keys)) == 2 and grid.cases[0].seed != grid.cases[1].seed
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Marionettes travel as text: what arrives is the same puppet, compiled already where it was."""
+"""Marionettes are pickled as text: the copy is the same puppet, compiled if its cache has it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from fantoccini.model.scene import assembled
 
 
 @pytest.mark.parametrize("name", ["arm2d", "marionette_bar"])
-def test_what_arrives_is_the_same_puppet(name):
+def test_the_copy_is_the_same_puppet(name):
     sent = getattr(fan.puppets, name)()
     if sent.p.size:
         sent = sent.with_parameters({next(iter(sent.tree.parameters)): 0.07})
-    made = pickle.loads(pickle.dumps(sent))
-    assert made.puppet.canonical() == sent.puppet.canonical()
-    assert np.array_equal(made.p, sent.p) and made.name == sent.name
+    received = pickle.loads(pickle.dumps(sent))
+    assert received.puppet.canonical() == sent.puppet.canonical()
+    assert np.array_equal(received.p, sent.p) and received.name == sent.name
 
 
 def test_winches_travel_too():
@@ -31,7 +31,7 @@ def test_winches_travel_too():
     assert np.array_equal(sent.with_parameters({"m1": 0.2}).winches, arm.winches)
 
 
-def test_what_is_compiled_stays_behind_and_a_copy_keeps_it():
+def test_libraries_are_not_pickled_but_are_kept_by_a_copy():
     arm = fan.puppets.arm2d()
     library = arm.library
     assert "library" not in pickle.loads(pickle.dumps(arm)).__dict__
@@ -52,13 +52,13 @@ def test_meshes_travel_with_their_puppet(tmp_path):
     sent = pickle.dumps(stone)
     mass = stone.mass
     shutil.rmtree(folder.parent)
-    made = pickle.loads(sent)
-    assert made.mass == mass == pytest.approx(6.0)
-    assert made.puppet.bodies[0].shapes[0].path.is_file()
+    received = pickle.loads(sent)
+    assert received.mass == mass == pytest.approx(6.0)
+    assert received.puppet.bodies[0].shapes[0].path.is_file()
 
 
 def test_a_scene_travels_whole():
     arm, crane = (getattr(fan.puppets, n)().puppet for n in ("arm2d", "crane"))
     scene = fan.Scene.of(arm, crane, name="stage")
-    made = pickle.loads(pickle.dumps(fan.Marionette(scene)))
-    assert made.name == "stage" and made.puppet == assembled(scene)
+    received = pickle.loads(pickle.dumps(fan.Marionette(scene)))
+    assert received.name == "stage" and received.puppet == assembled(scene)

@@ -1,7 +1,7 @@
 """A sweep on a real Ray cluster of this machine: the same bits, failures, dead workers, Ctrl-C.
 
-Studies are made inside the tests: Ray then ships them as they are, and no worker has to find the
-module of a test.
+Studies are defined inside the tests: Ray then sends them whole, and workers do not need the module
+of the test.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def test_ray_gives_the_same_bits_as_threads(cluster, arm, tmp_path):
 
 
 def test_a_study_may_close_over_a_puppet(cluster, arm):
-    arm.compile()  # what is loaded stays behind
+    arm.compile()  # libraries are not sent
     trial = fan.lab.Trial(t_end=0.05, method="timestepping", keep=["last elbow"])
 
     def study(case):
@@ -101,7 +101,7 @@ def test_a_study_that_cannot_reach_the_workers_is_a_failure(cluster):
     assert "not a study" in result.failures[0].failure.message
 
 
-def test_workers_bound_how_many_cases_run_at_a_time(cluster, tmp_path):
+def test_workers_bound_the_number_of_concurrent_cases(cluster, tmp_path):
     def study(case):
         mine = tmp_path / str(case["k"])
         mine.touch()
@@ -129,8 +129,8 @@ def test_an_interrupt_keeps_what_is_finished(cluster, tmp_path):
     assert np.array_equal(whole["x"], fan.sweep(study, {"k": range(40)})["x"])
 
 
-def test_a_cluster_is_ended_by_who_started_it(cluster, monkeypatch):
-    """Its start and its end are only noted: each would take some seconds."""
+def test_a_sweep_ends_only_a_cluster_that_it_started(cluster, monkeypatch):
+    """Start and end are only recorded, because each would take some seconds."""
     noted, asked = [], itertools.chain([False], itertools.repeat(True))
     monkeypatch.setattr(ray, "is_initialized", lambda: next(asked))
     monkeypatch.setattr(ray_executor, "connect", lambda *found: noted.append(found))
@@ -153,7 +153,7 @@ def test_a_cluster_elsewhere_is_joined_and_not_configured(monkeypatch):
     assert all("num_cpus" not in options for options in noted[1:])
 
 
-def test_without_ray_there_is_a_sentence(monkeypatch):
+def test_a_missing_ray_is_an_error_with_a_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(ImportError, match="pip install 'fantoccini"):
         fan.sweep(lambda case: {}, on="ray")

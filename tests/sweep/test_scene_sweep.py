@@ -54,21 +54,21 @@ def trial():
 
 def test_a_trial_sweeps_a_scene(stage, tmp_path):
     over = {"p:one.load": [0.5, 1.0], "dt": [2e-3, 1e-3]}
-    found = fan.sweep(trial(), over, puppet=stage, store=tmp_path / "kept")
-    assert not found.failures and np.all(found["status"] == "DONE")
-    assert found["last two.board.z"] == pytest.approx(0.01, abs=1e-4)  # let down onto the floor
-    assert found["last one.board.z"] == pytest.approx(0.2, abs=1e-6)
+    sweep = fan.sweep(trial(), over, puppet=stage, store=tmp_path / "kept")
+    assert not sweep.failures and np.all(sweep["status"] == "DONE")
+    assert sweep["last two.board.z"] == pytest.approx(0.01, abs=1e-4)  # let down onto the floor
+    assert sweep["last one.board.z"] == pytest.approx(0.2, abs=1e-6)
     weights = 9.81 * np.array([[0.5, 0.5], [1.0, 1.0]])
-    assert found["max tension:one.line"] == pytest.approx(weights, rel=1e-3)
-    assert found["ball.z"].shape == (2, 2, 3)
-    assert found["ball.z"] == pytest.approx(0.03, abs=2e-4)
+    assert sweep["max tension:one.line"] == pytest.approx(weights, rel=1e-3)
+    assert sweep["ball.z"].shape == (2, 2, 3)
+    assert sweep["ball.z"] == pytest.approx(0.03, abs=2e-4)
     again = fan.sweep(trial(), over, puppet=stage, store=tmp_path / "kept")
-    assert np.array_equal(again["ball.z"], found["ball.z"])
-    run = trial().run(found.case(1, 0))
+    assert np.array_equal(again["ball.z"], sweep["ball.z"])
+    run = trial().run(sweep.case(1, 0))
     assert run.contact.force_on("two.board", len(run))[-1, 2] == pytest.approx(1.5 * 9.81, rel=1e-3)
 
 
-def test_a_start_and_a_study_of_ones_own(stage):
+def test_a_user_may_give_initial_states_and_a_study(stage):
     def study(case):
         puppet = case.marionette
         x0 = puppet.state({"one.board.x": 0.0, "ball.x": 0.25 + 0.01 * case.rng.normal()})
@@ -76,9 +76,9 @@ def test_a_start_and_a_study_of_ones_own(stage):
         return {"ball": run["ball.x"][-1], "points": len(run.contact)}
 
     cases = {"method": {"steps": fan.TimeStepping(dt=2e-3)}, "p:two.load": [1.0, 2.0]}
-    found = fan.sweep(study, cases, puppet=stage, seeds=2)
-    assert found["ball"].shape == (1, 2, 2) and np.all(found["points"] > 0)
-    assert np.ptp(found["ball"]) > 1e-4
+    sweep = fan.sweep(study, cases, puppet=stage, seeds=2)
+    assert sweep["ball"].shape == (1, 2, 2) and np.all(sweep["points"] > 0)
+    assert np.ptp(sweep["ball"]) > 1e-4
 
 
 def test_bundled_scenes_are_swept_side_by_side():
@@ -86,17 +86,17 @@ def test_bundled_scenes_are_swept_side_by_side():
     over = {"puppet": puppets}
     keep = ["last torso.z", "max tension:head"]
     study = fan.lab.Trial(t_end=0.3, method="timestepping", keep=keep)
-    found = fan.sweep(study, over)
-    assert list(found["status"]) == ["DONE", "DONE"]
-    stands, hangs = found["last torso.z"]
+    sweep = fan.sweep(study, over)
+    assert list(sweep["status"]) == ["DONE", "DONE"]
+    stands, hangs = sweep["last torso.z"]
     assert 0.335 < stands < hangs
 
 
-def test_workers_get_a_scene_whole(stage):
-    """As Ray sends it: the text of its puppets travels, not the file."""
+def test_workers_receive_a_whole_scene(stage):
+    """Workers of Ray receive the text of a scene's puppets, not the file."""
     import pickle
 
     there = pickle.loads(pickle.dumps(stage))
     x0 = stage.state({"ball.z": 0.1})
-    here, far = (fan.simulate(m, x0, t_end=0.2, method="timestepping") for m in (stage, there))
-    assert np.array_equal(here.q_D, far.q_D) and len(here.contact) == len(far.contact) > 0
+    here, sent = (fan.simulate(m, x0, t_end=0.2, method="timestepping") for m in (stage, there))
+    assert np.array_equal(here.q_D, sent.q_D) and len(here.contact) == len(sent.contact) > 0

@@ -1,4 +1,4 @@
-"""A sweep's folder: going on after Ctrl-C and after kill -9, and what is refused or redone."""
+"""A sweep's folder: resuming after Ctrl-C and kill -9, refused folders, repeated cases."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ print(result["x"].tobytes().hex(), result["k"].sum())
 
 
 _ran: list[int] = []
-"""Which cases were run, in the order in which they began."""
+"""Cases that were run, in the order of their beginnings."""
 
 
 def numbered(case):
@@ -51,15 +51,15 @@ def files(store: Path) -> list[Path]:
 
 def test_a_finished_sweep_is_read_back_to_the_same_bits(study, tmp_path):
     store = tmp_path / "deep" / "kept"
-    one = fan.sweep(study, {"n": range(6)}, store=store, seeds=2)
+    first = fan.sweep(study, {"n": range(6)}, store=store, seeds=2)
     assert len(files(store)) == 12 and len(_ran) == 12
-    two = fan.sweep(study, {"n": range(6)}, store=store, seeds=2)
+    second = fan.sweep(study, {"n": range(6)}, store=store, seeds=2)
     assert len(_ran) == 12
-    assert np.array_equal(one["x"], two["x"]) and np.array_equal(one["name"], two["name"])
-    assert np.array_equal(one.seconds, two.seconds)
+    assert np.array_equal(first["x"], second["x"]) and np.array_equal(first["name"], second["name"])
+    assert np.array_equal(first.seconds, second.seconds)
 
 
-def test_a_sweep_that_grew_runs_only_what_is_new(study, tmp_path):
+def test_a_larger_sweep_runs_only_new_cases(study, tmp_path):
     fan.sweep(study, {"n": range(4)}, store=tmp_path / "s")
     assert sorted(_ran) == [0, 1, 2, 3]
     grown = fan.sweep(study, {"n": [5, 3, 1, 6]}, store=tmp_path / "s", seeds=1)
@@ -77,8 +77,8 @@ def test_an_interrupted_sweep_goes_on(study, tmp_path):
         fan.errors.SweepStopped, match="run the same sweep again to resume"
     ) as caught:
         fan.sweep(study, **asked, progress=interrupt)
-    kept = len(files(tmp_path / "s"))
-    assert kept == 7 == caught.value.result.done.sum()
+    n_cases = len(files(tmp_path / "s"))
+    assert n_cases == 7 == caught.value.result.done.sum()
     first = set(_ran)
     time.sleep(0.1)
     _ran.clear()
@@ -100,13 +100,13 @@ def test_a_killed_process_leaves_whole_cases_and_the_sweep_goes_on(tmp_path):
     finally:
         process.send_signal(signal.SIGKILL)
         process.wait()
-    kept = {file: file.stat().st_mtime_ns for file in files(tmp_path / "kept")}
-    assert 5 <= len(kept) < 24
+    times = {file: file.stat().st_mtime_ns for file in files(tmp_path / "kept")}
+    assert 5 <= len(times) < 24
     done = subprocess.run(
         command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
     )
     assert len(files(tmp_path / "kept")) == 24
-    assert all(file.stat().st_mtime_ns == then for file, then in kept.items())
+    assert all(file.stat().st_mtime_ns == then for file, then in times.items())
 
     def study(case):
         return {"x": case.rng.random()}
@@ -118,7 +118,7 @@ def test_a_killed_process_leaves_whole_cases_and_the_sweep_goes_on(tmp_path):
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "flipped", "text", "other"])
 def test_a_damaged_case_is_run_again(study, tmp_path, damage):
-    one = fan.sweep(study, {"n": range(3)}, store=tmp_path)
+    first = fan.sweep(study, {"n": range(3)}, store=tmp_path)
     victim, other, _ = files(tmp_path)
     content = victim.read_bytes()
     flipped = bytearray(content)
@@ -135,7 +135,7 @@ def test_a_damaged_case_is_run_again(study, tmp_path, damage):
     _ran.clear()
     two = fan.sweep(study, {"n": range(3)}, store=tmp_path)
     assert len(_ran) == 1
-    assert np.array_equal(one["x"], two["x"])
+    assert np.array_equal(first["x"], two["x"])
 
 
 def test_no_pickle_is_read(study, tmp_path):
@@ -196,14 +196,14 @@ def test_a_study_whose_code_changed_is_refused_unless_its_version_vouches_for_it
         exec(text, names)
         return names["study"]
 
-    one = make("def study(case):\n    return {'x': 1.0}\n")
+    study = make("def study(case):\n    return {'x': 1.0}\n")
     moved = make("\n\n# a remark\ndef study(case):\n    return {'x': 1.0}\n")
     two = make("def study(case):\n    return {'x': 2.0}\n")
-    fan.sweep(one, store=tmp_path / "a")
+    fan.sweep(study, store=tmp_path / "a")
     fan.sweep(moved, store=tmp_path / "a")
     with pytest.raises(fan.errors.StoreError, match="code or the settings"):
         fan.sweep(two, store=tmp_path / "a")
-    fan.sweep(one, store=tmp_path / "b", version="1")
+    fan.sweep(study, store=tmp_path / "b", version="1")
     assert fan.sweep(two, store=tmp_path / "b", version="1")["x"] == 1.0
 
     class Callable:

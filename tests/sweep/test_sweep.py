@@ -14,7 +14,7 @@ LENGTHS = [0.78, 0.8, 0.85]
 
 
 def swing(case: fan.lab.Case) -> dict:
-    """A push that is drawn, and how the arm swings after it."""
+    """The arm's swing after a random push."""
     arm = case.marionette
     x0 = arm.project(arm.state({"hand.length": case["length"], "v:elbow": case.rng.normal()}))
     run = fan.simulate(arm, x0, t_end=0.2, method="timestepping")
@@ -38,11 +38,11 @@ def test_results_are_shaped_like_the_grid(arm):
 
 def test_any_number_of_workers_gives_the_same_bits(arm):
     asked = {"over": {"length": LENGTHS}, "puppet": arm, "draw": {"p:m1": (0.1, 0.2)}, "seeds": 4}
-    one, two, three = (fan.sweep(swing, **asked, workers=n) for n in (1, 2, 3))
+    single, two, three = (fan.sweep(swing, **asked, workers=n) for n in (1, 2, 3))
     for name in ("end", "peak", "p:m1"):
-        assert np.array_equal(one[name], two[name]) and np.array_equal(one[name], three[name])
+        assert np.array_equal(single[name], two[name]) and np.array_equal(single[name], three[name])
     back = fan.sweep(swing, **{**asked, "over": {"length": LENGTHS[::-1]}})
-    assert np.array_equal(back["end"][::-1], one["end"])
+    assert np.array_equal(back["end"][::-1], single["end"])
 
 
 def test_a_failure_is_reported_and_stops_nothing(arm):
@@ -76,7 +76,7 @@ def test_a_failure_is_reported_and_stops_nothing(arm):
         ([1.0], "must return a dict"),
     ],
 )
-def test_a_study_that_returns_something_else_is_told(found, said):
+def test_a_study_that_returns_something_else_is_an_error(found, said):
     result = fan.sweep(lambda case: found, {"k": [0]})
     assert said in result.failures[0].failure.message
 
@@ -128,11 +128,11 @@ def test_the_table_goes_to_csv(tmp_path):
         result["xx"]
 
 
-def test_progress_is_told_and_may_interrupt():
-    told = []
+def test_progress_is_reported_and_may_interrupt():
+    calls = []
 
     def progress(at):
-        told.append((at.done, at.total, at.failed))
+        calls.append((at.done, at.total, at.failed))
         if at.done == 4:
             signal.raise_signal(signal.SIGINT)
 
@@ -140,13 +140,13 @@ def test_progress_is_told_and_may_interrupt():
         fan.errors.SweepStopped, match="of 50 cases; the error carries them"
     ) as caught:
         fan.sweep(lambda case: {"x": case["k"]}, {"k": range(50)}, workers=2, progress=progress)
-    assert told[:5] == [(k, 50, 0) for k in range(5)]
+    assert calls[:5] == [(k, 50, 0) for k in range(5)]
     result = caught.value.result
     assert result.done.sum() in (4, 5) and f"{50 - result.done.sum()} not run" in repr(result)
     assert np.nansum(result["x"]) > 0
 
 
-def test_an_interrupt_does_not_wait_for_what_is_running():
+def test_an_interrupt_does_not_wait_for_running_cases():
     begun, end = threading.Event(), threading.Event()
 
     def study(case):

@@ -1,4 +1,4 @@
-"""Trial, the study that is written already: what goes where, and which figures it keeps."""
+"""The ready-made study `Trial`: the use of values, and the figures that it keeps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ LIFT = {"hand.length": [(0, 0.8), (0.2, 0.75)]}
 FAST = {"method": "timestepping", "t_end": 0.2}
 
 
-def test_a_trial_is_the_run_one_would_have_written(arm):
+def test_a_trial_equals_a_handwritten_run(arm):
     times = np.linspace(0, 0.3, 7)
     keep = ("max tension:hand", "last elbow", "mean hand.length", "elbow", "first energy:kinetic")
     trial = fan.lab.Trial(inputs=LIFT, t_end=0.25, keep=keep, times=times)
@@ -31,7 +31,7 @@ def test_a_trial_is_the_run_one_would_have_written(arm):
     assert np.array_equal(trial.run(result.case(1)).q_D, run.q_D)
 
 
-def test_names_say_where_values_go(arm):
+def test_names_select_the_use_of_values(arm):
     over = {
         "inputs": {"none": {"hand.length": [(0, 0.8)]}, "lift": LIFT},
         "v:elbow": [0.0, 1.0],

@@ -11,7 +11,7 @@ from benchmarks.long_runs import subject
 import fantoccini as fan
 from fantoccini.motion import State
 
-# The marionette and its starts are those of the report of long runs.
+# The marionette and its initial states are those of the report of long runs.
 marionette, all_taut = subject.damped, subject.all_taut
 swinging, gentle = subject.swinging, subject.swing
 
@@ -52,20 +52,20 @@ def doll() -> fan.Marionette:
 
 
 def flyer() -> tuple[fan.Marionette, State]:
-    """The doll in no gravity, its string too long to matter."""
-    made = doll().with_parameters({"g": 0.0})
-    return made, made.state({"line.length": 1e6})
+    """The doll without gravity, its string too long to become taut."""
+    puppet = doll().with_parameters({"g": 0.0})
+    return puppet, puppet.state({"line.length": 1e6})
 
 
 @functools.cache
 def undamped() -> fan.Marionette:
     """The bundled marionette without damping and drag."""
-    made = copy.copy(subject.undamped())
-    # Rows, energies and rest are those of the damped one, whose library others have made already.
-    made.__dict__["library"] = marionette().library
-    return made
+    puppet = copy.copy(subject.undamped())
+    # Rows, energies and rest are those of the damped puppet, whose library is compiled already.
+    puppet.__dict__["library"] = marionette().library
+    return puppet
 
 
 def energy(run: fan.Trajectory) -> np.ndarray:
-    """T + V (T,)."""
+    """T + V (T,) [J]."""
     return run.ledger["kinetic"] + run.ledger["potential"]

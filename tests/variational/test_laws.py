@@ -1,4 +1,4 @@
-"""What a variational integrator is for: order two, energy without drift, momenta that stay."""
+"""Laws of the variational integrator: second order, energy without drift, conserved momenta."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def slope(errors) -> float:
 
 
 def sway(puppet: fan.Marionette, x: fan.State) -> fan.Input:
-    """The first string is shifted and the last one wound in, smoothly."""
+    """Input that shifts the first string and winds in the last one, smoothly."""
     start = dict(zip(puppet.coordinates.q_K, x.q_K, strict=True))
     names = puppet.coordinates.q_K
     shift = next(n for n in names if n.endswith(".x"))
@@ -33,7 +33,7 @@ def sway(puppet: fan.Marionette, x: fan.State) -> fan.Input:
 @pytest.mark.parametrize("moving", [False, True], ids=["still", "moving inputs"])
 @pytest.mark.parametrize("damped", [False, True], ids=["undamped", "damped"])
 def test_it_is_of_second_order_between_catches(damped, moving):
-    """With damping and moving inputs too, against the event-driven motion."""
+    """This holds with damping and moving inputs too, compared with the event-driven motion."""
     puppet = rigs.marionette() if damped else rigs.doll()
     v_D = np.random.default_rng(0).normal(size=puppet.coordinates.n_vD)
     x = rigs.gentle(0.1) if damped else rigs.swinging(puppet, puppet.rest(), v_D)
@@ -52,7 +52,7 @@ def test_it_is_of_second_order_between_catches(damped, moving):
 
 
 def test_the_energy_of_a_gentle_swing_does_not_drift():
-    """The undamped marionette, all strings taut, 100 s in steps of 10 ms."""
+    """The undamped marionette swings for 100 s in steps of 10 ms, with all strings taut."""
     run = fan.simulate(
         rigs.undamped(),
         rigs.gentle(0.02),
@@ -67,7 +67,7 @@ def test_the_energy_of_a_gentle_swing_does_not_drift():
     (rate, _), cov = np.polyfit(*means.T, 1, cov=True)
     print(f"slope of E over T: {rate / T.mean():.2e} +- {cov[0, 0] ** 0.5 / T.mean():.1e} /s")
     assert run.events == ()
-    assert np.ptp(E) < 5e-3 * T.mean()  # it swings with the motion, and stays
+    assert np.ptp(E) < 5e-3 * T.mean()  # it oscillates with the motion, without drift
     assert abs(rate) < (1e-7 + 3.0 * cov[0, 0] ** 0.5 / T.mean()) * T.mean()
     assert np.max(np.abs(E[run.t <= 10.0] - E[0])) < 2.4e-4
     assert np.max(np.abs(run.violation.values)) < 1e-12
@@ -76,18 +76,18 @@ def test_the_energy_of_a_gentle_swing_does_not_drift():
 
 def momenta(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
     """(T, 6) linear momentum and angular momentum about the origin of a puppet on a free joint."""
-    found = []
+    momenta = []
     for q, v in zip(run.q_D, run.v_D, strict=True):
         at = puppet.state().replace(q_D=q, v_D=v)
         p = puppet.mass_matrix(at) @ v
         w, u = q[3], q[4:7]
         turn = p[3:6] + 2.0 * np.cross(u, w * p[3:6] + np.cross(u, p[3:6]))
-        found.append([*p[:3], *(np.cross(q[:3], p[:3]) + turn)])
-    return np.array(found)
+        momenta.append([*p[:3], *(np.cross(q[:3], p[:3]) + turn)])
+    return np.array(momenta)
 
 
 @pytest.mark.parametrize("dt", [0.01, 1.0 / 30.0])
-def test_momenta_that_symmetry_keeps_are_kept_to_rounding(dt):
+def test_symmetry_conserves_momenta_to_rounding(dt):
     flyer, free = rigs.flyer()
     v_D = 2.0 * np.random.default_rng(0).normal(size=flyer.coordinates.n_vD)
     run = fan.simulate(flyer, free.replace(v_D=v_D), t_end=10.0, method=fan.Variational(dt=dt))
@@ -103,7 +103,7 @@ def test_momenta_that_symmetry_keeps_are_kept_to_rounding(dt):
 
 
 def test_orientations_stay_unit_quaternions_through_full_turns():
-    """No angle is singular: the doll turns over many times."""
+    """No angle is singular: the doll turns over several times."""
     flyer, x = rigs.flyer()
     v_D = np.array([0, 0, 0, 8.0, -5.0, 3.0, 6.0, 4.0, -7.0, 2.0])
     run = fan.simulate(flyer, x.replace(v_D=v_D), t_end=10.0, method=fan.Variational(dt=0.005))
@@ -116,7 +116,7 @@ def test_orientations_stay_unit_quaternions_through_full_turns():
 
 
 def test_large_steps_stay_stable():
-    """Steps of 1/30 s through shaken strings that go slack and snap taut."""
+    """The steps are 1/30 s, with shaken strings that go slack and are caught."""
     puppet = rigs.marionette()
     x = puppet.rest()
     start = dict(zip(puppet.coordinates.q_K, x.q_K, strict=True))
@@ -161,7 +161,7 @@ pose: {bar.z: 1.0, bob.z: 0.4}
 
 
 def test_a_bar_that_turns_and_moves_mass_is_of_second_order():
-    """Driven orientations, M_DK that is not zero, drag and damping: the motion and the work."""
+    """Driven orientations, nonzero M_DK, drag and damping: the motion and the work."""
     puppet = fan.loads(TURNED)
     x = puppet.rest()
     turn = {

@@ -1,4 +1,4 @@
-"""The generated midpoint rule against the derivatives of the discrete Lagrangian itself."""
+"""The generated midpoint rule, compared with derivatives of the discrete Lagrangian."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def product(a, b):
 
 
 def between(q, q_next, quaternions, scalars, n_v):
-    """q_mid and xi of two configurations, from their difference alone."""
+    """q_mid and xi of two configurations, computed from their difference alone."""
     middle, xi = ca.SX(q), ca.SX(n_v, 1)
     for i, j in scalars:
         middle[i], xi[j] = (q[i] + q_next[i]) / 2, q_next[i] - q[i]
@@ -38,7 +38,7 @@ def between(q, q_next, quaternions, scalars, n_v):
 
 
 def moved(q, change, quaternions, scalars):
-    """q moved by a small tangent vector, to first order."""
+    """q displaced by a small tangent vector, to first order."""
     out = ca.SX(q)
     for i, j in scalars:
         out[i] = q[i] + change[j]
@@ -57,8 +57,8 @@ def discrete_momenta(equations, q, q_next, q_K, q_K_next, dt, p):
     K_mid, xi_K = between(ca.SX(q_K), ca.SX(q_K_next), *K, t.n_vK)
     L_d = dt * equations["lagrangian"](q_mid, xi / dt, K_mid, xi_K / dt, p)
     slopes = [-ca.gradient(L_d, first), ca.gradient(L_d, second)]
-    found = ca.Function("momenta", [first, second], slopes)
-    return [np.array(x).ravel() for x in found(np.zeros(t.n_vD), np.zeros(t.n_vD))]
+    momenta = ca.Function("momenta", [first, second], slopes)
+    return [np.array(x).ravel() for x in momenta(np.zeros(t.n_vD), np.zeros(t.n_vD))]
 
 
 def numbers(function, *arguments):
@@ -102,5 +102,5 @@ def test_momenta_are_mass_times_velocity():
     equations, x, p = model.equations, model.random(0), model.p
     M, M_DK, _ = (np.array(x) for x in equations["mass_matrix"](x.q_D, x.q_K, p))
     momenta = Variational(equations).functions()["momenta"]
-    (found,) = numbers(momenta, x.q_D, x.v_D, x.q_K, x.v_K, p)
-    assert found == pytest.approx(M @ x.v_D + M_DK @ x.v_K, abs=1e-12)
+    (momentum,) = numbers(momenta, x.q_D, x.v_D, x.q_K, x.v_K, p)
+    assert momentum == pytest.approx(M @ x.v_D + M_DK @ x.v_K, abs=1e-12)

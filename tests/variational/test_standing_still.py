@@ -1,4 +1,4 @@
-"""Puppets that stand still: forces cancel there, and no momentum says how small is small."""
+"""Puppets at rest: forces cancel, and no momentum gives a scale for a convergence tolerance."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lab.toys import CART
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
-STILL = """
+BALANCED = """
 puppet: still
 bodies:
   - name: crank
@@ -27,12 +27,12 @@ bodies:
 drives:
   - {on: crank, inertia: 1.0e-3, control: {type: pd, stiffness: 40, damping: 1}}
 """
-"""Motors and springs that bear weights: neither strings nor limits."""
+"""Weights on motors and springs, without strings and limits."""
 
 
 def test_it_stands_still():
-    """Alone and in lanes."""
-    puppet = fan.loads(STILL)
+    """A single run and a run in lanes agree."""
+    puppet = fan.loads(BALANCED)
     x = puppet.rest({"crank": 0.3})
     run = fan.simulate(puppet, x, t_end=5.0, method="variational")
     many = fan.simulate_batch(puppet, [x] * 3, t_end=5.0, method="variational", save="all")
@@ -42,7 +42,7 @@ def test_it_stands_still():
 
 
 def test_it_sets_out_from_rest():
-    """A trolley under a hanging rod, of second order: M_DK v_K is all there is at first."""
+    """A trolley under a hanging rod, second order: at first, only M_DK v_K acts."""
     cart = fan.loads(CART)
     x = cart.rest()
     inputs = fan.Input.waypoints(cart, {"trolley": [(0.0, 0.0), (0.5, 0.03)]})

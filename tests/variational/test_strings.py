@@ -1,4 +1,4 @@
-"""Strings, limits and winches in the variational integrator: one-sided, exact, plastic, honest."""
+"""Strings, limits and winches in the variational integrator: one-sided, exact and plastic."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from variational import rigs
 
 pytestmark = pytest.mark.slow
 
-HELD = 1e-11
-"""What a length may be overstepped by [m]."""
+MAX_OVERLENGTH = 1e-11
+"""Largest path length beyond the string's length [m]."""
 
 
 def variational(puppet, x, inputs=None, t_end=None, dt=0.01, **more):
@@ -28,7 +28,7 @@ def pendulum():
 
 
 def test_a_flight_and_its_catch_converge(pendulum):
-    """The bob leaves its circle, flies and is caught; at least of first order through both."""
+    """The bob leaves its circle, flies and is caught; both parts are at least of first order."""
     x = pendulum.rest().replace(v_D=np.array([5.2, 0.0]))
     exact = fan.simulate(pendulum, x, t_end=2.0, method=fan.Event(rtol=1e-12, atol=1e-12))
     catch = next(e for e in exact.events if e.kind is EventKind.CATCH)
@@ -40,7 +40,7 @@ def test_a_flight_and_its_catch_converge(pendulum):
         assert abs(run.events[1].t - catch.t) <= 1.5 * dt
         assert run.events[1].impulse == pytest.approx(catch.impulse, rel=10.0 * dt)
         assert run.ledger["impact"][-1] == pytest.approx(exact.ledger["impact"][-1], rel=dt)
-        assert np.max(run.violation.values) < HELD
+        assert np.max(run.violation.values) < MAX_OVERLENGTH
         assert np.min(run.tension.values) >= 0.0
         off.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
     assert np.log2(off[0] / off[-1]) / 3 > 1.0
@@ -64,7 +64,7 @@ def test_a_string_that_is_caught_in_the_first_step_bears_nothing_before(pendulum
 
 
 def test_catches_are_plastic(pendulum):
-    """After a catch nothing moves along the string, at the very step."""
+    """After a catch the speed along the string is 0, in the same step."""
     x = pendulum.rest().replace(q_D=np.array([0.3, -0.4]), v_D=np.array([1.0, -3.0]))
     run = variational(pendulum, x, t_end=0.6, dt=0.01)
     at = next(i for i, taut in enumerate(run.taut["line"]) if taut)
@@ -81,7 +81,7 @@ def test_shaken_strings_keep_their_lengths_and_never_push():
     run = variational(puppet, thrown, t_end=3.0, dt=0.01)
     kinds = {e.kind for e in run.events}
     assert {EventKind.CATCH, EventKind.RELEASE, EventKind.LIMIT_ON} <= kinds
-    assert np.max(run.violation.values) < HELD
+    assert np.max(run.violation.values) < MAX_OVERLENGTH
     assert np.min(run.tension.values) >= 0.0 and np.min(run.limit_force.values) >= 0.0
     assert all(e.impulse > 0.0 for e in run.events if e.kind is EventKind.CATCH)
 
@@ -125,19 +125,19 @@ def test_strings_pulled_apart_end_with_their_names(bench):
     assert caught.value.status in (Status.TENSION_CAP, Status.IMPOSSIBLE_INPUT)
     exact = fan.simulate(bench, x, pull, 1.0, throw=False)
     assert run.t[-1] == pytest.approx(exact.t[-1], abs=2e-3)
-    assert np.all(np.isfinite(run.q_D)) and np.max(run.violation.values) < HELD
+    assert np.all(np.isfinite(run.q_D)) and np.max(run.violation.values) < MAX_OVERLENGTH
     seldom = variational(bench, x, pull, 1.0, save_every=50, throw=False)
     assert seldom.t[-1] == run.t[-1], "the last state is written whatever is saved"
 
 
 def test_stiff_springs_and_heavy_damping_do_not_stop_it(bench):
-    """A step that the iteration cannot solve is halved; the motion is that of the event method."""
+    """A step that the iteration cannot solve is halved; the motion agrees with the event method."""
     x = bench.rest({"line.length": 0.8})
     x = x.replace(q_D=x.q_D + np.array([0, 0, 1.0, 0.3]))
     exact = fan.simulate(bench, x, t_end=0.5)
     off = []
     for dt in (0.01, 0.0025):
-        # The longer step is 3.6 / omega of the spring: its books may say that it gains energy.
+        # The longer step is 3.6 / omega of the spring: its ledger may show a gain of energy.
         run = variational(bench, x, t_end=0.5, dt=dt, throw=False)
         off.append(np.max(np.abs(run.q_D[-1, 2:] - exact.q_D[-1, 2:])))
     print(f"off by {off}")
@@ -146,7 +146,7 @@ def test_stiff_springs_and_heavy_damping_do_not_stop_it(bench):
 
 
 def test_steps_of_a_microsecond_are_solved_too():
-    """Rounding of the lengths is a speed there, and large beside what the momenta change by."""
+    """Rounding of the lengths acts as a speed, and is large compared with the change of momenta."""
     run = variational(rigs.marionette(), rigs.gentle(0.5), t_end=3e-5, dt=1e-6)
     assert np.max(run.violation.values) < 1e-14 and not run.events
 
@@ -160,7 +160,7 @@ def test_a_winch_slips_at_its_largest_tension(bench):
     assert np.max(run.tension["line"]) <= 15.0 * (1 + 1e-12)
     assert np.max(run.slip["line"]) == pytest.approx(np.max(exact.slip["line"]), rel=0.02)
     assert run.ledger["slip"][-1] == pytest.approx(exact.ledger["slip"][-1], rel=0.02)
-    assert np.max(run.violation.values) < HELD
+    assert np.max(run.violation.values) < MAX_OVERLENGTH
     assert {e.kind for e in run.events} >= {EventKind.SLIP, EventKind.GRIP}
 
 
@@ -180,8 +180,8 @@ def test_steppers_and_batches_make_the_same_motion(pendulum):
         assert stepper.state.q_D == pytest.approx(run.q_D[5 * k], abs=1e-10)
 
 
-def test_a_trajectory_of_a_batch_does_not_mind_its_neighbours(bench):
-    """Lanes that swing, that halve their steps, that slip and that are stopped, in either order."""
+def test_a_trajectory_of_a_batch_is_independent_of_its_neighbours(bench):
+    """Lanes that swing, that halve their steps, that slip and that stop, in either order."""
     x = bench.rest({"left.length": 1.6, "right.length": 1.6, "line.length": 0.9})
     wild = x.replace(q_D=x.q_D + np.array([0, 0, 1.0, 0.3]), v_D=np.array([0, 0, 30.0, -60.0]))
     hold = fan.Input.hold(bench)
@@ -189,8 +189,8 @@ def test_a_trajectory_of_a_batch_does_not_mind_its_neighbours(bench):
     jerk = fan.Input.waypoints(bench, {"line.length": [(0, 0.9), (0.2, 0.6)]})
     cases = [(x, hold), (x, pull), (wild, hold), (wild, pull), (x, jerk), (wild, jerk)] * 2
 
-    def batch(given):
-        states, inputs = zip(*given, strict=True)
+    def batch(order):
+        states, inputs = zip(*order, strict=True)
         return variational(bench, list(states), list(inputs), 0.4, save="all", threads=1)
 
     there, back = batch(cases), batch(cases[::-1])

@@ -1,4 +1,4 @@
-"""Derivatives of variational steps: differences of the steps, and closed forms."""
+"""Derivatives of variational steps, compared with differences of the steps and closed forms."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STEPS = {"q_D": 3e-7, "v_D": 1e-5, "q_K": 3e-7, "v_K": 1e-5, "acc_K": 1e-2, "u_D
 
 
 def hung(name, seed):
-    """A puppet in motion on strings of which some pull, and random inputs."""
+    """A puppet in motion on partly taut strings, and random inputs."""
     puppet = getattr(fan.puppets, name)()
     rng = np.random.default_rng(seed)
     batch = puppet.stepper_batch(puppet.rest(), 1, "variational")
@@ -25,8 +25,8 @@ def hung(name, seed):
 
 
 @pytest.mark.parametrize("name", ["arm2d", "marionette"])
-def test_they_are_what_differences_of_steps_give(name):
-    """Central differences of sixth order, while the rows that pull stay the same."""
+def test_partials_agree_with_differences_of_steps(name):
+    """Central differences of sixth order, with an unchanged active set."""
     puppet, start, rng = hung(name, 3)
     t = puppet.coordinates
     inputs = [rng.normal(size=t.n_vK), 0.01 * rng.normal(size=t.n_vD), puppet.p]
@@ -57,7 +57,7 @@ def test_they_are_what_differences_of_steps_give(name):
     assert many.settled.all()
     assert 0 < many.held.sum() < max(2, many.held.size)
     sizes = np.repeat(list(STEPS.values()), widths)
-    found = np.zeros((2 * t.n_vD + many.held.shape[1], places[-1]))
+    jacobian = np.zeros((2 * t.n_vD + many.held.shape[1], places[-1]))
     for k, weight in ((1, 1.5), (2, -0.6), (3, 0.1)):
         moved = k * np.diag(sizes)
         after, before = steps(moved), steps(-moved)
@@ -67,13 +67,13 @@ def test_they_are_what_differences_of_steps_give(name):
             after.v_D - before.v_D,
             after.tension - before.tension,
         ]
-        found += weight * np.concatenate(change, axis=1).T / (2 * k * sizes)
+        jacobian += weight * np.concatenate(change, axis=1).T / (2 * k * sizes)
     wanted = np.concatenate([many.motion[0], many.pull[0]])
     for first, last in pairwise(places):
         for rows in (slice(0, t.n_vD), slice(t.n_vD, 2 * t.n_vD), slice(2 * t.n_vD, None)):
             part = wanted[rows, first:last]
             size = np.max(np.abs(part), initial=1e-6)
-            assert np.allclose(found[rows, first:last], part, rtol=0, atol=1e-6 * size)
+            assert np.allclose(jacobian[rows, first:last], part, rtol=0, atol=1e-6 * size)
     n_z = 2 * (t.n_vD + t.n_vK)
     assert np.array_equal(many.A[0][: 2 * t.n_vD], many.motion[0][:, :n_z])
 
@@ -92,14 +92,14 @@ def test_a_spring_follows_the_midpoint_rule():
     assert np.allclose(many.A[0], wanted, rtol=0, atol=1e-10)
 
 
-def test_steps_that_are_made_in_parts_are_not_settled():
+def test_divided_steps_are_not_settled():
     puppet, start, _ = hung("arm2d", 3)
     fast = start[1] + np.array([[0.0, 0.0], [600.0, -900.0]])
     many = puppet.linearise_steps(start[0], fast, *start[2:], method="variational", dt=0.01)
     assert many.settled.tolist() == [True, False]
 
 
-def test_what_is_not_known_is_refused_by_name():
+def test_unknown_names_are_refused():
     bar = fan.puppets.marionette_bar()
     x = bar.rest()
     state = (x.q_D, x.v_D, x.q_K, x.v_K)

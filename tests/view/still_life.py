@@ -15,7 +15,7 @@ from fantoccini.output.view.still import Still
 
 
 class StillLife(Still):
-    """Of one puppet, without a compiled model."""
+    """Poses of one puppet, without a compiled model."""
 
     def __init__(self, puppet: Puppet):
         super().__init__(puppet, grow(puppet))

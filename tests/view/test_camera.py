@@ -9,7 +9,7 @@ VIEW = Viewport(0.0, 0.0, 400.0, 200.0)
 
 
 def test_known_points_fall_on_known_pixels():
-    """From +x at 10 m, opening 90 deg: +y is right, +z up, half the height is 10 m there."""
+    """The eye is at +x, 10 m away, opening 90 deg: +y is right, +z up, half the height is 10 m."""
     camera = Camera(np.array([10.0, 0.0, 0.0]), axes(0.0, 0.0), 1.0)
     points = np.array([[0, 0, 0], [0, 10, 0], [0, 0, 10], [5, 5, 0]], dtype=float)
     wanted = [[200, 100, 10], [300, 100, 10], [200, 200, 10], [300, 100, 5]]

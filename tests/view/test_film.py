@@ -82,7 +82,7 @@ def test_a_stopped_film_leaves_nothing(tmp_path, swung):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_cannot_be_filmed_is_said(tmp_path, swung):
+def test_motions_that_cannot_be_filmed_are_refused(tmp_path, swung):
     with pytest.raises(ValueError, match=r"\.mp4 or \.gif"):
         view.film(*swung, tmp_path / "a.avi")
     with pytest.raises(ValueError, match="fps"):
@@ -92,7 +92,7 @@ def test_what_cannot_be_filmed_is_said(tmp_path, swung):
 
 
 def walking(m, far: float):
-    """An invented motion of the marionette on its bar, which is carried forwards [m]."""
+    """An invented motion of the marionette on its bar, carried forwards by `far` [m]."""
     run = swinging(m, 3.0)
     by = far * (1.0 - np.cos(np.pi * run.t / 3.0)) / 2.0
     moved = {}
@@ -104,8 +104,8 @@ def walking(m, far: float):
     return replace(run, **moved)
 
 
-def test_the_camera_goes_along_with_a_puppet_that_walks():
-    """17.16: a puppet that walked was small in the picture, or left it."""
+def test_the_camera_follows_a_walking_puppet():
+    """17.16: a walking puppet was small in the picture, or left it."""
     m = bundled("marionette_bar")
     run = walking(m, 4.0)
     geometry = geometry_of(m, run)
@@ -120,14 +120,14 @@ def test_the_camera_goes_along_with_a_puppet_that_walks():
         seen = camera.project(places, frames.layout.viewport)
         assert np.all((seen[:, 0] > 0) & (seen[:, 0] < 320) & (seen[:, 1] > 0))
         assert np.all(seen[:, 1] < 240)
-        # As large in every frame, and larger than a still camera has it on the whole.
+        # Its size is the same in every frame, and larger than a still camera shows it.
         assert np.ptp(seen[:, 1]) > 120
     first, last = np.array(frames.draw(0)), np.array(frames.draw(40))
     assert np.array_equal(first, np.array(frames.draw(0)))
     assert not np.array_equal(first, last)
 
 
-def test_the_camera_stands_still_where_nobody_walks(swung):
+def test_the_camera_stands_still_without_a_walk(swung):
     m, run = swung
     look = PictureOptions.of(focus="bodies", theme=DARK, size=(160, 120))
     assert Frames(geometry_of(m, run), look).pan is None

@@ -1,4 +1,4 @@
-"""Films with sound and captions: what is heard, how long, and when words are to be read."""
+"""Films with sound and captions: content, duration, and times of captions."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def puppet():
 
 @pytest.fixture
 def beep(tmp_path) -> Sound:
-    """Half a second of 440 Hz, to be heard after half a second."""
+    """A tone of 440 Hz that begins at 0.5 s and lasts 0.5 s."""
     path = tmp_path / "a'b;[0].wav"
     tone = 0.5 * np.sin(2.0 * np.pi * 440.0 * np.arange(RATE // 2) / RATE)
     with wave.open(str(path), "wb") as file:
@@ -42,7 +42,7 @@ def beep(tmp_path) -> Sound:
 
 
 def heard(film: Path) -> np.ndarray:
-    """The film's sound at 8000 samples in a second."""
+    """The film's sound at 8000 samples per second."""
     command = [FFMPEG, "-v", "error", "-i", str(film), "-map", "0:a:0", "-ac", "1"]
     done = subprocess.run(
         [*command, "-ar", str(RATE), "-f", "f32le", "pipe:1"], capture_output=True, check=True
@@ -51,7 +51,7 @@ def heard(film: Path) -> np.ndarray:
 
 
 def loud(film: Path) -> np.ndarray:
-    """Times at which something is heard [s]."""
+    """Times with sound [s]."""
     return np.flatnonzero(np.abs(heard(film)) > 0.05) / RATE
 
 
@@ -123,8 +123,8 @@ def test_captions_are_in_the_picture_in_their_time_only(puppet, tmp_path):
     assert changed[13] > 3 * changed[7]
 
 
-def test_captions_that_overlap_are_all_read_with_their_speakers(puppet):
-    """Regression: the older of two vanished, and no speaker was named."""
+def test_overlapping_captions_are_all_shown_with_their_speakers(puppet):
+    """Regression: the older of two captions vanished, and no speaker was named."""
     first = Caption(0.0, 2.0, "Good evening!", "pierrot")
     second = Caption(1.0, 3.0, "Ah!", "doctor")
     alone = Caption(4.0, 5.0, "A bell rings")
@@ -141,8 +141,8 @@ def test_captions_that_overlap_are_all_read_with_their_speakers(puppet):
     assert read(4.0) == ["A bell rings"]
 
 
-def test_captions_leave_room_for_the_picture(puppet, tmp_path):
-    """Many at once are written smaller, and none is lost."""
+def test_captions_leave_space_for_the_picture(puppet, tmp_path):
+    """Several simultaneous captions are written smaller, and none is lost."""
     words = "all of us say " + "quite " * 30
     captions = [Caption(0.0, 2.0, words, f"player_{k}") for k in range(9)]
     low = Subtitles(captions, 320, 6.0, 96.0)
@@ -154,7 +154,7 @@ def test_captions_leave_room_for_the_picture(puppet, tmp_path):
     assert film.stat().st_size > 0
 
 
-def test_what_is_no_sound_is_told(beep, puppet, tmp_path):
+def test_files_without_sound_are_refused(beep, puppet, tmp_path):
     assert sound_duration(beep.path) == pytest.approx(0.5, abs=0.01)
     text = tmp_path / "words.wav"
     text.write_text("#EXTM3U\nhttp://127.0.0.1:9/a.wav\n", encoding="utf-8")

@@ -24,13 +24,13 @@ bodies:
 
 @pytest.fixture(scope="module")
 def block() -> tuple[fan.Marionette, fan.Trajectory]:
-    made = fan.loads(BLOCK.replace("CONTACT", "true"))
-    x0 = made.state({"body.z": 0.06})
-    return made, fan.simulate(made, x0, t_end=0.2, method="timestepping")
+    puppet = fan.loads(BLOCK.replace("CONTACT", "true"))
+    x0 = puppet.state({"body.z": 0.06})
+    return puppet, fan.simulate(puppet, x0, t_end=0.2, method="timestepping")
 
 
 def test_arrows_begin_at_the_points_and_carry_the_weight(block):
-    """They are proportional to the forces; an impact's are cut."""
+    """They are proportional to the forces; arrows of impacts are shortened."""
     marionette, run = block
     geometry = geometry_of(marionette, run, forces=True)
     assert len(geometry.arrows) == len(run)
@@ -54,12 +54,12 @@ def test_strips_and_films_draw_them(block, tmp_path):
         )
         sizes.append(path.read_text().count("<path"))
     assert sizes[1] > sizes[0]
-    made = film(marionette, run, tmp_path / "block.mp4", fps=10, size=(160, 120), forces=True)
-    assert made.stat().st_size > 0
+    video = film(marionette, run, tmp_path / "block.mp4", fps=10, size=(160, 120), forces=True)
+    assert video.stat().st_size > 0
 
 
 def test_the_command_line_draws_them(tmp_path, monkeypatch):
-    """And says what they need, and where the option applies."""
+    """The command says what the arrows need, and where the option applies."""
     monkeypatch.chdir(tmp_path)
     for name, contact in (("block", "true"), ("free", "false")):
         (tmp_path / f"{name}.yaml").write_text(BLOCK.replace("CONTACT", contact))

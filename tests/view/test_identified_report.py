@@ -28,7 +28,7 @@ _VOID = {"meta", "img"}
 
 
 class Page(HTMLParser):
-    """Tables, words and pictures of a page whose tags are closed in order."""
+    """Tables, words and pictures of a page with properly nested tags."""
 
     def __init__(self, text: str):
         super().__init__()
@@ -71,11 +71,13 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def found():
-    """An arm with gaps, outliers, a marker of a hostile name, and a mass that was weighed."""
-    one = record(arm(), 10.0, 3, gaps=0.1, outliers=0.005, known={"upper_mass": 0.002})
-    markers = [replace(m, name=HOSTILE) if m.name == "tip" else m for m in one.markers]
-    named = {name.replace("tip.", f"{HOSTILE}."): x for name, x in one.columns.items()}
-    return fan.identify(replace(one, columns=named, markers=markers, name="a <b>record</b> & more"))
+    """Result for an arm with gaps, outliers, a marker of a hostile name, and a weighed mass."""
+    data = record(arm(), 10.0, 3, gaps=0.1, outliers=0.005, known={"upper_mass": 0.002})
+    markers = [replace(m, name=HOSTILE) if m.name == "tip" else m for m in data.markers]
+    named = {name.replace("tip.", f"{HOSTILE}."): x for name, x in data.columns.items()}
+    return fan.identify(
+        replace(data, columns=named, markers=markers, name="a <b>record</b> & more")
+    )
 
 
 @pytest.fixture(scope="module")
@@ -131,14 +133,14 @@ def test_the_table_has_every_column(found, read):
     assert f"{worst.column} at {worst.t:.3f} s {worst.residual:+.1f}" in read.words
 
 
-def test_what_is_kept_adds_up(found):
-    one = found.record
+def test_parts_of_a_result_are_consistent(found):
+    data = found.record
     samples = found.predicted + found.residuals
     there = np.isfinite(samples)
-    at = np.searchsorted(one.t, found.t)
-    assert np.allclose(samples[there], one.values[at][there], rtol=0, atol=1e-12)
+    at = np.searchsorted(data.t, found.t)
+    assert np.allclose(samples[there], data.values[at][there], rtol=0, atol=1e-12)
     assert np.all(np.isfinite(found.predicted)) and not np.all(there)
-    assert found.jumps.shape == (len(found.starts) - 1, 2 * one.marionette.coordinates.n_vD)
+    assert found.jumps.shape == (len(found.starts) - 1, 2 * data.marionette.coordinates.n_vD)
     counted = found.jumps[~np.isin(found.starts[:-1], found.lost)]
     assert np.isclose(found.drift, np.sqrt(np.median(counted**2)))
     assert found.allowed == (5e-4, 5e-3)
@@ -151,13 +153,13 @@ def test_plots_show_samples_gaps_and_outliers(found):
     assert [name for _, part in figures for name in part] == list(names)
     circles = 0
     for j, axes in enumerate(panels):
-        dots, far, line = sorted(axes.lines, key=lambda one: ".o-".index(_look(one)))
+        dots, outliers, line = sorted(axes.lines, key=lambda one: ".o-".index(_look(one)))
         seen = found.predicted[:, j] + found.residuals[:, j]
         assert np.array_equal(dots.get_ydata(), seen, equal_nan=True)
         assert np.allclose(line.get_ydata(), found.predicted[:, j])
         assert axes.get_title(loc="left").endswith(f"[{channel_units(found.record)[j]}]")
-        circles += len(far.get_xdata())
-        assert far.get_color() == RED
+        circles += len(outliers.get_xdata())
+        assert outliers.get_color() == RED
         hidden = np.sum(np.isnan(found.residuals[:, j])) / 60.0
         spans = [p.get_width() for p in axes.patches if p.get_facecolor()[0] < 0.7 and p.get_x()]
         grey = [w for w in spans if w > 0.2]
@@ -175,24 +177,24 @@ def test_long_pauses_break_lines():
     assert np.isnan(x[3]) and np.isnan(y[3]) and len(x) == 6
 
 
-def test_what_is_not_told_is_said(tmp_path):
-    """Without a known mass the scale of masses and damping is free."""
-    one = record(arm(), 6.0, 4)
-    free = replace(one, unknown=[*one.unknown, fan.lab.Unknown("lower_mass")])
-    found = fan.identify(free)
-    page = Page(reports.identified_report(found, tmp_path / "x.html").read_text(encoding="utf-8"))
+def test_undetermined_numbers_are_reported(tmp_path):
+    """Without a known mass, the scale of masses and damping is free."""
+    data = record(arm(), 6.0, 4)
+    free = replace(data, unknown=[*data.unknown, fan.lab.Unknown("lower_mass")])
+    result = fan.identify(free)
+    page = Page(reports.identified_report(result, tmp_path / "x.html").read_text(encoding="utf-8"))
     rows = page.rows(0)
     assert rows["upper_mass"]["estimate"] == rows["lower_mass"]["estimate"] == "undetermined"
     assert rows["upper_mass"]["95 % interval"] == ""
-    assert str(found.combinations[0]) in page.words and "reason" in page.words
-    assert any("does not determine" in doubt for doubt in doubts(found))
+    assert str(result.combinations[0]) in page.words and "reason" in page.words
+    assert any("does not determine" in doubt for doubt in doubts(result))
 
 
 def test_doubts_are_on_the_page(found, tmp_path):
-    """Prediction errors that come and go slowly are no noise."""
+    """Slowly varying prediction errors are not noise."""
     wave = 3e-3 * np.sin(2.0 * found.t)[:, None]
     bent = replace(found, residuals=found.residuals + wave)
-    assert doubts(bent) and all(one.alike for one in columns(bent))
+    assert doubts(bent) and all(column.alike for column in columns(bent))
     page = Page(reports.identified_report(bent, tmp_path / "x.html").read_text(encoding="utf-8"))
     for doubt in doubts(bent):
         assert doubt in page.words
@@ -208,15 +210,15 @@ def test_segments_that_do_not_count_are_shaded(found):
 
 
 def test_a_record_of_one_segment_has_a_page(tmp_path):
-    one = record(arm(), 2.0, 4)
-    found = fan.identify(one, segment=4.0)
-    assert len(found.starts) == 1 and len(found.jumps) == 0
-    once = replace(found, lost=(float(found.starts[0]),))
+    data = record(arm(), 2.0, 4)
+    result = fan.identify(data, segment=4.0)
+    assert len(result.starts) == 1 and len(result.jumps) == 0
+    once = replace(result, lost=(float(result.starts[0]),))
     page = Page(reports.identified_report(once, tmp_path / "x.html").read_text(encoding="utf-8"))
     assert len(page.sources) == 3 and "Jumps" not in page.words
 
 
-def test_where_no_page_can_be(found, tmp_path):
+def test_errors_of_writing_a_page(found, tmp_path):
     with pytest.raises(ValueError, match="ends in"):
         reports.identified_report(found, tmp_path / "page.pdf")
     with pytest.raises(PictureError, match="no folder"):

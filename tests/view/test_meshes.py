@@ -1,4 +1,4 @@
-"""Triangle meshes of solids: closed, facing outwards, of the solid's volume and place."""
+"""Triangle meshes of solids: closed, with outward normals, the solid's volume and place."""
 
 from __future__ import annotations
 
@@ -47,23 +47,23 @@ SOLIDS = {
 @pytest.mark.parametrize("name", SOLIDS)
 def test_a_mesh_is_closed_and_has_the_solids_volume_and_centre(name):
     solid, volume, centre = SOLIDS[name]
-    made = triangles(solid)
-    surface = trimesh.Trimesh(made.vertices, made.faces)  # corners at one place are merged
+    mesh = triangles(solid)
+    surface = trimesh.Trimesh(mesh.vertices, mesh.faces)  # merges coincident corners
     assert surface.is_watertight and surface.is_winding_consistent
     exact = solid.kind == "faces"
-    # Inscribed: never above the solid's volume.
+    # Inscribed, so not above the solid's volume.
     assert (1.0 - 1e-9 if exact else 0.96) * volume < surface.volume < (1.0 + 1e-9) * volume
     assert np.allclose(surface.center_mass, centre, atol=1e-9)
     if not exact:
-        assert 200 <= len(made.faces) <= 600
+        assert 200 <= len(mesh.faces) <= 600
 
 
 @pytest.mark.parametrize("name", ["capsule", "ball", "ellipsoid", "mirrored ellipsoid"])
 def test_normals_are_units_and_look_the_way_the_triangles_look(name):
-    made = triangles(SOLIDS[name][0])
-    assert np.allclose(np.linalg.norm(made.normals, axis=1), 1.0)
-    flat = trimesh.Trimesh(made.vertices, made.faces, process=False).face_normals
-    assert np.min(np.sum(made.normals[made.faces] * flat[:, None], axis=-1)) > 0.8
+    mesh = triangles(SOLIDS[name][0])
+    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0)
+    flat = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).face_normals
+    assert np.min(np.sum(mesh.normals[mesh.faces] * flat[:, None], axis=-1)) > 0.8
 
 
 def test_corners_of_round_solids_lie_on_the_surface():
@@ -77,5 +77,5 @@ def test_corners_of_round_solids_lie_on_the_surface():
 
 
 def test_a_boxs_faces_keep_their_edges():
-    made = triangles(SOLIDS["box"][0])
-    assert (len(made.vertices), len(made.faces), made.normals) == (24, 12, None)
+    mesh = triangles(SOLIDS["box"][0])
+    assert (len(mesh.vertices), len(mesh.faces), mesh.normals) == (24, 12, None)

@@ -1,4 +1,4 @@
-"""Notebook displays: a picture and tables, nothing compiled, no markup from a file."""
+"""Notebook displays: a picture and tables, without compilation, without markup from a file."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from view.still_life import bundled, swinging
 
 pytestmark = pytest.mark.medium
 
-MOST = 300_000
-"""Characters of a display."""
+MAX_DISPLAY_LENGTH = 300_000
+"""Characters."""
 
 HOSTILE = "<script>alert(1)</script>\"'><img src=x onerror=alert(2)>&amp;\x1b[31m"
 
 
 class Page(HTMLParser):
-    """Tags, texts and images of a page; tags that do not nest fail."""
+    """Tags, texts and images of a page; fails at tags that are not nested properly."""
 
     def __init__(self, text: str):
         super().__init__()
@@ -58,7 +58,7 @@ def pixels(image):
 def test_a_puppet_is_shown_and_nothing_is_compiled_for_it(name):
     marionette = getattr(fan.puppets, name)()
     text = marionette._repr_html_()
-    assert len(text) < MOST
+    assert len(text) < MAX_DISPLAY_LENGTH
     assert not {"library", "equations"} & set(vars(marionette))
     page = Page(text)
     assert page.tags <= {"div", "img", "table", "tr", "td", "th"}
@@ -68,7 +68,7 @@ def test_a_puppet_is_shown_and_nothing_is_compiled_for_it(name):
     assert {s.name for s in marionette.tree.strings} <= set(page.texts)
 
 
-def test_what_a_table_cannot_hold_is_counted():
+def test_entries_beyond_a_table_are_counted():
     page = Page(fan.puppets.marionette()._repr_html_())
     driven = page.texts.index("head.x")
     more = page.texts.index("and 5 more", driven)
@@ -78,14 +78,14 @@ def test_what_a_table_cannot_hold_is_counted():
 def test_a_run_is_shown_with_its_summary():
     run = swinging(bundled("marionette"))
     text = run._repr_html_()
-    assert len(text) < MOST
+    assert len(text) < MAX_DISPLAY_LENGTH
     page = Page(text)
     assert np.ptp(pixels(page.images[0])[..., :3]) > 0.5
     for expected in ("duration", "1 s", "event", run.status.message, "1 catch", *run.tension.names):
         assert expected in page.texts
 
 
-def test_a_run_of_what_is_not_known_is_plotted():
+def test_a_run_of_an_unknown_puppet_is_plotted():
     run = swinging(bundled("arm2d"))
     strip = Page(run._repr_html_()).images
     for unknown in (
@@ -98,7 +98,7 @@ def test_a_run_of_what_is_not_known_is_plotted():
 
 
 def test_poses_that_do_not_fit_the_file_are_not_drawn():
-    """As where a parameter had another value in the run."""
+    """For example, a parameter had another value in the run."""
     run = swinging(bundled("arm2d"))
     shorter = run.q_K - np.array([0.0, 0.2])
     page = Page(dataclasses.replace(run, q_K=shorter)._repr_html_())

@@ -12,11 +12,14 @@ from fantoccini.output.view.theme import LIGHT
 CAMERA = Camera(np.array([10.0, 0.0, 0.0]), axes(0.0, 0.0), 0.3)
 VIEW = Viewport(0.0, 0.0, 400.0, 400.0)
 RED = np.array([0.8, 0.2, 0.2])
-STILL = np.eye(3, 4)
+IDENTITY_POSE = np.eye(3, 4)
 
 
 def order(solids, threads=()):
-    occluders = [occluder(s, STILL, paint(s, STILL, CAMERA, VIEW, LIGHT, 1.0)) for s in solids]
+    occluders = [
+        occluder(s, IDENTITY_POSE, paint(s, IDENTITY_POSE, CAMERA, VIEW, LIGHT, 1.0))
+        for s in solids
+    ]
     return painting_order(CAMERA, VIEW, occluders, [np.array(t, dtype=float) for t in threads])
 
 
@@ -38,12 +41,15 @@ def test_a_lamp_above_a_wide_table_is_before_it():
     """The table's middle is nearer to the eye than the lamp; its faces decide."""
     camera = Camera(np.array([10.0, 0.0, 4.0]), axes(0.0, 0.38), 0.3)
     solids = [ball((-2.0, 0, 0.4), 0.3), box(1, RED, np.zeros(3), np.diag([3.0, 3.0, 0.05]))]
-    occluders = [occluder(s, STILL, paint(s, STILL, camera, VIEW, LIGHT, 1.0)) for s in solids]
+    occluders = [
+        occluder(s, IDENTITY_POSE, paint(s, IDENTITY_POSE, camera, VIEW, LIGHT, 1.0))
+        for s in solids
+    ]
     assert painting_order(camera, VIEW, occluders, []) == [1, 0]
 
 
 def test_a_string_is_cut_where_it_goes_behind():
-    """It runs from before the ball to behind it."""
+    """It runs from in front of the ball to behind it."""
     string = np.linspace((2.0, -0.3, 1.5), (-2.0, 0.3, -1.5), 61)
     items = order([ball((0, 0, 0), 0.6)], [string])
     place = items.index(0)
@@ -68,9 +74,9 @@ def test_everything_is_painted_once_even_in_a_tangle(seed):
 
 def test_an_ellipsoids_outline_is_the_spheres_when_round():
     """A sphere of radius r at depth d shows with radius f r / sqrt(d^2 - r^2) on the axis."""
-    outline = paint(ellipsoid(0, RED, np.zeros(3), np.eye(3)), STILL, CAMERA, VIEW, LIGHT, 1.0)[
-        0
-    ].outline
+    outline = paint(
+        ellipsoid(0, RED, np.zeros(3), np.eye(3)), IDENTITY_POSE, CAMERA, VIEW, LIGHT, 1.0
+    )[0].outline
     radii = np.linalg.norm(outline - 200.0, axis=1)
     assert radii == pytest.approx(np.full(len(radii), 200.0 / 0.3 / np.sqrt(99.0)))
 
@@ -82,7 +88,7 @@ def test_shadows_lie_on_the_floor_and_have_the_right_size():
         ellipsoid(0, RED, np.array([0, 0, 2.0]), np.diag([0.5, 0.5, 0.1])),
         box(0, RED, np.array([0, 0, 2.0]), np.diag([0.5, 0.5, 0.1])),
     ):
-        outline = shadow(solid, STILL, -1.0, ray)
+        outline = shadow(solid, IDENTITY_POSE, -1.0, ray)
         assert (outline[:, 2] == -1.0).all()
         assert np.ptp(outline[:, :2], axis=0) == pytest.approx([1.0, 1.0], rel=0.03)
 
@@ -90,6 +96,6 @@ def test_shadows_lie_on_the_floor_and_have_the_right_size():
 def test_a_mesh_shows_its_near_faces():
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    polygons = paint(mesh(0, RED, corners, faces), STILL, CAMERA, VIEW, LIGHT, 1.0)
-    # Of four faces one looks at +x; it is painted twice, underneath as the outline.
+    polygons = paint(mesh(0, RED, corners, faces), IDENTITY_POSE, CAMERA, VIEW, LIGHT, 1.0)
+    # One of the four faces looks at +x; it is painted twice, first as the outline.
     assert len(polygons) == 2

@@ -1,4 +1,4 @@
-"""Pictures show something, have the right size, and take names as plain text."""
+"""Pictures are not empty, have the right size, and show names as plain text."""
 
 import dataclasses
 import itertools
@@ -94,7 +94,7 @@ BARE = (
 )
 
 
-def test_what_a_puppet_does_not_have_is_not_plotted():
+def test_missing_parts_of_a_puppet_are_not_plotted():
     figure = view.plot(swinging(StillLife(loads(BARE))))
     assert [axes.get_ylabel() for axes in figure.axes] == ["energy [J]"]
     labels = [axes.get_ylabel() for axes in view.plot(swinging(bundled("string_pendulum"))).axes]
@@ -111,7 +111,7 @@ def test_labels_of_small_numbers_stay_on_the_sheet():
 
 
 def dangling(factor):
-    """A rod on a string, this many times one metre large, beside a ball that stands there."""
+    """A rod on a string, scaled by this factor, beside a ball at rest."""
     ball = f"type: sphere, radius: {0.1 * factor}, at: [{0.4 * factor}, 0, 0]"
     return StillLife(
         loads(
@@ -130,7 +130,7 @@ def dangling(factor):
 
 @pytest.mark.parametrize("factor", [1e-4, 1e-3, 50.0])
 def test_size_does_not_matter(tmp_path, factor):
-    """Pixels are the same up to rounding, but for the floor's lines, whose distances are round."""
+    """Pixels agree to rounding, except for the floor's lines, whose distances are round numbers."""
     pictures = []
     for each in (1.0, factor):
         m = dangling(each)
@@ -140,8 +140,8 @@ def test_size_does_not_matter(tmp_path, factor):
         view.draw(m, x, tmp_path / "a.png", size=(200, 200), scale=1.0)
         assert busy(tmp_path / "a.png") > 0.005
     assert len(pictures[0]) == len(pictures[1])
-    for one, other in zip(*pictures, strict=True):
-        assert np.allclose(one, other, atol=0.05)
+    for picture, other in zip(*pictures, strict=True):
+        assert np.allclose(picture, other, atol=0.05)
 
 
 def still_layout(m, x):
@@ -150,7 +150,7 @@ def still_layout(m, x):
 
 
 def test_the_tension_bars_texts_keep_apart():
-    """Whatever the largest tension is, and however small the film."""
+    """This holds for any largest tension and for small films."""
     m = bundled("marionette")
     for size in ((320, 240), (160, 120), (960, 720)):
         for factor in (1e-5, 1.0, 1000.0, 1e6):
@@ -213,7 +213,7 @@ def test_bodies_without_shapes_and_springs_are_drawn(tmp_path):
     assert busy(target) > 0.005
 
 
-def test_what_cannot_be_written_is_said(tmp_path, swung):
+def test_unwritable_pictures_are_an_error(tmp_path, swung):
     m, run = swung
     with pytest.raises(ValueError, match=r"\.png, \.svg, \.pdf"):
         view.draw(m, run.state(0), tmp_path / "a.bmp")

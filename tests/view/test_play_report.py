@@ -1,4 +1,4 @@
-"""The report of a play: it needs nothing else, has the figures, and nothing in it is cut."""
+"""Report of a play: self-contained, with the figures, and nothing in it is cut."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.medium
 
 
 class Page(HTMLParser):
-    """Tables as lists of cells, tags with their attributes, and the words."""
+    """Tables as lists of cells, tags with their attributes, and words of a page."""
 
     def __init__(self, text: str):
         super().__init__()
@@ -91,11 +91,11 @@ def test_the_page_has_the_cue_times(page):
 
 def test_the_page_has_the_measured_figures(page, verification):
     for name, tension in verification.tension.items():
-        (line,) = [one for one in page.lines if one[0] == name and len(one) == 5]
+        (line,) = [cells for cells in page.lines if cells[0] == name and len(cells) == 5]
         assert float(line[1]) == pytest.approx(tension, abs=0.006)
         assert float(line[2]) == pytest.approx(100.0 * tension / (0.2 * 9.81), abs=0.6)
     speed, bound, change, _ = verification.peaks["one.hold.length"]
-    (line,) = [one for one in page.lines if one[0] == "one.hold" and len(one) == 7]
+    (line,) = [cells for cells in page.lines if cells[0] == "one.hold" and len(cells) == 7]
     assert [float(line[k]) for k in (1, 2, 4)] == pytest.approx([speed, bound, change], abs=0.006)
     (low, high), _ = verification.space
     assert ["x", f"{low + 0.0:.3f} to {high + 0.0:.3f}", "anywhere"] in page.lines
@@ -103,20 +103,20 @@ def test_the_page_has_the_measured_figures(page, verification):
 
 def test_the_least_clearances_are_those_of_the_run(verification, page):
     run = verification.run
-    found = {
-        frozenset(one.owners): one
-        for one in clearances(verification.play.cast, run)
-        if not one.of_strings
+    nearest = {
+        frozenset(approach.owners): approach
+        for approach in clearances(verification.play.cast, run)
+        if not approach.of_strings
     }
-    one, two = (
+    first, second = (
         run.q_D[:, [run.coordinates.q_D.index(f"{name}.ball.{x}") for x in "xyz"]]
         for name in ("one", "two")
     )
-    apart = np.linalg.norm(one - two, axis=1).min() - 0.1
-    assert found[frozenset(("one", "two"))].distance == pytest.approx(apart, abs=1e-4)
-    floor = found[frozenset(("one", "floor"))]
-    assert floor.distance == pytest.approx(one[:, 2].min() - 0.05, abs=1e-4)
-    block = found[frozenset(("two", "block"))].distance
+    apart = np.linalg.norm(first - second, axis=1).min() - 0.1
+    assert nearest[frozenset(("one", "two"))].distance == pytest.approx(apart, abs=1e-4)
+    floor = nearest[frozenset(("one", "floor"))]
+    assert floor.distance == pytest.approx(first[:, 2].min() - 0.05, abs=1e-4)
+    block = nearest[frozenset(("two", "block"))].distance
     assert block == pytest.approx(np.hypot(0.35, 0.15) - 0.05, abs=2e-3)
     assert any(line[:2] == ["one - floor", "one.ball"] for line in page.lines)
 
@@ -130,7 +130,7 @@ def test_a_play_that_fails_says_so_first(tmp_path):
 
 
 def test_remarks_are_not_counted_as_cues_that_cannot_be_done(tmp_path):
-    """The report said that a cue cannot be done where the terminal said that all can."""
+    """The report said that a cue cannot be done while the terminal said that all can."""
     path = write_play(tmp_path, TOUCHES)
     play = fan.load_play(path, within=0.0)
     verification = fan.theatre.verify_play(play)
@@ -147,7 +147,7 @@ def test_remarks_are_not_counted_as_cues_that_cannot_be_done(tmp_path):
 
 
 def inside(figure) -> list[str]:
-    """The words of a figure; fails where one is cut."""
+    """Words of a figure; fails if one of them is cut."""
     figure.canvas.draw()
     whole, words = figure.bbox, []
     for axes in figure.axes:
@@ -157,13 +157,13 @@ def inside(figure) -> list[str]:
             for tick in axis.get_major_ticks()
             if axis.get_view_interval().min() <= tick.get_loc() <= axis.get_view_interval().max()
         ]
-        for one in (*axes.texts, axes.xaxis.label, axes.yaxis.label, *ticks):
-            if not one.get_text() or not one.get_visible():
+        for label in (*axes.texts, axes.xaxis.label, axes.yaxis.label, *ticks):
+            if not label.get_text() or not label.get_visible():
                 continue
-            box = one.get_window_extent()
-            assert whole.x0 <= box.x0 and box.x1 <= whole.x1, one.get_text()
-            assert whole.y0 <= box.y0 and box.y1 <= whole.y1, one.get_text()
-            words.append(one.get_text())
+            box = label.get_window_extent()
+            assert whole.x0 <= box.x0 and box.x1 <= whole.x1, label.get_text()
+            assert whole.y0 <= box.y0 and box.y1 <= whole.y1, label.get_text()
+            words.append(label.get_text())
     return words
 
 
@@ -176,7 +176,7 @@ def test_the_drawings_name_everything_and_cut_nothing(verification):
     assert [stills.count(name) for name in ("one", "two")] == [8, 8]
 
 
-def test_the_stage_from_above_has_what_stands_there(verification):
+def test_the_plan_view_shows_all_things_on_the_stage(verification):
     seen = overhead(verification.play)
     assert seen.marks == {"here": (0.0, -0.3), "there": (0.0, 0.3)}
     (polygon,) = seen.standing["block"]
@@ -184,7 +184,7 @@ def test_the_stage_from_above_has_what_stands_there(verification):
     np.testing.assert_allclose(polygon.max(axis=0), [-0.35, 0.15], atol=1e-9)
 
 
-def test_words_are_cut_to_what_fits():
+def test_words_are_cut_to_fit():
     assert fitted("12 walks to the door", 200.0) == "12 walks to the door"
     assert fitted("12 walks to the door", 60.0).startswith("12 walk")
     assert fitted("12 walks to the door", 15.0) == "12"

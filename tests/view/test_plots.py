@@ -1,4 +1,4 @@
-"""Lines of plots are told apart, by everybody; plots leave out nothing that is driven."""
+"""Lines of plots are distinct for everybody, and plots show every driven coordinate."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -10,7 +10,7 @@ from fantoccini.output import view
 from fantoccini.output.view.theme import DARK, LIGHT, rgb
 from view.still_life import bundled, swinging
 
-# Machado, Oliveira and Fernandes (2009): what people without one kind of cone see, in linear RGB.
+# Machado, Oliveira and Fernandes (2009): sight without one kind of cone, in linear RGB.
 SEEN = {
     "all cones": np.eye(3),
     "protanopia": [
@@ -57,9 +57,9 @@ def test_twelve_lines_have_colours_that_everybody_tells_apart(theme, eye):
 
 
 def test_more_lines_have_dashes():
-    """17.16: beyond the colours there are, lines of one colour have different dashes."""
-    looks = {(LIGHT.colour(k), LIGHT.dashes(k)) for k in range(48)}
-    assert len(looks) == 48
+    """17.16: beyond the number of colours, lines of one colour have different dashes."""
+    styles = {(LIGHT.colour(k), LIGHT.dashes(k)) for k in range(48)}
+    assert len(styles) == 48
     assert all(LIGHT.dashes(k) == () for k in range(12))
 
 

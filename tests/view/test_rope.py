@@ -1,4 +1,4 @@
-"""The slack string's curve has the string's own length, however it is held."""
+"""The slack string's curve has the string's own length, for any positions of its ends."""
 
 import numpy as np
 import pytest

@@ -36,7 +36,7 @@ def test_the_page_says_what_the_check_says(checked, tmp_path):
     assert text.count("data:image/") == 3
 
 
-def test_a_page_of_a_stand_that_can(checked, tmp_path):
+def test_a_page_of_a_stand_without_failures(checked, tmp_path):
     again = check_stand(
         loads_stand(STAND.replace("TORQUE", "1").replace("speed: 1", "speed: 2")),
         checked.run,
@@ -46,7 +46,7 @@ def test_a_page_of_a_stand_that_can(checked, tmp_path):
     assert "verdict holds" in text and "Remedies" not in text
 
 
-def test_where_no_page_can_be(checked, tmp_path):
+def test_errors_of_writing_a_page(checked, tmp_path):
     with pytest.raises(ValueError, match="ends in"):
         reports.stand_report(checked, tmp_path / "page.pdf")
     with pytest.raises(PictureError, match="no folder"):

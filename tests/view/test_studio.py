@@ -1,4 +1,4 @@
-"""Photographs by pyvista: where the quick path draws things, in colour, over the same floor."""
+"""Pictures by pyvista: things at the places of the quick renderer, in colour, on the same floor."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_an_unknown_renderer_is_refused(tmp_path, swung):
 
 
 def test_links_are_photographed_where_the_camera_projects_them(installed, swung):
-    """The window is the sheet, the viewport a part of it that is not in the middle."""
+    """The window is the sheet, and the viewport an off-centre part of it."""
     geometry = geometry_of(*swung)
     viewport = Viewport(20.0, 70.0, 240.0, 300.0)
     layout = layout_of(geometry, viewport, PictureOptions.of())
@@ -61,7 +61,7 @@ def test_links_are_photographed_where_the_camera_projects_them(installed, swung)
             middle = pose[:, :3] @ solid.axis.mean(axis=0) + pose[:, 3]
             x, y, _ = layout.camera.project(middle, viewport)
             assert shot[int(SIZE[1] - y), int(x), 3] > 0.9, names[solid.link]
-        # Nothing outside of the silhouette's rectangle.
+        # Nothing is outside of the silhouette's rectangle.
         assert shot[: SIZE[1] - 370, :, 3].max() == 0.0 and shot[:, 261:, 3].max() == 0.0
 
 
@@ -82,7 +82,7 @@ def test_a_picture_and_a_film(installed, tmp_path, swung):
         for renderer in view.RENDERERS
     )
     apart = np.abs(quick - photographed).max(axis=2)
-    assert 0.001 < np.mean(apart > 0.05) < 0.2  # solids and strings differ, all else does not
+    assert 0.001 < np.mean(apart > 0.05) < 0.2  # only solids and strings differ
     film = view.film(m, run, tmp_path / "a.mp4", fps=5, size=(160, 120), renderer="pyvista")
     assert imageio_ffmpeg.count_frames_and_secs(str(film))[0] == 5
 
