@@ -124,7 +124,7 @@ def test_our_answer_satisfies_the_law_and_another_does_not(problem):
     assert problem.residual(np.zeros(9)) > 0.1
 
 
-def test_without_problems_the_page_says_so(tmp_path):
+def test_a_page_without_failures_says_so(tmp_path):
     for folder in (None, tmp_path):
         text = problems.chapter(folder, None).section.markdown()
         assert "Not measured" in text and "--problems" in text

@@ -216,7 +216,7 @@ def test_only_named_bodies_are_exported(greeting: fan.Trajectory, tmp_path: Path
     assert not {"floor", "shoulder_left", "hand_left"} & set(player.names)
 
 
-def test_a_run_that_stopped_early_says_so(tmp_path: Path) -> None:
+def test_a_run_that_stopped_early_has_its_status_in_the_file(tmp_path: Path) -> None:
     arm = fan.puppets.arm2d()
     x0 = arm.rest({"hand.length": 0.8})
     pull = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (2.0, 0.05)]})

@@ -362,7 +362,7 @@ def test_clips_that_show_no_person_are_refused(marionette):
         fan.theatre.retarget_clip(fan.puppets.promenade(), captured(standing))
 
 
-def test_two_people_in_one_file_are_told_apart():
+def test_two_people_in_one_file_are_distinguished():
     names = tuple(f"{who}:{name}" for who in ("a", "b") for name in NAMES)
     skeleton = Skeleton(names, (-1,) * len(names), np.zeros((len(names), 3)))
     with pytest.raises(FileError, match="in no bundled mapping"):

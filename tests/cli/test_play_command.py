@@ -95,7 +95,7 @@ def test_the_verdict_is_printed_before_the_report_and_the_film_are_written(tmp_p
     assert "one: sway.yaml cannot be done" in result.stderr
 
 
-def test_a_play_that_is_stopped_in_time_says_so(tmp_path):
+def test_a_play_at_its_time_limit_is_reported(tmp_path):
     began = time.monotonic()
     result = fantoccini("play", write_play(tmp_path, TOUCHES), "--within", "0")
     assert result.exit_code == 1

@@ -132,7 +132,7 @@ def test_a_start_that_contradicts_the_inputs_is_a_mistake(lift) -> None:
     assert "hand.length" in said and "in the inputs at t = 0 s" in said
 
 
-def test_impossible_inputs_leave_what_was_reached_and_end_with_1(tmp_path) -> None:
+def test_impossible_inputs_leave_the_partial_run_and_end_with_1(tmp_path) -> None:
     inputs, out = tmp_path / "x.yaml", tmp_path / "run.npz"
     inputs.write_text("coordinates:\n  hand.x: [[0, 0.45], [1, 3.0]]\n")
     result = fantoccini("simulate", "arm2d", "--inputs", inputs, "--out", out)
@@ -162,7 +162,7 @@ main()
 """The command; stderr announces every finished piece of the run."""
 
 
-def test_ctrl_c_writes_what_was_reached_and_ends_with_130(tmp_path) -> None:
+def test_ctrl_c_writes_the_partial_run_and_ends_with_130(tmp_path) -> None:
     fan.puppets.arm2d().rest()  # so that nothing is compiled below
     out = tmp_path / "run.npz"
     command = [

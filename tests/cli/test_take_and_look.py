@@ -105,7 +105,7 @@ def test_impossible_rates_are_mistakes():
     assert fantoccini("simulate", "string_pendulum", "--rate", "-1").exit_code == 2
 
 
-def test_a_run_that_is_slower_than_real_time_says_so(capsys):
+def test_a_run_slower_than_real_time_is_reported(capsys):
     """17.15: it names a faster option; a run faster than real time prints nothing."""
     m = fan.puppets.string_pendulum()
     run = fan.simulate(m, m.rest(), t_end=0.5)

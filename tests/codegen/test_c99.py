@@ -110,7 +110,7 @@ def arguments(model: Model, seed: int) -> dict[str, np.ndarray]:
         (described, 9, "-O1"),
     ],
 )
-def test_the_exported_functions_return_what_the_equations_do(make, which, flag, tmp_path):
+def test_the_exported_functions_agree_with_the_equations(make, which, flag, tmp_path):
     """Some warnings need -O1; the longest texts, generated in the same way, are compiled without
     it.
     """

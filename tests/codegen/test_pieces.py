@@ -131,7 +131,7 @@ def test_no_operation_with_a_constant_0_or_1_is_left():
             assert values.count(None) > 0, "two constants would have been folded"
 
 
-def test_pieces_are_no_longer_than_asked():
+def test_pieces_have_at_most_the_requested_length():
     split = pieces(program(equations("marionette")["step_dynamics"]), "f", 500)
     assert len(split.pieces) == len(split.declarations) > 10
     # One line of arithmetic, and at most one each to load two operands and to store the result.

@@ -105,7 +105,7 @@ def test_a_twin_has_one_drive(first, second):
     assert len(both.expanded().drives[0].on) == 2
 
 
-def test_the_schema_takes_what_files_may_hold():
+def test_the_schema_accepts_valid_files():
     parts = Puppet.model_json_schema()["$defs"]
     assert [kind["type"] for kind in parts["Drive"]["properties"]["on"]["anyOf"]] == [
         "string",

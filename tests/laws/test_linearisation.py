@@ -161,7 +161,7 @@ def test_the_mode_is_that_of_the_accelerations(arm):
     assert slack.rows == () and not np.any(slack.pull.q_D)
 
 
-def test_derivatives_are_made_when_they_are_asked_for():
+def test_derivatives_are_compiled_at_first_use():
     arm = fan.puppets.arm2d()
     fan.simulate(arm, arm.rest(), t_end=0.1)
     assert "derivatives" not in vars(arm.libraries)

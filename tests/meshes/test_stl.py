@@ -74,7 +74,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("content", "says"), WRONG.values(), ids=WRONG)
-def test_a_broken_stl_says_what_is_wrong(content, says, tmp_path):
+def test_a_broken_stl_has_a_message(content, says, tmp_path):
     (tmp_path / "a.stl").write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(ValueError) as caught:
         read(tmp_path / "a.stl", tmp_path)

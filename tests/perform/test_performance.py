@@ -286,7 +286,7 @@ def test_mistakes_are_named_and_change_nothing(bridge_crane):
     assert np.array_equal(live.state.q_K, before.q_K)
 
 
-def test_a_puppet_whose_every_joint_is_driven_is_alive_too():
+def test_a_puppet_with_only_driven_joints_is_performed_too():
     live = fan.Performance(
         fan.loads("""
 puppet: turntable

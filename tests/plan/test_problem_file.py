@@ -165,7 +165,7 @@ def test_mistakes_have_places(tmp_path, change, line, message):
     assert f"problem.yaml:{line}" in str(caught.value)
 
 
-def test_several_mistakes_are_told_at_once(tmp_path):
+def test_several_mistakes_are_reported_at_once(tmp_path):
     text = GOOD.replace("hand.x: 0.3", "hand.z: 0.3").replace("elbow: 60", "elbo: 60")
     with pytest.raises(FileError) as caught:
         fan.control.load_problem(written(tmp_path, text))

@@ -69,7 +69,7 @@ def moves_again(x: fan.State, inputs: fan.Input) -> bool:
     return x["hold.y"] < 0.0 and early > 1e-3 and inputs.end < 2.2
 
 
-def test_an_error_at_the_very_start_is_told_with_player_and_line(tmp_path, monkeypatch):
+def test_an_error_at_the_start_is_reported_with_player_and_line(tmp_path, monkeypatch):
     path = write_play(tmp_path)
     error = fan.errors.StateError("nothing can begin here")
     failing(monkeypatch, lambda x, *_: x["hold.y"] < 0.0, error)

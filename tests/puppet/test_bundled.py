@@ -46,7 +46,7 @@ def test_sizes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SIZES)
-def test_files_are_short_and_begin_with_what_they_are(name: str) -> None:
+def test_files_are_short_and_begin_with_a_description(name: str) -> None:
     text = puppets.path(name).read_text()
     assert text.startswith("# ")
     assert len(text.splitlines()) <= 150

@@ -215,7 +215,7 @@ def test_a_run_that_ends_at_a_catch_continues(arm, before):
         assert len(impulses) == len(catches)
 
 
-def test_exact_lengths_are_asked_for_with_the_remedy(arm, lift):
+def test_a_request_for_exact_lengths_has_a_remedy(arm, lift):
     """17.7: if a method cannot begin at a state, the message says how to correct it."""
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method="timestepping")
     gaps = [Evaluation.of(arm, run.state(i)).h[0] for i in range(len(run))]

@@ -84,7 +84,7 @@ def test_one_of_two_viewers_holds_and_the_other_is_told(scene, monkeypatch):
         until(lambda: scene.performance.wanted_length(line) == 0.7, "the other takes over")
 
 
-def test_each_viewer_is_told_who_holds_the_strings(scene, monkeypatch):
+def test_each_viewer_sees_the_holder_of_the_strings(scene, monkeypatch):
     """17.14: the holder is told "you"."""
     monkeypatch.setattr(scene.live.holder, "idle", 60.0)
     with Viewer(scene.url) as holder, Viewer(scene.url) as two:

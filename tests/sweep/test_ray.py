@@ -113,7 +113,7 @@ def test_workers_bound_the_number_of_concurrent_cases(cluster, tmp_path):
     assert fan.sweep(study, {"k": range(6)}, on="ray", workers=1)["running"].max() == 1
 
 
-def test_an_interrupt_keeps_what_is_finished(cluster, tmp_path):
+def test_an_interrupt_keeps_finished_cases(cluster, tmp_path):
     def study(case):
         return {"x": case.rng.random()}
 

@@ -149,7 +149,7 @@ def test_no_pickle_is_read(study, tmp_path):
     assert _ran == [0]
 
 
-def test_failures_are_kept_and_tried_again_when_asked(tmp_path):
+def test_failures_are_stored_and_repeated_on_request(tmp_path):
     ill = tmp_path / "ill"
     ill.touch()
 
@@ -190,7 +190,7 @@ def test_another_sweeps_store_is_refused(study, tmp_path):
     assert {f: f.read_bytes() for f in tmp_path.rglob("*") if f.is_file()} == before
 
 
-def test_a_study_whose_code_changed_is_refused_unless_its_version_vouches_for_it(tmp_path):
+def test_a_study_with_changed_code_is_refused_unless_its_version_is_the_same(tmp_path):
     def make(text):
         names = {"__name__": "study"}
         exec(text, names)

@@ -139,7 +139,7 @@ def test_a_picture_that_fails_leaves_the_tables(monkeypatch):
     assert page.texts[:3] == ["arm2d", "degrees of freedom", "2"]
 
 
-def test_a_display_that_fails_is_none_and_not_an_error(monkeypatch):
+def test_a_failing_display_is_none_and_not_an_error(monkeypatch):
     assert notebook.puppet_html(object()) is None
     monkeypatch.setattr(Trajectory, "summary", lambda self: {})
     assert swinging(bundled("arm2d"))._repr_html_() is None

@@ -121,7 +121,7 @@ def test_the_least_clearances_are_those_of_the_run(verification, page):
     assert any(line[:2] == ["one - floor", "one.ball"] for line in page.lines)
 
 
-def test_a_play_that_fails_says_so_first(tmp_path):
+def test_a_failing_play_is_reported_first(tmp_path):
     verification = fan.theatre.verify_play(fan.load_play(write_play(tmp_path, TOUCHES)))
     text = reports.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
     assert 'class="verdict fails">1 of 2 cues cannot be done as written' in text

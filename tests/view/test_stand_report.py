@@ -19,7 +19,7 @@ def checked():
     return check_stand(loads_stand(text), lift(hoist), hoist)
 
 
-def test_the_page_says_what_the_check_says(checked, tmp_path):
+def test_the_page_has_the_results_of_the_check(checked, tmp_path):
     path = reports.stand_report(checked, tmp_path / "page.html", slower(checked))
     text = path.read_text(encoding="utf-8")
     for words in (
