@@ -131,7 +131,7 @@ def test_contact_between_looks_is_found(boxes):
 
 
 def test_polish_says_that_polished_versions_are_too_long(monkeypatch):
-    """The allowed time is a tenth of what a plan takes."""
+    """The allowed time is a tenth of the duration of a plan."""
     boxes = fan.control.load_problem("arm3d_boxes")
     plan = first_plan(boxes)
     monkeypatch.setattr(plan.search.problem, "longest", 0.1 * plan.duration)

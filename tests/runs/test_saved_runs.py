@@ -30,10 +30,10 @@ def moving_batch(method: str):
 def test_a_copied_batch_goes_on_as_the_original_and_by_itself(method, duplicate) -> None:
     batch = moving_batch(method)
     other = duplicate(batch)
-    kept = batch.q_D.copy()
+    before = batch.q_D.copy()
     for _ in range(3):
         other.advance(0.1, -ACCELERATION)
-    assert np.array_equal(batch.q_D, kept)
+    assert np.array_equal(batch.q_D, before)
     for _ in range(3):
         batch.advance(0.1, -ACCELERATION)
     for name in ARRAYS:
