@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -396,3 +397,11 @@ def test_an_empty_last_column_is_left_out(folder):
     text = TEXT.replace("swing.csv", "trailing.csv")
     (folder / "trailing.yaml").write_text(text, encoding="utf-8")
     assert len(fan.lab.load_record(folder / "trailing.yaml").t) == len(lines) - 1
+
+
+def test_markers_in_mm_are_suspected():
+    data = record(arm(), 2.0, 7)
+    axes = {f"{marker.name}.{axis}" for marker in data.markers for axis in "xyz"}
+    columns = {name: 1e3 * x if name in axes else x for name, x in data.columns.items()}
+    with pytest.raises(StateError, match=r"coordinates of markers are .* are they in mm\?"):
+        dataclasses.replace(data, columns=columns)

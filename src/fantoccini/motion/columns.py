@@ -38,7 +38,7 @@ class Columns(ShortRepr):
             )
         object.__setattr__(self, "values", values)
 
-    def __array__(self, dtype: DTypeLike = None, copy: bool | None = None) -> Array:
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> Array:
         return np.array(self.values, dtype=dtype, copy=copy)
 
     def __getitem__(self, name: str) -> Array:

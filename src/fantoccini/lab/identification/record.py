@@ -17,6 +17,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Channels, Marker
 from fantoccini.lab.identification.fit import MARGIN
 from fantoccini.lab.identification.marking import Mark, missing_files
+from fantoccini.model.tree import measure, path_lengths
 from fantoccini.motion import Input, State
 
 MIN_SAMPLES = 8
@@ -72,6 +73,10 @@ def check_span(t: Array, inputs: Input, share: float) -> None:
         )
 
 
+MAX_MARKER_DISTANCE = 20.0
+"""Typical coordinate of markers over the puppet's reach, above which their unit is doubted."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Record(ShortRepr):
     """Measurements of a puppet in motion, and its unknowns.
@@ -99,7 +104,7 @@ class Record(ShortRepr):
         UnknownNameError: a parameter, coordinate, marker or column that does not exist.
         StateError: the puppet has contact or slipping winches, more than half of the samples lie
             beyond the inputs, times do not increase, a column has another length or infinite
-            numbers, something is unknown twice, or nothing is.
+            numbers, markers are in another unit, something is unknown twice, or nothing is.
         ValueError: a delay that is not finite, or a noise level that is not above 0.
     """
 
@@ -166,6 +171,24 @@ class Record(ShortRepr):
                 f"{marionette.name} has no dynamic coordinates, so its motion depends on no number"
             )
         self._check_times()
+        self._check_units()
+
+    def _check_units(self) -> None:
+        """Refuses markers so far from the puppet that only another unit explains it."""
+        places = np.abs(self.values[:, : 3 * len(self.markers)])
+        if not np.any(np.isfinite(places)):
+            return
+        tree, number = self.marionette.tree, self.marionette.number
+        size = measure(tree, number)
+        paths = path_lengths(tree, size.poses, number).values()
+        reach = float(np.max(np.abs([size.low, size.high]))) + max(paths, default=0.0)
+        typical = float(np.nanmedian(places[np.any(np.isfinite(places), axis=1)]))
+        if typical > MAX_MARKER_DISTANCE * reach:
+            raise StateError(
+                f"coordinates of markers are {typical:.4g} m (median); the puppet on "
+                f"its strings reaches {reach:.3g} m: are they in mm? Then the record's file has "
+                "`unit: mm`"
+            )
 
     def _check_times(self) -> None:
         times = self.t[np.any(np.isfinite(self.values), axis=1)]
