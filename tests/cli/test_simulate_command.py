@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import os
 import signal
 import subprocess
@@ -209,6 +210,17 @@ def test_an_output_that_cannot_be_written_ends_with_1(tmp_path, monkeypatch) -> 
     assert (
         result.stderr == f"fantoccini: cannot write {tmp_path / 'x.npz'}: No space left on device\n"
     )
+
+
+def test_an_output_that_fails_leaves_the_run_and_the_others(tmp_path, monkeypatch):
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(fan.Trajectory, "save", full)
+    lost, table = tmp_path / "x.npz", tmp_path / "x.csv"
+    result = fantoccini("simulate", "arm2d", "--duration", "0.2", "--out", lost, "--out", table)
+    assert result.exit_code == 1 and f"cannot write {lost}" in result.stderr
+    assert table.is_file() and "events:" in result.stdout
 
 
 def test_demo_leaves_numbers_a_picture_and_a_film(tmp_path) -> None:

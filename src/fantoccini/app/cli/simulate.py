@@ -14,6 +14,7 @@ from fantoccini.app.cli_support import (
     FAILED,
     INTERRUPTED,
     Motion,
+    OutputError,
     SimulateArguments,
     Steps,
     StringModel,
@@ -94,9 +95,13 @@ def simulate_file(arguments: SimulateArguments) -> None:
         options["time_limit"] = arguments.time_limit
         run, seconds, reason = timed(steps, puppet, x0, inputs, duration, method, **options)
         films = {} if file_motion is None else file_motion.film_options
-        write_outputs(
-            puppet, run, out, arguments.plot, steps, output_options=output_options, films=films
-        )
+        not_written = None
+        try:
+            write_outputs(
+                puppet, run, out, arguments.plot, steps, output_options=output_options, films=films
+            )
+        except OutputError as error:
+            not_written = error  # the summary of the run comes first
     if not arguments.quiet:
         if file_motion is not None:
             if file_motion.score is not None:
@@ -105,6 +110,8 @@ def simulate_file(arguments: SimulateArguments) -> None:
                 report_lateness(file_motion.rehearsal)
         report(run, seconds)
         suggest_faster(arguments, run, seconds)
+    if not_written is not None:
+        raise not_written
     end_with(run, reason)
 
 

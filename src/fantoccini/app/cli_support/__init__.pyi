@@ -19,6 +19,7 @@ from .error_handling import (
 )
 from .files import (
     PICTURES as PICTURES,
+    OutputError as OutputError,
     check_folder as check_folder,
     check_new_folder as check_new_folder,
     check_output as check_output,

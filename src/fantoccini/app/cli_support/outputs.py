@@ -11,12 +11,14 @@ from fantoccini.app.cli_support.files import (
     FILMS,
     NUMBERS,
     PICTURES,
+    OutputError,
     check_output,
     fail,
     writing,
 )
 from fantoccini.app.cli_support.output_options import OutputOptions
 from fantoccini.app.cli_support.terminal import Steps, say
+from fantoccini.base import FantocciniError, FileError, StateError, UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.output.animation import ENDINGS, format_of
@@ -84,19 +86,35 @@ def write_outputs(
         output_options: options of the files.
         films: captions and sounds, as arguments of :func:`fantoccini.output.film`.
         guides: guides in strips and films, as for :func:`fantoccini.output.film`.
+
+    Raises:
+        OutputError: some files could not be written; all others are.
     """
     output_options = output_options or OutputOptions()
     check_bodies(marionette, output_options)
     if output_options.forces and run.contact is None:
         fail(f"{marionette.name} has no contacts, so there are no forces to draw", "--forces")
-    for path in out:
-        with writing(path):
-            _write(marionette, run, path, steps, poses, output_options, films or {}, guides)
-    if plot is not None:
-        from fantoccini.output import view
+    reasons = []
+    for path in (*out, *([] if plot is None else [plot])):
+        try:
+            with writing(path):
+                if path is plot:
+                    _plot(run, path, steps, output_options)
+                else:
+                    _write(marionette, run, path, steps, poses, output_options, films or {}, guides)
+        except (FileError, StateError, UnknownNameError):
+            raise  # mistakes in the arguments
+        except FantocciniError as error:
+            reasons.append(str(error) if isinstance(error, OutputError) else f"{path}: {error}")
+    if reasons:
+        raise OutputError("\n".join(reasons))
 
-        steps.step(f"drawing {plot}")
-        view.plot(run, plot, **output_options.nondefault("theme"))
+
+def _plot(run: Trajectory, path: Path, steps: Steps, output_options: OutputOptions) -> None:
+    from fantoccini.output import view
+
+    steps.step(f"drawing {path}")
+    view.plot(run, path, **output_options.nondefault("theme"))
 
 
 def _write(
