@@ -34,6 +34,10 @@ struct ContactStepTolerances {
   // Energy added that is rounding, relative to what the impulses exchange; above it the law's
   // residual.
   static constexpr double rounding = 1e-9;
+  // s for every m/s at which points close: an impact may take the impulse of the largest force for
+  // so long, in however short a step. With a gravity of 1 m/s^2 that is 100 times the momentum of
+  // everything at that speed.
+  static constexpr double impact_time = 1e-3;
 };
 
 // A point that pushes at the end of a step.
