@@ -141,8 +141,9 @@ class ContactStep {
   // Whether something springs back, of one trajectory.
   FAN_FN bool springs_back() const { return state_.points.most > 0 && state_.bounces[0]; }
 
-  // After which time the first of the points that spring back touches, and the next one, later by
-  // more than `same` [s]; unbounded where there is none.
+  // After which time the first of the points that spring back touches, which is negative where it
+  // overlaps, and the next one, later than that and than now by more than `same` [s]; unbounded
+  // where there is none.
   struct Touches {
     double first, second;
   };
@@ -151,7 +152,7 @@ class ContactStep {
     for (int i = 0; i < state_.points.n[0]; ++i)
       if (state_.rebound[0][i] != 0.0) found.first = fmin(found.first, touch_time(i));
     for (int i = 0; i < state_.points.n[0]; ++i)
-      if (state_.rebound[0][i] != 0.0 && touch_time(i) > found.first + same)
+      if (state_.rebound[0][i] != 0.0 && touch_time(i) > fmax(found.first, 0.0) + same)
         found.second = fmin(found.second, touch_time(i));
     return found;
   }
