@@ -49,6 +49,7 @@ from fantoccini.base.hanging import catenary
 from fantoccini.base.interpolate import Places
 from fantoccini.base.media import MediaError, ffmpeg, sound_duration, sound_input
 from fantoccini.base.polynomial import N_COEF, shifted
+from fantoccini.base.nonnegative import nonnegative_least_squares
 from fantoccini.base.progress import OnProgress, Progress, progress_bar, reporting
 from fantoccini.base.rotation import exp, multiply
 from fantoccini.base.tangent import moved
@@ -108,6 +109,7 @@ __all__ = [
     "moved",
     "multiply",
     "nearest",
+    "nonnegative_least_squares",
     "npz",
     "output",
     "perpendicular",
