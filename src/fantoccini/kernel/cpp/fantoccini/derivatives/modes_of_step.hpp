@@ -74,6 +74,7 @@ class ModesOfStep {
     assemble(eval, force);
     const bool jams = !system_.factorise();
     solve(eval, force, found_, pull, shares);
+    wait(eval);
     if (jams) return JAMS;
     bool slides = false;
     for (int i = 0; i < n_; ++i) slides = slides || !point_[i].sticks;
@@ -85,6 +86,12 @@ class ModesOfStep {
 
   // dt dacc, in bundles.
   Wide* found() { return found_; }
+
+  // Derivatives by the time of the touch at a fixed place: dt dacc, and of the tensions and the
+  // points' multipliers, in the order of solve().
+  const double* found_by_delay() const { return by_delay_; }
+  const double* pull_by_delay() const { return pull_by_delay_; }
+  const double* shares_by_delay() const { return pull_by_delay_ + n_held_; }
 
   // Multipliers of all points.
   int n_shares() const { return system_.n_rows - n_held_; }
@@ -142,6 +149,15 @@ class ModesOfStep {
     }
   }
 
+  void wait(const Eval& eval) {
+    double rate[room(R)] = {}, w[room(N)] = {};
+    for (int i = 0, n = n_held_; i < n_; n += point_[i].sticks ? 3 : 1, ++i)
+      rate[n] = -asked_by_delay(point_[i], dt_) / dt_;
+    system_.solve(w, rate, pull_by_delay_);
+    eval.back(w, by_delay_);
+    for (int k = 0; k < N; ++k) by_delay_[k] *= dt_;
+  }
+
   // Whether the motion depends on how redundant points share their force: shares that do nothing,
   // `idle`, are added to it.
   bool depends(const Eval& eval, Wide* force, const double* idle) {
@@ -179,6 +195,7 @@ class ModesOfStep {
   double change_[3][room(Partials::n_columns)], by_[room(Partials::n_columns * N)];
   Wide rate_[room(Columns::most * R)], found_[room(Columns::most * N)];  // in bundles
   Wide other_[room(Columns::most * N)];
+  double by_delay_[room(N)], pull_by_delay_[room(R)];
 };
 
 }  // namespace fan
