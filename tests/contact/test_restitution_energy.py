@@ -44,7 +44,9 @@ def test_balls_that_touch_up_to_rounding_are_struck_at_once():
     cradle = row_of_balls(7)
     rng = np.random.default_rng(5)
     starts = [(6.370703509446264, 0.0012563378908554091, 5e-3)]
-    starts += [(*rng.uniform((0.5, 0.0), (8.0, 5e-3)), dt) for dt in (1e-3, 5e-3) for _ in range(30)]
+    starts += [
+        (*rng.uniform((0.5, 0.0), (8.0, 5e-3)), dt) for dt in (1e-3, 5e-3) for _ in range(30)
+    ]
     for speed, gap, dt in starts:
         place = {f"b{k}": 0.1 * k for k in range(7)} | {"b0": -gap}
         run = stepped(cradle, thrown(cradle, place, {"b0": speed}), 5e-3 / speed + 10 * dt, dt)
