@@ -95,14 +95,14 @@ def test_a_violated_bound_is_named_with_its_coordinate_and_time(small_crane):
 
 def test_a_violated_bound_says_whether_the_search_was_cut_short(small_crane):
     """Regression: a search that had no time left looked like a task without a solution."""
-    far = task(small_crane, fan.control.Bounds(acceleration=0.01, held=("line.length",)))
-    short = fan.optimise(far, time_limit=1e-9)
+    unreachable = task(small_crane, fan.control.Bounds(acceleration=0.01, held=("line.length",)))
+    short = fan.optimise(unreachable, time_limit=1e-9)
     assert short.status is fan.control.AnswerStatus.VIOLATED
     assert "the time limit ended the search" in short.summary()
-    few = fan.optimise(far, iterations=2, time_limit=600.0)
-    assert few.status is fan.control.AnswerStatus.VIOLATED
-    assert "2 iterations ended the search" in few.reason
-    whole = fan.optimise(far, iterations=1000, time_limit=600.0)
+    interrupted = fan.optimise(unreachable, iterations=2, time_limit=600.0)
+    assert interrupted.status is fan.control.AnswerStatus.VIOLATED
+    assert "2 iterations ended the search" in interrupted.reason
+    whole = fan.optimise(unreachable, iterations=1000, time_limit=600.0)
     assert whole.status is fan.control.AnswerStatus.VIOLATED
     assert "ended the search" not in whole.reason
 
