@@ -196,7 +196,7 @@ def test_a_ledger_that_does_not_balance_ends_with_a_status():
     puppet = fan.loads(CAPSULE)
     x = spun(puppet, [0, 0, 0, 113, 11, 113])
     with pytest.raises(
-        fan.errors.SimulationError, match=r"more than 20 % from t = [\d.e-]+ s on; most of it.* arose from t"
+        fan.errors.SimulationError, match=r"20 % from t = [\d.e-]+ s on; most .* arose from t"
     ) as caught:
         fan.simulate(puppet, x, t_end=5.0, method="timestepping")
     run = caught.value.trajectory
