@@ -17,6 +17,22 @@ OTHER_AWAY = {"other.x": -50.0, "other.z": 5.0}
 WIDE = Steps(q=1e-6, v=1e-5, a=1e-3)
 AT_FLOOR = {"ball.x": 1.5, "ball.y": 0.3, "ball.z": -10.0, "ball.wx": 4.0, "ball.wy": 3.0}
 
+# A heel that springs back, and on a hinge a toe that does not.
+SHOE = """
+puppet: shoe
+floor: 0
+contact:
+  friction: 0.4
+  restitution: 0.8
+  pairs: [{between: [toe, floor], restitution: 0}]
+bodies:
+- {name: heel, joint: {type: free}, shapes: [{type: sphere, radius: 0.05, mass: 1}]}
+- name: toe
+  parent: heel
+  joint: {name: hinge, type: revolute, axis: [0, 1, 0]}
+  shapes: [{type: sphere, radius: 0.03, mass: 0.4, at: [0.2, 0, 0]}]
+"""
+
 
 @pytest.fixture(scope="module")
 def bouncer() -> fan.Marionette:
@@ -54,6 +70,19 @@ def test_gradients_of_rollouts_go_through_touches_within_steps(bouncer):
     check_products(case)
     run = check_differences(case)
     assert run.n_contacts.tolist() == [0, 1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("along", "modes"), [(0.0, ["stick", "slide"]), (40.0, ["slide", "slide"])]
+)
+def test_a_landing_in_the_rest_of_a_step_has_its_derivatives(along, modes):
+    """Regression: refused. What is left of the step after the touch changes with its start."""
+    shoe = fan.loads(SHOE)
+    place = {"heel.z": 0.053, "hinge": 0.08}
+    speed = {"heel.x": along, "heel.z": -8.0, "heel.wx": 2.0}
+    x = thrown(shoe, place, speed)
+    check_step(shoe, x, modes, steps=WIDE)
+    check_products(Case.of(shoe, x, 3))
 
 
 def test_simultaneous_or_later_touches_have_no_derivative(bouncer):

@@ -51,6 +51,17 @@ def test_a_ball_rebounds_at_its_touch(elastic, e, dt):
                 assert np.diff(run.ledger["kinetic"]).max() <= 1e-12 * speed**2
 
 
+@pytest.mark.parametrize(("speed", "dt"), [(35.0, 5e-4), (300.0, 5e-4), (300.0, 2e-3), (9.0, 2e-5)])
+def test_a_bullet_springs_back_in_however_short_a_step(elastic, speed, dt):
+    """Regression: its impulse was bounded by the largest force over the step, 300 m/s went on."""
+    x0 = thrown(elastic[0.8], {**OTHER_AWAY, "ball.z": 5.0, "ball.x": 9.87}, {"ball.x": speed})
+    run = stepped(elastic[0.8], x0, 20 * dt + 0.06 / speed, dt)
+    way = speed * run.t - 0.03
+    assert run.status is Status.DONE
+    assert np.allclose(9.9 - run["ball.x"], turned(way, 0.8), rtol=0, atol=1e-11)
+    assert run.ledger["kinetic"][-1] == pytest.approx(0.64 * run.ledger["kinetic"][0], rel=1e-9)
+
+
 def test_a_falling_ball_rebounds_at_its_touch(elastic):
     """Under gravity, places are exact to the order of dt^2 g, and energies to that of dt g v."""
     ball = fan.loads(BOUNCER.replace("[0, 0, 0]", "[0, 0, -9.81]"))

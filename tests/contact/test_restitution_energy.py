@@ -37,3 +37,17 @@ def test_simultaneous_impacts_of_a_row_of_balls_lose_nothing_to_rounding():
         after = run.v_D[-1] / speed
         assert after == pytest.approx([-0.6, 0.4, 0.4, 0.4, 0.4], abs=1e-7)
         assert run.ledger["kinetic"][-1] == pytest.approx(0.5 * speed**2, rel=1e-7)
+
+
+def test_balls_that_touch_up_to_rounding_are_struck_at_once():
+    """Regression: overlaps of 1e-17 m that close at 1e-14 m/s made a part of a step of length 0."""
+    cradle = row_of_balls(7)
+    rng = np.random.default_rng(5)
+    starts = [(6.370703509446264, 0.0012563378908554091, 5e-3)]
+    starts += [
+        (*rng.uniform((0.5, 0.0), (8.0, 5e-3)), dt) for dt in (1e-3, 5e-3) for _ in range(30)
+    ]
+    for speed, gap, dt in starts:
+        place = {f"b{k}": 0.1 * k for k in range(7)} | {"b0": -gap}
+        run = stepped(cradle, thrown(cradle, place, {"b0": speed}), 5e-3 / speed + 10 * dt, dt)
+        assert run.v_D[-1] / speed == pytest.approx([-5 / 7, *[2 / 7] * 6], abs=2e-6)

@@ -53,6 +53,23 @@ def test_overlaps_at_the_start_are_moved_apart_and_nothing_jumps(press, method, 
     assert run["heavy.z"][-1] == pytest.approx(0.25, abs=1e-6)
 
 
+@pytest.mark.parametrize("method", ["event", "timestepping"])
+@pytest.mark.parametrize(
+    ("masses", "side", "depth"),
+    [((1, 1), 0.4, 8e-4), ((100, 1e-3), 0.1, 2e-4), ((100, 1e-3), 0.1, 8e-4), ((1, 50), 0.2, 5e-4)],
+)
+def test_boxes_of_any_size_are_moved_apart_without_being_tilted(masses, side, depth, method):
+    """Regression: the solver ended far from the shortest way, and a box was thrown on a corner."""
+    small, large = f"[{side}, {side}, {side}], mass: {masses[0]}", f"mass: {masses[1]}"
+    text = PRESS.replace("[0.1, 0.1, 0.1], mass: 0.001", small).replace("mass: 100", large)
+    stack = fan.loads(text)
+    x0 = stack.state({"light.z": side / 2 - depth, "heavy.z": side + 0.15 - 2 * depth})
+    run = fan.simulate(stack, x0, t_end=0.02, method=method)
+    there = stack.state({"light.z": side / 2, "heavy.z": side + 0.15})
+    assert np.max(np.abs(run.q_D - there.q_D)) < 1e-6
+    assert np.max(np.abs(run.v_D)) < 1e-5
+
+
 def test_batches_move_overlaps_apart_too(press):
     starts = [press.state({"light.z": 0.05 - d, "heavy.z": 0.25 - d}) for d in (0.0, 2e-4, 8e-4)]
     runs = fan.simulate_batch(press, starts, t_end=0.02, method="timestepping")

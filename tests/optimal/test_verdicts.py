@@ -97,6 +97,20 @@ def test_a_violated_bound_is_named_with_its_coordinate_and_time(small_crane):
     assert "the tension of line is" in best.reason and "beyond its bounds 9 to inf" in best.reason
 
 
+def test_a_violated_bound_says_whether_the_search_was_cut_short(small_crane):
+    """Regression: a search that had no time left looked like a task without a solution."""
+    unreachable = task(small_crane, fan.control.Bounds(acceleration=0.01, held=("line.length",)))
+    short = fan.optimise(unreachable, time_limit=1e-9)
+    assert short.status is fan.control.AnswerStatus.VIOLATED
+    assert "the time limit ended the search" in short.summary()
+    interrupted = fan.optimise(unreachable, iterations=2, time_limit=600.0)
+    assert interrupted.status is fan.control.AnswerStatus.VIOLATED
+    assert "2 iterations ended the search" in interrupted.reason
+    whole = fan.optimise(unreachable, iterations=1000, time_limit=600.0)
+    assert whole.status is fan.control.AnswerStatus.VIOLATED
+    assert "ended the search" not in whole.reason
+
+
 def test_a_search_without_progress_names_its_residual(small_crane, monkeypatch):
     monkeypatch.setattr(Filter, "accepts", lambda self, before, now, falls: False)
     bounds = fan.control.Bounds(acceleration=1.0, held=("line.length",))

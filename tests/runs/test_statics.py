@@ -266,3 +266,22 @@ def test_a_load_that_swings_to_rest_does_not_turn_about_its_string(eye: str):
         moved = crane.difference(first.q_D, crane.rest(values).q_D)
         moved[0] -= values["trolley"]
         assert np.max(np.abs(moved)) < 1e-11
+
+
+CARRIED = {
+    "contact: true": True,
+    "floor: 0": True,
+    "contact: true, floor: 0": False,
+    "contact: {meets: [self]}, floor: 0": True,
+    "contact: {pairs: [{between: [crate, floor], meet: false}]}, floor: 0": False,
+    "contact: {pairs: [{between: [crate, floor], meet: false}], meets: [floor]}, floor: 0": True,
+    "contact: true, obstacles: [{name: t, type: box, size: [1, 1, 1], at: [9, 0, 0]}]": False,
+}
+
+
+@pytest.mark.parametrize(("scene", "falls"), CARRIED.items())
+def test_a_body_is_carried_only_by_what_it_may_touch(scene, falls):
+    """Regression: with `contact`, two loose bodies without a floor were let fall for a minute."""
+    ball = "joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]"
+    text = f"{{puppet: p, {scene}, bodies: [{{name: crate, {ball}}}, {{name: ball, {ball}}}]}}"
+    assert bool(falling(fan.loads(text))) is falls

@@ -48,6 +48,7 @@ from fantoccini.base.files import decoded, lines_of, replacing, write_table
 from fantoccini.base.hanging import catenary
 from fantoccini.base.interpolate import Places
 from fantoccini.base.media import MediaError, ffmpeg, sound_duration, sound_input
+from fantoccini.base.nonnegative import nonnegative_least_squares
 from fantoccini.base.polynomial import N_COEF, shifted
 from fantoccini.base.progress import OnProgress, Progress, progress_bar, reporting
 from fantoccini.base.rotation import exp, multiply
@@ -110,6 +111,7 @@ __all__ = [
     "moved",
     "multiply",
     "nearest",
+    "nonnegative_least_squares",
     "npz",
     "output",
     "perpendicular",

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
-from fantoccini.base import Array
+from fantoccini.base import Array, nonnegative_least_squares
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.reduction_states import (
     Rows,
@@ -346,5 +345,5 @@ def _ties(A_D: Array, A_K: Array) -> tuple[NDArray[np.bool_], bool]:
         return tied, False
     # y >= 0 with A_D^T y = 0 and a sum of 1, by least squares.
     B = np.vstack([A_D[tied].T, np.ones(int(tied.sum()))])
-    y, residual = nnls(B, np.append(np.zeros(A_D.shape[1]), 1.0))
+    y, residual = nonnegative_least_squares(B, np.append(np.zeros(A_D.shape[1]), 1.0))
     return tied, bool(residual < RANK_TOL and np.linalg.norm(A_K[tied].T @ y) > RANK_TOL)

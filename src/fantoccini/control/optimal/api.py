@@ -25,9 +25,11 @@ from fantoccini.control.optimal.attribution import (
     NONE,
     Residual,
     clearance_residual,
+    cut_short,
     end_residual,
     largest_residual,
     passed_bound,
+    search_status,
     touch_residual,
     without_input,
 )
@@ -39,7 +41,7 @@ from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.outlook import out_of_reach
 from fantoccini.control.optimal.result import Optimum
 from fantoccini.control.optimal.shooting import EventRuns, StepRuns
-from fantoccini.control.optimal.sqp import Iterate, Search
+from fantoccini.control.optimal.sqp import Search
 from fantoccini.control.optimal.through_modes import HOLDS, ThroughModes
 from fantoccini.control.tasks import (
     AnswerStatus,
@@ -189,9 +191,9 @@ def optimise(
     if has_contact and isinstance(runs, StepRuns):
         status = AnswerStatus.NO_RUN
     elif not worst.size <= HOLDS:
-        status, reason = AnswerStatus.VIOLATED, worst.text
+        status, reason = AnswerStatus.VIOLATED, worst.text + cut_short(at, limits)
     elif status is None:
-        status = _status(at, tolerance, until)
+        status = search_status(at, limits)
         if status is not AnswerStatus.SOLVED:
             reason = largest_residual(objective, at, tolerance)
     if end.size > tolerance and end.text in reason and not len(at.nodes.parameters):
@@ -374,17 +376,6 @@ def first_nodes(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> No
         acc_K=np.clip(nodes.acc_K, -max_acceleration, max_acceleration),
         parameters=np.clip(values, chosen.low, chosen.high),
     )
-
-
-def _status(at: Iterate, tolerance: float, until: float) -> AnswerStatus:
-    if at.kkt <= tolerance:
-        return AnswerStatus.SOLVED
-    if at.settled:
-        return AnswerStatus.SETTLED
-    if at.stalled:
-        return AnswerStatus.STALLED
-    late = time.perf_counter() > until
-    return AnswerStatus.TIMEOUT if late else AnswerStatus.ITERATIONS
 
 
 def _sampled(path: Target, start: float, duration: float, width: int) -> Target:

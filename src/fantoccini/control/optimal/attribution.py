@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,9 +12,10 @@ import numpy as np
 from fantoccini.base import Array
 from fantoccini.control.optimal.clear_rows import ClearRows
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
+from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.tasks import Nodes, Touched, number_names
+from fantoccini.control.tasks import AnswerStatus, Nodes, Touched, number_names
 from fantoccini.motion import Trajectory
 
 _MAX_ROUNDING_EFFECT = 1e-9
@@ -143,3 +145,24 @@ def _residual(size: float, name: str, t: float, value: float, low: float, high: 
     return Residual(
         size, f"{name} is {value:.6g} at {t:.6g} s, beyond its bounds {low:g} to {high:g}"
     )
+
+
+def search_status(at: Iterate, limits: Limits) -> AnswerStatus:
+    """Status of a search whose motion keeps its bounds and reaches its end."""
+    if at.kkt <= limits.tolerance:
+        return AnswerStatus.SOLVED
+    if at.settled:
+        return AnswerStatus.SETTLED
+    if at.stalled:
+        return AnswerStatus.STALLED
+    late = time.perf_counter() > limits.until
+    return AnswerStatus.TIMEOUT if late else AnswerStatus.ITERATIONS
+
+
+def cut_short(at: Iterate, limits: Limits) -> str:
+    """Remark on a motion that does not hold because its search was cut short; may be empty."""
+    if time.perf_counter() > limits.until:
+        return "; the time limit ended the search before: raise time_limit"
+    if at.iterations >= limits.iterations:
+        return f"; {limits.iterations} iterations ended the search before: allow more"
+    return ""

@@ -44,7 +44,7 @@ from fantoccini.dynamics.compiled.screws import (
     bracket,
     relations,
 )
-from fantoccini.dynamics.compiled.touching import TOUCHING
+from fantoccini.dynamics.compiled.touching import TOUCHING, meeting_links
 from fantoccini.dynamics.compiled.vector_checks import vector, vectors
 
 __all__ = [
@@ -88,6 +88,7 @@ __all__ = [
     "difference",
     "forward_dynamics",
     "integrate",
+    "meeting_links",
     "parameter_rows",
     "refuse_contact",
     "relations",

@@ -56,6 +56,19 @@ def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
     return tuple(counts)
 
 
+def meeting_links(puppet: Puppet, tree: Tree) -> set[tuple[int, int]]:
+    """Pairs of links, or of a link and the world, whose solids may touch by the rules of contact.
+
+    Needs no compiled model, and does not look at the pose.
+    """
+    if puppet.touching is None:
+        return set()
+    own, standing = _parts(puppet, tree)
+    parts = own + standing
+    meet = _pairs(puppet, tree, puppet.touching, own, standing)
+    return {(parts[a].link, parts[b].link) for a, b, _, _ in meet}
+
+
 def contacts_of(
     puppet: Puppet, tree: Tree, library: Library, counts: Sequence[int]
 ) -> tuple[Contacts, Contacts] | None:

@@ -1,7 +1,7 @@
 """Support: bodies that nothing holds against gravity, from the puppet's structure alone.
 
-Strings, springs and joints connect bodies, except joints that are free along gravity. Bodies not
-connected to the world fall for ever.
+Strings, springs, solids that may touch, and joints connect bodies, except joints that are free
+along gravity. Bodies not connected to the world fall for ever.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.dynamics.compiled import CompiledPuppet
+from fantoccini.dynamics.compiled import CompiledPuppet, meeting_links
 from fantoccini.model.tree import WORLD, Link, Role, Tree, link_inertia, measure
 
 MIN_COSINE = 1e-9
@@ -23,7 +23,7 @@ _MAX_LISTED = 6
 def falling(marionette: CompiledPuppet) -> tuple[tuple[int, ...], ...]:
     """Groups of links that nothing holds: in each, the roots, the highest first, then the others.
 
-    A group that may touch the floor or obstacles is not listed, because these may carry it.
+    A group that may touch the floor, an obstacle or what these carry is not listed.
     """
     tree, number = marionette.tree, marionette.number
     gravity = np.array([number(x) for x in tree.gravity])
@@ -46,8 +46,7 @@ def falling(marionette: CompiledPuppet) -> tuple[tuple[int, ...], ...]:
     up = -size.poses[:, :, 3] @ gravity
     groups = []
     for own in members.values():
-        touches = marionette.puppet.touching is not None and any(tree.links[i].shapes for i in own)
-        if touches or not any(link_inertia(tree.links[i], number)[0] > 0.0 for i in own):
+        if not any(link_inertia(tree.links[i], number)[0] > 0.0 for i in own):
             continue
         root = {i: tree.links[i].parent not in own for i in own}
         groups.append(
@@ -66,8 +65,9 @@ def falls(marionette: CompiledPuppet, group: tuple[int, ...]) -> str:
         shown += f" and {len(names) - _MAX_LISTED} more"
     return (
         f"nothing holds {shown}: no string, spring, drive or joint ties {_them(names)} to the "
-        f"world, so that {_they(names)} for ever; make {names[0]} driven or fixed, or tie it to "
-        "the world"
+        "world, and by the key contact no floor or obstacle carries "
+        f"{_them(names)}, so that {_they(names)} for ever; make {names[0]} driven or fixed, or tie "
+        "it to the world"
     )
 
 
@@ -82,8 +82,9 @@ def _they(names: list[str]) -> str:
 def _ties(
     marionette: CompiledPuppet, poses: np.ndarray, down: np.ndarray
 ) -> Iterator[tuple[int, int]]:
-    """Pairs of links, or a link and the world, one of which holds the other."""
+    """Pairs of links, or a link and the world, one of which holds or may carry the other."""
     tree = marionette.tree
+    yield from meeting_links(marionette.puppet.expanded(), tree)
     for i, link in enumerate(tree.links):
         if not _slides(marionette, i, poses, down):
             yield i, link.parent

@@ -118,7 +118,7 @@ class BatchVerdicts:
             gain[done] = gains(self._marionette, ledger)
             if self._stepping:
                 dt = batch.options.dt
-                share[done] = unbooked(self._marionette, ledger, batch.times, dt)
+                share[done] = np.max(unbooked(self._marionette, ledger, batch.times, dt), axis=-1)
         return gain, share
 
     def _sound(self, i: int) -> tuple[Status, str]:

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, Mask
+from fantoccini.base import Array, Indices, Mask, nonnegative_least_squares
 from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.model.tree import WORLD, Role
 from fantoccini.motion import Columns, Trajectory
@@ -288,12 +288,11 @@ def _blocked(null: Array, low: Mask, high: Mask) -> Mask:
 
     By Farkas' lemma, their negative vector lies in the cone of all vectors at bounds.
     """
-    from scipy.optimize import nnls
-
     signed = np.where(high[:, None], -null, null)
     size = np.linalg.norm(signed, axis=1)
     at = np.flatnonzero((low | high) & (size > TOLERANCES.blocked))
     out = np.zeros(len(null), dtype=bool)
     for i in at:
-        out[i] = nnls(signed[at].T, -signed[i])[1] <= TOLERANCES.blocked * size[i]
+        misses = nonnegative_least_squares(signed[at].T, -signed[i])[1]
+        out[i] = misses <= TOLERANCES.blocked * size[i]
     return out

@@ -49,7 +49,7 @@ def verdicts(violation: Array, gain: Array, unbooked: Array) -> Array:
     Args:
         violation: (...,) largest violations of strings, limits and contacts [m or rad].
         gain: (...,) results of :func:`gains`.
-        unbooked: (...,) results of :func:`unbooked`.
+        unbooked: (...,) largest results of :func:`unbooked`.
     """
     within = (violation <= BOUNDS.violation, gain <= BOUNDS.gain, unbooked <= BOUNDS.unbooked)
     wrong = (Status.OVERSTEPPED, Status.GAINED_ENERGY, Status.UNBALANCED)
@@ -63,27 +63,28 @@ def verdict(violation: float, gain: float, unbooked: float) -> Status:
 
 
 def gains(marionette: Marionette, ledger: Mapping[str, Array] | Columns) -> Array:
-    """Largest residuals (...,) of ledgers, relative to the available energy.
+    """Largest residuals (...,) of ledgers, relative to the energy available until then.
 
     The available energy is T at the start, the largest fall of V, and all work, taken as positive.
     The columns of the ledger are (..., T) [J].
     """
     potential, work = ledger["potential"], ledger["work"]
-    fallen = np.max(potential[..., :1] - potential, axis=-1)
-    worked = np.sum(np.abs(np.diff(work, axis=-1)), axis=-1)
-    available = ledger["kinetic"][..., 0] + fallen + worked
+    fallen = np.maximum.accumulate(potential[..., :1] - potential, axis=-1)
+    worked = np.cumsum(np.abs(np.diff(work, axis=-1, prepend=work[..., :1])), axis=-1)
+    available = ledger["kinetic"][..., :1] + fallen + worked
     available = available + BOUNDS.fall * marionette.weight + BOUNDS.energy
-    return np.max(ledger["residual"], axis=-1) / available
+    return np.max(ledger["residual"] / available, axis=-1)
 
 
 def unbooked(
     marionette: Marionette, ledger: Mapping[str, Array] | Columns, t: Array, dt: float
 ) -> Array:
-    """Largest residuals (...,) of ledgers, of either sign, relative to the energy exchanged.
+    """Residuals (..., T) of ledgers, of either sign, relative to the energy exchanged until then.
 
     The energy exchanged is the largest T, the range of V and the largest work, and the energy of a
-    fall over the number of coarse steps. The damping of the steps beside a sample is not counted,
-    because it is booked a step late.
+    fall over the number of coarse steps. What comes later does not count: a run that gains energy
+    is not sound because its inputs do more work afterwards. The damping of the steps beside a
+    sample is not counted, because it is booked a step late.
 
     Args:
         marionette: the puppet.
@@ -94,13 +95,16 @@ def unbooked(
     g = marionette.weight / max(marionette.mass, BOUNDS.energy)
     step = min(dt, float(t[-1] - t[0]))
     min_energy = 0.5 * marionette.weight * g * (BOUNDS.coarse * step) ** 2
-    exchanged = np.max(ledger["kinetic"], axis=-1) + np.ptp(ledger["potential"], axis=-1)
-    exchanged = exchanged + np.max(np.abs(ledger["work"]), axis=-1) + min_energy + BOUNDS.energy
+    so_far = np.maximum.accumulate
+    potential = ledger["potential"]
+    exchanged = so_far(ledger["kinetic"], axis=-1) + so_far(potential, axis=-1)
+    exchanged = exchanged + so_far(-potential, axis=-1) + so_far(np.abs(ledger["work"]), axis=-1)
+    exchanged = exchanged + min_energy + BOUNDS.energy
     damped = np.abs(np.diff(ledger["damping"])) / np.maximum(np.diff(t) / dt, 1.0)
     late = np.zeros((*damped.shape[:-1], damped.shape[-1] + 2))
     late[..., 1:-1] = damped
     late = np.maximum(late[..., 1:], late[..., :-1])
-    return np.max(np.maximum(np.abs(ledger["residual"]) - late, 0.0), axis=-1) / exchanged
+    return np.maximum(np.abs(ledger["residual"]) - late, 0.0) / exchanged
 
 
 def swings(marionette: Marionette, q_D: Array, q_K: Array, dt: float) -> bool:
@@ -154,7 +158,8 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
     fast = ends_fast(run.v_D[-1], dt)
     left = left_by_last_step(marionette, run.q_D[-1], run.q_K[-1]) if fast else {}
     largest = max([float(np.max(table.values, initial=worst)), *left.values()])
-    gain, share = float(gains(marionette, ledger)), float(unbooked(marionette, ledger, run.t, dt))
+    shares = unbooked(marionette, ledger, run.t, dt)
+    gain, share = float(gains(marionette, ledger)), float(np.max(shares))
     if share > BOUNDS.unbooked and (
         run.method != "timestepping" or swings(marionette, run.q_D[0], run.q_K[0], dt)
     ):
@@ -177,11 +182,12 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
         increments = np.diff(ledger["residual"])
         k = int(np.argmax(np.abs(increments)))
         turn = dt * float(np.max(np.abs(run.v_D[k : k + 2])))
+        first = run.t[int(np.argmax(~(shares <= BOUNDS.unbooked)))]
         text = (
             f"the ledger's residual reached {100 * share:.2g} % of the energy exchanged, more than "
-            f"{100 * BOUNDS.unbooked:g} %; most of it, {increments[k]:.3g} J, arose from t = "
-            f"{run.t[k]:.6g} to {run.t[k + 1]:.6g} s, where a coordinate moves by {turn:.2g} rad "
-            f"or m in a step. {advice}"
+            f"{100 * BOUNDS.unbooked:g} % from t = {first:.6g} s on; most of it, "
+            f"{increments[k]:.3g} J, arose from t = {run.t[k]:.6g} to {run.t[k + 1]:.6g} s, where "
+            f"a coordinate moves by {turn:.2g} rad or m in a step. {advice}"
         )
         return status, text
     return status, ""

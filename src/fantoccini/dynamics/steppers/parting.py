@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import nnls
 
-from fantoccini.base import Array
+from fantoccini.base import Array, nonnegative_least_squares
 from fantoccini.dynamics.compiled import (
     ROW_TOLERANCES,
     CompiledPuppet,
@@ -107,7 +106,7 @@ def _shortest(W: Array, b: Array) -> Array | None:
     target = np.zeros(len(W) + 1)
     target[-1] = 1.0
     E = np.concatenate([-W, b[None] / size])
-    left = E @ nnls(E, target)[0] - target
+    left = E @ nonnegative_least_squares(E, target)[0] - target
     if not abs(left[-1]) > INFEASIBLE:
         return None
     return np.asarray(-left[:-1] / left[-1] * size)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, Status
+from fantoccini.base import Array, Indices, Status, nonnegative_least_squares
 from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation
 from fantoccini.model.tree import Role, StringRow
 from fantoccini.motion import State
@@ -179,10 +179,9 @@ def _self_stress(W: Array, rate: Array) -> Array | None:
 
 def _least_tensions(W: Array, x: Array) -> Array:
     """Vector z >= 0 of least norm with W z = W x."""
-    from scipy.optimize import nnls
-
     heavy = TOLERANCES.equality_weight / np.max(np.abs(W))
-    return nnls(np.vstack([heavy * W, np.eye(len(x))]), np.append(heavy * (W @ x), 0.0 * x))[0]
+    tall = np.vstack([heavy * W, np.eye(len(x))])
+    return nonnegative_least_squares(tall, np.append(heavy * (W @ x), 0.0 * x))[0]
 
 
 def _group(marionette: CompiledPuppet, holds: Indices, stressed: Indices) -> tuple[list[int], int]:

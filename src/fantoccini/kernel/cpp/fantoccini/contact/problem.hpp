@@ -269,6 +269,15 @@ class ContactProblem {
     return solved;
   }
 
+  // The largest impulse of a point: that of the largest force over the step, `cap`, or the one that
+  // stops everything at the closing speed of the chosen points.
+  FAN_FN double largest_impulse(const State& state, int l, double cap) const {
+    double closing = 0.0;
+    for (int i = 0; i < n_triple_; ++i)
+      closing = fmax(closing, lane_of(state.hdot[3 * triple_[i]], l));
+    return cap * fmax(1.0, closing * Tolerance::impact_time / state.dt);
+  }
+
   // Solves for the chosen rows and points. Friction may hold wedged bodies in place, so that gaps
   // cannot close and overlaps cannot part within the step: points then only have to stop.
   FAN_FN bool solve_group(
@@ -282,12 +291,13 @@ class ContactProblem {
       problem.upper[i] = lane_of(from.upper[a], l);
       problem.x[i] = lane_of(guess[rows.row[a]], l);
     }
+    const double most = largest_impulse(state, l, cap);
     for (int i = 0; i < n_triple_; ++i)
       for (int d = 0; d < 3; ++d) {
         const int to = n_single_ + 3 * i + d;
         problem.x[to] = lane_of(state.x[3 * triple_[i] + d], l);
-        problem.lower[to] = d == 0 ? 0.0 : -cap;
-        problem.upper[to] = cap;
+        problem.lower[to] = d == 0 ? 0.0 : -most;
+        problem.upper[to] = most;
       }
     write(state, l, rows);
     bool solved = has_solution();

@@ -34,6 +34,10 @@ struct ContactStepTolerances {
   // Added energy that is rounding, relative to the energy exchanged by the impulses; above this the
   // residual of the law is the bound.
   static constexpr double rounding = 1e-9;
+  // s for every m/s at which points close: an impact may take the impulse of the largest force for
+  // so long, in however short a step. With a gravity of 1 m/s^2 that is 100 times the momentum of
+  // everything at that speed.
+  static constexpr double impact_time = 1e-3;
 };
 
 // A point that pushes at the end of a step.

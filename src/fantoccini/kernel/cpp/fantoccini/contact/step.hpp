@@ -142,8 +142,9 @@ class ContactStep {
   // Whether a point rebounds, of one trajectory.
   FAN_FN bool has_rebound() const { return state_.points.most > 0 && state_.bounces[0]; }
 
-  // Time until the first of the rebounding points touches, and until the next one, later by more
-  // than `same` [s]; unbounded if there is none.
+  // Time until the first of the rebounding points touches (negative if it overlaps), and until the
+  // next one, later than both that and the step's start by more than `same` [s]; unbounded if there
+  // is none.
   struct Touches {
     double first, second;
   };
@@ -152,7 +153,7 @@ class ContactStep {
     for (int i = 0; i < state_.points.n[0]; ++i)
       if (state_.rebound[0][i] != 0.0) times.first = fmin(times.first, touch_time(i));
     for (int i = 0; i < state_.points.n[0]; ++i)
-      if (state_.rebound[0][i] != 0.0 && touch_time(i) > times.first + same)
+      if (state_.rebound[0][i] != 0.0 && touch_time(i) > fmax(times.first, 0.0) + same)
         times.second = fmin(times.second, touch_time(i));
     return times;
   }

@@ -75,6 +75,7 @@ class ModesOfStep {
     assemble(eval, force);
     const bool jams = !system_.factorise();
     solve(eval, force, solution_, pull, shares);
+    solve_delay(eval);
     if (jams) return JAMS;
     bool slides = false;
     for (int i = 0; i < n_; ++i) slides = slides || !point_[i].sticks;
@@ -86,6 +87,12 @@ class ModesOfStep {
 
   // dt dacc, in bundles.
   Wide* solution() { return solution_; }
+
+  // Derivatives by the time of the touch at a fixed place: dt dacc, and of the tensions and the
+  // points' multipliers, in the order of solve().
+  const double* solution_by_delay() const { return by_delay_; }
+  const double* pull_by_delay() const { return pull_by_delay_; }
+  const double* shares_by_delay() const { return pull_by_delay_ + n_held_; }
 
   // Number of multipliers of all points.
   int n_shares() const { return system_.n_rows - n_held_; }
@@ -143,6 +150,15 @@ class ModesOfStep {
     }
   }
 
+  void solve_delay(const Eval& eval) {
+    double rate[room(R)] = {}, w[room(N)] = {};
+    for (int i = 0, n = n_held_; i < n_; n += point_[i].sticks ? 3 : 1, ++i)
+      rate[n] = -asked_by_delay(point_[i], dt_) / dt_;
+    system_.solve(w, rate, pull_by_delay_);
+    eval.back(w, by_delay_);
+    for (int k = 0; k < N; ++k) by_delay_[k] *= dt_;
+  }
+
   // Whether the motion depends on the distribution of force among redundant points: shares `idle`,
   // without effect on the step, are added.
   bool depends(const Eval& eval, Wide* force, const double* idle) {
@@ -180,6 +196,7 @@ class ModesOfStep {
   double change_[3][room(Partials::n_columns)], by_[room(Partials::n_columns * N)];
   Wide rate_[room(Columns::most * R)], solution_[room(Columns::most * N)];  // in bundles
   Wide other_[room(Columns::most * N)];
+  double by_delay_[room(N)], pull_by_delay_[room(R)];
 };
 
 }  // namespace fan

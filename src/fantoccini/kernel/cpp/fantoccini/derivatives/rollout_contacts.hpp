@@ -89,14 +89,18 @@ class RolloutContacts {
   }
 
   // Adds the points' contribution to a sum's derivatives by q_D, q_K, v_D, rate and p (n_columns,),
-  // from z and the y of all rows.
-  void pull_back(const double* z, const double* y, double* out) {
+  // from z and the y of all rows. Returns the contribution to that by the time of the touch, in a
+  // step of length dt.
+  double pull_back(const double* z, const double* y, double dt, double* out) {
+    double by_delay = 0.0;
     pull_.take(z);
     for (int i = 0, a = n_held_; i < n_; ++i) {
       double by[3] = {};
       for (int d = 0; d < (point_[i].sticks ? 3 : 1); ++d, ++a) by[d] = -y[a];
       pull_.add(point_[i], by, out);
+      by_delay -= by[0] * asked_by_delay(point_[i], dt) / dt;
     }
+    return by_delay;
   }
 
   // Adds `part` of the largest force, distributed by `idle` over the rows, to the points' forces.

@@ -109,6 +109,7 @@ class RolloutGradient {
   struct Products {
     double g_q[room(N)], g_v[room(N)], g_ahead[room(N)], g_next[room(N)], g_p[room(P)];
     double *g_qK, *g_vK, *g_aK;
+    double by_delay = 0.0;  // of what the step holds, by the time of the touch
 
     double by_v(int j) const { return g_v[j] + g_ahead[j] + g_next[j]; }
   };
@@ -217,7 +218,7 @@ class RolloutGradient {
     if constexpr (touches)
       if (delay_.time > 0.0) {
         delay_.set_gap(contacts_.touch_by());
-        delay_.pull(l_q_, l_v_, to.g_qK, to.g_vK, to.g_p, by_delay_);
+        delay_.pull(l_q_, l_v_, to.g_qK, to.g_vK, to.g_p, by_delay_ - to.by_delay);
       }
     for (int j = 0; j < P; ++j) in.g_p[j] += to.g_p[j];
     for (int j = 0; j < N; ++j) {
@@ -248,7 +249,7 @@ class RolloutGradient {
     if constexpr (touches) {
       if (in.n_points[k] == 0) return;
       double own[RolloutContacts<Model>::n_columns] = {};
-      contacts_.pull_back(z, y, own);
+      to.by_delay = -contacts_.pull_back(z, y, dt, own);
       const double* from = own;
       for (int j = 0; j < N; ++j) to.g_q[j] -= *from++;
       for (int j = 0; j < K; ++j) to.g_qK[j] -= *from++;

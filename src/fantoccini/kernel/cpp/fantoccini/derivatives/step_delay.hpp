@@ -3,6 +3,8 @@
 //
 //   dq' = Exp(-t v) dq + J_r(t v) t dv + v dt,   likewise for q_K' by its rate,
 //   0 = d(gap) at q',   from which dt follows.
+//
+// A landing closes its gap over the rest of the step: u_n+ = -gap/left changes with t, too.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -17,6 +19,11 @@ inline int first_touch(const StepContact* points, int n) {
   for (int i = 0; i < n; ++i)
     if (points[i].bounces > 0.0 && (first < 0 || points[i].gap < points[first].gap)) first = i;
   return first;
+}
+
+// The change of u_n+ + gap/left of a point with t, at a fixed place; 0 where it has the whole step.
+inline double asked_by_delay(const StepContact& point, double dt) {
+  return point.closes > 1.0 / dt ? point.gap * point.closes * point.closes : 0.0;
 }
 
 template <class Model>

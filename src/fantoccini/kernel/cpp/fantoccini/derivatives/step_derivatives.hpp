@@ -219,12 +219,17 @@ class StepDerivatives {
   // Converts derivatives by the state at the touch to those by the start of the step.
   void wait(const StepDerivativeArrays& in, long long i, double* motion, double* pull) {
     delay_.set_gap(modes_.touch_by());
-    for (int k = 0; k < N; ++k) wait(in.dt, motion + k * columns.n, -v_next_[k]);
-    for (int k = N; k < 2 * N; ++k) wait(in.dt, motion + k * columns.n, 0.0);
-    for (int r = 0; pull && r < M; ++r) wait(in.dt, pull + r * columns.n, 0.0);
+    const double *dv = modes_.solution_by_delay(), *dx = modes_.pull_by_delay();
+    double dq[room(N)];
+    move_by(in.dt - delay_.time, dv, dq);
+    for (int k = 0; k < N; ++k) wait(in.dt, motion + k * columns.n, dq[k] - v_next_[k]);
+    for (int k = 0; k < N; ++k) wait(in.dt, motion + (N + k) * columns.n, dv[k]);
+    for (int r = 0; pull && r < M; ++r)
+      wait(in.dt, pull + r * columns.n, place_[r] < 0 ? 0.0 : dx[place_[r]]);
     if (!in.shares) return;
     double* shares = in.shares + i * 3 * in.room * columns.n;
-    for (int a = 0; a < modes_.n_shares(); ++a) wait(in.dt, shares + a * columns.n, 0.0);
+    for (int a = 0; a < modes_.n_shares(); ++a)
+      wait(in.dt, shares + a * columns.n, modes_.shares_by_delay()[a]);
     double* moved = in.moved + i * (N + K) * columns.n;
     for (int k = 0; k < N + K; ++k) {
       for (int c = 0; c < columns.n; ++c) moved[k * columns.n + c] = 0.0;
@@ -242,6 +247,19 @@ class StepDerivatives {
     for (int j = 0; j < Space::n_scalars; ++j) {
       const int k = Space::scalar_v[j];
       by_mean[k] += 0.5 * dt * (by_rate[k] - before[k]);
+    }
+  }
+
+  // dq (N,) by dv (N,).
+  void move_by(double dt, const double* dv, double* dq) const {
+    using Space = typename Model::Dynamic;
+    for (int k = 0; k < N; ++k) dq[k] = dt * dv[k];
+    for (int i = 0; i < Space::n_quaternions; ++i) {
+      const int k = Space::quaternion_v[i];
+      double phi[3], J[9], R[9];
+      for (int c = 0; c < 3; ++c) phi[c] = dt * v_next_[k + c];
+      step_turn(phi, J, R);
+      for (int r = 0; r < 3; ++r) dq[k + r] = dt * dot3(J + 3 * r, dv + k);
     }
   }
 

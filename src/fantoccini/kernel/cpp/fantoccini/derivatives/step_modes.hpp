@@ -3,9 +3,9 @@
 //
 //   u_n+ >= w,  w = min(-gap/dt, recovery speed) or -e u_n of a new contact that rebounds
 //
-// at the start, or at the touch of a rebounding point. The derivative of a mode is that of the step
-// where the law holds strictly: points that push have a force, sticking ones stay inside their
-// cone, open ones open.
+// at the start, or at the touch of a rebounding point, where a landing has the rest of dt. The
+// derivative of a mode is that of the step where the law holds strictly: points that push have a
+// force, sticking ones stay inside their cone, open ones open.
 #pragma once
 
 #include "fantoccini/collision/differences.hpp"
@@ -93,6 +93,9 @@ class StepModes {
  private:
   using Tolerance = StepModeTolerances;
 
+  // What is left of the step at the touch [s].
+  double left() const { return fmax(dt_ - delay_.time, TouchingStepTolerances::least_left * dt_); }
+
   void note(int more, int of_pair) {
     if (more > edges) pair = of_pair;
     edges |= more;
@@ -172,20 +175,21 @@ class StepModes {
       edges |= STRAINED;
     if (!differences_.find(out.feature, out.by)) edges |= NOT_SMOOTH;
     if (f_n < Tolerance::force * reference_force_) edges |= WITHOUT_FORCE;
-    return edges | aim(out, u_n);
+    return edges | aim(out, u_n, push.steps == 1 && push.gap > 0.0 ? left() : dt_);
   }
 
-  // Required rate of a point's normal row. Returns the edges on which it is.
-  int aim(StepContact& out, double u_n) {
+  // Required rate of a point's normal row, which closes its gap within `span`. Returns the edges on
+  // which it is.
+  int aim(StepContact& out, double u_n, double span) {
     const double e = solids_->restitution[out.pair];
-    const double parting = fmin(-out.gap / dt_, recovery_speed_);
+    const double parting = fmin(-out.gap / span, recovery_speed_);
     const double rounding = still_ + Tolerance::gap / dt_;
     double u[3];
     before_.velocity(out.links, out.at, u);
     const double speed = dot3(u, out.normal);
     out.closes = out.bounces = 0.0;
     if (fabs(u_n - parting) <= rounding) {
-      if (parting < recovery_speed_) out.closes = 1.0 / dt_;
+      if (parting < recovery_speed_) out.closes = 1.0 / span;
       const double gain = dt_ * along(out.links, out.at, out.normal, free_acc_);
       return e > 0.0 && fabs(-e * speed - fmax(parting, -gain)) <= rounding ? MAY_REBOUND : 0;
     }
@@ -198,7 +202,6 @@ class StepModes {
   template <class Points>
   void check_open_points(const Points& points, int n, const StepContact* held) {
     bool spanned = false;
-    const double left = fmax(dt_ - delay_.time, TouchingStepTolerances::least_left * dt_);
     for (int i = 0; i < points.n[0]; ++i) {
       const auto& own = points.point[0][i];
       bool pushes = false;
@@ -211,7 +214,7 @@ class StepModes {
       double u[3], row[room(N)];
       after_.velocity(links, own.at, u);
       const double* normal = own.frame;
-      const double parting = fmin(-own.gap / left, recovery_speed_);
+      const double parting = fmin(-own.gap / left(), recovery_speed_);
       if (dot3(u, normal) - parting > still_) continue;
       if (!spanned) span(n, held);
       spanned = true;
