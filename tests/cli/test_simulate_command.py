@@ -115,7 +115,7 @@ def test_a_start_beyond_a_string_is_brought_onto_it(tmp_path) -> None:
         "simulate", "string_pendulum", "--duration", "0.1", "--start", "bob.z=-2", "--out", out
     )
     assert result.exit_code == 0
-    assert "to the nearest state that strings and limits allow; bob.z is -1" in (result.stderr)
+    assert "to the nearest state that strings and limits allow: bob.z is -1" in (result.stderr)
     assert fan.Trajectory.load(out).q_D[0] == pytest.approx([0.0, -1.0], abs=1e-9)
 
 

@@ -109,7 +109,7 @@ class RolloutGradient {
   struct Products {
     double g_q[room(N)], g_v[room(N)], g_ahead[room(N)], g_next[room(N)], g_p[room(P)];
     double *g_qK, *g_vK, *g_aK;
-    double by_delay = 0.0;  // of what the step holds, by the time of the touch
+    double by_delay = 0.0;  // of the held rows and points, by the time of the touch
 
     double by_v(int j) const { return g_v[j] + g_ahead[j] + g_next[j]; }
   };
