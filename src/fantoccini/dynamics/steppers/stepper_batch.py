@@ -14,6 +14,7 @@ from fantoccini.base import (
     Array,
     Indices,
     MaskRows,
+    StateError,
     Status,
     UnknownNameError,
     check_positive,
@@ -28,6 +29,7 @@ from fantoccini.dynamics.compiled import (
     parameter_rows,
     vectors,
 )
+from fantoccini.dynamics.steppers.determinacy import ForceSamples, undetermined
 from fantoccini.dynamics.steppers.stepper import Stepper
 from fantoccini.kernel.contract import SUMS
 from fantoccini.kernel.runtime import LaneRecord, LaneSteppers, RunOptions, default_threads, whole
@@ -127,6 +129,29 @@ class StepperBatch:
         return tuple(
             n for n, x in zip(self.marionette.tree.blamable, share, strict=True) if x > least
         )
+
+    def undetermined(self, i: int) -> tuple[str, ...]:
+        """Strings and driven velocities with other tensions and efforts for the motion of run i.
+
+        Raises:
+            StateError: the puppet has contact, whose points are not known here.
+        """
+        if self.marionette.contacts is not None:
+            raise StateError(
+                "undetermined: a batch does not keep the contact points that share the forces; use "
+                "marionette.stepper() or simulate() for this run"
+            )
+        own = [i]
+        marionette = self.marionette.with_p(self.p[i])
+        samples = ForceSamples(
+            *(x[own] for x in (self.q_D, self.v_D, self.q_K, self.v_K)),
+            force=self.tension[own],
+            taut=self.taut[own, : len(marionette.tree.strings)],
+            slip=self.slip[own],
+            method=self.method,
+        )
+        flags = undetermined(marionette, samples)
+        return tuple(name for name in flags.names if flags[name][0])
 
     def state(self, i: int) -> State:
         """The state of run i."""
