@@ -17,12 +17,12 @@ from fantoccini.model import scene as scenes
 from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
-from fantoccini.theatre.cast.contacts import asked_pairs, rules_of
+from fantoccini.theatre.cast.contacts import asked_pairs, cue_pairs, rules_of
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
 from fantoccini.theatre.gestures import Ends
-from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot
+from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot, spelled
 
 Pose = dict[str, Any]
 """Start values by coordinate."""
@@ -174,6 +174,7 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
     log.mistakes.refuse()
     lifts = {name: entry.lift for name, entry in file.cast.items()}
     props = read_props(file, starts, lifts, places, log)
+    _check_bodies(file, players, log)
     log.mistakes.refuse()
     stage = file.stage
     only = f"{next(iter(players))}." if len(players) == 1 else ""
@@ -217,6 +218,33 @@ def _check_names(file: PlayFile, log: ScriptLog) -> None:
         if name in taken:
             log.mistakes.add(spot, f"{name!r} is the name of {taken[name]}; needed: another name")
         taken.setdefault(name, what)
+
+
+def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog) -> None:
+    """Records cues and props whose players lack the bodies that touch a seat or the prop."""
+    bodies = {
+        f"{name}.{link.name}"
+        for name, player in players.items()
+        for link in player.alone.tree.links
+    }
+    for prop, entry in file.props.items():
+        if entry.held_by in players and f"{entry.held_by}.forearm_{entry.side}" not in bodies:
+            text = f"{file.cast[entry.held_by].puppet} has no body forearm_{entry.side}"
+            log.mistakes.add(("props", prop, "held by"), f"{entry.held_by} cannot hold it: {text}")
+    for a, act in enumerate(file.acts):
+        for c, cue in enumerate(act.cues):
+            parts = {part for pair in cue_pairs(cue) for part in pair if "." in part}
+            for who in sorted(
+                {part.split(".")[0] for part in parts - bodies}.intersection(players)
+            ):
+                missing = sorted(
+                    part.partition(".")[2] for part in parts - bodies if part.startswith(f"{who}.")
+                )
+                log.mistakes.add(
+                    ("acts", a, "cues", c, spelled(cue.verb)),
+                    f"{who} cannot do `{spelled(cue.verb)}`: {file.cast[who].puppet} has no body "
+                    f"{', '.join(missing)}",
+                )
 
 
 def _puppet(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:
