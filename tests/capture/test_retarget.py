@@ -324,7 +324,7 @@ def test_a_limb_that_is_lost_for_a_third_of_the_clip_does_not_follow(marionette,
 
     hung = fan.theatre.retarget_clip(marionette, "walk_up")
     monkeypatch.setattr(following, "errors_of", one_hand_off)
-    monkeypatch.setattr(following, "_SLOWER", ())
+    monkeypatch.setattr(following, "SLOWER", ())
     lost = fan.theatre.follow_clip(marionette, hung)
     assert lost.status is FollowStatus.ASTRAY and lost.far < 0.15
     assert [loss.part for loss in lost.losses] == ["hand_left"]

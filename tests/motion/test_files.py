@@ -125,10 +125,10 @@ SEPARATED = {
 def test_columns_may_be_separated_by_semicolons_or_tabs_with_decimal_commas(table, tmp_path, text):
     columns = {"hand.length": [0.8, 0.75, 0.7], "crank": [0.0, -0.1, 0.01]}
     (tmp_path / "a.csv").write_text(text, newline="")
-    made = Input.samples(table, [0, 0.5, 1], columns)
-    assert same(Input.load(table, tmp_path / "a.csv"), made)
+    samples = Input.samples(table, [0, 0.5, 1], columns)
+    assert same(Input.load(table, tmp_path / "a.csv"), samples)
     (tmp_path / "b.csv").write_text(text.removeprefix("\ufeff"), encoding="utf-16", newline="")
-    assert same(Input.load(table, tmp_path / "b.csv"), made)  # "Unicode text" of Excel
+    assert same(Input.load(table, tmp_path / "b.csv"), samples)  # "Unicode text" of Excel
 
 
 def test_schema_is_json_and_closed():

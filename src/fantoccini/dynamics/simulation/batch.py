@@ -352,7 +352,11 @@ def _undetermined(marionette: Marionette, batch: Batch, method: str) -> Array:
     for i in range(batch.n):
         done = np.isfinite(parts["q_D"][i]).all(axis=1) & np.isfinite(parts["force"][i]).all(axis=1)
         samples = ForceSamples(
-            *(parts[name][i][done] for name in ("q_D", "v_D", "q_K", "v_K", "force")),
+            q_D=parts["q_D"][i][done],
+            v_D=parts["v_D"][i][done],
+            q_K=parts["q_K"][i][done],
+            v_K=parts["v_K"][i][done],
+            force=parts["force"][i][done],
             taut=parts["taut"][i][done, :n_s],
             slip=parts["slip"][i][done],
             method=method,

@@ -78,7 +78,7 @@ class ForceSamples:
     def of(cls, run: Trajectory) -> ForceSamples:
         """Samples of a run."""
         force = np.hstack([run.tension.values, run.limit_force.values])
-        taut = run.taut.values
+        taut = np.asarray(run.taut.values, dtype=bool)
         slip = np.zeros(taut.shape) if run.slip is None else run.slip.values
         motion = (run.q_D, run.v_D, run.q_K, run.v_K)
         return cls(*motion, force, taut, slip, run.method, run.contact)

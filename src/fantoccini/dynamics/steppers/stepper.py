@@ -149,7 +149,10 @@ class Stepper:
             rows[:, 0] = 0.0
             contact = contact_points(rows, marionette.contacts.names)
         samples = ForceSamples(
-            *(part[name] for name in ("q_D", "v_D", "q_K", "v_K")),
+            q_D=part["q_D"],
+            v_D=part["v_D"],
+            q_K=part["q_K"],
+            v_K=part["v_K"],
             force=part["tension"],
             taut=np.asarray(part["taut"][:, :n_s], dtype=bool),
             slip=part["slip"],

@@ -144,7 +144,10 @@ class StepperBatch:
         own = [i]
         marionette = self.marionette.with_p(self.p[i])
         samples = ForceSamples(
-            *(x[own] for x in (self.q_D, self.v_D, self.q_K, self.v_K)),
+            q_D=self.q_D[own],
+            v_D=self.v_D[own],
+            q_K=self.q_K[own],
+            v_K=self.v_K[own],
             force=self.tension[own],
             taut=self.taut[own, : len(marionette.tree.strings)],
             slip=self.slip[own],

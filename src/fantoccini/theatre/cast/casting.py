@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -17,7 +17,7 @@ from fantoccini.model import scene as scenes
 from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
-from fantoccini.theatre.cast.contacts import asked_pairs, cue_pairs, rules_of
+from fantoccini.theatre.cast.contacts import Pair, asked_pairs, cue_pairs, hanging, rules_of
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
@@ -227,24 +227,24 @@ def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog)
         for name, player in players.items()
         for link in player.alone.tree.links
     }
-    for prop, entry in file.props.items():
-        if entry.held_by in players and f"{entry.held_by}.forearm_{entry.side}" not in bodies:
-            text = f"{file.cast[entry.held_by].puppet} has no body forearm_{entry.side}"
-            log.mistakes.add(("props", prop, "held by"), f"{entry.held_by} cannot hold it: {text}")
+    asked: list[tuple[Spot, str, Iterable[Pair]]] = [
+        (("props", name, "held by"), "hold it", [hanging(prop.held_by, prop.side, name)])
+        for name, prop in file.props.items()
+        if prop.held_by is not None
+    ]
     for a, act in enumerate(file.acts):
         for c, cue in enumerate(act.cues):
-            parts = {part for pair in cue_pairs(cue) for part in pair if "." in part}
-            for who in sorted(
-                {part.split(".")[0] for part in parts - bodies}.intersection(players)
-            ):
-                missing = sorted(
-                    part.partition(".")[2] for part in parts - bodies if part.startswith(f"{who}.")
-                )
-                log.mistakes.add(
-                    ("acts", a, "cues", c, spelled(cue.verb)),
-                    f"{who} cannot do `{spelled(cue.verb)}`: {file.cast[who].puppet} has no body "
-                    f"{', '.join(missing)}",
-                )
+            verb = spelled(cue.verb)
+            asked.append((("acts", a, "cues", c, verb), f"do `{verb}`", cue_pairs(cue)))
+    for spot, action, pairs in asked:
+        missing: dict[str, set[str]] = {}
+        for part in frozenset[str]().union(*pairs) - bodies:
+            who, _, body = part.partition(".")
+            if body and who in players:
+                missing.setdefault(who, set()).add(body)
+        for who, lacking in sorted(missing.items()):
+            text = f"{file.cast[who].puppet} has no body {', '.join(sorted(lacking))}"
+            log.mistakes.add(spot, f"{who} cannot {action}: {text}")
 
 
 def _puppet(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:

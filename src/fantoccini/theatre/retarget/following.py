@@ -73,7 +73,7 @@ _EASE = 0.5
 """Time over which the clip's time starts and stops [s]."""
 MAX_ERROR = 0.15
 """Largest error of a group of parts in a run that follows, relative to the puppet's height."""
-_SLOWER = 0.5, 0.25
+SLOWER = 0.5, 0.25
 """Factors of the bounds of speed and acceleration, tried if the run leaves the clip."""
 _SAMPLE_STEP = 4
 """Step between samples of a run that are searched for crossings."""
@@ -256,7 +256,7 @@ def _follow_within(
 ) -> Followed:
     """The clip followed within the full bounds, or within reduced bounds if the run leaves it."""
     names, best = clip.marionette.coordinates.v_K, None
-    for share in (1.0, *_SLOWER):
+    for share in (1.0, *SLOWER):
         bounds = [
             {name: share * limit for name, limit in _every(bound, usual, names).items()}
             for bound, usual in ((speed, SPEED), (acceleration, ACCELERATION))
