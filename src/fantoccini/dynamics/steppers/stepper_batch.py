@@ -203,8 +203,10 @@ class StepperBatch:
             width = parts[name].shape[1]
             parts[name] = np.atleast_2d(vectors(name, array, width))
         parts = {name: _rows(name, x, m) for name, x in parts.items()}
-        taut = states.taut if not arrays else np.zeros_like(states.taut)
-        starts = States(states.t, **parts, taut=_rows("x0", taut, m))
+        taut = _rows("x0", states.taut if not arrays else np.zeros_like(states.taut), m)
+        rows = max(len(x) for x in parts.values())  # arrays may have m rows, and a start state one
+        parts = {name: np.repeat(x, rows // len(x), axis=0) for name, x in parts.items()}
+        starts = States(states.t, **parts, taut=np.repeat(taut, rows // len(taut), axis=0))
         check_starts(marionette, starts, self.method, p)
         check_steps(marionette, self.method, starts, p, self._options.dt)
         for name, x in parts.items():
