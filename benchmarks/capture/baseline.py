@@ -30,7 +30,8 @@ import fantoccini as fan
 from fantoccini.base.arrays import Times
 from fantoccini.base.errors import ARRIVED
 from fantoccini.theatre.retarget import PartError, Retargeted, figure_of, follow_clip, retarget_clip
-from fantoccini.theatre.retarget.following import eased, errors_of, report_of
+from fantoccini.theatre.retarget.deviations import errors_of, report_of
+from fantoccini.theatre.retarget.following import eased
 
 LAG = 0.2
 """T of the paper's filter 1/(T s + 1)^3 [s]."""

@@ -23,7 +23,7 @@ import fantoccini as fan
 from fantoccini.theatre.capture import clip_names
 from fantoccini.theatre.capture.bvh import bundled_clip
 from fantoccini.theatre.retarget import clip_gesture, place_on_spot
-from fantoccini.theatre.retarget.following import GROUPS
+from fantoccini.theatre.retarget.deviations import GROUPS
 from fantoccini.theatre.retarget.retargeting import places_in
 
 PLAY = """play: clip

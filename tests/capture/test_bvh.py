@@ -310,6 +310,14 @@ def test_line_ends_may_be_lf_crlf_or_cr(tmp_path, end):
     assert np.array_equal(clip.positions, plain.positions) and not clip.notes
 
 
+@pytest.mark.parametrize("ending", ["\0" * 40, "\x1a", "\n\0\x1a"])
+@pytest.mark.parametrize("label", ["Frames:{}\n", "Frames : {}\n", "FRAMES:\t{}\n"])
+def test_padding_and_blanks_around_labels_are_read(tmp_path, ending, label):
+    text = ARM.replace("Frames: 2\n", label.format(2)).replace("Frame Time: ", "Frame  Time:")
+    clip = fan.theatre.load_bvh(written(tmp_path, text + ending))
+    assert clip.t == pytest.approx([0.0, 0.025]) and clip.notes == ()
+
+
 def test_damaged_files_end_in_one_error(tmp_path):
     for n in range(0, len(ARM) - 25, 7):
         with pytest.raises(FileError, match=r"clip\.bvh"):
@@ -362,6 +370,19 @@ def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, conven
     assert heads[0] == pytest.approx(heads[1], abs=1e-3) and heads[0] > 1.3
 
 
+def test_a_bone_from_a_root_on_the_floor_to_the_hips_is_no_part_of_the_body(tmp_path):
+    """The hips of somebody who waves stay where they are, which makes a bone of constant length."""
+    text = clips.clip("wave", "lafan1")
+    plain = fan.theatre.load_bvh(written(tmp_path, text))
+    hips = plain.positions[0, 0]
+    before, after = with_fixed_root(text, (0.0, 0.0, 0.0)).split("JOINT Hips", 1)
+    assert "OFFSET 0.00000 0.00000 0.00000" in after[:50]
+    at = f"OFFSET {hips[0]} {hips[1]} {hips[2]}"
+    text = before + "JOINT Hips" + after.replace("OFFSET 0.00000 0.00000 0.00000", at, 1)
+    rooted = fan.theatre.load_bvh(written(tmp_path, text))
+    assert (rooted.up, rooted.unit, rooted.height) == (1, ("cm", 0.01), plain.height)
+
+
 def turned(take: fan.theatre.Capture, turn: Rotation) -> fan.theatre.Capture:
     """A clip with a turned motion and the same rest pose."""
     matrix = turn.as_matrix()
@@ -388,6 +409,10 @@ def test_up_is_the_axis_along_which_a_person_stands_in_a_file_with_a_turned_root
     take = fan.theatre.load_bvh(written(tmp_path, clips.clip("walk", "mixamo")))
     stands = turned(take, Rotation.from_euler("x", 90.0, degrees=True))
     assert stands.up == 2 and stands.unit == ("cm", 0.01)
+    # A person who lies all the time looks the same: it is said, unless the vertical was given.
+    (note,) = stands.upright().notes
+    assert "standing along z" in note and "--up y" in note
+    assert stands.upright("y").notes == () == take.upright().notes
 
 
 @pytest.mark.parametrize("axes", [[2, 0, 1], [0, 2, 1], [2, 1, 0]])

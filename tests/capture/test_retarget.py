@@ -20,7 +20,8 @@ from fantoccini.theatre.retarget import (
     mapping_names,
     retargeting,
 )
-from fantoccini.theatre.retarget.following import ACCELERATION, GROUPS, SPEED, FollowStatus, eased
+from fantoccini.theatre.retarget.deviations import GROUPS, losses_of, lost_share
+from fantoccini.theatre.retarget.following import ACCELERATION, SPEED, FollowStatus, eased
 from fantoccini.theatre.retarget.mapping import PARTS, joints_of
 from fantoccini.theatre.retarget.placing import place
 
@@ -291,6 +292,43 @@ def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
     ran = fantoccini("follow", "walk_up", "marionette", "--quiet")
     assert ran.exit_code == 1
     assert "does not follow: the error of its" in ran.stderr and "slower hands" in ran.stderr
+
+
+def test_a_part_that_is_lost_for_a_while_is_told_with_its_time():
+    """A hand that swings over its string is off for a second, which a mean over the clip hides."""
+    t = np.linspace(0.0, 10.0, 301)
+    hanging = {"head": np.full(301, 0.01), "hand_left": np.full(301, 0.05)}
+    run = {part: error + 0.01 for part, error in hanging.items()}
+    run["hand_left"] = np.where((t > 4.0) & (t < 5.5), 0.3, run["hand_left"])
+    run["head"] = np.where((t > 7.0) & (t < 7.2), 0.3, run["head"])  # too short
+    (loss,) = losses_of(t, run, hanging, 0.08)
+    assert loss.part == "hand_left" and loss.distance == 0.3
+    assert (loss.begin, loss.end) == pytest.approx((4.0, 5.5), abs=0.05)
+    assert str(loss) == "hand_left is lost from t = 4.03 to 5.47 s, up to 300 mm from the clip"
+    assert lost_share((loss,), 10.0) == pytest.approx(0.144, abs=0.01)
+    run["hand_left"] = np.where(t > 4.0, 0.3, 0.05)  # until the end
+    assert lost_share(losses_of(t, run, hanging, 0.08), 10.0) == pytest.approx(0.6, abs=0.01)
+
+
+@pytest.mark.slow
+def test_a_limb_that_is_lost_for_a_third_of_the_clip_does_not_follow(marionette, monkeypatch):
+    """One hand off by 20 % of the height for a third of the time is 8 % of both hands' mean."""
+    from fantoccini.theatre.retarget import following
+
+    measured = following.errors_of
+
+    def one_hand_off(retargeted, run, t):
+        errors = measured(retargeted, run, t)
+        third = np.arange(len(t)) < len(t) // 3
+        far = retargeted.errors["hand_left"] + 0.2 * retargeted.figure.height
+        return errors | {"hand_left": np.where(third, far, errors["hand_left"])}
+
+    hung = fan.theatre.retarget_clip(marionette, "walk_up")
+    monkeypatch.setattr(following, "errors_of", one_hand_off)
+    monkeypatch.setattr(following, "SLOWER", ())
+    lost = fan.theatre.follow_clip(marionette, hung)
+    assert lost.status is FollowStatus.ASTRAY and lost.far < 0.15
+    assert [loss.part for loss in lost.losses] == ["hand_left"]
 
 
 @pytest.mark.slow

@@ -114,6 +114,9 @@ SEPARATED = {
     "quoted": '"t";"hand.length";"crank"\n"0";"0,8";0\n"0,5";"0,75";"-0,1"\n1;"0,7";"1e-2"\n',
     "blanks": " t ; hand.length ; crank \n 0 ; 0,8 ; 0 \n\n 0,5 ; 0,75 ; -0,1 \n1;0,7 ; 1e-2\n",
     "CR LF and a mark": "\ufefft;hand.length;crank\r\n0;0,8;0\r\n0,5;0,75;-0,1\r\n1;0,7;0,01\r\n",
+    "Excel's first line": "sep=;\nt;hand.length;crank\n0;0,8;0\n0,5;0,75;-0,1\n1;0,7;0,01\n",
+    "and quoted": '"SEP=,"\r\nt,hand.length,crank\r\n0,0.8,0\r\n0.5,0.75,-0.1\r\n1,0.7,0.01\r\n',
+    "ends of lines": "t;hand.length;crank;\n0;0,8;0;\n0,5;0,75;-0,1;;\n1;0,7;0,01\n;;;\n",
     "tabs": "t\thand.length\tcrank\n0\t0,8\t0\n0.5\t0.75\t-0,1\n1\t0.7\t1e-2\n",
 }
 
@@ -122,7 +125,10 @@ SEPARATED = {
 def test_columns_may_be_separated_by_semicolons_or_tabs_with_decimal_commas(table, tmp_path, text):
     columns = {"hand.length": [0.8, 0.75, 0.7], "crank": [0.0, -0.1, 0.01]}
     (tmp_path / "a.csv").write_text(text, newline="")
-    assert same(Input.load(table, tmp_path / "a.csv"), Input.samples(table, [0, 0.5, 1], columns))
+    samples = Input.samples(table, [0, 0.5, 1], columns)
+    assert same(Input.load(table, tmp_path / "a.csv"), samples)
+    (tmp_path / "b.csv").write_text(text.removeprefix("\ufeff"), encoding="utf-16", newline="")
+    assert same(Input.load(table, tmp_path / "b.csv"), samples)  # "Unicode text" of Excel
 
 
 def test_schema_is_json_and_closed():
@@ -298,6 +304,19 @@ def test_npz_with_objects_or_wrong_shapes(table, tmp_path):
     assert problems(table, path)[0].key == "crank"
     np.savez(path, t=3.0, crank=np.zeros(3))
     assert problems(table, path)
+
+
+@pytest.mark.parametrize("ending", ["csv", "npz", "yaml"])
+def test_a_name_that_no_file_can_have(table, ending):
+    for name in ("n" * 300, "a\0b"):
+        with pytest.raises(InputError, match=r"cannot be read|found nothing|not an npz"):
+            Input.load(table, f"{name}.{ending}")
+
+
+@pytest.mark.parametrize("duration", [10**400, "1", None, 1 + 0j, -1, float("nan")])
+def test_a_duration_that_is_none(table, duration):
+    with pytest.raises(InputError, match="duration"):
+        Input.hold(table, duration)
 
 
 def test_a_number_beyond_floats_is_refused(table):

@@ -24,7 +24,7 @@ from fantoccini.theatre.retarget import (
     find_mapping,
     place_on_spot,
 )
-from fantoccini.theatre.retarget.following import GROUPS
+from fantoccini.theatre.retarget.deviations import GROUPS
 from fantoccini.theatre.retarget.mapping import joints_of
 from fantoccini.theatre.retarget.placing import place
 from fantoccini.theatre.retarget.retargeting import places_in

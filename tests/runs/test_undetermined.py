@@ -68,6 +68,43 @@ axes:
 """ + "".join(f"  w{i}: {{like: w0, moves: {{c{i}.length: 1}}}}\n" for i in range(1, 8))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+def test_batches_and_steppers_mark_what_single_runs_mark(moving, method):
+    platform = moving[0]
+    x0, inputs = moved(platform)
+    still = fan.Input.hold(platform, 1.2).bound(x0.q_K)
+    times = {"save_at": np.linspace(0.0, 1.2, 25)} if method == "event" else {}
+    single = fan.simulate(platform, x0, inputs, 1.2, method=method, **times)
+    for save in (None, "all"):  # by default, where strings outnumber the freedoms
+        batch = fan.simulate_batch(
+            platform, x0, [inputs, still], 1.2, method=method, save=save, **times
+        )
+        flags = batch.undetermined.values[0]
+        assert np.mean(flags == single.undetermined.values[: len(flags)]) > 0.95
+        assert np.all(batch.undetermined["c1"][1, 1:])
+    run = batch.trajectory(0)
+    assert np.array_equal(run.undetermined["c1"], batch.undetermined["c1"][0])
+    stepper = platform.stepper(x0, method)
+    stepper.advance(0.5, inputs=inputs)
+    forces = {*NAMES, *(f"{name}.length" for name in NAMES)}
+    assert set(stepper.undetermined) == forces
+    steppers = platform.stepper_batch(x0, 2, method)
+    steppers.advance(0.05)
+    assert set(steppers.undetermined(0)) == set(steppers.undetermined(-1)) == forces
+
+
+@pytest.mark.slow
+def test_batches_and_steppers_of_determined_tensions_mark_nothing():
+    arm = fan.puppets.arm2d()
+    x0 = arm.rest()
+    assert fan.simulate_batch(arm, x0, t_end=0.05).undetermined is None
+    assert not np.any(fan.simulate_batch(arm, x0, t_end=0.05, save="all").undetermined.values)
+    stepper, steppers = arm.stepper(x0), arm.stepper_batch(x0, 2)
+    stepper.advance(0.05)
+    assert stepper.undetermined == () == steppers.undetermined(1)
+
+
 @pytest.fixture(scope="module")
 def moving():
     """A platform on eight winches of at most 60 N, and its runs by both methods."""
@@ -237,3 +274,12 @@ def test_four_corners_of_a_sole_alone_are_not_marked(method):
     assert len(run.contact.of("foot", "floor")) >= 4 * (len(run) - 2)
     assert not np.any(run.undetermined["leans"]) and not np.any(run.undetermined["leans.length"])
     assert np.all(run.undetermined["lifts"][2:])
+    stepper = standing.stepper(x0, method)
+    stepper.advance(0.1)
+    assert "lifts" in stepper.undetermined and "leans" not in stepper.undetermined
+    # A batch does not keep the points of contact that share the weight.
+    assert fan.simulate_batch(standing, x0, t_end=0.05, save="all").undetermined is None
+    with pytest.raises(ValueError, match="does not keep the contact points"):
+        fan.simulate_batch(standing, x0, t_end=0.05, save="undetermined")
+    with pytest.raises(fan.errors.StateError, match="does not keep the contact points"):
+        standing.stepper_batch(x0, 2).undetermined(0)

@@ -14,7 +14,7 @@ from fantoccini.motion.overload import Overload, overloads
 from fantoccini.motion.pieces import channel_names, constants
 from fantoccini.motion.reading import Table
 from fantoccini.motion.state import EventKind, EventRecord, State, States, check_size
-from fantoccini.motion.trajectories import RESIDUAL, SAVED, Trajectories
+from fantoccini.motion.trajectories import RESIDUAL, SAVED, UNDETERMINED, Trajectories
 from fantoccini.motion.trajectory import LEDGER, Trajectory
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "RESIDUAL",
     "SAME_TIME",
     "SAVED",
+    "UNDETERMINED",
     "Channel",
     "Columns",
     "ContactPoints",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import re
@@ -14,7 +15,17 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field, WithJsonSchema
 
-from fantoccini.base import Array, ConfigK, InputError, Mistake, StateError, Times, VecK, npz
+from fantoccini.base import (
+    Array,
+    ConfigK,
+    InputError,
+    Mistake,
+    StateError,
+    Times,
+    VecK,
+    decoded,
+    npz,
+)
 from fantoccini.base.documents import (
     ANGLES,
     Document,
@@ -37,6 +48,8 @@ MAX_BYTES = npz.MAX_BYTES
 
 _DECIMAL = re.compile(r"\s*[-+]?\d*,\d*([eE][-+]?\d+)?\s*")
 """Number with a decimal comma."""
+_SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)
+"""First line of tables from Excel that names the character between columns."""
 
 _PAIR = {"type": "array", "prefixItems": [{"type": "number"}], "minItems": 2, "maxItems": 2}
 _ROTATION = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
@@ -120,6 +133,8 @@ def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
         return reader(table, path)
     except OSError as error:
         raise _file_error(path, f"cannot be read: {error.strerror or error}") from None
+    except ValueError as error:  # a name that no file can have
+        raise _file_error(path, f"cannot be read: {error}") from None
 
 
 def _yaml(table: CoordinateTable, path: Path) -> Waypoints:
@@ -168,8 +183,8 @@ def csv_columns(
 
     Args:
         path: path of the file.
-        gaps: whether cells may be empty; they become NaN, and empty columns without a name are
-            left out.
+        gaps: whether cells may be empty; they become NaN. Empty columns without a name are left
+            out in any case.
         name: name of the file in messages; by default its path.
 
     Raises:
@@ -181,7 +196,8 @@ def csv_columns(
     if raw is None:
         raise _file_error(shown_as, f"is larger than {MAX_BYTES / 1e6:g} MB, the largest allowed")
     try:
-        text = raw.decode("utf-8-sig")
+        is_utf16 = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        text = decoded(raw) if is_utf16 else raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         message = f"found the byte 0x{raw[error.start]:02x}; the file must be UTF-8"
@@ -205,7 +221,7 @@ def csv_columns(
     if not header:
         raise _file_error(shown_as, "the file is empty", 1)
     columns = np.array([]) if mistakes else np.array(numbers).reshape(-1, len(header)).T
-    if gaps and len(lines) and not mistakes:
+    if len(lines) and not mistakes:
         own = [i for i, x in enumerate(columns) if header[i] or not np.all(np.isnan(x))]
         header, columns = [header[i] for i in own], columns[own]
     for title in sorted({title for title in header if header.count(title) > 1}):
@@ -219,6 +235,8 @@ def csv_columns(
 def csv_reader(text: str) -> CsvRows:
     """The rows of a CSV text, with commas, semicolons or tabs between columns."""
     first = next((line for line in text.splitlines() if line.strip()), "")
+    if separator := _SEPARATOR.fullmatch(first.strip(" ")):
+        return CsvRows(text.replace(first, "", 1), separator[1])
     # A header of a single column has no delimiter.
     return CsvRows(text, max(",;\t", key=first.count))
 
@@ -268,11 +286,16 @@ def _wrong_count(count: int, needed: int) -> str:
 def _numbers(
     header: list[str], cells: list[str], sample: int, mistakes: Mistakes, gaps: bool
 ) -> list[float]:
+    named = max((i + 1 for i, title in enumerate(header) if title), default=0)
+    if len(cells) >= named and not any(cell.strip() for cell in cells[len(header) :]):
+        cells = (cells + [""] * len(header))[: len(header)]
     if len(cells) != len(header):
         mistakes.add(("", sample), _wrong_count(len(cells), len(header)))
         return []
-    if gaps:
-        cells = [cell if cell.strip() else "nan" for cell in cells]
+    empty = [
+        not cell.strip() and (gaps or not name) for name, cell in zip(header, cells, strict=True)
+    ]
+    cells = ["nan" if gap else cell for gap, cell in zip(empty, cells, strict=True)]
     try:
         return [float(cell) for cell in cells]
     except ValueError:

@@ -96,7 +96,11 @@ class Input:
             duration: [s] > 0; inputs are constant afterwards, too.
         """
         table = reading.table_of(table)
-        if not (np.isfinite(duration) and duration > 0):
+        try:
+            duration = reading.number(duration)
+        except ValueError as error:
+            arrays.fail("duration", str(error))
+        if not duration > 0:
             arrays.fail("duration", f"is {duration}; it must be a positive number of seconds")
         return cls(table, *pieces.assembled(table, {}, (0.0, duration)))
 

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 TABLES = ("tension", "limit_force", "taut", "ledger", "slip")
 RESIDUAL = "contact_residual"
-SAVED = (*MOTION, *TABLES, RESIDUAL)
+UNDETERMINED = "undetermined"
+SAVED = (*MOTION, *TABLES, RESIDUAL, UNDETERMINED)
 """Quantities that a batch can save."""
 
 
@@ -46,6 +47,7 @@ class Trajectories:
         q_D, v_D, acc_D, q_K, v_K, acc_K: (n, T, ...) motion, as in :class:`Trajectory`.
         tension, limit_force, taut, ledger, slip: (n, T) columns, as in :class:`Trajectory`.
         contact_residual: (n, T) violation of the contact laws, as in :class:`Trajectory`.
+        undetermined: (n, T) undetermined tensions and efforts, as in :class:`Trajectory`.
     """
 
     t: Times
@@ -71,6 +73,7 @@ class Trajectories:
     ledger: Columns | None = None
     slip: Columns | None = None
     contact_residual: Array | None = None
+    undetermined: Columns | None = None
 
     def __len__(self) -> int:
         return len(self.status)
@@ -116,6 +119,8 @@ class Trajectories:
         own |= {name: self._columns(name, i, samples) for name in TABLES}
         if self.contact_residual is not None:
             own[RESIDUAL] = self.contact_residual[i, samples]
+        if self.undetermined is not None:
+            own[UNDETERMINED] = self._columns(UNDETERMINED, i, samples)
         return Trajectory(
             t=self.t[samples],
             **own,

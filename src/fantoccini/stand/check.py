@@ -23,7 +23,8 @@ from scipy.interpolate import Akima1DInterpolator
 
 from fantoccini.base import Array, Mask, Status
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation import contact_effort, undetermined
+from fantoccini.dynamics.simulation import contact_effort
+from fantoccini.dynamics.steppers import undetermined
 from fantoccini.motion import Columns, Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.catches import Impacts, Kick, impacts_of

@@ -59,6 +59,8 @@ def follow_file(arguments: FollowArguments) -> None:
             up=arguments.up and arguments.up.value,
             of=arguments.of,
         )
+        for note in placed.clip.notes[len(clip.notes) :]:
+            say(note)
         followed = follow_clip(
             puppet,
             placed,
@@ -110,6 +112,10 @@ def _remarks(followed: Followed) -> Iterator[str]:
             f"height; that of hanging poses is {1e3 * worst.reach:.0f} mm; try slower hands "
             "(--speed, --acceleration), a slower clip, or another puppet"
         )
+    if followed.losses:
+        longest = max(followed.losses, key=lambda loss: loss.end - loss.begin)
+        count = len(followed.losses)
+        yield f"{longest}" if count == 1 else f"{longest}; parts are lost {count} times"
     if followed.share < 1.0:
         yield (
             "with the full bounds of speed and acceleration the puppet does not follow; the hands "

@@ -1,7 +1,6 @@
 """simulate: a marionette, a start state and inputs -> Trajectory; sensitivity: its derivatives."""
 
 from fantoccini.dynamics.simulation.batch import simulate_batch
-from fantoccini.dynamics.simulation.determinacy import undetermined
 from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
 from fantoccini.dynamics.simulation.intervals import interval_derivatives
 from fantoccini.dynamics.simulation.pace import SlowRunWarning
@@ -19,5 +18,4 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "trajectory_of_samples",
-    "undetermined",
 ]

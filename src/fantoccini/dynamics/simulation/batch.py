@@ -29,13 +29,32 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.batch_verdicts import BatchVerdicts
 from fantoccini.dynamics.simulation.checks import check_marionette, save_times
 from fantoccini.dynamics.simulation.ledgers import ledger_of_books
-from fantoccini.dynamics.steppers import parted_starts
+from fantoccini.dynamics.steppers import (
+    ForceSamples,
+    force_names,
+    may_be_redundant,
+    parted_starts,
+    undetermined,
+)
 from fantoccini.kernel.contract import PARTS
 from fantoccini.kernel.runtime import Batch, RunOptions, default_threads, whole
-from fantoccini.motion import LEDGER, RESIDUAL, SAVED, Columns, Input, Inputs, State, Trajectories
+from fantoccini.motion import (
+    LEDGER,
+    RESIDUAL,
+    SAVED,
+    UNDETERMINED,
+    Columns,
+    Input,
+    Inputs,
+    State,
+    Trajectories,
+)
 
 SAVE = ("q_D", "v_D", "tension")
 """Arrays that a batch saves by default."""
+
+_FORCE_SAMPLES = ("q_D", "v_D", "q_K", "v_K", "tension", "taut", "slip")
+"""Arrays from which undetermined tensions are computed."""
 
 _RUNTIME_PART = {"tension": "force", "limit_force": "force", "ledger": "books"}
 """Saved array -> the runtime's part with its values, if the names differ."""
@@ -80,7 +99,8 @@ def simulate_batch(
         method: method of :func:`simulate`.
         save_at: (n,) times of samples (event-driven only) [s]; by default start and end.
         save_every: number of steps per sample (not event-driven); by default 1.
-        save: ``all``, or names of the arrays to save; by default q_D, v_D and tension.
+        save: ``all``, or names of the arrays to save; by default q_D, v_D and tension, and with
+            more strings than freedoms also undetermined, which puppets with contact do not have.
         out: name -> array for the results, with the shape of the batch's: C-contiguous
             (n, T, width); others are new. ``force`` holds tension and limit_force, ``books`` the
             entries of the ledger.
@@ -130,7 +150,8 @@ def simulate_batch(
     if threads is not None:
         threads = whole("threads", threads, low=1)
     saved = _saved(marionette, save)
-    _check_memory(marionette, name, options, saved, n, t, t_end, save_at, out or {})
+    written = _written(saved)
+    _check_memory(marionette, name, options, written, n, t, t_end, save_at, out or {})
     times = _times(name, options, t, t_end, save_at)
     library = marionette.libraries.batch_library_of(name)
     batch = Batch(
@@ -149,7 +170,7 @@ def simulate_batch(
         winches=marionette.winches,
         options=options,
         times=times,
-        parts=_parts(marionette, saved, n, len(times), out or {}),
+        parts=_parts(marionette, written, n, len(times), out or {}),
     )
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # After Ctrl-C the samples so far are returned; other runs keep their first status.
@@ -190,16 +211,30 @@ def _times(
 
 
 def _saved(marionette: CompiledPuppet, save: Sequence[str] | str | None) -> tuple[str, ...]:
-    """Names of the arrays to save; "all" omits the residual of contacts without contact."""
+    """Names of the arrays to save; "all" omits those that need contact, or no contact."""
+    touches = marionette.contacts is not None
     if save is None:
-        return SAVE
+        redundant = not touches and may_be_redundant(marionette, winches=True)
+        return (*SAVE, UNDETERMINED) if redundant else SAVE
     if save == "all":
-        return tuple(name for name in SAVED if name != RESIDUAL or marionette.contacts is not None)
+        return tuple(name for name in SAVED if name != (UNDETERMINED if touches else RESIDUAL))
     names = (save,) if isinstance(save, str) else tuple(save)
     for name in names:
         if name not in SAVED:
             raise ValueError(f"save names {name!r}; it takes 'all' or names of {', '.join(SAVED)}")
+    if touches and UNDETERMINED in names:
+        raise ValueError(
+            "save names 'undetermined': a batch does not keep the contact points that share the "
+            "forces; simulate such runs one by one"
+        )
     return names
+
+
+def _written(saved: tuple[str, ...]) -> tuple[str, ...]:
+    """Arrays that the runtime writes for those to save."""
+    if UNDETERMINED not in saved:
+        return saved
+    return tuple(dict.fromkeys([*(s for s in saved if s != UNDETERMINED), *_FORCE_SAMPLES]))
 
 
 def _check_memory(
@@ -280,6 +315,10 @@ def _trajectories(
     limits = tuple(limit.name for limit in tree.limits)
     arrays: dict[str, Any] = {}
     for name in saved:
+        if name == UNDETERMINED:
+            flags = _read_only(_undetermined(marionette, batch, method))
+            arrays[name] = Columns(force_names(marionette), flags, "string or driven velocity")
+            continue
         view = _read_only(batch.parts[_RUNTIME_PART.get(name, name)])
         if name in ("tension", "taut", "slip"):
             arrays[name] = Columns(strings, view[..., :n_s], "string")
@@ -304,6 +343,28 @@ def _trajectories(
         parameters=Columns(names, _read_only(values), "parameter"),
         **arrays,
     )
+
+
+def _undetermined(marionette: Marionette, batch: Batch, method: str) -> Array:
+    """(n, T, strings and driven velocities) masks of undetermined tensions and efforts."""
+    n_s, parts = len(marionette.tree.strings), batch.parts
+    flags = np.zeros((batch.n, len(batch.times), len(force_names(marionette))), dtype=bool)
+    for i in range(batch.n):
+        done = np.isfinite(parts["q_D"][i]).all(axis=1) & np.isfinite(parts["force"][i]).all(axis=1)
+        samples = ForceSamples(
+            q_D=parts["q_D"][i][done],
+            v_D=parts["v_D"][i][done],
+            q_K=parts["q_K"][i][done],
+            v_K=parts["v_K"][i][done],
+            force=parts["force"][i][done],
+            taut=parts["taut"][i][done, :n_s],
+            slip=parts["slip"][i][done],
+            method=method,
+        )
+        if len(samples):
+            own = marionette.with_p(batch.p[i % len(batch.p)])
+            flags[i, done] = undetermined(own, samples).values
+    return flags
 
 
 def _read_only(array: Array) -> Array:

@@ -29,7 +29,6 @@ from fantoccini.dynamics.compiled import (
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.checks import check_marionette, check_one_run, save_times
-from fantoccini.dynamics.simulation.determinacy import undetermined
 from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
 from fantoccini.dynamics.simulation.ledgers import ledger_of
 from fantoccini.dynamics.simulation.pace import Pace, chatter
@@ -46,6 +45,7 @@ from fantoccini.dynamics.steppers import (
     overlap_events,
     parted,
     prescribed_overlaps,
+    undetermined,
 )
 from fantoccini.kernel import contract
 from fantoccini.kernel.runtime import Piece, Run, contact_points

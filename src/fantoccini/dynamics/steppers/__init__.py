@@ -1,5 +1,6 @@
 """Steppers: runs advanced step by step; correction of start states with small overlaps."""
 
+from fantoccini.dynamics.steppers.determinacy import ForceSamples, force_names, undetermined
 from fantoccini.dynamics.steppers.parting import parted, parted_starts
 from fantoccini.dynamics.steppers.prescribed import (
     Overlap,
@@ -23,6 +24,7 @@ __all__ = [
     "CONTRADICTION_STATUSES",
     "Check",
     "Contradiction",
+    "ForceSamples",
     "Overlap",
     "Stepper",
     "StepperBatch",
@@ -31,6 +33,7 @@ __all__ = [
     "decide",
     "deepest",
     "first_excess_tension",
+    "force_names",
     "held_input",
     "looks",
     "may_be_redundant",
@@ -38,4 +41,5 @@ __all__ = [
     "parted",
     "parted_starts",
     "prescribed_overlaps",
+    "undetermined",
 ]

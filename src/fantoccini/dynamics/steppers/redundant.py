@@ -80,10 +80,14 @@ class Contradiction:
         )
 
 
-def may_be_redundant(marionette: CompiledPuppet) -> bool:
+def may_be_redundant(marionette: CompiledPuppet, *, winches: bool = False) -> bool:
     """Whether the puppet has more rigid strings than the degrees of freedom that they move.
 
     By Hall's theorem it does not if every string can be assigned its own degree of freedom.
+
+    Args:
+        marionette: the puppet.
+        winches: whether strings with a largest tension count, too.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching
@@ -92,7 +96,7 @@ def may_be_redundant(marionette: CompiledPuppet) -> bool:
     moved = [
         _velocity_indices(marionette, s)
         for s, max_tension in zip(strings, marionette.upper[: len(strings)], strict=True)
-        if not np.isfinite(max_tension)
+        if winches or not np.isfinite(max_tension)
     ]
     moved = [places for places in moved if places]
     if not moved:

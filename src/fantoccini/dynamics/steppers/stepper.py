@@ -27,6 +27,7 @@ from fantoccini.dynamics.compiled import (
     checked_end,
     vector,
 )
+from fantoccini.dynamics.steppers.determinacy import ForceSamples, undetermined
 from fantoccini.dynamics.steppers.parting import parted
 from fantoccini.dynamics.steppers.prescribed import looks, overlap_events, prescribed_overlaps
 from fantoccini.dynamics.steppers.redundant import (
@@ -36,7 +37,7 @@ from fantoccini.dynamics.steppers.redundant import (
 )
 from fantoccini.dynamics.steppers.verdict import decide
 from fantoccini.kernel.contract import EVENT_AT
-from fantoccini.kernel.runtime import HeldInput, Piece, Run, RunOptions
+from fantoccini.kernel.runtime import HeldInput, Piece, Run, RunOptions, contact_points
 from fantoccini.motion import Input, State
 
 Accelerations = Array | Mapping[str, float]
@@ -136,6 +137,30 @@ class Stepper:
         For all methods, it is at least the largest overlap of solids with prescribed motion.
         """
         return max(float(self._run.progress.violation), self._overlap)
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Strings and driven velocities with other tensions and efforts for the present motion."""
+        marionette = self.marionette
+        part = marionette.sample_layout.split(self.samples[-1:])
+        n_s, contact = len(marionette.tree.strings), None
+        if marionette.contacts is not None:
+            rows = self.contacts[self.contacts[:, 0] == len(self.samples) - 1]  # a copy
+            rows[:, 0] = 0.0
+            contact = contact_points(rows, marionette.contacts.names)
+        samples = ForceSamples(
+            q_D=part["q_D"],
+            v_D=part["v_D"],
+            q_K=part["q_K"],
+            v_K=part["v_K"],
+            force=part["tension"],
+            taut=np.asarray(part["taut"][:, :n_s], dtype=bool),
+            slip=part["slip"],
+            method=self.method,
+            contact=contact,
+        )
+        flags = undetermined(marionette, samples)
+        return tuple(name for name in flags.names if flags[name][0])
 
     def __repr__(self) -> str:
         return (

@@ -30,6 +30,7 @@ from fantoccini.dynamics.compiled import (
     parameter_rows,
     vectors,
 )
+from fantoccini.dynamics.steppers.determinacy import ForceSamples, undetermined
 from fantoccini.dynamics.steppers.stepper import Stepper
 from fantoccini.kernel.contract import SUMS
 from fantoccini.kernel.runtime import LaneRecord, LaneSteppers, RunOptions, default_threads, whole
@@ -161,6 +162,32 @@ class StepperBatch:
             n for n, x in zip(self.marionette.tree.blamable, share, strict=True) if x > least
         )
 
+    def undetermined(self, i: int) -> tuple[str, ...]:
+        """Strings and driven velocities with other tensions and efforts for the motion of run i.
+
+        Raises:
+            StateError: the puppet has contact, whose points are not known here.
+        """
+        if self.marionette.contacts is not None:
+            raise StateError(
+                "undetermined: a batch does not keep the contact points that share the forces; use "
+                "marionette.stepper() or simulate() for this run"
+            )
+        own = [i]
+        marionette = self.marionette.with_p(self.p[i])
+        samples = ForceSamples(
+            q_D=self.q_D[own],
+            v_D=self.v_D[own],
+            q_K=self.q_K[own],
+            v_K=self.v_K[own],
+            force=self.tension[own],
+            taut=self.taut[own, : len(marionette.tree.strings)],
+            slip=self.slip[own],
+            method=self.method,
+        )
+        flags = undetermined(marionette, samples)
+        return tuple(name for name in flags.names if flags[name][0])
+
     def state(self, i: int) -> State:
         """The state of run i."""
         return State(
@@ -208,8 +235,10 @@ class StepperBatch:
             width = parts[name].shape[1]
             parts[name] = np.atleast_2d(vectors(name, array, width))
         parts = {name: _rows(name, x, m) for name, x in parts.items()}
-        taut = states.taut if not arrays else np.zeros_like(states.taut)
-        starts = States(states.t, **parts, taut=_rows("x0", taut, m))
+        taut = _rows("x0", states.taut if not arrays else np.zeros_like(states.taut), m)
+        rows = max(len(x) for x in parts.values())  # arrays may have m rows, and a start state one
+        parts = {name: np.repeat(x, rows // len(x), axis=0) for name, x in parts.items()}
+        starts = States(states.t, **parts, taut=np.repeat(taut, rows // len(taut), axis=0))
         check_starts(marionette, starts, self.method, p)
         check_steps(marionette, self.method, starts, p, self._options.dt)
         for name, x in parts.items():

@@ -27,6 +27,10 @@ _CHANNELS = {
 }
 _BRACES = re.compile(r"(?<![^\x00-\x7f])([{}])")
 """Braces; behind a byte of another encoding they are the second half of a character."""
+_LABEL = re.compile(r"\s*(frames|frame\s+time)\s*:", re.IGNORECASE)
+"""Label of the motion's header, with or without blanks around its colon."""
+_PADDING = "\0\x1a"
+"""Characters that some programs write after the end of a text."""
 _BLANKS = re.compile(r"[ \t\f\v]+")
 _MAX_BYTES = 256_000_000
 _MAX_JOINTS = 1000
@@ -100,13 +104,14 @@ class _Words:
     """
 
     def __init__(self, path: Path, text: str):
-        self.path, self._lines, self._size = path, lines_of(text), len(text)
+        self.path, self._lines, self._size = path, lines_of(text.rstrip(_PADDING)), len(text)
         self.line, self._row, self.notes = 0, list[str](), list[str]()
         self._rows = self._walk()
 
     def _walk(self) -> Iterator[list[str]]:
         for number, line in enumerate(self._lines, 1):
             self.line = number
+            line = _LABEL.sub(r"\1: ", line, count=1) if ":" in line else line
             if row := [word for word in _BLANKS.split(_BRACES.sub(r" \1 ", line)) if word]:
                 yield row
 
@@ -158,7 +163,8 @@ class _Words:
                 rows = self._counted(i, rows)
                 break
             if len(row) != columns:
-                self.fail(f"found {len(row)} numbers; needed: {columns}, one for each channel")
+                many = "number" if len(row) == 1 else "numbers"
+                self.fail(f"found {len(row)} {many}; needed: {columns}, one for each channel")
             try:
                 values[i] = [float(word) for word in row]
             except ValueError:

@@ -122,8 +122,9 @@ class Capture:
     def body(self) -> Indices:
         """Indices of the joints connected by bones; all joints if bones connect less than half.
 
-        A bone keeps its length in all frames. Some programs add a joint at the origin above the
-        hips, or targets of inverse kinematics, which have no bones.
+        A bone keeps its length in all frames. Some programs add joints at the origin above the
+        hips, or targets of inverse kinematics, which have no bones. A person branches at the hips:
+        a bone from a single joint above them to the floor is none.
         """
         parents, offsets = self.skeleton.parents, self.skeleton.offsets
         length = np.linalg.norm(offsets, axis=1)
@@ -131,11 +132,23 @@ class Capture:
         for i, parent in enumerate(parents):
             if parent < 0:
                 continue
+            if i <= self._first_branch:
+                continue
             away = np.linalg.norm(self.positions[:, i] - self.positions[:, parent], axis=1)
             if np.max(np.abs(away - length[i])) <= _MAX_BONE_CHANGE * longest:
                 part[i] = part[parent]
         body = np.flatnonzero(part == np.bincount(part).argmax())
         return body if 2 * len(body) > len(part) else np.arange(len(part))
+
+    @cached_property
+    def _first_branch(self) -> int:
+        """Index of the first joint with several children, if a single chain leads to it; else 0."""
+        parents = self.skeleton.parents
+        children = np.bincount([i for i in parents if i >= 0], minlength=len(parents))
+        i = 0
+        while children[i] == 1 and parents.count(-1) == 1:
+            i = parents.index(i)
+        return i if children[i] > 1 else 0
 
     @cached_property
     def _extent(self) -> Array:
@@ -197,13 +210,22 @@ class Capture:
     def upright(self, up: str | None = None) -> Capture:
         """Copy in metres, with z up. If y was up, x stays and z turns towards the viewer, to -y.
 
-        The unit is guessed from the height.
+        The unit is guessed from the height. If the vertical is not that of the rest pose,
+        :attr:`notes` says so: somebody who lies all the time looks like that, too.
 
         Args:
             up: vertical axis of the file, ``y`` or ``z``; :attr:`up` by default.
         """
         if up not in (None, "y", "z"):
             raise StateError(f"up is {up!r}; needed: y or z")
+        notes, rest = self.notes, self.skeleton.up(self.body)
+        if up is None and rest not in (None, self.up):
+            stands, lies = "xyz"[self.up], "xyz"[rest or 0]
+            notes += (
+                f"{self.name or 'clip'}: taken as standing along {stands}, as in most frames; the "
+                f"rest pose stands along {lies}; if the person lies, say that {lies} is up "
+                f"(--up {lies})",
+            )
         is_up = up == "z" or (up is None and self.up == 2)
         turn = np.eye(3) if is_up else np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float)
         size = self.unit[1]
@@ -215,4 +237,5 @@ class Capture:
             skeleton=skeleton,
             positions=size * self.positions @ turn.T,
             rotations=turn @ self.rotations @ turn.T,
+            notes=notes,
         )

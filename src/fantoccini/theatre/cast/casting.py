@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -17,12 +17,12 @@ from fantoccini.model import scene as scenes
 from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
-from fantoccini.theatre.cast.contacts import asked_pairs, rules_of
+from fantoccini.theatre.cast.contacts import Pair, asked_pairs, cue_pairs, hanging, rules_of
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
 from fantoccini.theatre.gestures import Ends
-from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot
+from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot, spelled
 
 Pose = dict[str, Any]
 """Start values by coordinate."""
@@ -174,6 +174,7 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
     log.mistakes.refuse()
     lifts = {name: entry.lift for name, entry in file.cast.items()}
     props = read_props(file, starts, lifts, places, log)
+    _check_bodies(file, players, log)
     log.mistakes.refuse()
     stage = file.stage
     only = f"{next(iter(players))}." if len(players) == 1 else ""
@@ -217,6 +218,33 @@ def _check_names(file: PlayFile, log: ScriptLog) -> None:
         if name in taken:
             log.mistakes.add(spot, f"{name!r} is the name of {taken[name]}; needed: another name")
         taken.setdefault(name, what)
+
+
+def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog) -> None:
+    """Records cues and props whose players lack the bodies that touch a seat or the prop."""
+    bodies = {
+        f"{name}.{link.name}"
+        for name, player in players.items()
+        for link in player.alone.tree.links
+    }
+    asked: list[tuple[Spot, str, Iterable[Pair]]] = [
+        (("props", name, "held by"), "hold it", [hanging(prop.held_by, prop.side, name)])
+        for name, prop in file.props.items()
+        if prop.held_by is not None
+    ]
+    for a, act in enumerate(file.acts):
+        for c, cue in enumerate(act.cues):
+            verb = spelled(cue.verb)
+            asked.append((("acts", a, "cues", c, verb), f"do `{verb}`", cue_pairs(cue)))
+    for spot, action, pairs in asked:
+        missing: dict[str, set[str]] = {}
+        for part in frozenset[str]().union(*pairs) - bodies:
+            who, _, body = part.partition(".")
+            if body and who in players:
+                missing.setdefault(who, set()).add(body)
+        for who, lacking in sorted(missing.items()):
+            text = f"{file.cast[who].puppet} has no body {', '.join(sorted(lacking))}"
+            log.mistakes.add(spot, f"{who} cannot {action}: {text}")
 
 
 def _puppet(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from fantoccini.model.puppet import FLOOR, Contact, ContactPair
-from fantoccini.theatre.script import VERBS, PlayFile
+from fantoccini.theatre.script import VERBS, PlayCue, PlayFile
 
 Pair = frozenset[str]
 """Names of two parts of the stage: ``pierrot.forearm_right``, a prop, an obstacle or the floor."""
@@ -45,15 +45,20 @@ def asked_pairs(file: PlayFile) -> frozenset[Pair]:
             pairs.add(hanging(prop_file.held_by, prop_file.side, prop))
     for act in file.acts:
         for cue in act.cues:
-            named = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
-            if "seat" in named:
-                pairs |= sitting(cue.who[0], named["seat"])
-            if "prop" in named:
-                players = [cue.who[0], *([named["player"]] if "player" in named else [])]
-                pairs |= {
-                    hanging(who, side, named["prop"]) for who in players for side in OTHER_SIDE
-                }
-                pairs |= standing(named["prop"], named.get("table", FLOOR))
+            pairs |= cue_pairs(cue)
+    return frozenset(pairs)
+
+
+def cue_pairs(cue: PlayCue) -> frozenset[Pair]:
+    """All pairs that may touch in a cue."""
+    pairs = set[Pair]()
+    named = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
+    if "seat" in named:
+        pairs |= sitting(cue.who[0], named["seat"])
+    if "prop" in named:
+        players = [cue.who[0], *([named["player"]] if "player" in named else [])]
+        pairs |= {hanging(who, side, named["prop"]) for who in players for side in OTHER_SIDE}
+        pairs |= standing(named["prop"], named.get("table", FLOOR))
     return frozenset(pairs)
 
 

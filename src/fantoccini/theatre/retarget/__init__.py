@@ -1,5 +1,6 @@
 """Retargeting: hanging poses and motions of a puppet nearest to a captured clip."""
 
+from fantoccini.theatre.retarget.deviations import Loss, PartError
 from fantoccini.theatre.retarget.figure import Figure, figure_of
 from fantoccini.theatre.retarget.following import (
     ACCELERATION,
@@ -7,7 +8,6 @@ from fantoccini.theatre.retarget.following import (
     SPEED,
     Followed,
     FollowStatus,
-    PartError,
     follow_clip,
 )
 from fantoccini.theatre.retarget.gesturing import (
@@ -37,6 +37,7 @@ __all__ = [
     "Figure",
     "FollowStatus",
     "Followed",
+    "Loss",
     "MappingFile",
     "PartError",
     "Placed",

@@ -35,6 +35,16 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.theatre.capture import Capture
+from fantoccini.theatre.retarget.deviations import (
+    MAX_LOST_SHARE,
+    Loss,
+    PartError,
+    errors_of,
+    losses_of,
+    lost_share,
+    places_of,
+    report_of,
+)
 from fantoccini.theatre.retarget.figure import Figure
 from fantoccini.theatre.retarget.mapping import SIDES, MappingFile
 from fantoccini.theatre.retarget.retargeting import (
@@ -43,7 +53,6 @@ from fantoccini.theatre.retarget.retargeting import (
     Placed,
     Retargeted,
     place_clip,
-    places_in,
     retarget_clip,
 )
 
@@ -64,19 +73,12 @@ _EASE = 0.5
 """Time over which the clip's time starts and stops [s]."""
 MAX_ERROR = 0.15
 """Largest error of a group of parts in a run that follows, relative to the puppet's height."""
-_SLOWER = 0.5, 0.25
+SLOWER = 0.5, 0.25
 """Factors of the bounds of speed and acceleration, tried if the run leaves the clip."""
 _SAMPLE_STEP = 4
 """Step between samples of a run that are searched for crossings."""
 _SMOOTHING_TIME = 0.035
 """Standard deviation of the smoothing of the hanging poses [s]."""
-GROUPS = {
-    "hands": ("hand_left", "hand_right"),
-    "head": ("head",),
-    "feet": ("foot_left", "foot_right"),
-    "trunk": ("trunk", "shoulder_left", "shoulder_right"),
-}
-"""Parts whose errors are reported together."""
 
 
 _LINES = (
@@ -91,27 +93,8 @@ class FollowStatus(Outcome):
     """Outcome of following a clip."""
 
     FOLLOWS = "the run reached the clip's end, within 15 % of the puppet's height of the clip"
-    ASTRAY = "the run is farther from the clip than 15 % of the puppet's height"
+    ASTRAY = "the run, or a part of the puppet, is 15 % of the height or more off the clip"
     STOPPED = "the event-driven run stopped before the clip's end"
-
-
-@dataclass(frozen=True)
-class PartError:
-    """Errors of a group of parts, root mean squares over time and parts [m].
-
-    Attributes:
-        name: name of the group.
-        reach: error of the hanging poses nearest to the clip, the least that is possible.
-        run: error of the run.
-        largest: largest error of the run at any time.
-        above: difference of ``run`` and ``reach``, relative to the puppet's height.
-    """
-
-    name: str
-    reach: float
-    run: float
-    largest: float
-    above: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +139,12 @@ class Followed:
     def hanging_far(self) -> float:
         """The same error for the hanging poses nearest to the clip."""
         return max(part.reach for part in self.report) / self.retargeted.figure.height
+
+    @cached_property
+    def losses(self) -> tuple[Loss, ...]:
+        """Parts that were, for a while, 15 % of the height farther off than their hanging poses."""
+        allowed = MAX_ERROR * self.retargeted.figure.height
+        return losses_of(self.t, self.errors, self.retargeted.errors, allowed)
 
     @cached_property
     def crossings(self) -> tuple[Crossing, ...]:
@@ -267,7 +256,7 @@ def _follow_within(
 ) -> Followed:
     """The clip followed within the full bounds, or within reduced bounds if the run leaves it."""
     names, best = clip.marionette.coordinates.v_K, None
-    for share in (1.0, *_SLOWER):
+    for share in (1.0, *SLOWER):
         bounds = [
             {name: share * limit for name, limit in _every(bound, usual, names).items()}
             for bound, usual in ((speed, SPEED), (acceleration, ACCELERATION))
@@ -300,7 +289,8 @@ def _followed(
     run = simulate(marionette, x0, driven(marionette, x0, acc_K), effort=False, throw=False)
     status = FollowStatus.FOLLOWS if arrived and run.status in ARRIVED else FollowStatus.STOPPED
     followed = Followed(clip, status, run, acc_K, INTERVAL, t, 0.0)
-    if followed and followed.far > MAX_ERROR:
+    lost = lost_share(followed.losses, float(t[-1] - t[0])) > MAX_LOST_SHARE
+    if followed and (followed.far > MAX_ERROR or lost):
         return replace(followed, status=FollowStatus.ASTRAY)
     return followed
 
@@ -356,30 +346,6 @@ def driven(marionette: Marionette, x0: State, acc_K: Array) -> Input:
     """Motion of the hands with accelerations (n, n_vK) in successive intervals."""
     times = x0.t + INTERVAL * np.arange(len(acc_K) + 1, dtype=float)
     return Input.segments(marionette, times, x0.q_K, x0.v_K, acc_K)
-
-
-def places_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
-    """Part -> (T, 3) position in a run at times of the clip's frames, up to the run's end [m]."""
-    run = run.resample(np.clip(t, run.t[0], run.t[-1]))
-    return places_in(retargeted.figure, retargeted.marionette.poses(run.q_D, run.q_K))
-
-
-def errors_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
-    """Part -> (T,) distance of a run from the clip [m]."""
-    places, wanted = places_of(retargeted, run, t), retargeted.places.parts
-    return {part: np.linalg.norm(places[part] - wanted[part], axis=1) for part in WEIGHTS}
-
-
-def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[PartError, ...]:
-    """Errors of hands, head, feet and trunk, from those of the parts."""
-    part_errors = []
-    for name, parts in GROUPS.items():
-        run = np.stack([errors[part] for part in parts])
-        reach = np.stack([retargeted.errors[part] for part in parts])
-        a, b = (float(np.sqrt(np.mean(np.square(e)))) for e in (reach, run))
-        above = (b - a) / retargeted.figure.height
-        part_errors.append(PartError(name, a, b, float(run.max()), above))
-    return tuple(part_errors)
 
 
 def crossings_in(marionette: Marionette, run: Trajectory) -> tuple[Crossing, ...]:

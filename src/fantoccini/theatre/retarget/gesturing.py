@@ -21,16 +21,13 @@ from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import State, Trajectory
 from fantoccini.theatre.capture import Capture, load_bvh
 from fantoccini.theatre.gestures import Gesture, planes
+from fantoccini.theatre.retarget.deviations import GROUPS, PartError, errors_of, report_of
 from fantoccini.theatre.retarget.following import (
-    GROUPS,
     INTERVAL,
-    PartError,
     crossings_in,
     driven,
     eased,
-    errors_of,
     lead_along,
-    report_of,
     smoothed,
     tracks_along,
 )

@@ -229,10 +229,10 @@ def retarget_clip(
     return Retargeted(marionette, figure, clip.clip, t, placing, reached_poses)
 
 
-def _up(clip: Capture, joints: Mapping[str, int]) -> str:
-    """Vertical axis: that of the rest pose, else the main direction of the trunks."""
+def _up(clip: Capture, joints: Mapping[str, int]) -> str | None:
+    """Vertical axis: the main direction of the trunks; None if the rest pose has a vertical."""
     if clip.skeleton.up(clip.body) is not None:
-        return "xyz"[clip.up]
+        return None
     x = {part: clip.positions[:, i] for part, i in joints.items()}
     shoulders, hips = (x[f"{part}_left"] + x[f"{part}_right"] for part in ("shoulder", "hip"))
     trunk = np.mean(shoulders - hips, axis=0)

@@ -15,15 +15,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fantoccini.base import Array, Indices, Mask, nonnegative_least_squares
 from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.model.tree import WORLD, Role
-from fantoccini.motion import Columns, Trajectory
+from fantoccini.motion import Columns, ContactPoints, Trajectory
 
 
 @dataclass(frozen=True)
@@ -52,44 +51,81 @@ _CHUNK_SIZE = 512
 """Number of samples whose matrices are in memory together."""
 
 
-def undetermined(marionette: CompiledPuppet, run: Trajectory) -> Columns:
+@dataclass(frozen=True)
+class ForceSamples:
+    """Samples of a motion with its forces.
+
+    Attributes:
+        q_D, v_D, q_K, v_K: (T, ...) motion.
+        force: (T, n_rows) forces of strings and limits [N or N m].
+        taut: (T, n_strings) taut strings.
+        slip: (T, n_strings) slip of winches [m].
+        method: method of the run.
+        contact: contact points; None without contact.
+    """
+
+    q_D: Array
+    v_D: Array
+    q_K: Array
+    v_K: Array
+    force: Array
+    taut: Mask
+    slip: Array
+    method: str
+    contact: ContactPoints | None = None
+
+    @classmethod
+    def of(cls, run: Trajectory) -> ForceSamples:
+        """Samples of a run."""
+        force = np.hstack([run.tension.values, run.limit_force.values])
+        taut = np.asarray(run.taut.values, dtype=bool)
+        slip = np.zeros(taut.shape) if run.slip is None else run.slip.values
+        motion = (run.q_D, run.v_D, run.q_K, run.v_K)
+        return cls(*motion, force, taut, slip, run.method, run.contact)
+
+    def __len__(self) -> int:
+        return len(self.q_D)
+
+    def part(self, begin: int, end: int) -> ForceSamples:
+        """Samples ``begin`` to ``end``, without ``end``."""
+        if begin == 0 and end >= len(self):
+            return self
+        arrays = ("q_D", "v_D", "q_K", "v_K", "force", "taut", "slip")
+        own = replace(self, **{name: getattr(self, name)[begin:end] for name in arrays})
+        if self.contact is None:
+            return own
+        rows = slice(*np.searchsorted(self.contact.sample, [begin, end]))
+        points = {
+            field.name: getattr(self.contact, field.name)[rows]
+            for field in dataclasses.fields(self.contact)
+            if field.name != "names"
+        }
+        points["sample"] = points["sample"] - begin
+        return replace(own, contact=replace(self.contact, **points))
+
+
+def undetermined(marionette: CompiledPuppet, run: Trajectory | ForceSamples) -> Columns:
     """Masks (T,) of undetermined tensions and efforts, by string and driven velocity.
 
     Args:
         marionette: the puppet.
-        run: run of the puppet.
+        run: run of the puppet, or samples of several.
     """
-    names = tuple(s.name for s in marionette.tree.strings) + marionette.coordinates.v_K
+    samples = ForceSamples.of(run) if isinstance(run, Trajectory) else run
+    names = force_names(marionette)
     parts = [
-        _flags(marionette, _part(run, k, k + _CHUNK_SIZE)) for k in range(0, len(run), _CHUNK_SIZE)
+        _flags(marionette, samples.part(k, k + _CHUNK_SIZE))
+        for k in range(0, max(1, len(samples)), _CHUNK_SIZE)
     ]
     return Columns(names, np.concatenate(parts), "string or driven velocity")
 
 
-def _part(run: Trajectory, begin: int, end: int) -> Trajectory:
-    """Samples ``begin`` to ``end`` of a run, without ``end``."""
-    if begin == 0 and end >= len(run):
-        return run
-    more: dict[str, Any] = {}
-    for field in dataclasses.fields(run):
-        value = getattr(run, field.name)
-        if isinstance(value, Columns):
-            more[field.name] = dataclasses.replace(value, values=value.values[begin:end])
-        elif isinstance(value, np.ndarray):
-            more[field.name] = value[begin:end]
-    if run.contact is not None:
-        own = slice(*np.searchsorted(run.contact.sample, [begin, end]))
-        points = {
-            field.name: getattr(run.contact, field.name)[own]
-            for field in dataclasses.fields(run.contact)
-            if field.name != "names"
-        }
-        points["sample"] = points["sample"] - begin
-        more["contact"] = dataclasses.replace(run.contact, **points)
-    return dataclasses.replace(run, **more)
+def force_names(marionette: CompiledPuppet) -> tuple[str, ...]:
+    """Names of strings, whose tensions are judged, and driven velocities, whose efforts are."""
+    return tuple(s.name for s in marionette.tree.strings) + marionette.coordinates.v_K
 
 
-def _flags(marionette: CompiledPuppet, run: Trajectory) -> Mask:
+def _flags(marionette: CompiledPuppet, run: ForceSamples) -> Mask:
     """Masks (T, n) of :func:`undetermined` for a run with few samples."""
     table, n_s = marionette.coordinates, len(marionette.tree.strings)
     out = np.zeros((len(run), n_s + table.n_vK), dtype=bool)
@@ -127,7 +163,7 @@ class _Rows:
         low, high: (T, n) whether a force is at its lower or upper bound.
     """
 
-    def __init__(self, marionette: CompiledPuppet, run: Trajectory):
+    def __init__(self, marionette: CompiledPuppet, run: ForceSamples):
         self._marionette, self._run = marionette, run
         table, library, tree = marionette.coordinates, marionette.library, marionette.tree
         n_l, n_s = len(tree.limits), len(tree.strings)
@@ -137,12 +173,12 @@ class _Rows:
             v_D=run.v_D,
             q_K=run.q_K,
             v_K=run.v_K,
-            acc_K=run.acc_K,
+            acc_K=np.zeros(table.n_vK),
             u_D=np.zeros(table.n_vD),
             p=marionette.p,
         )
         self.L = on.L
-        T, forces = len(run), np.hstack([run.tension.values, run.limit_force.values])
+        T, forces = len(run), run.force
         J = np.zeros((T, n_l, table.n_vD))
         limit, axis, velocity = tree.limit_entries
         J[:, limit, velocity] = on.J_limit[:, axis, limit]
@@ -152,22 +188,21 @@ class _Rows:
         self.low = ~marionette.two_sided & (forces <= near)
         self.high = forces >= marionette.upper - near
         # Only some of several dependent rows pull; the others are closed, or open by rounding.
-        slip = 0.0 if run.slip is None else run.slip.values
-        h = np.hstack([on.h - slip, on.h_limit])
+        h = np.hstack([on.h - run.slip, on.h_limit])
         held = h >= -TOLERANCES.closed * marionette.row_scales(run.q_D, run.q_K)
         if run.method == "event":  # after fixed steps, speeds correct their violations
             held[:, :n_s] &= np.abs(on.hdot) <= TOLERANCES.moving
-        held |= np.hstack([run.taut.values, run.limit_force.values > 0.0])
+        held |= np.hstack([run.taut, forces[:, n_s:] > 0.0])
         held[:, :n_s] &= ~(self.high[:, :n_s] & (on.hdot > TOLERANCES.moving))
         self.held = held
 
     def efforts(self, samples: Indices, held: Indices) -> Array:
         """Efforts (m, k, n_vK) by the forces of rows; those of limits are 0."""
         marionette, run, n_s = self._marionette, self._run, len(self._marionette.tree.strings)
+        table = marionette.coordinates
         at = {
-            name: getattr(run, name)[samples][:, None]
-            for name in ("q_D", "v_D", "q_K", "v_K", "acc_D", "acc_K")
-        }
+            name: getattr(run, name)[samples][:, None] for name in ("q_D", "v_D", "q_K", "v_K")
+        } | {"acc_D": np.zeros(table.n_vD), "acc_K": np.zeros(table.n_vK)}
         lam = np.zeros((len(held) + 1, n_s))
         strings = np.flatnonzero(held < n_s)
         lam[strings, held[strings]] = -1.0
@@ -185,7 +220,7 @@ class _Points:
         efforts: (n, n_vK) efforts of driven coordinates by each force.
     """
 
-    def __init__(self, marionette: CompiledPuppet, run: Trajectory, L: Array):
+    def __init__(self, marionette: CompiledPuppet, run: ForceSamples, L: Array):
         table, contact, contacts = marionette.coordinates, run.contact, marionette.contacts
         self.first = np.zeros(len(run) + 1, dtype=np.intp)
         self.B, self.low = np.zeros((0, table.n_vD)), np.zeros(0, dtype=bool)
