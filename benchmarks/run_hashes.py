@@ -24,7 +24,18 @@ PUPPETS = (*FAST_PUPPETS, "stand6", "marionette", "promenade")
 METHODS = ("event", "timestepping", "variational")
 """The last one does not support contact."""
 SAMPLES = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "tension", "taut", "slip")
-ENDS = ("q_D", "v_D", "q_K", "v_K", "slip", "tension", "taut", "books", "violation", "status")
+ENDS = (
+    "q_D",
+    "v_D",
+    "q_K",
+    "v_K",
+    "slip",
+    "tension",
+    "taut",
+    "energy_terms",
+    "violation",
+    "status",
+)
 Parts = Iterator[tuple[str, list[object]]]
 
 

@@ -28,7 +28,7 @@ from fantoccini.dynamics.compiled import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.batch_verdicts import BatchVerdicts
 from fantoccini.dynamics.simulation.checks import check_marionette, save_times
-from fantoccini.dynamics.simulation.ledgers import ledger_of_books
+from fantoccini.dynamics.simulation.ledgers import ledgers_of_terms
 from fantoccini.dynamics.steppers import parted_starts
 from fantoccini.kernel.contract import PARTS
 from fantoccini.kernel.runtime import Batch, RunOptions, default_threads, whole
@@ -37,7 +37,7 @@ from fantoccini.motion import LEDGER, RESIDUAL, SAVED, Columns, Input, Inputs, S
 SAVE = ("q_D", "v_D", "tension")
 """Arrays that a batch saves by default."""
 
-_RUNTIME_PART = {"tension": "force", "limit_force": "force", "ledger": "books"}
+_RUNTIME_PART = {"tension": "force", "limit_force": "force", "ledger": "energy_terms"}
 """Saved array -> the runtime's part with its values, if the names differ."""
 
 T = TypeVar("T", State, Input)
@@ -82,8 +82,8 @@ def simulate_batch(
         save_every: number of steps per sample (not event-driven); by default 1.
         save: ``all``, or names of the arrays to save; by default q_D, v_D and tension.
         out: name -> array for the results, with the shape of the batch's: C-contiguous
-            (n, T, width); others are new. ``force`` holds tension and limit_force, ``books`` the
-            entries of the ledger.
+            (n, T, width); others are new. ``force`` holds tension and limit_force,
+            ``energy_terms`` the entries of the ledger.
         threads: number of threads; by default all processors.
         parameters: name -> value, or (n,) values, one for each run; by default the marionette's
             own. All runs share the numbers of winches.
@@ -248,7 +248,7 @@ def _parts(
             raise ValueError(
                 f"out has an array {name!r}, which this batch does not write; it writes "
                 f"{', '.join(sorted(wanted))} ('force' is tension and limit_force in one array, "
-                "'books' the entries of the ledger)"
+                "'energy_terms' the entries of the ledger)"
             )
     for (name, part), (other, same) in combinations(out.items(), 2):
         if np.may_share_memory(part, same):
@@ -286,7 +286,7 @@ def _trajectories(
         elif name == "limit_force":
             arrays[name] = Columns(limits, view[..., n_s:], "limit")
         elif name == "ledger":
-            arrays[name] = Columns(LEDGER, _read_only(ledger_of_books(view)), "entry")
+            arrays[name] = Columns(LEDGER, _read_only(ledgers_of_terms(view)), "entry")
         elif name == RESIDUAL:
             arrays[name] = view[..., 0]
         else:

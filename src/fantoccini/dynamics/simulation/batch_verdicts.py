@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.base import ARRIVED, Array, Status, Times
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.ledgers import ledger_of_books
+from fantoccini.dynamics.simulation.ledgers import ledgers_of_terms
 from fantoccini.dynamics.simulation.soundness import (
     ends_fast,
     gains,
@@ -112,8 +112,8 @@ class BatchVerdicts:
         """Relative energy gains and unbooked energies (n,); see :mod:`soundness`."""
         batch, done = self._batch, self._at_end
         gain, share = np.zeros(batch.n), np.zeros(batch.n)
-        if "books" in batch.parts and np.any(done):
-            columns = np.moveaxis(ledger_of_books(batch.parts["books"][done]), -1, 0)
+        if "energy_terms" in batch.parts and np.any(done):
+            columns = np.moveaxis(ledgers_of_terms(batch.parts["energy_terms"][done]), -1, 0)
             ledger = dict(zip(LEDGER, columns, strict=True))
             gain[done] = gains(self._marionette, ledger)
             if self._stepping:

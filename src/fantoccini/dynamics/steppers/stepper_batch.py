@@ -61,8 +61,8 @@ class StepperBatch:
         q_D, v_D, q_K, v_K, slip: (n, ...) present states, as in :class:`State`.
         tension: (n, n_rows) forces of strings and limits [N or N m].
         taut: (n, n_rows) mask of taut rows.
-        books: (n, 5) work of the inputs, and losses by damping, impacts, slipping winches and
-            friction, since the start of each run [J].
+        energy_terms: (n, 5) work of the inputs, and losses by damping, impacts, slipping
+            winches and friction, since the start of each run [J].
         violation: (n,) largest h of all rows since the start, for time-stepping [m, rad or 1].
         status: (n,) :class:`Status` numbers; a run that stopped keeps its state until its reset.
         p: (n, n_p) parameters.
@@ -103,8 +103,8 @@ class StepperBatch:
         self._record = record = LaneRecord(n, marionette.tree.sizes)
         self.p, self.tension, self.taut = record.p, record.tension, record.taut
         self.q_D, self.v_D, self.q_K, self.v_K = record.q_D, record.v_D, record.q_K, record.v_K
-        self.slip, self.books, self.violation = record.slip, record.books, record.violation
-        self.status = record.status
+        self.slip, self.energy_terms = record.slip, record.energy_terms
+        self.violation, self.status = record.violation, record.status
         self._starts, self._parameters = states, p
         self._options, self._threads = options, threads
         self._engine = self._new_engine()
@@ -326,7 +326,7 @@ class _Runs:
         record.blame[i] = stepper.blame
         if len(stepper.samples):
             split = self._marionette.sample_layout.split(stepper.samples[-1:])
-            record.books[i] = [split[name][0] for name in SUMS]
+            record.energy_terms[i] = [split[name][0] for name in SUMS]
         record.violation[i] = stepper.violation
 
 

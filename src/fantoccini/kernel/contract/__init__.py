@@ -31,8 +31,8 @@ from fantoccini.kernel.contract.identity import digest
 from fantoccini.kernel.contract.lanes import LANE
 from fantoccini.kernel.contract.quantity import SIZES, Quantity
 from fantoccini.kernel.contract.samples import (
-    BOOKS,
     CONTACT,
+    ENERGY_TERMS,
     EVENT,
     EVENT_AT,
     PARTS,
@@ -46,12 +46,12 @@ from fantoccini.kernel.contract.structures import STRUCTURES
 
 __all__ = [
     "ARGUMENTS",
-    "BOOKS",
     "CLOSED_GAP",
     "COLUMN",
     "CONSTANTS",
     "CONTACT",
     "DERIVATIVES",
+    "ENERGY_TERMS",
     "EVENT",
     "EVENT_AT",
     "FUNCTIONS",

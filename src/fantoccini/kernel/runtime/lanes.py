@@ -32,7 +32,7 @@ class LaneRecord:
         q_D, v_D, q_K, v_K, slip: (n, ...) states.
         tension: (n, n_rows) forces of strings and limits [N or N m].
         taut: (n, n_rows).
-        books: (n, 5) the contract's ``SUMS``, since each began [J].
+        energy_terms: (n, 5) the contract's ``SUMS``, since each began [J].
         violation: (n,) largest violation since each began [m, rad or 1].
         advanced: (n,) duration by which each was advanced in the last piece [s].
         status: (n,) :class:`Status` numbers.
@@ -52,7 +52,7 @@ class LaneRecord:
     slip: Array
     tension: Array
     taut: MaskRows
-    books: Array
+    energy_terms: Array
     violation: Array
     advanced: Array
     status: NDArray[np.int32]

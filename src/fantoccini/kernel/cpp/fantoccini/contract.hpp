@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x48f3634dd075e199;
+constexpr long long contract_digest = 0x0e1ffe6eabbc0f5e;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -302,7 +302,7 @@ struct StepperArrays {
   double* slip;  // (n, n_strings)
   double* tension;  // (n, n_rows) written
   unsigned char* taut;  // (n, n_rows) written
-  double* books;  // (n, 5) work, damping, impact, slip loss, friction; written [J]
+  double* energy_terms;  // (n, 5) work, damping, impact, slip loss, friction; written [J]
   double* violation;  // (n,) largest since it began; written
   double* advanced;  // (n,) time by which it was advanced in the piece; written [s]
   int* status;  // (n,) Status; written
@@ -759,7 +759,8 @@ struct WinchLayout {
 // Parts of a sample that a batch can save, in the order of the sample.
 struct Part {
   enum : int {
-    q_D, v_D, acc_D, q_K, v_K, acc_K, force, taut, books, slip, contact_residual, n
+    q_D, v_D, acc_D, q_K, v_K, acc_K, force, taut, energy_terms, slip,
+    contact_residual, n
   };
 };
 

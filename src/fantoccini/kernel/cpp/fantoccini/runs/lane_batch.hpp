@@ -238,7 +238,7 @@ class LaneBatch {
     put_lanes(in, Part::slip, row, bundle_.slip());
     const Real residual = bundle_.contact_residual();
     put_lanes(in, Part::contact_residual, row, &residual);
-    if (!in.parts[Part::books]) return;
+    if (!in.parts[Part::energy_terms]) return;
     Real energy_terms[7];
     struct {
       Real *T, *V;
@@ -246,7 +246,7 @@ class LaneBatch {
     Call<Model, Real>::energy(
         bundle_.q_D(), bundle_.v_D(), inputs.q_K, inputs.v_K, bundle_.p(), energy);
     bundle_.energy_terms(energy_terms + 2);
-    put_lanes(in, Part::books, row, energy_terms);
+    put_lanes(in, Part::energy_terms, row, energy_terms);
   }
 
   template <class Number>

@@ -144,7 +144,7 @@ class LaneStepper {
       }
       take_lane(bundle.tension(), M, l, in.tension + index * M);
       take_lane(bundle.taut(), M, l, in.taut + index * M);
-      take_lane(energy_terms, 5, l, in.books + index * 5);
+      take_lane(energy_terms, 5, l, in.energy_terms + index * 5);
       in.violation[index] = lane_of(bundle.worst_violation, l);
       in.advanced[index] = lane_of(bundle.t, l);
       in.status[index] = verdict(bundle, l);
