@@ -149,7 +149,7 @@ def test_a_stopped_stepper_keeps_its_state_until_it_is_reset():
     for _ in range(15):
         arrived = batch.advance(0.02, acc)
     assert arrived.tolist() == [True, False, True]
-    assert batch.status[1] == Status.LENGTH_NOT_POSITIVE and batch.blamed(1) == ("hand",)
+    assert batch.status[1] == Status.LENGTH_NOT_POSITIVE and batch.causes(1) == ("hand",)
     assert batch.t[1] < 0.21 and batch.t[0] == pytest.approx(0.3)
     saved = batch.q_D[1].copy()
     batch.advance(0.02)

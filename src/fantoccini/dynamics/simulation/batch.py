@@ -297,7 +297,7 @@ def _trajectories(
     arrays |= {name: _read_only(getattr(batch, name)) for name in ends}
     return Trajectories(
         t=_read_only(batch.times),
-        blame=Columns(tree.blamable, batch.blame, "string, limit or drive"),
+        attribution=Columns(tree.attributable, batch.attribution, "string, limit or drive"),
         method=method,
         coordinates=marionette.coordinates,
         puppet=marionette.described,

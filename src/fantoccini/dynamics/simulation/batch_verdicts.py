@@ -72,9 +72,11 @@ class BatchVerdicts:
             outcome = decide(reported, self._contradiction(i), checks)
             if outcome.status is reported:
                 continue
-            batch.status[i], batch.blame[i] = outcome.status, 0.0
+            batch.status[i], batch.attribution[i] = outcome.status, 0.0
             if outcome.contradiction:
-                batch.blame[i, [names.index(name) for name in outcome.contradiction.names]] = 1.0
+                batch.attribution[
+                    i, [names.index(name) for name in outcome.contradiction.names]
+                ] = 1.0
 
     def _contradiction(self, i: int) -> Contradiction | None:
         """Contradiction of the redundant strings that stopped a run or carry excess tension."""

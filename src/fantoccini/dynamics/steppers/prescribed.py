@@ -112,7 +112,7 @@ def overlap_events(marionette: CompiledPuppet, overlaps: tuple[Overlap, ...], t:
     """Events (n, 5) of touches after a time [s], and of lifts, laid out as the events of a run."""
     if marionette.prescribed is None or marionette.contacts is None:
         return np.zeros((0, len(EVENT)))
-    first = len(marionette.tree.blamable) + len(marionette.contacts.names)
+    first = len(marionette.tree.attributable) + len(marionette.contacts.names)
     rows = []
     for overlap in overlaps:
         row = first + marionette.prescribed.names.index(overlap.names)

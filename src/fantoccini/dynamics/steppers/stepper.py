@@ -125,9 +125,9 @@ class Stepper:
         return self._run.status
 
     @property
-    def blame(self) -> Array:
+    def attribution(self) -> Array:
         """Shares (n_rows + n_watched,) of rows and drives in causing the status, 0 to 1."""
-        return self._run.blame
+        return self._run.attribution
 
     @property
     def violation(self) -> float:

@@ -154,11 +154,13 @@ class StepperBatch:
         """Mask (n,) of the runs that reached the end of the last piece, even with lost steps."""
         return np.isin(self.status, ARRIVED)
 
-    def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
-        """Names with a share above ``least`` in causing the status of run i."""
-        share = self._record.blame[i]
+    def causes(self, i: int, min_share: float = 0.1) -> tuple[str, ...]:
+        """Names with a share above ``min_share`` in causing the status of run i."""
+        share = self._record.attribution[i]
         return tuple(
-            n for n, x in zip(self.marionette.tree.blamable, share, strict=True) if x > least
+            n
+            for n, x in zip(self.marionette.tree.attributable, share, strict=True)
+            if x > min_share
         )
 
     def state(self, i: int) -> State:
@@ -323,7 +325,7 @@ class _Runs:
         record.advanced[i] = advanced
         status = stepper.status
         record.status[i] = Status.DONE if status is Status.RUNNING else status
-        record.blame[i] = stepper.blame
+        record.attribution[i] = stepper.attribution
         if len(stepper.samples):
             split = self._marionette.sample_layout.split(stepper.samples[-1:])
             record.energy_terms[i] = [split[name][0] for name in SUMS]

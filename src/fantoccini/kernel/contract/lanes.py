@@ -23,6 +23,6 @@ LANE: tuple[Field, ...] = (
     Field("violation", OUT, "(n,) largest since it began; written"),
     Field("advanced", OUT, "(n,) time by which it was advanced in the piece; written [s]"),
     Field("status", "int*", "(n,) Status; written"),
-    Field("blame", OUT, "(n, n_rows + n_watched) shares of the blame for it; written"),
+    Field("attribution", OUT, "(n, n_rows + n_watched) shares in causing it; written"),
 )
 """The lane record of compiled code and Python."""

@@ -67,7 +67,7 @@ class FrozenFlow(Run):
         h / length for a slack row; -tension / weight for a taut row; for a stepper motor, its lag
         minus the largest lag it can hold.
         """
-        guards = np.empty(self.library.n_blamable)
+        guards = np.empty(self.library.n_attributable)
         self._look(t, y, None, guards, None)
         return guards
 

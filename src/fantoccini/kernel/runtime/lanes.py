@@ -36,7 +36,7 @@ class LaneRecord:
         violation: (n,) largest violation since each began [m, rad or 1].
         advanced: (n,) duration by which each was advanced in the last piece [s].
         status: (n,) :class:`Status` numbers.
-        blame: (n, n_rows + n_watched) shares of rows and drives in its cause, 0 to 1.
+        attribution: (n, n_rows + n_watched) shares of rows and drives in its cause, 0 to 1.
 
     Args:
         n: number of trajectories.
@@ -56,7 +56,7 @@ class LaneRecord:
     violation: Array
     advanced: Array
     status: NDArray[np.int32]
-    blame: Array
+    attribution: Array
 
     def __init__(self, n: int, sizes: Mapping[str, int]):
         for name, array in new_arrays("StepperArrays", _NAMES, sizes, n=n).items():

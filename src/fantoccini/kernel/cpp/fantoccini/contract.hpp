@@ -280,7 +280,7 @@ struct BatchArrays {
   double* violation;  // (n,) largest, of fixed steps
   long long* catches;  // (n,)
   long long* releases;  // (n,)
-  double* blame;  // (n, n_rows + n_watched)
+  double* attribution;  // (n, n_rows + n_watched)
   double* end_q_D;  // (n, n_qD) the configuration reached
   double* end_v_D;  // (n, n_vD) the velocities there
 };
@@ -306,7 +306,7 @@ struct StepperArrays {
   double* violation;  // (n,) largest since it began; written
   double* advanced;  // (n,) time by which it was advanced in the piece; written [s]
   int* status;  // (n,) Status; written
-  double* blame;  // (n, n_rows + n_watched) shares of the blame for it; written
+  double* attribution;  // (n, n_rows + n_watched) shares of the attribution for it; written
 };
 
 // A contact point with force in a fixed step, and its mode.

@@ -21,12 +21,12 @@ struct ClosedRows {
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M;
   using Set = ActiveSet<M, N>;
 
-  double impulse[room(M)];  // of the last catch, by row
-  double speed[room(M)];    // hdot before it
-  double lost = 0.0;        // kinetic energy lost in it
-  double stopped = 0.0;     // largest |hdot| of a held row before the last hold
-  bool brought = false;     // whether the last hold also stopped a closed row that is not held
-  double blame[room(M)];    // after IMPOSSIBLE_INPUT: rows that no motion satisfies together
+  double impulse[room(M)];      // of the last catch, by row
+  double speed[room(M)];        // hdot before it
+  double lost = 0.0;            // kinetic energy lost in it
+  double stopped = 0.0;         // largest |hdot| of a held row before the last hold
+  bool brought = false;         // whether the last hold also stopped a closed row that is not held
+  double attribution[room(M)];  // after IMPOSSIBLE_INPUT: rows that no motion satisfies together
 
   // Brings the held rows to h = 0 and all others nearby to h <= 0, with the smallest change of the
   // configuration at (t, y) in the metric of M_DD. The flow's evaluation must be that of (t, y).
@@ -338,7 +338,8 @@ struct ClosedRows {
     return top;
   }
 
-  // Solves the problem. For impossible inputs, `blame` gives the rows that cannot hold together.
+  // Solves the problem. For impossible inputs, `attribution` gives the rows that cannot hold
+  // together.
   Status settle(const F& f) {
     for (int i = 0; i < set_.n; ++i)
       if (!is_finite(set_.b[i])) return NOT_FINITE;
@@ -347,9 +348,9 @@ struct ClosedRows {
     for (int i = 0; i < set_.n; ++i)
       if (!(fabs(set_.x[i]) <= most) && most == most) most = fabs(set_.x[i]);
     if (solved == Solved::YES && most <= f.opt.tension_cap) return RUNNING;
-    for (int r = 0; r < M; ++r) blame[r] = 0.0;
+    for (int r = 0; r < M; ++r) attribution[r] = 0.0;
     for (int i = 0; i < set_.n; ++i)
-      blame[row_[i]] = solved == Solved::YES ? fabs(set_.x[i]) / most : ray_share(i, solved);
+      attribution[row_[i]] = solved == Solved::YES ? fabs(set_.x[i]) / most : ray_share(i, solved);
     return solved == Solved::UNSETTLED ? NOT_SETTLED : IMPOSSIBLE_INPUT;
   }
 

@@ -47,9 +47,9 @@ struct EventInstants {
   typename Writer::Instants contact_instants;
   Writer writer{flow, closed_rows, contact_instants};
   Accumulation accumulation;
-  double blame[room(M)] = {};  // by row, its share in the cause of the status, 0 to 1
-  double until = unbounded;    // s: the end of the run, beyond which no event lies
-  double loosened[room(M)];    // s: last time at which each row lost its tension
+  double attribution[room(M)] = {};  // by row, its share in the cause of the status, 0 to 1
+  double until = unbounded;          // s: the end of the run, beyond which no event lies
+  double loosened[room(M)];          // s: last time at which each row lost its tension
 
   EventInstants(F& flow, Guards<Model>& guards) : flow(flow), guards(guards) {}
   EventInstants(const EventInstants&) = delete;
@@ -61,8 +61,8 @@ struct EventInstants {
     for (int r = 0; r < M; ++r) flow.row_state[r] = mode[r];
   }
 
-  void accuse(const double* rows) {
-    for (int r = 0; r < M; ++r) blame[r] = rows[r];
+  void attribute_to_rows(const double* rows) {
+    for (int r = 0; r < M; ++r) attribution[r] = rows[r];
   }
 
   // Whether solids touch, or points are followed, at (t, y), the flow's latest evaluation.
@@ -275,7 +275,7 @@ struct EventInstants {
   }
 
   Status fail(Status status) {
-    accuse(closed_rows.blame);
+    attribute_to_rows(closed_rows.attribution);
     return status;
   }
 

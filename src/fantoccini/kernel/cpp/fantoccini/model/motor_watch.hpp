@@ -109,9 +109,9 @@ struct MotorWatch {
     return status;
   }
 
-  // Shares of the blame for a status in a lane: those of the rows, then 1 for every drive that is
-  // to blame, else 0.
-  void blame(Status status, int lane, const double* rows, double* out) const {
+  // Attribution of a status in a lane: shares of the rows, then 1 for every drive that caused it,
+  // else 0.
+  void attribute(Status status, int lane, const double* rows, double* out) const {
     for (int r = 0; r < Model::n_rows; ++r) *out++ = rows[r];
     for (int d = 0; d < D; ++d) {
       const bool its = status == RUNAWAY      ? lane_of(astray_[d], lane)

@@ -148,7 +148,7 @@ class LaneStepper {
       in.violation[index] = lane_of(bundle.worst_violation, l);
       in.advanced[index] = lane_of(bundle.t, l);
       in.status[index] = verdict(bundle, l);
-      write_attribution(bundle, Status(in.status[index]), l, in.blame + index * (M + D));
+      write_attribution(bundle, Status(in.status[index]), l, in.attribution + index * (M + D));
     }
   }
 

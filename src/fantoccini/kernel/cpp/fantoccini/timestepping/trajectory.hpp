@@ -36,8 +36,8 @@ struct TimeSteppingTrajectory {
   Options opt;
   Real t;  // s
   Real work, damping, impact, slip_loss, friction, worst_violation;
-  Real status;                   // a Status: RUNNING, or the reason for the trajectory's stop
-  double blame[width][room(M)];  // of the rows for the status, 0 to 1
+  Real status;                         // a Status: RUNNING, or the reason for the trajectory's stop
+  double attribution[width][room(M)];  // of the rows for the status, 0 to 1
 
   // Sets the time and options of all lanes; states and parameters are set afterwards.
   FAN_FN void set(double start, const Options& options, const double* table) {
@@ -118,7 +118,7 @@ struct TimeSteppingTrajectory {
     at.was_violated = at.idle = no;
     at.ready(opt);
     for (int l = 0; l < width; ++l)
-      for (int r = 0; r < M; ++r) blame[l][r] = 0.0;
+      for (int r = 0; r < M; ++r) attribution[l][r] = 0.0;
     at.clear_acc();
     at.forget(!no);
     Real slip[room(S)];
@@ -142,7 +142,7 @@ struct TimeSteppingTrajectory {
     memory.keep(
         work, damping, impact, slip_loss, friction, worst_violation, status, lost_, last_loss_,
         last_root_, last_dt_);
-    memory.keep_of_lanes(blame);
+    memory.keep_of_lanes(attribution);
   }
 
   // Makes a step of length dt to the time `next` and the inputs there. A trajectory for which it
@@ -258,7 +258,7 @@ struct TimeSteppingTrajectory {
     }
     stop(overflow, NOT_FINITE);
     const Mask runs_out = empty && runs();
-    if (any(runs_out)) accuse_empty(runs_out);
+    if (any(runs_out)) attribute_to_empty(runs_out);
     stop(runs_out, LENGTH_NOT_POSITIVE);
   }
 
@@ -270,10 +270,11 @@ struct TimeSteppingTrajectory {
         Real(LengthTolerances::min_length));
   }
 
-  void accuse_empty(const Mask& lanes) {
+  void attribute_to_empty(const Mask& lanes) {
     for (int i = 0; i < S; ++i) {
       const Mask empty = lanes && is_empty(i);
-      for (int l = 0; l < width; ++l) blame[l][i] = lane_of(empty, l) ? 1.0 : blame[l][i];
+      for (int l = 0; l < width; ++l)
+        attribution[l][i] = lane_of(empty, l) ? 1.0 : attribution[l][i];
     }
   }
 

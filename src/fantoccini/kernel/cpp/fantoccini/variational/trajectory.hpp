@@ -41,7 +41,7 @@ struct VariationalTrajectory {
   Real t;  // s
   Real work, damping, impact, slip_loss, worst_violation;
   Real status;  // a Status: RUNNING, or the reason for the trajectory's stop
-  double blame[width][room(M)];
+  double attribution[width][room(M)];
   // Of the last whole step.
   Real pull[room(M)];  // N or N m: mean tensions
 
@@ -84,7 +84,7 @@ struct VariationalTrajectory {
     work = damping = impact = slip_loss = worst_violation = Real(0.0);
     for (int r = 0; r < M; ++r) {
       pull[r] = catch_impulse_[r] = Real(0.0);
-      for (int l = 0; l < width; ++l) blame[l][r] = 0.0;
+      for (int l = 0; l < width; ++l) attribution[l][r] = 0.0;
     }
     for (int i = 0; i < S; ++i) slips_[i] = slipped_[i] = !all;
     drive.start(t, node().now);
@@ -218,13 +218,13 @@ struct VariationalTrajectory {
     stop(lanes && !node().settled, NOT_SETTLED);
     const Mask empty = lanes && is_empty(node().now) && runs();
     for (int l = 0; any(empty) && l < width; ++l)
-      if (lane_of(empty, l)) accuse_empty(l, node().now);
+      if (lane_of(empty, l)) attribute_to_empty(l, node().now);
     stop(empty, LENGTH_NOT_POSITIVE);
     const Mask capped = lanes && most > node().cap * span && runs();
     for (int l = 0; any(capped) && l < width; ++l)
       for (int r = 0; lane_of(capped, l) && r < M; ++r) {
         const double share = fabs(lane_of(at.impulse[r], l)) / lane_of(most, l);
-        blame[l][r] = lane_of(at.caught[r], l) ? 0.0 : share;
+        attribution[l][r] = lane_of(at.caught[r], l) ? 0.0 : share;
       }
     stop(capped, TENSION_CAP);
   }
@@ -244,8 +244,8 @@ struct VariationalTrajectory {
     return !(length > Real(varies ? LengthTolerances::min_length : -1.0));
   }
 
-  void accuse_empty(int lane, const Inputs& in) {
-    for (int i = 0; i < S; ++i) blame[lane][i] = lane_of(is_empty(i, in), lane) ? 1.0 : 0.0;
+  void attribute_to_empty(int lane, const Inputs& in) {
+    for (int i = 0; i < S; ++i) attribution[lane][i] = lane_of(is_empty(i, in), lane) ? 1.0 : 0.0;
   }
 
   // The status of a lane for which even the shortest part has no solution; sets its rows'
@@ -254,7 +254,7 @@ struct VariationalTrajectory {
     for (int j = 0; j < NK; ++j)
       if (!(fabs(lane_of(at.next_inputs.v_K[j], lane)) < max_state_norm)) return NOT_FINITE;
     if (lane_of(is_empty(at.next_inputs), lane)) {
-      accuse_empty(lane, at.next_inputs);
+      attribute_to_empty(lane, at.next_inputs);
       return LENGTH_NOT_POSITIVE;
     }
     const auto& rows = node().firm.rows;
@@ -287,7 +287,7 @@ struct VariationalTrajectory {
       if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = Tolerance::catch_time;
       most = fmax(most, fabs(share[a]));
     }
-    for (int a = 0; a < set.n && most > 0.0; ++a) blame[lane][row[a]] = fabs(share[a]) / most;
+    for (int a = 0; a < set.n && most > 0.0; ++a) attribution[lane][row[a]] = fabs(share[a]) / most;
     if (solved == Solved::INFEASIBLE) return IMPOSSIBLE_INPUT;
     return most > node().cap * span ? TENSION_CAP : NOT_SETTLED;
   }
