@@ -39,8 +39,8 @@ struct Model : ModelTables {
   FAN_FUNCTION(node_varying)
   FAN_FUNCTION(limit_rates)
   FAN_FUNCTION(energy)
-  FAN_FUNCTION(forth)
-  FAN_FUNCTION(back)
+  FAN_FUNCTION(solve_factor_transposed)
+  FAN_FUNCTION(solve_factor)
   FAN_FUNCTION(midpoint_rule)
   FAN_FUNCTION(momenta)
   static void node_constants(double** res) { scalar::fan_node_constants(res); }

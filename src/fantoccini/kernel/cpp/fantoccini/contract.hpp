@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x0e1ffe6eabbc0f5e;
+constexpr long long contract_digest = 0x1909a707ec022df7;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -306,7 +306,7 @@ struct StepperArrays {
   double* violation;  // (n,) largest since it began; written
   double* advanced;  // (n,) time by which it was advanced in the piece; written [s]
   int* status;  // (n,) Status; written
-  double* attribution;  // (n, n_rows + n_watched) shares of the attribution for it; written
+  double* attribution;  // (n, n_rows + n_watched) shares in causing it; written
 };
 
 // A contact point with force in a fixed step, and its mode.
@@ -778,8 +778,8 @@ constexpr int part_width(int part) {
 // constant entries are not written: they keep the values of an earlier call with `constants`.
 template <class Model, class Real>
 struct Call {
-  // Accelerations and tensions of any active set (Eqs. 10, 11): acc_D = back(L, w0 + W lam),
-  // hddot = gamma + a0 + G lam, lam = -tension.
+  // Accelerations and tensions of any active set (Eqs. 10, 11): acc_D = solve_factor(L, w0 + W
+  // lam), hddot = gamma + a0 + G lam, lam = -tension.
   template <class Results>
   FAN_FN static void dynamics(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -886,19 +886,19 @@ struct Call {
   }
 
   // y = F^-T x.
-  FAN_FN static void forth(
+  FAN_FN static void solve_factor_transposed(
       const Real* L, const Real* x, Real* y) {
     const Real* arg[] = {L, x};
     Real* res[] = {at(y)};
-    Model::forth(arg, res);
+    Model::solve_factor_transposed(arg, res);
   }
 
   // y = F^-1 x.
-  FAN_FN static void back(
+  FAN_FN static void solve_factor(
       const Real* L, const Real* x, Real* y) {
     const Real* arg[] = {L, x};
     Real* res[] = {at(y)};
-    Model::back(arg, res);
+    Model::solve_factor(arg, res);
   }
 
   // Lag of the watched drives behind their commands.

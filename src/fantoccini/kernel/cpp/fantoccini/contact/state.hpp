@@ -52,7 +52,7 @@ struct ContactState {
   FAN_FN void unhindered(const Evaluation<Model, Real>& eval, Real* dv) const {
     Real w[room(N)];
     for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
-    eval.back(w, dv);
+    eval.solve_factor(w, dv);
   }
 
   // Computes `before` of all points.

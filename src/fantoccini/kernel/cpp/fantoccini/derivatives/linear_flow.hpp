@@ -40,7 +40,7 @@ struct FlowPoint {
     for (int a = 0; a < rows.n; ++a) tension[rows.row[a]] = pull[a], pull[a] = -pull[a];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
     rows.add(pull, w);
-    eval.back(w, acc);
+    eval.solve_factor(w, acc);
   }
 };
 
@@ -174,14 +174,14 @@ class LinearFlow {
 
   void solve(const Point& at, Bundle& x) const {
     Wide w[room(N)];
-    Model::forth_of(at.eval.L, x.force, w);
+    Model::solve_factor_transposed_of(at.eval.L, x.force, w);
     Wide y[room(M)];
     at.rows.along(w, y);
     for (int a = 0; a < at.rows.n; ++a) y[a] += x.rate[a];
     at.factor.solve(y);
     for (int a = 0; a < at.rows.n; ++a) y[a] = -y[a];
     at.rows.add(y, w);
-    Model::back_of(at.eval.L, w, x.acc);
+    Model::solve_factor_of(at.eval.L, w, x.acc);
   }
 
   int n_inputs_, row_;

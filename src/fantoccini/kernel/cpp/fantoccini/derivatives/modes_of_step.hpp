@@ -44,7 +44,7 @@ class ModesOfStep {
     double Q[room(N)] = {}, out[room(N)];
     partials_.begin(screws_, Q, Q, none_, by_p_, dt_);
     for (int i = 0; i < n_; ++i) partials_.push(point_[i], Q);
-    Model::forth_of(eval.L, Q, out);
+    Model::solve_factor_transposed_of(eval.L, Q, out);
     for (int k = 0; k < N; ++k) w[k] += out[k];
   }
 
@@ -103,13 +103,13 @@ class ModesOfStep {
       int held;
       const bool turns = partials_.take(point_[i], &held, rows, forces, change_, drag, by_);
       for (int d = 0; d < held; ++d, ++n) {
-        Model::forth_of(eval.L, rows[d], system_.C[n]);
-        Model::forth_of(eval.L, forces[d], system_.B[n]);
+        Model::solve_factor_transposed_of(eval.L, rows[d], system_.C[n]);
+        Model::solve_factor_transposed_of(eval.L, forces[d], system_.B[n]);
         for (int b = 0; b < columns_->n_bundles; ++b) rate_[b * R + n] = Wide(0.0);
         for (int c = 0; c < Partials::n_columns; ++c)
           Columns::at(rate_, R, place(c), n) = change_[d][c];
       }
-      if (turns) Model::forth_of(eval.L, drag, system_.Z[n_turning++]);
+      if (turns) Model::solve_factor_transposed_of(eval.L, drag, system_.Z[n_turning++]);
     }
     system_.n_rows = n;
     system_.n_turning = n_turning;
@@ -134,9 +134,9 @@ class ModesOfStep {
       const Wide* rate = rate_ + b * R;
       Wide x[room(N)], w[room(N)], y[room(R)];
       for (int k = 0; k < N; ++k) x[k] = -force[b * N + k];
-      Model::forth_of(eval.L, x, w);
+      Model::solve_factor_transposed_of(eval.L, x, w);
       system_.solve(w, rate, y);
-      Model::back_of(eval.L, w, x);
+      Model::solve_factor_of(eval.L, w, x);
       for (int k = 0; k < N; ++k) solution[b * N + k] = dt_ * x[k];
       for (int a = 0; pull && a < n_held_; ++a) pull[b * M + a] = y[a];
       for (int a = 0; shares && a < n_shares(); ++a) shares[b * 3 * C + a] = y[n_held_ + a];

@@ -70,10 +70,10 @@ class RolloutContacts {
       int held;
       const bool turns = partials_.hold(point_[i], &held, own, forces, drag);
       for (int d = 0; d < held; ++d, ++n) {
-        Call<Model, double>::forth(eval.L, own[d], system_.C[n]);
-        Call<Model, double>::forth(eval.L, forces[d], system_.B[n]);
+        Call<Model, double>::solve_factor_transposed(eval.L, own[d], system_.C[n]);
+        Call<Model, double>::solve_factor_transposed(eval.L, forces[d], system_.B[n]);
       }
-      if (turns) Call<Model, double>::forth(eval.L, drag, system_.Z[n_turning++]);
+      if (turns) Call<Model, double>::solve_factor_transposed(eval.L, drag, system_.Z[n_turning++]);
     }
     system_.n_rows = n;
     system_.n_turning = n_turning;

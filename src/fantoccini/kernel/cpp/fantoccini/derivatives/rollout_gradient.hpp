@@ -67,14 +67,14 @@ class RolloutGradient {
       for (int j = 0; j < N; ++j) by_delay_ -= l_q_[j] * in.v_D[(k + 1) * N + j];
       turn_back<typename Model::Dynamic>(in.v_D + (k + 1) * N, dt - delay_.time, l_q_, l_v_);
       for (int j = 0; j < N; ++j) l_a[0][j] += dt * l_v_[j];
-      Call<Model, double>::forth(eval_.L, l_a[0], w);
+      Call<Model, double>::solve_factor_transposed(eval_.L, l_a[0], w);
       if (take_contacts(in, k)) {
         in.edges[k] |= fault(in, k);
         if (in.edges[k] >= LEAVES_LAW) return;
         for (int a = 0; a < rows; ++a)
           y[a] = in.l_tension && a < rows_.n ? -in.l_tension[k * M + rows_.row[a]] : 0.0;
         solve_contacts(w, y);
-        eval_.back(w, z);
+        eval_.solve_factor(w, z);
       } else {
         rows_.along(w, y);
         for (int a = 0; in.l_tension && a < rows_.n; ++a)
@@ -84,7 +84,7 @@ class RolloutGradient {
         double less[room(M)];
         for (int a = 0; a < rows_.n; ++a) less[a] = -y[a];
         rows_.add(less, w);
-        eval_.back(w, z);
+        eval_.solve_factor(w, z);
       }
       take_back(in, k, z, y, l_a);
     }
@@ -320,9 +320,9 @@ class RolloutGradient {
       if (shifted && !contacts_.hold(eval_, rows_)) return true;
       double sum[room(N)], w[room(N)], y[room(rows)] = {}, z[room(N)];
       for (int j = 0; j < N; ++j) sum[j] = cos(double(j));
-      Call<Model, double>::forth(eval_.L, sum, w);
+      Call<Model, double>::solve_factor_transposed(eval_.L, sum, w);
       solve_contacts(w, y);
-      eval_.back(w, z);
+      eval_.solve_factor(w, z);
       list_products(in, k, z, y, by[shifted]);
     }
     take_contacts(in, k);

@@ -135,7 +135,7 @@ class StepDerivatives {
         modes_.push(eval_, w);
       }
     acc_ = in.acc_D + i * N;
-    eval_.back(w, acc_);
+    eval_.solve_factor(w, acc_);
     for (int k = 0; k < N; ++k) v_next_[k] = v_D_[k] + in.dt * acc_[k];
     n = 0;
     for (int a = 0; a < rows_.n; ++a)
@@ -164,7 +164,7 @@ class StepDerivatives {
   void solve(double dt, int b, const double* pull) {
     Wide *x = change_ + b * N, w[room(N)], y[room(M)];
     for (int k = 0; k < N; ++k) x[k] = -x[k];
-    Model::forth_of(eval_.L, x, w);
+    Model::solve_factor_transposed_of(eval_.L, x, w);
     // G y = W^T w + the rows' part
     rows_.along(w, y);
     for (int a = 0; a < rows_.n; ++a) y[a] += rate_by_[b * M + a];
@@ -172,7 +172,7 @@ class StepDerivatives {
     for (int a = 0; pull && a < rows_.n; ++a) pull_[b * M + a] = y[a];
     for (int a = 0; a < rows_.n; ++a) y[a] = -y[a];
     rows_.add(y, w);
-    Model::back_of(eval_.L, w, x);
+    Model::solve_factor_of(eval_.L, w, x);
     for (int k = 0; k < N; ++k) x[k] = dt * x[k];
   }
 

@@ -64,7 +64,7 @@ class StepModes {
     before_.make(screws_, v_D_, rate_);
     after_.make(screws_, run.state().v_D, rate_);
     still_ = Tolerance::speed * fmax(1.0, fmax(before_.fastest(), after_.fastest()));
-    run.at.eval.back(run.at.eval.w0, free_acc_);
+    run.at.eval.solve_factor(run.at.eval.w0, free_acc_);
     double reach = 0.0;
     for (int k = 0; k < n; ++k) reach = fmax(reach, push_[k].gap);
     const double margin = fmax(Tolerance::margin, Tolerance::spare * reach);

@@ -386,7 +386,7 @@ struct ClosedRows {
     for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < f.rows.n; ++a) pull[a] = -sign_[a] * set_.x[a];
     f.rows.add(pull, w);
-    f.eval.back(w, change);
+    f.eval.solve_factor(w, change);
   }
 
   Set set_;

@@ -104,7 +104,7 @@ class ContactInstants {
     if (status != RUNNING) return status;
     double w[room(N)] = {}, change[room(N)];
     held.rows.take(cone.x, w);
-    f.eval.back(w, change);
+    f.eval.solve_factor(w, change);
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
       impulse[r] = cone.x[a];

@@ -102,7 +102,7 @@ struct Flow {
     } else {
       pull_strings(list, w, &power, &slip_power);
     }
-    eval.back(w, acc);
+    eval.solve_factor(w, acc);
     configuration_rate<typename Model::Dynamic>(state, state + NQ, rate);
     for (int k = 0; k < N; ++k) {
       rate[NQ + k] = acc[k];
@@ -355,7 +355,7 @@ struct Flow {
     for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < rows.n; ++a) pull[a] = problem.active[a] ? -problem.x[a] : 0.0;
     rows.add(pull, w);
-    eval.back(w, move);
+    eval.solve_factor(w, move);
   }
 
   // hdot of a row at the latest evaluation, whose velocity must be v_D.

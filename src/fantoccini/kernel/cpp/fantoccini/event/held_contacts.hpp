@@ -250,7 +250,7 @@ class HeldContacts {
       double w[room(N)] = {}, move[room(N)], all[room(M)];
       rows.directed.solve(rows.G, rows.n, h, none, rows.y);
       rows.take(rows.y, w);
-      f.eval.back(w, move);
+      f.eval.solve_factor(w, move);
       retract<typename Model::Dynamic>(state, move, state);
       f.heights(state, all);
       for (int a = 0; a < single; ++a) h[a] = all[f.rows.row[a]];
@@ -272,7 +272,7 @@ class HeldContacts {
     rows.list_unknowns(points, f, true, false, beginning);
     rows.directed.solve(rows.G, rows.n, rows.hdot, none, rows.y);
     rows.take(rows.y, w);
-    f.eval.back(w, move);
+    f.eval.solve_factor(w, move);
     for (int k = 0; k < N; ++k) v_D[k] += move[k];
   }
 

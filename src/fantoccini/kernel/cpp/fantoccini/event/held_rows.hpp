@@ -64,7 +64,7 @@ class HeldRows {
     }
     for (int i = 0; i < 3 * points.n; ++i) {
       const int own = n_single + i;
-      Call<Model, double>::forth(f.eval.L, points.row[i], W_[i]);
+      Call<Model, double>::solve_factor_transposed(f.eval.L, points.row[i], W_[i]);
       column[own] = W_[i];
       hdot[own] = points.hdot[i];
       double free_rate = 0.0;

@@ -2,7 +2,8 @@
 //
 //   hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
 //
-// forth applies F^-T and back F^-1, both from L, the generated code's factor of M_DD.
+// solve_factor applies F^-1 and solve_factor_transposed F^-T, both from L, the generated code's
+// factor of M_DD.
 //
 // Rows are the strings, then the limits. The generated code computes W and G = W^T W of the
 // strings; a limit's column of W is computed when the limit is in a problem.
@@ -62,7 +63,9 @@ struct Evaluation {
   }
 
   // acc = F^-1 w.
-  FAN_FN void back(const Real* w, Real* acc) const { Call<Model, Real>::back(L, w, acc); }
+  FAN_FN void solve_factor(const Real* w, Real* acc) const {
+    Call<Model, Real>::solve_factor(L, w, acc);
+  }
 
   // hdot of the limits at the velocity v_D.
   FAN_FN void limit_rates(const Real* v_D, Real* rates) const {
@@ -305,7 +308,7 @@ struct RowSystem {
     Real x[room(N)];
     for (int k = 0; k < N; ++k) x[k] = Real(0.0);
     for (int k = 0; k < Model::limit_n[i]; ++k) x[Model::limit_v[i] + k] = e.J_limit[3 * i + k];
-    Call<Model, Real>::forth(e.L, x, w);
+    Call<Model, Real>::solve_factor_transposed(e.L, x, w);
   }
 
   bool made_[room(Model::n_limits)];  // whether a limit's column was computed for this evaluation

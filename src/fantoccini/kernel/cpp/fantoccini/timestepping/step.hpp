@@ -365,7 +365,7 @@ struct TimeStep {
     rows.push(eval, dt, pull_, w);
     if constexpr (touches)
       if (solids) contacts.add(w);
-    eval.back(w, change);
+    eval.solve_factor(w, change);
   }
 
   // Whether contacts take part in every lane that is not away: the rows' problem is then part of

@@ -72,7 +72,7 @@ struct VariationalNode {
     exact.eval.at_node(q_D, guess, now.q_K, now.v_K, now.acc_K, now.u_D, 0.5 * ahead, p, firm.eval);
     for (int k = 0; k < N; ++k)
       p_own[k] = Model::coupled ? Real(momentum[k] - exact.eval.M_DK_v_K[k]) : momentum[k];
-    exact.forth(p_own, moving);
+    exact.solve_factor_transposed(p_own, moving);
     watch();
     joined = false;
     int list[room(M)];
@@ -80,8 +80,8 @@ struct VariationalNode {
     exact.rows.gather(exact.eval, guess, list, n);
     firm.rows.gather(firm.eval, guess, list, n);
     hold();
-    exact.eval.back(moving, v_D);
-    firm.forth(momentum, firm.y);
+    exact.eval.solve_factor(moving, v_D);
+    firm.solve_factor_transposed(momentum, firm.y);
     Real pull[room(M)];
     for (int a = 0; a < n; ++a) pull[a] = -mu[list[a]];
     firm.rows.add(pull, firm.y);

@@ -13,7 +13,9 @@ struct NodeFactor {
   Real y[room(Model::n_vD)];
 
   // F^-T x.
-  FAN_FN void forth(const Real* x, Real* out) const { Call<Model, Real>::forth(eval.L, x, out); }
+  FAN_FN void solve_factor_transposed(const Real* x, Real* out) const {
+    Call<Model, Real>::solve_factor_transposed(eval.L, x, out);
+  }
 };
 
 // Current iterate of a step.

@@ -128,7 +128,7 @@ struct VariationalStep {
     for (int round = 0; round < Tolerance::max_corrections; ++round) {
       ++n_corrections;
       evaluate(dt);
-      here.firm.forth(trial_.before, z);
+      here.firm.solve_factor_transposed(trial_.before, z);
       for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
       rows.along(z, along);
       Mask was[room(M)], changed = no;
@@ -163,7 +163,7 @@ struct VariationalStep {
       }
       quick_.forget(changed);
       quick_.correct(z);
-      here.firm.eval.back(z, moved);
+      here.firm.eval.solve_factor(z, moved);
       for (int k = 0; k < N; ++k)
         trial_.xi[k] += select(solved || lost, Real(0.0), Real(dt * moved[k]));
     }
@@ -202,7 +202,7 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) guess_error[k] = guess_error_[k];
     first_guess(dt);
     evaluate(dt);
-    here.firm.forth(trial_.before, z);
+    here.firm.solve_factor_transposed(trial_.before, z);
     for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
     rows.along(z, b);
     for (int a = 0; a < rows.n; ++a) b[a] += trial_.h[rows.row[a]] / dt;
@@ -270,7 +270,7 @@ struct VariationalStep {
   // kept to rounding whatever the residual of the iteration.
   FAN_FN void balance() {
     Real v[room(N)], still[room(NK)], lacks[room(N)];
-    here.firm.eval.back(left_, v);
+    here.firm.eval.solve_factor(left_, v);
     for (int j = 0; j < NK; ++j) still[j] = Real(0.0);
     Call<Model, Real>::momenta(here.q_D, v, here.now.q_K, still, here.p, lacks);
     for (int k = 0; k < N; ++k) trial_.after[k] += lacks[k];
@@ -301,7 +301,7 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) w[k] = here.moving[k] + (0.5 * dt) * on.eval.w0[k];
     for (int a = 0; a < on.rows.n; ++a) pull[a] = -here.mu[on.rows.row[a]];
     on.rows.add(pull, w);
-    on.eval.back(w, trial_.xi);
+    on.eval.solve_factor(w, trial_.xi);
     for (int k = 0; k < N; ++k) guess_error_[k] = trial_.xi[k] *= dt;
     extrapolation_.add(dt, trial_.xi);
   }
