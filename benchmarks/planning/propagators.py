@@ -83,7 +83,7 @@ class Own(RolloutPool):
             into.q_D, into.v_D, into.q_K, into.v_K = (pointer(row[p]) for p in layout.parts)
             into.slip = pointer(slip)
         arrays.acc_K, arrays.lead_time = pointer(self._acc_K), pointer(self._distance)
-        arrays.start, arrays.funnel = pointer(self._zero), pointer(self._zero)
+        arrays.start, arrays.law = pointer(self._zero), pointer(self._zero)
         arrays.n_segments = arrays.n_given = pointer(self._one)
         arrays.out.distance = pointer(self._distance)
         arrays.out.looks, arrays.out.catches = (pointer(self._looks[k:]) for k in (0, 1))

@@ -109,8 +109,8 @@ def test_derivatives_predict_where_neighbours_end(plan, law):
 @pytest.mark.parametrize("slack", [0.005, 0.01])
 def test_derivatives_include_catches(plan, slack):
     """Compared with the exact derivative through the catch of an arm that falls onto its string."""
-    arm, funnel = plan.problem.marionette, plan.rollouts.funnels[0]
-    x = at(plan, StateArrays(funnel.q_D, np.zeros(4), np.zeros(1), funnel.q_K, np.zeros(3)))
+    arm, law = plan.problem.marionette, plan.rollouts.laws[0]
+    x = at(plan, StateArrays(law.q_D, np.zeros(4), np.zeros(1), law.q_K, np.zeros(3)))
     x = x.replace(q_K=x.q_K + np.array([0.0, 0.0, slack]))
     options = dataclasses.replace(plan.rollouts.run_options, dt=4e-4, save_every=50)
     A, _ = segment_derivatives(arm, StateArrays.of(x), np.zeros((1, 3)), options, 5, apart=1e-3)

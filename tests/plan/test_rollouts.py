@@ -198,13 +198,13 @@ def test_distances_from_goals():
         ({"start": np.array([5])}, "start ranges from 5"),
         ({"n_segments": np.array([200])}, "n_segments ranges from 200"),
         ({"n_segments": np.array([0])}, "n_segments ranges from 0"),
-        ({"n_given": np.array([0])}, "funnel ranges from 0"),
+        ({"n_given": np.array([0])}, "law ranges from 0"),
         ({"acceleration": np.zeros((1, 4, 1))}, "the accelerations have the shape"),
     ],
 )
 def test_indices_outside_of_arrays_are_refused(change, message):
     asked = problem()
-    asked.rollouts.funnels = []
+    asked.rollouts.laws = []
     arguments = {"start": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
     with pytest.raises(ValueError, match=message):
         asked.rollouts.simulate(asked.root, **arguments)

@@ -191,9 +191,9 @@ class Feedback(ShortRepr):
     def acceleration(self, k: int, x: State) -> Array:
         """(n_vK,) accelerations for segment k from a state, within bounds [m/s^2 or rad/s^2].
 
-        After the last segment the funnel to the goal holds the puppet there, if the problem has
-        one; otherwise the driven coordinates stop. A driven coordinate brakes before the end of its
-        range.
+        After the last segment the law that leads to the goal, if there is one, holds the puppet
+        there; otherwise the driven coordinates stop. A driven coordinate brakes before the end of
+        its range.
 
         Args:
             k: index of the segment.
@@ -205,10 +205,10 @@ class Feedback(ShortRepr):
             T = self.looks[k] * rollouts.options.interval
             node, K = self.reference(k, x)
             acc_K = self.planned[k] - K @ self.away(node, x)
-        elif rollouts.funnels:
-            funnel, zeros = rollouts.funnels[0], np.zeros_like
-            target = StateArrays(funnel.q_D, zeros(x.v_D), x.slip, funnel.q_K, zeros(x.v_K))
-            acc_K = -funnel.gains @ self.away(target, x)
+        elif rollouts.laws:
+            law, zeros = rollouts.laws[0], np.zeros_like
+            target = StateArrays(law.q_D, zeros(x.v_D), x.slip, law.q_K, zeros(x.v_K))
+            acc_K = -law.gains @ self.away(target, x)
         else:
             acc_K = -x.v_K / T
         slowest, fastest = self._velocities_within(x, T)

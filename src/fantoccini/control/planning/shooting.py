@@ -248,11 +248,11 @@ class Shooting:
         return Derivatives(basis, residual, near, constraints)
 
     def continued(self, V: Array, n_more: int) -> Array:
-        """V (m, n_vK) with more segments, led to the goal by a funnel, or at rest without one."""
+        """V (m, n_vK) with more segments, led to the goal by a law, or at rest without one."""
         m, n_K = V.shape
         accelerations = np.zeros((1, m + n_more, n_K))
         accelerations[0, :m] = self.accelerations(V)
-        if not self._free.funnels:
+        if not self._free.laws:
             return self.within(np.concatenate([V, np.zeros((n_more, n_K))]))
         start, n_given = np.zeros(1, int), np.array([m])
         segments = self._free.simulate(self.problem.root, start, accelerations, n_given=n_given)
@@ -299,7 +299,7 @@ class Shooting:
         problem = self.problem
         if not (problem.equilibrium and problem.goal.numbers.driven_weight):
             return np.zeros((len(states.q_K), 0))
-        displacement = states.q_K - problem.rollouts.funnels[0].q_K
+        displacement = states.q_K - problem.rollouts.laws[0].q_K
         return _TOLERANCES.displacement_weight * displacement[:, self._driven]
 
     def _constraint_values(self, states: StateArrays, acc_K: Array) -> Array:

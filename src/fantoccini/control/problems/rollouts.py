@@ -14,7 +14,7 @@ from fantoccini.control.tasks import Bounds, Goal, Most, StateArrays
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import (
-    Funnel,
+    LqrLaw,
     RolloutPool,
     RolloutSettings,
     Segments,
@@ -240,7 +240,7 @@ class Rollouts:
     Attributes:
         marionette, clearance, bounds, goal, options, margin, slack, kept_off: see below.
         stop_distance: distance from the goal at which rollouts stop.
-        funnels: feedback laws for rollouts; may be empty.
+        laws: feedback laws for rollouts; may be empty.
         run_options: options of the time-stepper.
 
     Args:
@@ -272,7 +272,7 @@ class Rollouts:
         self.goal, self.options, self.kept_off = goal, options, kept_off
         self.margin, self.slack = margin, slack
         self.stop_distance = _LIMITS.stop * tolerance
-        self.funnels: list[Funnel] = []
+        self.laws: list[LqrLaw] = []
         # Rollouts restart at every node, so a step must depend on its state alone.
         self.run_options = marionette.run_options(
             dt=options.dt, save_every=options.look, extrapolate=False
@@ -315,7 +315,7 @@ class Rollouts:
             slack=free or self.slack,
             kept_off=None if free else self.kept_off,
         )
-        rollouts.funnels = self.funnels
+        rollouts.laws = self.laws
         return rollouts
 
     @cached_property
@@ -333,7 +333,7 @@ class Rollouts:
         *,
         n_given: Indices | None = None,
         n_segments: Indices | None = None,
-        funnel: Indices | None = None,
+        law: Indices | None = None,
         lead_time: Array | None = None,
         looks: int | None = None,
     ) -> Segments:
@@ -345,25 +345,17 @@ class Rollouts:
             starts: (m,) states.
             start: (n,) index of the start of each rollout.
             acceleration: (n, segments, n_vK) accelerations of the driven coordinates.
-            n_given: (n,) number of segments with these accelerations; a funnel leads the others.
+            n_given: (n,) number of segments with these accelerations; a law leads the others.
                 All by default.
             n_segments: (n,) largest number of segments; all by default.
-            funnel: (n,) index of the funnel; the first by default.
-            lead_time: (n,) lead time of a funnel's reference [s].
+            law: (n,) index of the law; the first by default.
+            lead_time: (n,) lead time of a law's reference [s].
             looks: number of checks in a segment.
         """
         n, segments = acceleration.shape[:2]
         n_given = np.full(n, segments) if n_given is None else n_given
         segments_run = self._pool(
-            starts.parts,
-            start,
-            acceleration,
-            n_given,
-            n_segments,
-            self.funnels,
-            funnel,
-            lead_time,
-            looks,
+            starts.parts, start, acceleration, n_given, n_segments, self.laws, law, lead_time, looks
         )
         if self.goal.function is not None:
             complete = segments_run.looks > 0

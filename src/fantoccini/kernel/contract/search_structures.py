@@ -276,7 +276,7 @@ SEARCHES: tuple[Structure, ...] = (
         ),
     ),
     Structure(
-        "FunnelArrays",
+        "LqrLawArrays",
         "An equilibrium and the gains of the feedback to it.",
         (
             Field("q_D", IN, "(n_qD,)"),
@@ -328,9 +328,9 @@ SEARCHES: tuple[Structure, ...] = (
             Field("acc_K", OUT, "(n, segments, n_vK); written where feedback determines them"),
             Field("n_segments", INT, "(n,) number of segments of each, at least 1"),
             Field("n_given", INT, "(n,) leading segments whose accelerations are given"),
-            Field("funnel", INT, "(n,) index of its funnel"),
+            Field("law", INT, "(n,) index of its law"),
             Field("lead_time", IN, "(n,) time by which its reference runs ahead [s]"),
-            Field("funnels", "const FunnelArrays*"),
+            Field("laws", "const LqrLawArrays*"),
             Field("bounds", "BoundArrays"),
             Field("margin", "double", "smallest allowed clearance [m]"),
             Field("may_slacken", "int", "whether strings that pull may go slack"),

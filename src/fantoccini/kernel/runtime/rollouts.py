@@ -71,7 +71,7 @@ class GoalNumbers:
 
 
 @dataclass(frozen=True, eq=False)
-class Funnel:
+class LqrLaw:
     """An equilibrium and the feedback law that leads to it; see ``search/feedback.hpp``.
 
     Attributes:
@@ -193,8 +193,8 @@ class RolloutPool:
         acc_K: Array,
         n_given: Indices,
         n_segments: Indices | None = None,
-        funnels: Sequence[Funnel] = (),
-        funnel: Indices | None = None,
+        laws: Sequence[LqrLaw] = (),
+        law: Indices | None = None,
         lead_time: Array | None = None,
         looks: int | None = None,
     ) -> Segments:
@@ -206,11 +206,11 @@ class RolloutPool:
             starts: part of a state -> (m, width).
             start: (n,) index of the start of each rollout.
             acc_K: (n, segments, n_vK) accelerations of its first segments.
-            n_given: (n,) number of these; a funnel's law controls the other segments.
+            n_given: (n,) number of these; a law controls the other segments.
             n_segments: (n,) number of segments of each, at least one; all by default.
-            funnels: feedback laws.
-            funnel: (n,) index of the funnel of each; the first by default.
-            lead_time: (n,) lead of a funnel's reference; 1 by default [s].
+            laws: feedback laws.
+            law: (n,) index of the law of each; the first by default.
+            lead_time: (n,) lead of a law's reference; 1 by default [s].
             looks: number of checks of a segment; that of the settings by default.
 
         Raises:
@@ -223,16 +223,16 @@ class RolloutPool:
             "start": start,
             "n_segments": np.full(n, segments) if n_segments is None else n_segments,
             "n_given": n_given,
-            "funnel": np.zeros(n, dtype=int) if funnel is None else funnel,
+            "law": np.zeros(n, dtype=int) if law is None else law,
         }
         out: dict[str, Any] = new_arrays(
             "SegmentArrays", _RESULTS, self._sizes, n=n, segments=segments
         )
-        self._check(starts, acc_K, indices, len(funnels))
+        self._check(starts, acc_K, indices, len(laws))
         for name in STATE:
             out[name].fill(np.nan)
         out["distance"].fill(np.inf)
-        laws = [packed("FunnelArrays", **vars(f)) for f in funnels]
+        law_arrays = [packed("LqrLawArrays", **vars(law)) for law in laws]
         exact = Exact(self._solids)
         arrays: Any = repacked(
             self._arrays,
@@ -241,14 +241,14 @@ class RolloutPool:
             solids=clearance_arrays(self._solids, exact),
             acc_K=acc_K,
             lead_time=np.ones(n) if lead_time is None else lead_time,
-            funnels=(structures["FunnelArrays"] * max(1, len(laws)))(*laws),
+            laws=(structures["LqrLawArrays"] * max(1, len(law_arrays)))(*law_arrays),
             out=packed("SegmentArrays", **out),
             **indices,
             **{name: starts[name] for name in STATE},
         )
         arrays.looks = looks or arrays.looks
         # Ctrl-C may leave a worker behind: its data live as long as `arrays`.
-        arrays.kept += [laws, exact]
+        arrays.kept += [law_arrays, exact]
         with exact:
             reached = self._work(arrays)
         out["looks"][reached + 1 :] = 0
@@ -258,7 +258,7 @@ class RolloutPool:
         )
 
     def _check(
-        self, starts: dict[str, Array], acc_K: Array, indices: dict[str, Indices], n_funnels: int
+        self, starts: dict[str, Array], acc_K: Array, indices: dict[str, Indices], n_laws: int
     ) -> None:
         """Raises ValueError if sizes or indices exceed the arrays."""
         n, segments = acc_K.shape[:2]
@@ -276,7 +276,7 @@ class RolloutPool:
             ("start", 0, n_starts - 1),
             ("n_segments", 1, segments),
             ("n_given", 0, segments),
-            ("funnel", 0, n_funnels - 1 if led else max(0, n_funnels - 1)),
+            ("law", 0, n_laws - 1 if led else max(0, n_laws - 1)),
         ):
             a = indices[name]
             if n and not (low <= np.min(a) and np.max(a) <= high):

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x1909a707ec022df7;
+constexpr long long contract_digest = 0x279101dd844d5692;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -644,7 +644,7 @@ struct GoalArrays {
 };
 
 // An equilibrium and the gains of the feedback to it.
-struct FunnelArrays {
+struct LqrLawArrays {
   const double* q_D;  // (n_qD,)
   const double* q_K;  // (n_qK,)
   const double* gains;  // (n_vK, 2 n_vD + 2 n_vK) on (dq_D, v_D, dq_K, v_K)
@@ -688,9 +688,9 @@ struct RolloutArrays {
   double* acc_K;  // (n, segments, n_vK); written where feedback determines them
   const int* n_segments;  // (n,) number of segments of each, at least 1
   const int* n_given;  // (n,) leading segments whose accelerations are given
-  const int* funnel;  // (n,) index of its funnel
+  const int* law;  // (n,) index of its law
   const double* lead_time;  // (n,) time by which its reference runs ahead [s]
-  const FunnelArrays* funnels;
+  const LqrLawArrays* laws;
   BoundArrays bounds;
   double margin;  // smallest allowed clearance [m]
   int may_slacken;  // whether strings that pull may go slack

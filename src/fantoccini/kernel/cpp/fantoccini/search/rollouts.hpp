@@ -140,7 +140,7 @@ class Rollouts {
       double* acc_K = in.acc_K + (i * in.segments + segment_[l]) * NK;
       if (segment_[l] >= in.n_given[i])
         equilibrium_feedback<Model>(
-            in.funnels[in.funnel[i]], in.bounds, in.lead_time[i],
+            in.laws[in.law[i]], in.bounds, in.lead_time[i],
             double(in.looks) * in.steps * in.options.dt, q_D, v_D, q_K, v_K, acc_K);
       for (int k = 0; k < NK; ++k) acc[k] = acc_K[k];
     }
