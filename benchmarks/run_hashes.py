@@ -98,7 +98,7 @@ def plans(puppet: fan.Marionette, x0: fan.State) -> Parts:
     aim = puppet.rest({"hand.length": float(x0["hand.length"]) - 0.1})
     for seed in range(3):
         plan = fan.plan(puppet, x0, aim, seed=seed, time_limit=60.0, iterations=300)
-        parts = [plan.tree.time, plan.states.q_D, plan.tree.looks, plan.acceleration]
+        parts = [plan.tree.time, plan.states.q_D, plan.tree.n_checks, plan.acceleration]
         yield f"plan {seed} {bool(plan)}", parts
 
 

@@ -100,7 +100,7 @@ def test_derivatives_predict_where_neighbours_end(plan, law):
         z = onto[k] @ rng.normal(size=onto.shape[1]) * 1e-4
         more = rng.normal(size=3) * 1e-4
         start = changed(plan, law.nodes[[k]], z)
-        ended = free.replay(start, law.planned[k] + more, int(law.looks[k]))
+        ended = free.replay(start, law.planned[k] + more, int(law.n_checks[k]))
         reached = law.away(law.nodes[k + 1], at(plan, ended[0]))
         predicted = law.A[k] @ z + law.B[k] @ more
         assert np.linalg.norm(reached - predicted) < 0.1 * np.linalg.norm(reached)

@@ -74,14 +74,14 @@ class EST2007:
         weight = np.maximum(tree.distance, _SAMPLING.min_distance) ** -self.bias
         start_nodes = _random_indices(weight, self.batch, rng)
         np.add.at(tree.tried, start_nodes, 1)
-        min_looks, max_looks = (
-            max(1, round(share * rollouts.options.looks)) for share in self.lasts
+        min_checks, max_checks = (
+            max(1, round(share * rollouts.options.n_checks)) for share in self.lasts
         )
-        n_looks = int(rng.integers(min_looks, max_looks + 1))
+        n_checks = int(rng.integers(min_checks, max_checks + 1))
         velocity = rng.uniform(-1.0, 1.0, (self.batch, tree.v_K.shape[1])) * rollouts.bounds.speed
         interval = rollouts.options.interval
-        acceleration = towards(velocity, tree.v_K[start_nodes], 1, n_looks * interval, rollouts)
-        segments = rollouts.simulate(tree.states, start_nodes, acceleration, looks=n_looks)
+        acceleration = towards(velocity, tree.v_K[start_nodes], 1, n_checks * interval, rollouts)
+        segments = rollouts.simulate(tree.states, start_nodes, acceleration, n_checks=n_checks)
         return PlannerRound(segments.n_made, tree.add_segments(segments, start_nodes, interval))
 
 

@@ -136,7 +136,7 @@ def _best_of(rollouts: Rollouts, start: State) -> LqrLaw:
         law=law_index,
         lead_time=np.full(n, _TOLERANCES.trial_lead_time),
     )
-    late_distances = np.where(segments_run.looks > 0, segments_run.distance, np.inf)[
+    late_distances = np.where(segments_run.n_checks > 0, segments_run.distance, np.inf)[
         :, segments // 2 :
     ]
     return rollouts.laws[int(np.argmin(np.mean(late_distances, axis=1)))]

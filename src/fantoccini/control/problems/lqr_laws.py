@@ -65,7 +65,7 @@ def lqr_laws(
             state,
             np.zeros((1, k)),
             run_options,
-            options.looks,
+            options.n_checks,
             options.threads,
             onto=projection,
         )

@@ -25,8 +25,8 @@ from fantoccini.dynamics.steppers import (
     decide,
     deepest,
     first_excess_tension,
-    looks,
     may_be_redundant,
+    measuring_times,
     prescribed_overlaps,
 )
 from fantoccini.kernel.runtime import Batch
@@ -150,7 +150,7 @@ class BatchVerdicts:
             def motion(t: Times) -> Array:
                 return run_input.evaluate(t)[0]
 
-            times = looks(run_input.breaks, batch.t, batch.t_end)
+            times = measuring_times(run_input.breaks, batch.t, batch.t_end)
             overlaps = prescribed_overlaps(marionette.with_p(batch.p[own[1]]), motion, times)
             self._depths[own] = deepest(overlaps)
         return Status.OVERSTEPPED if self._depths[own] else Status.DONE, ""

@@ -42,7 +42,7 @@ from fantoccini.dynamics.steppers import (
     contradiction,
     decide,
     first_excess_tension,
-    looks,
+    measuring_times,
     overlap_events,
     parted,
     prescribed_overlaps,
@@ -185,7 +185,9 @@ def simulate(
         before = events[:, contract.EVENT_AT["t"]] <= result.t[last]
         result = trajectory(samples[: last + 1], events[before])
     overlaps = prescribed_overlaps(
-        marionette, lambda t: bound.evaluate(t)[0], looks(bound.breaks, x0.t, float(result.t[-1]))
+        marionette,
+        lambda t: bound.evaluate(t)[0],
+        measuring_times(bound.breaks, x0.t, float(result.t[-1])),
     )
     if overlaps:
         event_arrays = written.events, overlap_events(marionette, overlaps, x0.t)

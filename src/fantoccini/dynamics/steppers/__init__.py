@@ -4,7 +4,7 @@ from fantoccini.dynamics.steppers.parting import parted, parted_starts
 from fantoccini.dynamics.steppers.prescribed import (
     Overlap,
     deepest,
-    looks,
+    measuring_times,
     overlap_events,
     prescribed_overlaps,
 )
@@ -32,8 +32,8 @@ __all__ = [
     "deepest",
     "first_excess_tension",
     "held_input",
-    "looks",
     "may_be_redundant",
+    "measuring_times",
     "overlap_events",
     "parted",
     "parted_starts",

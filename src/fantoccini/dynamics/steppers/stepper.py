@@ -28,7 +28,11 @@ from fantoccini.dynamics.compiled import (
     vector,
 )
 from fantoccini.dynamics.steppers.parting import parted
-from fantoccini.dynamics.steppers.prescribed import looks, overlap_events, prescribed_overlaps
+from fantoccini.dynamics.steppers.prescribed import (
+    measuring_times,
+    overlap_events,
+    prescribed_overlaps,
+)
 from fantoccini.dynamics.steppers.redundant import (
     CONTRADICTION_STATUSES,
     Contradiction,
@@ -259,7 +263,7 @@ class Stepper:
             return chosen.evaluate(t)[0] if isinstance(chosen, Input) else chosen.evaluate(t)
 
         if isinstance(chosen, Input):
-            times = looks(chosen.breaks, self._measured, self.state.t)
+            times = measuring_times(chosen.breaks, self._measured, self.state.t)
         else:  # constant acceleration
             times = np.linspace(self._measured, self.state.t, 3)
         overlaps = prescribed_overlaps(marionette, motion, times)

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x279101dd844d5692;
+constexpr long long contract_digest = 0x5b04e9cc79b607c0;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -666,7 +666,7 @@ struct SegmentArrays {
   double* q_K;  // (n, segments, n_qK)
   double* v_K;  // (n, segments, n_vK)
   double* distance;  // (n, segments) to the goal there
-  int* looks;  // (n, segments) it lasted; 0 where there is none
+  int* n_checks;  // (n, segments) it lasted; 0 where there is none
   int* catches;  // (n, segments) of strings and limits
 };
 
@@ -674,8 +674,8 @@ struct SegmentArrays {
 struct RolloutArrays {
   long long n;  // number of rollouts
   int segments;  // largest number of segments of a rollout
-  int looks;  // number of looks of a segment, at which it is checked
-  int steps;  // number of steps of a look
+  int n_checks;  // number of checks of a segment
+  int steps;  // number of steps between checks
   Options options;
   const double* p;
   const double* winches;

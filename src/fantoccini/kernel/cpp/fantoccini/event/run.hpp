@@ -314,7 +314,7 @@ struct EventRun {
       if (h < -GuardTolerances::open_gap * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
-    flow.motors.look(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);
+    flow.motors.observe(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);
     const long long before = out.n_events;
     flow.motors.tell(flow.t, out);
     instants.writer.n_events += out.n_events - before;

@@ -19,7 +19,7 @@ using AnyRun = ModelRun<Model>;
 // y = (q_D, v_D, work, loss, slip loss).
 
 // At (t, y): rate (n_y,), guards (n_rows + n_watched,) and slip (n_strings,); each may be null.
-FAN_EXPORT void fan_look(
+FAN_EXPORT void fan_evaluate(
     void* handle, double t, const double* y, double* rate, double* guard, double* slip) {
   auto& event = static_cast<fan::AnyRun*>(handle)->event;
   using F = fan::Flow<fan::Model>;

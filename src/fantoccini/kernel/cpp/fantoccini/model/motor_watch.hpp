@@ -59,7 +59,7 @@ struct MotorWatch {
   }
 
   // Checks the drives after a step of the lanes in `lanes`.
-  FAN_FN void look(
+  FAN_FN void observe(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* p, const Mask& lanes) {
     if (D == 0) return;
@@ -153,7 +153,7 @@ struct MotorWatch {
   Real low_[room(D)], high_[room(D)];     // range of the commands so far and of the start
   Real tooth_[room(D)];                   // period of the torque that a stepper is in
   Mask lost_[room(D)], astray_[room(D)];  // since the run began
-  Mask passed_[room(D)];                  // outside by more than runaway_distance at the last look
+  Mask passed_[room(D)];                  // outside by more than runaway_distance at the last check
 };
 
 }  // namespace fan

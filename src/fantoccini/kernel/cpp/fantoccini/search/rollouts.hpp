@@ -116,7 +116,7 @@ class Rollouts {
     Watch watch{*this, in, progress};
     int check_index = 0;
     bool running = true;
-    while (running && check_index < in.looks) {
+    while (running && check_index < in.n_checks) {
       way_.clear();
       record_configuration();
       clearance_.moves.clear();
@@ -141,7 +141,7 @@ class Rollouts {
       if (segment_[l] >= in.n_given[i])
         equilibrium_feedback<Model>(
             in.laws[in.law[i]], in.bounds, in.lead_time[i],
-            double(in.looks) * in.steps * in.options.dt, q_D, v_D, q_K, v_K, acc_K);
+            double(in.n_checks) * in.steps * in.options.dt, q_D, v_D, q_K, v_K, acc_K);
       for (int k = 0; k < NK; ++k) acc[k] = acc_K[k];
     }
     put_lane(acc, NK, l, out);
@@ -265,7 +265,7 @@ class Rollouts {
         if (in.goal.n_touches && !touching(in.goal, l)) distance += in.goal.open;
       }
       const bool there = distance <= in.goal.tolerance;
-      if (!there && check_index < in.looks) {
+      if (!there && check_index < in.n_checks) {
         running = true;
         continue;
       }
@@ -368,7 +368,7 @@ class Rollouts {
         [&](const Real* x, int n, const double*, double* to) { take_lane(x, n, l, to + at * n); },
         in);
     in.out.distance[at] = distance;
-    in.out.looks[at] = check_index;
+    in.out.n_checks[at] = check_index;
     in.out.catches[at] = caught_[l];
   }
 

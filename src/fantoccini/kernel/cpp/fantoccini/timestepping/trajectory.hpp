@@ -193,7 +193,7 @@ struct TimeSteppingTrajectory {
     at.idle = !goes;
     take_inputs();
     const auto& in = inputs();
-    motors.look(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p_, goes);
+    motors.observe(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p_, goes);
   }
 
   // Holds rows that pull at the start, except those that close faster than the forces of a step

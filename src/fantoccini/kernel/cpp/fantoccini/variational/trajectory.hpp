@@ -154,7 +154,7 @@ struct VariationalTrajectory {
     }
     for (int i = 0; i < S; ++i) slips_[i] = (ends && slips_[i]) || (!ends && slipped_[i]);
     const Inputs& in = inputs();
-    motors.look(q_D(), v_D(), in.q_K, in.v_K, in.acc_K, p(), ends);
+    motors.observe(q_D(), v_D(), in.q_K, in.v_K, in.acc_K, p(), ends);
     stop(ends && motors.gone, RUNAWAY);
   }
 
