@@ -113,7 +113,7 @@ int main() {
   }
   if (status == fan::RUNNING || status == fan::DONE) status = run_to(run, t_end, sheets);
   fan::RunProgress progress;
-  double attribution[fan::room(Model::n_rows + Model::n_watched)], most = 0.0;
+  double attribution[fan::array_size(Model::n_rows + Model::n_watched)], most = 0.0;
   fan_progress(run, &progress);
   fan_attribution(run, status, attribution);
   fan_free(run);

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x5b04e9cc79b607c0;
+constexpr long long contract_digest = 0x58f38addbfad062c;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -115,7 +115,7 @@ enum class Solved : int {
   YES = 0,  // solved
   INFEASIBLE = 1,  // there is no solution
   UNSETTLED = 2,  // the bound on iterations was reached
-  NO_ROOM = 3,  // more rows than the puppet has, or not enough memory
+  TOO_LARGE = 3,  // more rows than the puppet has, or not enough memory
 };
 
 // Outcome of a search for the hanging pose nearest to targets.
@@ -335,7 +335,7 @@ struct TouchingStepArrays {
   Options options;
   const double* winches;  // winches of all nodes
   double reference_force;  // size of forces, such as the weight [N]
-  int room;  // largest number of points of a node
+  int capacity;  // largest number of points of a node
   Shared p;
   Shared acc_K;  // driven acceleration at the start
   Shared u_D;  // user forces, or null
@@ -360,7 +360,7 @@ struct TouchingStepArrays {
   int n_pairs;  // number of pairs in ContactArrays
   int* pair_edges;  // (n, n_pairs) StepEdge of every pair; set to 0 before
   int* n_points;  // (n,) numbers of points with force
-  StepContact* points;  // (n, room)
+  StepContact* points;  // (n, capacity)
   double* screws;  // (n, n_vD + n_vK, 6) results of the function screws at the start
   // (n, n_links + n_vD + n_vK, 6, n_p) derivatives by the parameters: twists of links, changes
   // of screws; null without parameters
@@ -388,16 +388,16 @@ struct StepDerivativeArrays {
   // if requested, and p; for driven rotations by rate and mean
   double* motion;
   double* pull;  // (n, n_rows, m) derivatives of the tensions, or null
-  // (n, 3 room, m) derivatives of the multipliers, point after point: along the normal and, if
-  // the point sticks, along two tangents; or null
+  // (n, 3 capacity, m) derivatives of the multipliers, point after point: along the normal
+  // and, if the point sticks, along two tangents; or null
   double* shares;
   // (n, n_vD + n_vK, m) of the configuration where what springs back touches, of steps in
   // which something does; null without shares
   double* moved;
   const int* n_points;  // (n,) points that push; null without contact
   const double* delay;  // as in TouchingStepArrays; null without contact
-  int room;  // for points of a node
-  const StepContact* points;  // (n, room)
+  int capacity;  // for points of a node
+  const StepContact* points;  // (n, capacity)
   const double* screws;  // screws of TouchingStepArrays
   const double* by_p;  // by_p of TouchingStepArrays
   int* edges;  // (n,) StepEdge; bits are added

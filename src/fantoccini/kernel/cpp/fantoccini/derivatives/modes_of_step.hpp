@@ -41,7 +41,7 @@ class ModesOfStep {
 
   // w <- w + F^-T Q with the generalised forces Q of all points.
   void push(const Eval& eval, double* w) {
-    double Q[room(N)] = {}, out[room(N)];
+    double Q[array_size(N)] = {}, out[array_size(N)];
     partials_.begin(screws_, Q, Q, none_, by_p_, dt_);
     for (int i = 0; i < n_; ++i) partials_.push(point_[i], Q);
     Model::solve_factor_transposed_of(eval.L, Q, out);
@@ -78,7 +78,7 @@ class ModesOfStep {
     if (jams) return JAMS;
     bool slides = false;
     for (int i = 0; i < n_; ++i) slides = slides || !point_[i].sticks;
-    double idle[room(R)];
+    double idle[array_size(R)];
     const bool is_open = slides && system_.idle(idle);
     if (is_open && depends(eval, force, idle)) return OPEN_SHARES;
     return 0;
@@ -99,7 +99,7 @@ class ModesOfStep {
     for (int i = 0; i < Partials::n_columns * N; ++i) by_[i] = 0.0;
     int n = n_held_, n_turning = 0;
     for (int i = 0; i < n_; ++i) {
-      double rows[3][room(N)], forces[3][room(N)], drag[room(N)];
+      double rows[3][array_size(N)], forces[3][array_size(N)], drag[array_size(N)];
       int held;
       const bool turns = partials_.take(point_[i], &held, rows, forces, change_, drag, by_);
       for (int d = 0; d < held; ++d, ++n) {
@@ -132,7 +132,7 @@ class ModesOfStep {
     for (int b = 0; b < columns_->n_bundles; ++b) {
       if (!Columns::acts(b)) continue;
       const Wide* rate = rate_ + b * R;
-      Wide x[room(N)], w[room(N)], y[room(R)];
+      Wide x[array_size(N)], w[array_size(N)], y[array_size(R)];
       for (int k = 0; k < N; ++k) x[k] = -force[b * N + k];
       Model::solve_factor_transposed_of(eval.L, x, w);
       system_.solve(w, rate, y);
@@ -152,7 +152,7 @@ class ModesOfStep {
     assemble(eval, force);
     if (!system_.factorise()) return true;
     solve(eval, force, other_, nullptr, nullptr);
-    Wide all = Wide(0.0), size[room(Columns::most)];
+    Wide all = Wide(0.0), size[array_size(Columns::most)];
     for (int b = 0; b < columns_->n_bundles; ++b) {
       size[b] = Wide(0.0);
       if (!Columns::acts(b)) continue;
@@ -170,16 +170,17 @@ class ModesOfStep {
     return false;
   }
 
-  StepContact point_[room(C)];
+  StepContact point_[array_size(C)];
   int n_ = 0, n_held_ = 0;
   const Columns* columns_ = nullptr;
   const double *screws_, *by_p_;
-  double dt_, none_[room(K)] = {};
+  double dt_, none_[array_size(K)] = {};
   Partials partials_;
   ModeSystem<R, C, N> system_;
-  double change_[3][room(Partials::n_columns)], by_[room(Partials::n_columns * N)];
-  Wide rate_[room(Columns::most * R)], solution_[room(Columns::most * N)];  // in bundles
-  Wide other_[room(Columns::most * N)];
+  double change_[3][array_size(Partials::n_columns)], by_[array_size(Partials::n_columns * N)];
+  Wide rate_[array_size(Columns::most * R)],
+      solution_[array_size(Columns::most * N)];  // in bundles
+  Wide other_[array_size(Columns::most * N)];
 };
 
 }  // namespace fan

@@ -24,7 +24,7 @@ struct Detector {
   using Tolerance = DetectorTolerances;
   static constexpr int S = F::S, M = F::M;
 
-  double attribution[room(M)];  // by row, 0 to 1
+  double attribution[array_size(M)];  // by row, 0 to 1
 
   // The status at the flow's latest evaluation, which must be that of its present state.
   Status check(const F& f) {
@@ -71,7 +71,7 @@ struct Detector {
     bool wanted = false;
     for (int i = 0; i < S; ++i) wanted = wanted || (f.taut(i) && Model::string_points[i] > 2);
     if (!wanted) return RUNNING;
-    double points[room(3 * Model::n_points)];
+    double points[array_size(3 * Model::n_points)];
     Call<Model, double>::points(f.y, f.q_K, f.p, points);
     int at = 0;
     for (int i = 0; i < S; ++i) {
@@ -112,7 +112,7 @@ struct Detector {
     if (top < Tolerance::tension_growth * reference_) return RUNNING;
     if (top < Tolerance::min_tension * f.weight()) return RUNNING;
     // Direction in which A_D M^-1 A_D^T nearly vanishes.
-    double y[room(M)], along = 0.0, most = 0.0;
+    double y[array_size(M)], along = 0.0, most = 0.0;
     for (int a = 0; a < f.rows.n; ++a) y[a] = a == weakest ? 1.0 : 0.0;
     problem.substitute(y);
     for (int a = 0; a < f.rows.n; ++a)

@@ -29,8 +29,8 @@ struct EventRun {
   Status start(const StartArrays& from, Record<Model>& out) {
     set(from);
     flow.drive.start_at(flow.t);
-    const bool none[room(M)] = {};
-    Hold next[room(M)];
+    const bool none[array_size(M)] = {};
+    Hold next[array_size(M)];
     for (int r = 0; r < M; ++r) {
       flow.row_state[r] = SLACK;
       instants.loosened[r] = -unbounded;

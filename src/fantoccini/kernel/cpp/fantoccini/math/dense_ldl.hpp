@@ -12,7 +12,7 @@ namespace fan {
 
 template <int capacity>
 struct DenseLdl {
-  static constexpr int N = padded(room(capacity) + 1);
+  static constexpr int N = padded(array_size(capacity) + 1);
 
   int n = 0, stride = 0;
   int n_left_out = 0;  // number of rows left out

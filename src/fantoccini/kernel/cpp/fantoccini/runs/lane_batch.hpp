@@ -121,12 +121,13 @@ class LaneDrive {
 
   InputArrays input_[width];
   int piece_[width];
-  bool forced_ = false, still_[room(Space::n_v)];
+  bool forced_ = false, still_[array_size(Space::n_v)];
   long long still_number_ = 0, numbers_ = 0;
   Real s_,
       moves_ =
           Real(0.0);  // s: time since the piece began; 1 within the input, 0 before and after it
-  Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
+  Real coef_[array_size(Space::n_v * n_powers)], base_[array_size(Space::n_q)],
+      force_[array_size(n_vD * n_powers)];
 };
 
 // Trajectory advances one trajectory per lane: TimeSteppingTrajectory or VariationalTrajectory.

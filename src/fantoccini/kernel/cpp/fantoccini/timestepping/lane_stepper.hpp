@@ -111,7 +111,7 @@ class LaneStepper {
     auto& bundle = worker.bundle;
     bundle.set(0.0, in.options, in.winches);
     auto& inputs = bundle.inputs();
-    Real acc_K[room(NK)];
+    Real acc_K[array_size(NK)];
     for (int l = 0; l < width; ++l) {
       const long long index = first + (l < n ? l : n - 1);
       put_lane(in.q_D + index * NQ, NQ, l, bundle.q_D());

@@ -41,9 +41,9 @@ struct VariationalTrajectory {
   Real t;  // s
   Real work, damping, impact, slip_loss, worst_violation;
   Real status;  // a Status: RUNNING, or the reason for the trajectory's stop
-  double attribution[width][room(M)];
+  double attribution[width][array_size(M)];
   // Of the last whole step.
-  Real pull[room(M)];  // N or N m: mean tensions
+  Real pull[array_size(M)];  // N or N m: mean tensions
 
   // Sets the time and options of all lanes; states and parameters are set afterwards.
   void set(double start, const Options& options, const double* winches) {
@@ -119,7 +119,7 @@ struct VariationalTrajectory {
   void advance(Drive& drive, double next, double whole) {
     const Mask no = Real(0.0) > Real(1.0);
     const Real start = t;
-    Real part = Real(whole), impulse[room(M)];
+    Real part = Real(whole), impulse[array_size(M)];
     for (int r = 0; r < M; ++r) {
       was_[r] = node().taut[r];
       impulse[r] = catch_impulse_[r] = Real(0.0);
@@ -260,9 +260,9 @@ struct VariationalTrajectory {
     const auto& rows = node().firm.rows;
     const double dt = lane_of(parts, lane);
     ActiveSet<M, N> set;
-    double columns[room(M)][room(N)];
-    int row[room(M)];
-    Real b[room(M)];
+    double columns[array_size(M)][array_size(N)];
+    int row[array_size(M)];
+    Real b[array_size(M)];
     at.demand(parts, b);
     node().bound(node().firm, parts);
     set.n = 0;
@@ -293,9 +293,10 @@ struct VariationalTrajectory {
   }
 
   // Of the last whole step.
-  Real catch_impulse_[room(M)];             // N s or N m s: impulses of caught rows
-  Mask was_[room(M)];                       // rows that were taut before it
-  Mask slips_[room(S)], slipped_[room(S)];  // winches that slip in it, and in the previous one
+  Real catch_impulse_[array_size(M)];  // N s or N m s: impulses of caught rows
+  Mask was_[array_size(M)];            // rows that were taut before it
+  Mask slips_[array_size(S)],
+      slipped_[array_size(S)];  // winches that slip in it, and in the previous one
 };
 
 }  // namespace fan
