@@ -21,7 +21,7 @@ for balanced in (False, True):
     live = fan.Performance(puppet, tick=0.01)
     home = puppet.pose(live.state, "torso")[:3, 3]
     law = fan.theatre.Balance(live) if balanced else None
-    live.let(law)
+    live.set_hand_law(law)
     live.push("torso", [0.5, 0.2, 0.0])
     t, away, speed = [], [], 0.0
     for k in range(100):

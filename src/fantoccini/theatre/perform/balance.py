@@ -53,7 +53,7 @@ class Balance:
     ::
 
         live = fan.Performance(fan.puppets.marionette())
-        live.let(fan.theatre.Balance(live))
+        live.set_hand_law(fan.theatre.Balance(live))
         live.push("torso", [0.5, 0.0, 0.0])
         live.advance(0.2)
 
