@@ -91,7 +91,7 @@ class FollowStatus(Outcome):
     """Outcome of following a clip."""
 
     FOLLOWS = "the run reached the clip's end, within 15 % of the puppet's height of the clip"
-    ASTRAY = "the run is farther from the clip than 15 % of the puppet's height"
+    DIVERGED = "the run is farther from the clip than 15 % of the puppet's height"
     STOPPED = "the event-driven run stopped before the clip's end"
 
 
@@ -301,7 +301,7 @@ def _followed(
     status = FollowStatus.FOLLOWS if arrived and run.status in ARRIVED else FollowStatus.STOPPED
     followed = Followed(clip, status, run, acc_K, INTERVAL, t, 0.0)
     if followed and followed.far > MAX_ERROR:
-        return replace(followed, status=FollowStatus.ASTRAY)
+        return replace(followed, status=FollowStatus.DIVERGED)
     return followed
 
 
