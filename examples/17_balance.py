@@ -36,7 +36,7 @@ for balanced in (False, True):
     axes.plot(t, away, label=name)
     print(f"{name}: {away[-1]:.0f} mm away after {t[-1]:g} s, at most {speed:.2f} rad/s by then")
     if law is not None:
-        print(law.about)
+        print(law.summary)
 
 axes.set(xlabel="time [s]", ylabel="torso away [mm]")
 axes.legend()

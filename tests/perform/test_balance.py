@@ -119,7 +119,7 @@ def test_a_thread_makes_the_updates_and_counts_those_that_are_late(arm):
         assert time.monotonic() < end and not law.message
         live.step()
         time.sleep(live.tick)
-    assert f"{law.late} late" in law.about
+    assert f"{law.late} late" in law.summary
     # A puppet that runs ahead of the updates follows the old plan, and they come late.
     late, skipped = law.late, law.mpc.skipped
     for _ in range(5):
