@@ -2,7 +2,7 @@
 
     python crocoddyl_peer.py < requests
 
-The first line is a problem (``peer_problems.Problem.as_json``); each further line requests ``solve``,
+The first line is a problem (``peer_problems.Problem.as_json``); further lines request ``solve``,
 ``score`` of inputs or the time of ``derivatives``, and gets a line as the answer.
 
 The hand is a body of 1 kg, driven by forces; the links below it weigh 1e-12 kg in total. So the

@@ -117,7 +117,8 @@ def _cut(mesh: Any, name: str) -> list[Array]:
     pieces = [_corners_of(x, size) for x in corners if thickness(x) > TOLERANCES.thin * size]
     if len(pieces) > TOLERANCES.max_pieces:
         raise ValueError(
-            f"{name} needs {len(pieces)} convex pieces in contact; allowed: {TOLERANCES.max_pieces}. "
+            f"{name} needs {len(pieces)} convex pieces in contact; allowed: "
+            f"{TOLERANCES.max_pieces}. "
             "Make the mesh plainer, or let boxes, capsules, spheres touch"
         )
     off = _deviation(mesh, pieces, size) / size
