@@ -97,8 +97,9 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         single = [_member(name, _SINGLE, kind.mapped) for name in (*own, "column")]
         members += [_SEVERAL_LANES, *single, "#endif"]
     solves = Table("ModelTables::solve_number")
-    transposed = functions["solve_factor_transposed"]
-    templates = [_pushes(equations, transposed, solves)] if in_threes else []
+    templates = []
+    if in_threes:
+        templates.append(_pushes(equations, functions["solve_factor_transposed"], solves))
     if kind.several:
         for name in ("solve_factor_transposed", "solve_factor"):
             templates.append(together(functions[name], f"fan_{name}_of", SIZES.piece, solves))
