@@ -83,7 +83,7 @@ def _check(kind: str, line: int, text: str) -> Iterator[Finding]:
     is_name = kind in ("local", "constant")
     plain = text if is_name else _QUOTED.sub(lambda m: "`" + "\n" * m[0].count("\n"), text)
     starts = {
-        kind: [] if text in TABLE["waiting"] else [0],
+        kind: [0],
         "opening": [0] if kind == "docstring" else [],
         "entry": [m.end() for m in _ENTRY.finditer(plain)] if kind == "docstring" else [],
     }

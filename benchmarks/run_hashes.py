@@ -24,7 +24,18 @@ PUPPETS = (*FAST_PUPPETS, "stand6", "marionette", "promenade")
 METHODS = ("event", "timestepping", "variational")
 """The last one does not support contact."""
 SAMPLES = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "tension", "taut", "slip")
-ENDS = ("q_D", "v_D", "q_K", "v_K", "slip", "tension", "taut", "books", "violation", "status")
+ENDS = (
+    "q_D",
+    "v_D",
+    "q_K",
+    "v_K",
+    "slip",
+    "tension",
+    "taut",
+    "energy_terms",
+    "violation",
+    "status",
+)
 Parts = Iterator[tuple[str, list[object]]]
 
 
@@ -87,7 +98,7 @@ def plans(puppet: fan.Marionette, x0: fan.State) -> Parts:
     aim = puppet.rest({"hand.length": float(x0["hand.length"]) - 0.1})
     for seed in range(3):
         plan = fan.plan(puppet, x0, aim, seed=seed, time_limit=60.0, iterations=300)
-        parts = [plan.tree.time, plan.states.q_D, plan.tree.looks, plan.acceleration]
+        parts = [plan.tree.time, plan.states.q_D, plan.tree.n_checks, plan.acceleration]
         yield f"plan {seed} {bool(plan)}", parts
 
 

@@ -28,7 +28,7 @@ try:
     fan.simulate(stiff, stiff.rest(), fan.Input.waypoints(stiff, PULL))
 except fan.errors.SimulationError as error:
     print(f"without a slipping winch: {error}")
-    print(f"  {len(error.trajectory)} samples; cause: {', '.join(error.trajectory.blamed)}")
+    print(f"  {len(error.trajectory)} samples; cause: {', '.join(error.trajectory.causes)}")
 
 winch = fan.loads(LOAD.format(winch=", max_tension: 30, rewind_speed: 0.3"))
 pull = fan.Input.waypoints(winch, PULL)

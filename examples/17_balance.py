@@ -21,7 +21,7 @@ for balanced in (False, True):
     live = fan.Performance(puppet, tick=0.01)
     home = puppet.pose(live.state, "torso")[:3, 3]
     law = fan.theatre.Balance(live) if balanced else None
-    live.let(law)
+    live.set_hand_law(law)
     live.push("torso", [0.5, 0.2, 0.0])
     t, away, speed = [], [], 0.0
     for k in range(100):
@@ -36,7 +36,7 @@ for balanced in (False, True):
     axes.plot(t, away, label=name)
     print(f"{name}: {away[-1]:.0f} mm away after {t[-1]:g} s, at most {speed:.2f} rad/s by then")
     if law is not None:
-        print(law.about)
+        print(law.summary)
 
 axes.set(xlabel="time [s]", ylabel="torso away [mm]")
 axes.legend()

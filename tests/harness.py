@@ -82,7 +82,7 @@ class Model:
     def acceleration(self, state: State) -> np.ndarray:
         """acc_D of the puppet without strings, from results of the compiled model (Eq. 8)."""
         dynamics = self.call("dynamics", state)
-        return np.array(self.equations["back"](dynamics["L"], dynamics["w0"])).ravel()
+        return np.array(self.equations["solve_factor"](dynamics["L"], dynamics["w0"])).ravel()
 
     def moved(self, state: State, s: float, acc_D: np.ndarray | None = None) -> State:
         """A state s seconds on along a smooth curve with the motion's tangent.

@@ -103,8 +103,8 @@ def package_of(file: Path) -> str:
     return ".".join(file.parent.relative_to(PACKAGE).parts)
 
 
-def room_of(name: str) -> str:
-    """The room in a dotted name that begins with ``fantoccini``."""
+def top_package_of(name: str) -> str:
+    """The top package in a dotted name that begins with ``fantoccini``."""
     return [*name.split("."), ""][1]
 
 
@@ -147,8 +147,8 @@ def internal_imports() -> list[Import]:
 
 
 def test_every_folder_is_a_room_of_the_order():
-    rooms = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").exists()}
-    assert rooms == set(ORDER)
+    packages = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").exists()}
+    assert packages == set(ORDER)
     assert [file.name for file in PACKAGE.glob("*.py")] == ["__init__.py"]
 
 
@@ -158,7 +158,7 @@ def test_a_room_imports_only_from_those_above_it():
         str(item)
         for item in internal_imports()
         if item.package
-        and order.get(room_of(item.name), len(ORDER)) > order[item.package.split(".")[0]]
+        and order.get(top_package_of(item.name), len(ORDER)) > order[item.package.split(".")[0]]
     ]
     assert len(internal_imports()) > 2000
     assert wrong == []
@@ -217,9 +217,9 @@ def test_modules_are_imported_by_name_in_their_own_package_or_for_drawing():
     assert elsewhere == {(DRAWING, "fantoccini.output")}
 
 
-@pytest.mark.parametrize("room", ["motion", "dynamics", "control"])
-def test_rooms_above_output_do_not_import_it(room):
-    code = f"import sys, fantoccini.{room} as r; [getattr(r, n) for n in r.__all__]; " + (
+@pytest.mark.parametrize("package", ["motion", "dynamics", "control"])
+def test_packages_above_output_do_not_import_it(package):
+    code = f"import sys, fantoccini.{package} as r; [getattr(r, n) for n in r.__all__]; " + (
         "print(*[n for n in sys.modules if n.startswith('fantoccini.output')])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

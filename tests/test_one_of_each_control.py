@@ -124,7 +124,7 @@ def test_all_searches_for_equilibria_end_in_one_function():
     assert pose and pose.state.q_D[1] == pytest.approx(bent)
     assert arm.rest(pose.state).q_D == pytest.approx(pose.state.q_D, abs=1e-12)
     problem = fan.control.Problem(arm, x, {"elbow": bent})
-    led = problem.rollouts.funnels[0]
+    led = problem.rollouts.laws[0]
     again = arm.rest(x.replace(q_D=led.q_D, q_K=led.q_K))
     assert problem.equilibrium and again.q_D == pytest.approx(led.q_D, abs=1e-9)
 

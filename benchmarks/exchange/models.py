@@ -171,7 +171,7 @@ def compare(imported: Imported, m: mujoco.MjModel, states: int) -> float:
         }
         dynamics = equations["dynamics"]
         terms = dynamics(**{name: values[name] for name in dynamics.name_in()})
-        acc = np.array(equations["back"](terms["L"], terms["w0"])).ravel()
+        acc = np.array(equations["solve_factor"](terms["L"], terms["w0"])).ravel()
         worst = max(worst, float(np.abs(acc - d.qacc[v]).max()))
         largest = max(largest, float(np.abs(d.qacc[v]).max()))
     return worst / largest

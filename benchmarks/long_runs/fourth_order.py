@@ -118,7 +118,7 @@ def measured() -> tuple[Table, Table]:
     push = x.replace(v_D=np.array([0.5, 2.0, -1.5]))
     at = Evaluation.of(puppet, push)
     W = at.W[:, :1]
-    v_D = push.v_D - at.back(W @ np.linalg.solve(W.T @ W, at.hdot[:1]))
+    v_D = push.v_D - at.solve_factor(W @ np.linalg.solve(W.T @ W, at.hdot[:1]))
     x = push.replace(v_D=v_D)
     exact = fan.simulate(puppet, x, t_end=SECONDS, method=fan.Event(rtol=1e-13, atol=1e-13))
     if exact.events:

@@ -242,7 +242,10 @@ def growth() -> Table:
         v_D = 0.3 * np.random.default_rng(0).normal(size=dof)
         moving = puppet.project(x.replace(v_D=v_D))
         own = Variational(puppet.equations).functions()
-        solves = sum(puppet.equations[name].n_instructions() for name in ("forth", "back"))
+        solves = sum(
+            puppet.equations[name].n_instructions()
+            for name in ("solve_factor_transposed", "solve_factor")
+        )
         once = own["node"].n_instructions()
         took = [
             f"{step_time(puppet, moving, method, dt, 300):.1f}"

@@ -64,7 +64,7 @@ def swinging(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
     at = Evaluation.of(puppet, x)
     taut = np.flatnonzero(np.abs(at.h) < 1e-9)
     W = at.W[:, taut]
-    return x.replace(v_D=v_D - at.back(W @ np.linalg.solve(W.T @ W, at.hdot[taut])))
+    return x.replace(v_D=v_D - at.solve_factor(W @ np.linalg.solve(W.T @ W, at.hdot[taut])))
 
 
 def swing(amplitude: float) -> State:

@@ -2,8 +2,8 @@
 
     python crocoddyl_peer.py < requests
 
-The first line is a problem (``peer_problems.Problem.told``); each further line requests ``solve``,
-``score`` of inputs or the time of ``derivatives``, and gets a line as the answer.
+The first line is a problem (``peer_problems.Problem.as_json``); further lines request ``solve``,
+``score`` of inputs or the time of ``derivatives``, and get a line as the answer.
 
 The hand is a body of 1 kg, driven by forces; the links below it weigh 1e-12 kg in total. So the
 forces are the hand's accelerations, except for gravity, and the links move as at any scale

@@ -134,7 +134,7 @@ class Problem:
             name=self.name,
         )
 
-    def told(self) -> dict[str, object]:
+    def as_json(self) -> dict[str, object]:
         """The problem for the peers, as JSON data."""
         return {
             "axes": self.axes,

@@ -58,7 +58,7 @@ class Crocoddyl:
             text=True,
             env={k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | alone,
         )
-        self.versions = self._ask(problem.told())["versions"]
+        self.versions = self._ask(problem.as_json())["versions"]
 
     def __call__(self, ask: str, **more: Any) -> dict[str, Any]:
         return self._ask({"ask": ask, **more})

@@ -112,7 +112,7 @@ def follow(law: Feedback, x0: State, closed: bool) -> Followed:
     problem, interval = law.plan.problem, law.plan.rollouts.options.interval
     puppet, states, commanded = MuJoCoPuppet(problem.marionette, STEP), [x0], []
     puppet.put(x0.q_D, x0.v_D)
-    for k, n_checks in enumerate(law.looks):
+    for k, n_checks in enumerate(law.n_checks):
         commanded.append(law.acceleration(k, states[-1]) if closed else law.planned[k])
         for _ in range(n_checks):
             states.append(advanced(puppet, states[-1], interval, commanded[-1]))

@@ -120,7 +120,7 @@ def follow_mpc(law: Feedback, x0: State) -> Run:
     mpc = fan.MPC(problem.marionette, task_along(law), HORIZON, round(HORIZON / INTERVAL))
     puppet, states, commanded, x = MuJoCoPuppet(problem.marionette, STEP), [x0], [], x0
     puppet.put(x0.q_D, x0.v_D)
-    end = x0.t + interval * int(np.sum(law.looks))
+    end = x0.t + interval * int(np.sum(law.n_checks))
     while x.t < end - 1e-9:
         commanded.append(mpc.step(x))
         x = advanced(puppet, x, min(INTERVAL, end - x.t), commanded[-1])

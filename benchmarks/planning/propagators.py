@@ -70,7 +70,7 @@ class Own(RolloutPool):
         self._before, self._there = np.empty(layout.n), np.empty(layout.n)
         self._acc_K, self._distance = np.empty(len(bounds.speed)), np.empty(1)
         self._zero, self._one = np.zeros(1, np.int64), np.ones(1, np.int32)
-        self._looks, self._slips = np.empty(2, np.int32), np.concatenate([layout.slip] * 2)
+        self._n_checks, self._slips = np.empty(2, np.int32), np.concatenate([layout.slip] * 2)
         arrays = self._arrays
         self._exact = Exact(m.clearance.solids)
         self._measured = clearance_arrays(m.clearance.solids, self._exact, self._kept)
@@ -83,10 +83,10 @@ class Own(RolloutPool):
             into.q_D, into.v_D, into.q_K, into.v_K = (pointer(row[p]) for p in layout.parts)
             into.slip = pointer(slip)
         arrays.acc_K, arrays.lead_time = pointer(self._acc_K), pointer(self._distance)
-        arrays.start, arrays.funnel = pointer(self._zero), pointer(self._zero)
+        arrays.start, arrays.law = pointer(self._zero), pointer(self._zero)
         arrays.n_segments = arrays.n_given = pointer(self._one)
         arrays.out.distance = pointer(self._distance)
-        arrays.out.looks, arrays.out.catches = (pointer(self._looks[k:]) for k in (0, 1))
+        arrays.out.n_checks, arrays.out.catches = (pointer(self._n_checks[k:]) for k in (0, 1))
 
     def after(self, row: Array, acc_K: Array) -> Array:
         """The row (n,) one check later, NaN if invalid; acc_K (n_vK,) [m/s^2]."""
@@ -132,7 +132,7 @@ class MuJoCo:
         # An Euler step uses its last velocity throughout: that in its middle is exact.
         puppet.drive(q_K, v_K - 0.5 * rollouts.options.dt * acc_K, acc_K)
         self._warm[:] = 0.0
-        self._step(puppet.model, puppet.data, rollouts.options.look)
+        self._step(puppet.model, puppet.data, rollouts.options.steps_per_check)
         if not rollouts.slack and (self._lengths[puppet.strings] < self._slack).any():
             return np.full(len(row), np.nan)
         there = self._qpos[puppet.q_D], self._qvel[puppet.v_D]

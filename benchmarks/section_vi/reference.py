@@ -95,7 +95,7 @@ def toss(mechanism: Mechanism, x0: State, inputs: Input) -> Reference | None:
     """
     mixed = mechanism.mixed
     at = Evaluation.of(mixed, x0)
-    thrown = x0.replace(v_D=-_MOVES.rise_time * mechanism.time_scale * at.back(at.w0))
+    thrown = x0.replace(v_D=-_MOVES.rise_time * mechanism.time_scale * at.solve_factor(at.w0))
     try:
         motion = simulate_reference(mechanism, mixed.project(thrown), inputs)
     except SimulationError:

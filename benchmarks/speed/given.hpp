@@ -19,7 +19,7 @@ static int n_segments;
 // Begins fixed steps from the inputs read by take_all(); `contacts` may be null.
 template <class Run>
 void begin_steps(Run& run, const fan::ContactArrays* contacts, fan::Record<fan::Model>& out) {
-  static const std::vector<double> no_slip(fan::room(fan::Model::n_strings), 0.0);
+  static const std::vector<double> no_slip(fan::array_size(fan::Model::n_strings), 0.0);
   fan::StartArrays from{};
   from.q_D = q_D.data(), from.v_D = v_D.data(), from.slip = no_slip.data(), from.p = p.data();
   from.winches = table.data();

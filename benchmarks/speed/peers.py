@@ -172,7 +172,7 @@ def _acceleration_apart(peer) -> float:
             q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
         x = rest.replace(q_D=q_D, v_D=rng.normal(size=len(rest.v_D)))
         instant = Evaluation.of(puppet, x)
-        ours = instant.back(instant.w0)
+        ours = instant.solve_factor(instant.w0)
         worst = max(
             worst,
             float(np.abs(peer.acceleration(x.q_D, x.v_D) - ours).max()) / float(np.abs(ours).max()),

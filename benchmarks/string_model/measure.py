@@ -165,7 +165,7 @@ def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
     _, tension = puppet.forward_dynamics(x)
     rows = np.flatnonzero(tension > 0)
     W, tau = at.W[:, rows], tension[rows]
-    moves = at.back(np.eye(n))
+    moves = at.solve_factor(np.eye(n))
     stiff, damped = np.zeros((n, n)), np.zeros((n, n))
     for k, move in enumerate(moves):
         for sign in (1, -1):

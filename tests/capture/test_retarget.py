@@ -286,7 +286,7 @@ def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
     monkeypatch.setattr("fantoccini.theatre.retarget.following.lead_along", still)
     hung = fan.theatre.retarget_clip(marionette, "walk_up")
     lost = fan.theatre.follow_clip(marionette, hung, speed=1.0, acceleration={"head.length": 4.0})
-    assert lost.status is FollowStatus.ASTRAY and not lost
+    assert lost.status is FollowStatus.DIVERGED and not lost
     assert lost.far > 0.15 > lost.hanging_far
     assert bounds == [(1.0, 4.0), (0.5, 2.0), (0.25, 1.0)]
     ran = fantoccini("follow", "walk_up", "marionette", "--quiet")
@@ -320,14 +320,14 @@ def test_a_limb_that_is_lost_for_a_third_of_the_clip_does_not_follow(marionette,
     def one_hand_off(retargeted, run, t):
         errors = measured(retargeted, run, t)
         third = np.arange(len(t)) < len(t) // 3
-        far = retargeted.errors["hand_left"] + 0.2 * retargeted.figure.height
-        return errors | {"hand_left": np.where(third, far, errors["hand_left"])}
+        distant = retargeted.errors["hand_left"] + 0.2 * retargeted.figure.height
+        return errors | {"hand_left": np.where(third, distant, errors["hand_left"])}
 
     hung = fan.theatre.retarget_clip(marionette, "walk_up")
     monkeypatch.setattr(following, "errors_of", one_hand_off)
     monkeypatch.setattr(following, "SLOWER", ())
     lost = fan.theatre.follow_clip(marionette, hung)
-    assert lost.status is FollowStatus.ASTRAY and lost.far < 0.15
+    assert lost.status is FollowStatus.DIVERGED and lost.far < 0.15
     assert [loss.part for loss in lost.losses] == ["hand_left"]
 
 

@@ -130,10 +130,12 @@ def test_export_and_dry_run(files):
 def test_export_refuses_impossible_options(files):
     weak = (files / "weak.yaml", files / "run.npz", files / "weak.csv", "--controller", "csv")
     done = fantoccini("stand", "export", *weak, code=1)
-    assert "cannot do it" in done.stderr and "--anyway" in done.stderr
+    assert "cannot do it" in done.stderr and "--force" in done.stderr
     assert not (files / "weak.csv").exists()
-    fantoccini("stand", "export", *weak, "--anyway")
-    assert (files / "weak.csv").exists()
+    for option in ("--force", "--anyway"):  # the second is the former name of the first
+        fantoccini("stand", "export", *weak, option)
+        assert (files / "weak.csv").exists()
+        (files / "weak.csv").unlink()
     good = (files / "good.yaml", files / "run.npz")
     done = fantoccini("stand", "export", *good, files / "a.bvh", "--controller", "csv", code=2)
     assert ".gcode" in done.stderr

@@ -200,5 +200,5 @@ def test_no_name_of_the_file_becomes_an_identifier():
     words = set(re.findall(r"[A-Za-z_][A-Za-z0-9_]*", code))
     names = {part for n in (*model.table.q_D, *model.table.q_K) for part in n.split(".")}
     names |= {"arm2d", *(link.name for link in model.tree.links), *model.tree.parameters}
-    # `hand.x` and the vector x of fan_back are unrelated.
+    # `hand.x` and the vector x of fan_solve_factor are unrelated.
     assert (names - {"x"}) & words == set()

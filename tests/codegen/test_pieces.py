@@ -157,7 +157,9 @@ def test_transposed_solves_follow_the_path_of_a_link():
             moved[tree.links[j].v] = True
         x = rng.normal(size=len(moved))
         y = np.array(push(L, x)).ravel()
-        assert np.allclose(y, np.array(of["forth"](L, np.where(moved, x, 0.0))).ravel())
+        assert np.allclose(
+            y, np.array(of["solve_factor_transposed"](L, np.where(moved, x, 0.0))).ravel()
+        )
         assert not y[~moved].any()
 
 
@@ -169,8 +171,8 @@ def test_functions_linear_in_x_take_several_x(tmp_path):
     rows = ", ".join("{" + ", ".join(map(repr, row)) + "}" for row in x.tolist())
     table = Table("numbers")
     functions = [
-        together(program(of["forth"]), "one", 10**9, table),
-        together(program(of["forth"]), "many", 40, table),
+        together(program(of["solve_factor_transposed"]), "one", 10**9, table),
+        together(program(of["solve_factor_transposed"]), "many", 40, table),
     ]
     lines = [
         "#include <cstdio>",
@@ -191,5 +193,7 @@ def test_functions_linear_in_x_take_several_x(tmp_path):
     (tmp_path / "several.cpp").write_text("\n".join(lines), encoding="ascii")
     built = compile_program(str(tmp_path / "several.cpp"), tmp_path, "-O1")
     results = np.array(run_program(built, "").split(), dtype=float).reshape(2, n, 4)
-    exact = np.stack([np.array(of["forth"](L, column)).ravel() for column in x.T], axis=1)
+    exact = np.stack(
+        [np.array(of["solve_factor_transposed"](L, column)).ravel() for column in x.T], axis=1
+    )
     assert np.allclose(results, exact, rtol=1e-12, atol=1e-12 * np.abs(exact).max())

@@ -230,7 +230,7 @@ def test_a_missing_library_has_a_remedy(tmp_path, monkeypatch):
 
 
 def test_too_many_pieces_and_pieces_that_do_not_fit_are_refused(tmp_path, monkeypatch):
-    tolerances = pieces.PieceTolerances(most=2)
+    tolerances = pieces.PieceTolerances(max_pieces=2)
     monkeypatch.setattr(pieces, "TOLERANCES", tolerances)
     refused(scene(tmp_path, hook(), WALL), "needs 3 convex pieces in contact; allowed: 2")
     tight = pieces.PieceTolerances(deviation=1e-9)

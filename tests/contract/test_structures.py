@@ -13,8 +13,8 @@ from fantoccini.dynamics.compiled import active_set
 from fantoccini.dynamics.marionette.puppets import arm2d
 from fantoccini.kernel.build import runtime_folder
 from fantoccini.kernel.contract import (
-    BOOKS,
     CONSTANTS,
+    ENERGY_TERMS,
     PARTS,
     SAMPLE,
     STRUCTURES,
@@ -91,7 +91,7 @@ def test_the_parts_of_a_batch_are_a_row_behind_its_time():
     """18.1: event-driven batches copy rows part by part."""
     sizes = arm2d().tree.sizes
     assert width(PARTS, sizes) + 1 == width(SAMPLE, sizes)
-    assert tuple(q.name for q in SAMPLE[9:16]) == BOOKS
+    assert tuple(q.name for q in SAMPLE[9:16]) == ENERGY_TERMS
 
 
 def test_wording_does_not_change_the_digest(monkeypatch):

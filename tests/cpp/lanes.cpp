@@ -16,16 +16,16 @@
 
 namespace {
 
+using fan::array_size;
 using fan::Model;
-using fan::room;
 constexpr int W = FAN_LANES;
 constexpr int NQ = Model::n_qD, N = Model::n_vD, NK = Model::n_vK, M = Model::n_rows;
 constexpr int S = Model::n_strings, LEDGER = 5;
 static_assert(Model::n_qK == NK, "scalar inputs only");
 
 struct Lane {
-  double q_D[room(NQ)], v_D[room(N)], slip[room(S)], q_K[room(NK)], amplitude[room(NK)],
-      omega[room(NK)], phase[room(NK)];
+  double q_D[array_size(NQ)], v_D[array_size(N)], slip[array_size(S)], q_K[array_size(NK)],
+      amplitude[array_size(NK)], omega[array_size(NK)], phase[array_size(NK)];
 
   double input(int j, double t) const {
     return q_K[j] + amplitude[j] * (cos(phase[j]) - cos(omega[j] * t + phase[j]));
@@ -51,8 +51,8 @@ template <class Real>
 struct Bundle {
   static constexpr int width = fan::Traits<Real>::width;
   fan::TimeStep<Model, Real> step;
-  Real q_D[room(NQ)], v_D[room(N)], q_K[room(NK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)],
-      p[room(Model::n_p)];
+  Real q_D[array_size(NQ)], v_D[array_size(N)], q_K[array_size(NK)], v_K[array_size(NK)],
+      acc_K[array_size(NK)], u_D[array_size(N)], p[array_size(Model::n_p)];
   fan::Winches<S> winches;
   int who[width];
 
@@ -85,7 +85,7 @@ struct Bundle {
         at(v_K[j], l) = (next - here) / dt;
         at(acc_K[j], l) = (next - 2 * here + before) / (dt * dt);
       }
-    Real q_next[room(NQ)], v_next[room(N)];
+    Real q_next[array_size(NQ)], v_next[array_size(N)];
     step.step(q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery, cap, winches, p, q_next, v_next);
     for (int i = 0; i < NQ; ++i) q_D[i] = q_next[i];
     for (int k = 0; k < N; ++k) v_D[k] = v_next[k];
@@ -145,9 +145,9 @@ int main() {
     take(lane.omega, NK);
     take(lane.phase, NK);
   }
-  double p[room(Model::n_p)];
+  double p[array_size(Model::n_p)];
   take(p, Model::n_p);
-  double table[room(3 * S)];
+  double table[array_size(3 * S)];
   take(table, 3 * S);
   fan::Winches<S> winches;
   winches.set(table);

@@ -48,8 +48,8 @@ struct Model : ModelTables {
   FAN_FUNCTION(wrench_forces)
   FAN_FUNCTION(poses)
   FAN_FUNCTION(points)
-  FAN_FUNCTION(forth)
-  FAN_FUNCTION(back)
+  FAN_FUNCTION(solve_factor_transposed)
+  FAN_FUNCTION(solve_factor)
   static void dynamics_constants(double** res) { scalar::fan_dynamics_constants(res); }
   static void step_dynamics_constants(double** res) { scalar::fan_step_dynamics_constants(res); }
   static void column(int which, const double** arg, double** res) {

@@ -12,13 +12,14 @@
 
 namespace {
 
+using fan::array_size;
 using fan::Model;
-using fan::room;
 constexpr int NQ = Model::n_qD, N = Model::n_vD, NQK = Model::n_qK, NK = Model::n_vK;
 
 template <class Real>
 struct State {
-  Real q_D[room(NQ)], v_D[room(N)], q_K[room(NQK)], v_K[room(NK)], p[room(Model::n_p)], out[6];
+  Real q_D[array_size(NQ)], v_D[array_size(N)], q_K[array_size(NQK)], v_K[array_size(NK)],
+      p[array_size(Model::n_p)], out[6];
 
   void momentum() { fan::Call<Model, Real>::momentum(q_D, v_D, q_K, v_K, p, out); }
 };

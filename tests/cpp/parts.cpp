@@ -34,7 +34,7 @@ struct Pair {
 
 double led(double q_K) {
   const double none[] = {0.0}, most[] = {1.0}, gains[] = {1.0, 1.0, 1.0, 1.0}, v_D[] = {0.1};
-  const fan::FunnelArrays to{none, none, gains};
+  const fan::LqrLawArrays to{none, none, gains};
   const fan::BoundArrays bounds{most, most, nullptr, nullptr};
   double acc_K[1];
   fan::equilibrium_feedback<Pair>(to, bounds, 0.0, 0.5, none, v_D, &q_K, none, acc_K);

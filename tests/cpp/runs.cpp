@@ -113,16 +113,16 @@ int main() {
   }
   if (status == fan::RUNNING || status == fan::DONE) status = run_to(run, t_end, sheets);
   fan::RunProgress progress;
-  double blame[fan::room(Model::n_rows + Model::n_watched)], most = 0.0;
+  double attribution[fan::array_size(Model::n_rows + Model::n_watched)], most = 0.0;
   fan_progress(run, &progress);
-  fan_blame(run, status, blame);
+  fan_attribution(run, status, attribution);
   fan_free(run);
-  for (int r = 0; r < Model::n_rows; ++r) most = blame[r] > most ? blame[r] : most;
+  for (int r = 0; r < Model::n_rows; ++r) most = attribution[r] > most ? attribution[r] : most;
 
   std::printf(
-      "status %d\nrows %lld\nevents %lld\nslips %lld\nsteps %g\nfinite %d\nblame %g\n", status,
-      sheets.n_rows, sheets.n_events, sheets.n_slips, double(progress.steps), int(sheets.finite),
-      most);
+      "status %d\nrows %lld\nevents %lld\nslips %lld\nsteps %g\nfinite %d\nattribution %g\n",
+      status, sheets.n_rows, sheets.n_events, sheets.n_slips, double(progress.steps),
+      int(sheets.finite), most);
   for (size_t i = 0; i < sheets.last.size(); ++i) std::printf("row%zu %.17g\n", i, sheets.last[i]);
   return 0;
 }

@@ -150,4 +150,4 @@ def test_an_impossible_input_ends_with_a_status(puppet):
     result = numbers(run_program(program, fed))
     assert result["status"] not in (0, 1)
     assert result["finite"] == 1
-    assert result["blame"] > 0
+    assert result["attribution"] > 0

@@ -39,8 +39,8 @@ struct Model : ModelTables {
   FAN_FUNCTION(node_varying)
   FAN_FUNCTION(limit_rates)
   FAN_FUNCTION(energy)
-  FAN_FUNCTION(forth)
-  FAN_FUNCTION(back)
+  FAN_FUNCTION(solve_factor_transposed)
+  FAN_FUNCTION(solve_factor)
   FAN_FUNCTION(midpoint_rule)
   FAN_FUNCTION(momenta)
   static void node_constants(double** res) { scalar::fan_node_constants(res); }
@@ -56,14 +56,14 @@ struct Model : ModelTables {
 
 namespace {
 
+using fan::array_size;
 using fan::Model;
-using fan::room;
 using Wide = fan::Lanes<FAN_LANES>;
 constexpr int W = FAN_LANES, NQ = Model::n_qD, N = Model::n_vD, M = Model::n_rows;
 constexpr int S = Model::n_strings, NQK = Model::n_qK, NK = Model::n_vK;
 
 struct Lane {
-  double q_D[room(NQ)], v_D[room(N)], q_K[room(NQK)];
+  double q_D[array_size(NQ)], v_D[array_size(N)], q_K[array_size(NQK)];
 };
 
 double numbers_left_out = 0;
@@ -101,7 +101,7 @@ struct Bundle {
   int who[width];
 
   Bundle(const std::vector<Lane>& lanes, const double* p, const int* places, double dt) {
-    double winches[room(3 * S)];
+    double winches[array_size(3 * S)];
     for (int i = 0; i < S; ++i) {
       winches[3 * i] = fan::unbounded;
       winches[3 * i + 1] = winches[3 * i + 2] = 0.0;
@@ -168,7 +168,7 @@ int main() {
     take(lane.v_D, N);
     take(lane.q_K, NQK);
   }
-  double p[room(Model::n_p)];
+  double p[array_size(Model::n_p)];
   take(p, Model::n_p);
   int in_order[W], turned[W];
   for (int l = 0; l < W; ++l) {

@@ -90,7 +90,7 @@ def test_the_residual_vanishes_at_the_accelerations(model, dt):
     result = model.call(name, x, dt=dt, acc_K=acc_K)
     W = result["W"].reshape(model.table.n_vD, -1)
     w = result["w0"] - W @ pulls
-    (acc,) = (np.ravel(np.array(y)) for y in model.equations["back"].call([result["L"], w]))
+    (acc,) = (np.ravel(np.array(y)) for y in model.equations["solve_factor"].call([result["L"], w]))
     derivatives = Derivatives(model.tree)
     s, tau = derivatives.system.symbols, ca.SX.sym("tension", model.tree.n_rows)
     arguments = [s.q_D, s.v_D, s.acc_D, s.q_K, s.v_K, s.acc_K, s.dt, s.p, tau]

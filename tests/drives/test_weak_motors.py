@@ -86,7 +86,7 @@ def test_a_weak_stepper_loses_steps(stepped, method):
     first = time_of_first_lost_step(0.02)
     assert lost(run)[0] == pytest.approx(first, abs=1e-8 if method == "event" else 3e-4)
     assert run.status is Status.LOST_STEPS and run.t[-1] == 0.04
-    assert run.blamed == ("line.length",)
+    assert run.causes == ("line.length",)
     drive = run.summary()["drives"]["line.length"]
     assert drive["lost_steps"] == 3 and not drive["ran_away"] and drive["error"] < 0
     strong = fan.simulate(stepped, x0, t_end=0.04, method=fine(method))
@@ -104,7 +104,7 @@ def test_an_overstepped_row_precedes_lost_steps():
     many = fan.simulate_batch(weak, x0, inputs, **how)
     for statuses in ([run.status for run in runs], many.status.tolist()):
         assert statuses == [Status.LOST_STEPS, Status.OVERSTEPPED]
-    assert lost(runs[1]) and not runs[1].blamed and not many.blamed(1)
+    assert lost(runs[1]) and not runs[1].causes and not many.causes(1)
 
 
 def test_a_flows_guard_locates_the_first_lost_step(stepped):
@@ -177,7 +177,7 @@ def test_batches_report_each_lane(stepped):
     for method in ("timestepping", "variational"):
         many = fan.simulate_batch(stepped, x0, inputs, t_end=0.8, method=fine(method))
         assert many.status.tolist() == [Status.DONE, Status.RUNAWAY, Status.DONE]
-        assert many.blamed(1) == ("line.length",) and not many.blamed(0)
+        assert many.causes(1) == ("line.length",) and not many.causes(0)
         assert many.reached[1] < 0.8 == many.reached[0]
         single = fan.simulate(stepped, x0, inputs[1], t_end=0.8, method=fine(method), throw=False)
         assert (single.status, single.t[-1]) == (Status.RUNAWAY, pytest.approx(many.reached[1]))
@@ -240,7 +240,7 @@ def test_a_controller_that_asks_for_too_little_runs_away(soft, method, capsys):
     # At the end of a step, which is long where `event` chooses it.
     late = 1.2 if method == "event" else 1.02  # with friction
     assert there * (1 - 1e-3) < event.t < there * late
-    assert run.status is Status.RUNAWAY and run.blamed == ("line.length",) and run.t[-1] < 1.0
+    assert run.status is Status.RUNAWAY and run.causes == ("line.length",) and run.t[-1] < 1.0
     report(run, 1.0)
     assert "reached its end" not in capsys.readouterr().out
 

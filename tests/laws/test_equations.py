@@ -145,7 +145,7 @@ def test_power_balance(seed):
     result = model.call("dynamics", state, u_D=u_D)
     A_D, A_K = model.one("A_D", state), model.one("A_K", state)
     M = whole_mass(model, state)[: t.n_vD, : t.n_vD]
-    free = np.array(model.equations["back"](result["L"], result["w0"])).ravel()
+    free = np.array(model.equations["solve_factor"](result["L"], result["w0"])).ravel()
     acc_D = free + np.linalg.solve(M, A_D.T @ lam)
     effort = model.one("effort", state, acc_D=acc_D, lam=lam)[:, 0]
     hdot = A_D @ state.v_D + A_K @ state.v_K
@@ -221,8 +221,8 @@ def test_compiled_rows_agree_with_the_papers_objects(seed):
     close(result["hdot_K"], A_K @ state.v_K, 1e-12)
     close(result["h"], model.one("constraint", state)[:m, 0], 1e-14)
     force = np.random.default_rng(seed).normal(size=t.n_vD)
-    half = model.equations["forth"](result["L"], force)
-    solved = np.array(model.equations["back"](result["L"], half)).ravel()
+    half = model.equations["solve_factor_transposed"](result["L"], force)
+    solved = np.array(model.equations["solve_factor"](result["L"], half)).ravel()
     close(solved, np.linalg.solve(M, force), 1e-11)
     close(result["M_DK_v_K"], whole_mass(model, state)[: t.n_vD, t.n_vD :] @ state.v_K, 1e-12)
     none = np.zeros(t.n_vD)
@@ -329,14 +329,14 @@ def test_the_dynamics_equal_a_step_of_zero_length(seed):
     for name in exact:
         if name in step and name != "L":
             close(exact[name], step[name], 1e-12)
-    for product in ("forth", "back"):
+    for product in ("solve_factor_transposed", "solve_factor"):
         of_step, of_exact = (model.equations[product](x["L"], u_D) for x in (step, exact))
         close(np.array(of_exact), np.array(of_step), 1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_factor_of_a_step_has_its_damping(seed):
-    """back(forth(x)) = (M + dt damping)^-1 x."""
+    """solve_factor(solve_factor_transposed(x)) = (M + dt damping)^-1 x."""
     model, dt = tree(seed), 0.1
     state, t = model.random(seed), model.table
     x = np.random.default_rng(seed).normal(size=t.n_vD)
@@ -345,7 +345,8 @@ def test_the_factor_of_a_step_has_its_damping(seed):
         if link.role == "dynamic":
             M[link.v, link.v] += dt * link.damping * np.eye(link.v.stop - link.v.start)
     L = model.call("step_dynamics", state, dt=dt)["L"]
-    solution = np.array(model.equations["back"](L, model.equations["forth"](L, x))).ravel()
+    half = model.equations["solve_factor_transposed"](L, x)
+    solution = np.array(model.equations["solve_factor"](L, half)).ravel()
     close(solution, np.linalg.solve(M, x), 1e-11)
 
 
@@ -359,7 +360,7 @@ def test_a_column_of_a_limit_is_a_solve_with_its_jacobian(seed):
     for link, (entries, function) in columns.items():
         place, x, forces = model.tree.links[link].v, np.zeros(3), np.zeros(model.table.n_vD)
         forces[place] = x[: place.stop - place.start] = rng.normal(size=place.stop - place.start)
-        right = np.array(model.equations["forth"](L, forces)).ravel()
+        right = np.array(model.equations["solve_factor_transposed"](L, forces)).ravel()
         column = np.zeros_like(right)
         column[entries] = np.array(function(L, x)).ravel()
         close(column, right, 1e-13)

@@ -91,7 +91,7 @@ def accelerations(puppet: fan.Marionette, rows, x, acc_K, u_D) -> np.ndarray:
     instant = Evaluation.of(puppet, x, acc_K, u_D)
     W = instant.W[:, held]
     tension = np.linalg.solve(W.T @ W, W.T @ instant.w0 + instant.gamma[held])
-    return np.concatenate([instant.back(instant.w0 - W @ tension), tension])
+    return np.concatenate([instant.solve_factor(instant.w0 - W @ tension), tension])
 
 
 def check_partials(puppet: fan.Marionette, rows, seed: int, bound: float) -> None:
@@ -232,7 +232,7 @@ def derivatives_of_the_solved_form(puppet: fan.Marionette) -> ca.Function:
         known = sum(R[i, i + 1 + j] * x for j, x in enumerate(tension))
         tension.insert(0, (y[i] - known) / R[i, i])
     tension = ca.vertcat(*tension)
-    acc = E["back"](out["L"], out["w0"] - out["W"] @ tension)
+    acc = E["solve_factor"](out["L"], out["w0"] - out["W"] @ tension)
     arguments = [s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p]
     by = ca.vertcat(*arguments)
     slopes = ca.jtimes(ca.cse(ca.vertcat(acc, tension)), by, ca.SX.eye(by.numel()))

@@ -166,7 +166,7 @@ def test_slip_and_attribution_are_saved(table, run, tmp_path):
         table,
         run.t,
         slip=slip,
-        blamed=("hand", "elbow.upper"),
+        causes=("hand", "elbow.upper"),
         events=events,
         status=Status.IMPOSSIBLE_INPUT,
     )
@@ -174,7 +174,7 @@ def test_slip_and_attribution_are_saved(table, run, tmp_path):
     back = Trajectory.load(tmp_path / "a.npz")
     assert back.slip.names == slip.names
     assert back.slip.values.tobytes() == slip.values.tobytes()
-    assert back.blamed == ("hand", "elbow.upper")
+    assert back.causes == ("hand", "elbow.upper")
     assert back.events == events
     assert back.status is Status.IMPOSSIBLE_INPUT
     assert back.state(-1).slip.tolist() == [0.1 * run.t[-1], 0.0]
@@ -185,7 +185,7 @@ def test_slip_and_attribution_are_saved(table, run, tmp_path):
     # Runs saved without either, as those of earlier versions.
     run.save(tmp_path / "b.npz")
     back = Trajectory.load(tmp_path / "b.npz")
-    assert back.slip is None and back.blamed == ()
+    assert back.slip is None and back.causes == ()
     assert not [name for name in run.columns() if name.startswith("slip:")]
 
 

@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.base import rotation
 from fantoccini.control.tasks.nodes import Nodes
-from fantoccini.control.tasks.residuals import Looks, residual_of
+from fantoccini.control.tasks.residuals import NodeKinematics, residual_of
 
 TIP = (0.3, 0.0, 0.0)
 
@@ -78,7 +78,7 @@ def test_the_residual_of_a_puppet_on_its_own_clip_is_zero(
         fan.control.Track.orientation("lower", fan.control.Clip(take)),
         fan.control.Track.coordinate("elbow", fan.control.Clip(take)),
     ):
-        r = residual_of(arm, track, nodes).value(Looks(arm, nodes))
+        r = residual_of(arm, track, nodes).value(NodeKinematics(arm, nodes))
         assert r == pytest.approx(0.0 * r, abs=1e-8)
 
 

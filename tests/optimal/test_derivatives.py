@@ -12,7 +12,7 @@ from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.tasks.chosen import Chosen
 from fantoccini.control.tasks.costs import Track
 from fantoccini.control.tasks.nodes import Nodes
-from fantoccini.control.tasks.residuals import Looks, residual_of
+from fantoccini.control.tasks.residuals import NodeKinematics, residual_of
 
 STEP = 1e-6
 
@@ -44,13 +44,14 @@ def nodes(crane: fan.Marionette) -> Nodes:
 )
 def test_residuals_by_changes_of_states(crane: fan.Marionette, nodes: Nodes, track: Track):
     residual = residual_of(crane, track, nodes)
-    derivative = residual.by(Looks(crane, nodes))
+    derivative = residual.by(NodeKinematics(crane, nodes))
     for j in range(nodes.n_z):
         z = np.zeros((len(nodes) + 1, nodes.n_z))
         z[:, j] = STEP
         none = np.zeros_like(nodes.acc_K)
         up, down = (
-            residual.value(Looks(crane, nodes.moved(sign * z, none))) for sign in (1.0, -1.0)
+            residual.value(NodeKinematics(crane, nodes.moved(sign * z, none)))
+            for sign in (1.0, -1.0)
         )
         assert derivative[:, :, j] == pytest.approx((up - down) / (2.0 * STEP), abs=1e-7)
 

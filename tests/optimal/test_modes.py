@@ -173,7 +173,7 @@ def test_another_optimiser_finds_the_same_motion_from_nearby(swing_up: fan.contr
     assert np.max(np.abs(left(start))) < 1e-5
     low, high = np.transpose([task.bounds.position[name] for name in arm.coordinates.q_K])
 
-    def room(a: np.ndarray) -> np.ndarray:
+    def margins(a: np.ndarray) -> np.ndarray:
         """Distances of places at the nodes from their bounds."""
         acc = a.reshape(shape)
         v = np.concatenate([np.zeros((1, 2)), np.cumsum(h * acc, axis=0)])
@@ -189,7 +189,7 @@ def test_another_optimiser_finds_the_same_motion_from_nearby(swing_up: fan.contr
         options={"maxiter": 100, "ftol": 1e-9, "eps": 1e-6},
         constraints=[
             {"type": "eq", "fun": lambda a: left(a)[independent]},
-            {"type": "ineq", "fun": room},
+            {"type": "ineq", "fun": margins},
         ],
     )
     assert other.success, other.message

@@ -202,7 +202,7 @@ def _back_on_rows(marionette, x, held, slipping):
 def _correction(at, rows, off):
     """Smallest change of v_D, in the metric of M_DD, that cancels ``off`` on the given rows."""
     W = at.W[:, rows]
-    return -at.back(W @ np.linalg.lstsq(W.T @ W, off[rows], rcond=None)[0])
+    return -at.solve_factor(W @ np.linalg.lstsq(W.T @ W, off[rows], rcond=None)[0])
 
 
 def _struck(marionette, x, held, name):
@@ -219,7 +219,7 @@ def _struck(marionette, x, held, name):
     impulse[firm] = _least_impulse(at.W[:, firm], b[firm])
     rows = np.flatnonzero(closed & ~held & ((impulse > 0.0) | (np.arange(len(held)) == row)))
     caught = {int(i): (impulse[i], at.hdot[i]) for i in rows}
-    return x.replace(v_D=x.v_D - at.back(at.W @ impulse)), caught
+    return x.replace(v_D=x.v_D - at.solve_factor(at.W @ impulse)), caught
 
 
 def _least_impulse(W, b):

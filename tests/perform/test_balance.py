@@ -66,7 +66,7 @@ def test_hands_calm_a_kicked_arm(arm):
     for balanced in (False, True):
         live = fan.Performance(arm, kicked(arm))
         if balanced:
-            live.let(fan.theatre.Balance(live))
+            live.set_hand_law(fan.theatre.Balance(live))
         left.append(settled(arm, live))
     assert left[1] < 0.2 * left[0]
 
@@ -74,7 +74,7 @@ def test_hands_calm_a_kicked_arm(arm):
 def test_hands_stay_within_their_bounds_and_bring_it_back(arm):
     live = fan.Performance(arm, speed=0.3, acceleration=3.0)
     place = live.state.q_D
-    live.let(fan.theatre.Balance(live))
+    live.set_hand_law(fan.theatre.Balance(live))
     live.push("lower", [2.0, 0.0, 0.0])
     bounds, before, distance = live.bounds, live.state.v_K, 0.0
     for k in range(240):
@@ -93,11 +93,11 @@ def test_hands_stay_within_their_bounds_and_bring_it_back(arm):
 def test_hands_that_balance_take_no_targets(arm):
     live = fan.Performance(arm)
     name = live.handles[0].name
-    live.let(fan.theatre.Balance(live))
+    live.set_hand_law(fan.theatre.Balance(live))
     with pytest.raises(StateError, match="a law moves the hands"):
         live.move(name, [0.0, 0.0, 2.0])
     live.advance(0.1)
-    live.let(None)
+    live.set_hand_law(None)
     assert live.target(name)[0] == pytest.approx(live.place(name)[0], abs=1e-3)
     live.move(name, live.place(name)[0] + [0.1, 0.0, 0.0])
     assert live.law is None
@@ -105,7 +105,7 @@ def test_hands_that_balance_take_no_targets(arm):
 
 def test_a_reset_ends_the_balancing(arm):
     live = fan.Performance(arm)
-    live.let(fan.theatre.Balance(live))
+    live.set_hand_law(fan.theatre.Balance(live))
     live.reset()
     assert live.law is None
 
@@ -113,20 +113,20 @@ def test_a_reset_ends_the_balancing(arm):
 def test_a_thread_makes_the_updates_and_counts_those_that_are_late(arm):
     live = fan.Performance(arm, kicked(arm, 1.0))
     law = fan.theatre.Balance(live, nodes=20, threaded=True)
-    live.let(law)
+    live.set_hand_law(law)
     end = time.monotonic() + 60.0
     while law.mpc is None or law.mpc.updates < 20:
         assert time.monotonic() < end and not law.message
         live.step()
         time.sleep(live.tick)
-    assert f"{law.late} late" in law.about
+    assert f"{law.late} late" in law.summary
     # A puppet that runs ahead of the updates follows the old plan, and they come late.
     late, skipped = law.late, law.mpc.skipped
     for _ in range(5):
         live.advance(0.1)
         time.sleep(0.02)
     assert law.late + law.mpc.skipped > late + skipped
-    live.let(None)
+    live.set_hand_law(None)
     assert "balance" not in [thread.name for thread in threading.enumerate()]
     n = law.mpc.updates
     live.advance(0.1)

@@ -133,7 +133,7 @@ def test_hands_bring_back_a_puppet_that_stands():
         begin = place(live, "torso")[:, 3]
         if balanced:
             law = fan.theatre.Balance(live)
-            live.let(law)
+            live.set_hand_law(law)
         live.push("torso", [1.5, 0.5, 0.0])
         live.advance(0.4)
         live.push("torso", None)

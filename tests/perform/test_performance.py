@@ -54,7 +54,7 @@ def test_methods_have_their_arguments_and_documentation():
     assert all(f.__doc__ for f in public.values())
     move = inspect.signature(fan.Performance.move)
     assert list(move.parameters) == ["self", "name", "position", "wxyz"]
-    assert {"place", "wind", "hold", "play", "play_take", "lead_back", "let"} < set(public)
+    assert {"place", "wind", "hold", "play", "play_take", "lead_back", "set_hand_law"} < set(public)
 
 
 def test_quaternions_of_matrices():

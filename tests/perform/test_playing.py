@@ -276,7 +276,7 @@ def test_motions_that_cannot_be_played_are_refused(marionette, gestures, take):
     live = fan.Performance(marionette)
     with pytest.raises(fan.errors.UnknownNameError, match="hand_right"):
         live.play_take(take, armed=["hand_rihgt"])
-    live.let(still_law(marionette))
+    live.set_hand_law(still_law(marionette))
     for do in (lambda: live.play(gestures["wave"]), lambda: live.play_take(take)):
         with pytest.raises(fan.errors.StateError, match="law"):
             do()

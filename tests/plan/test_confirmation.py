@@ -115,7 +115,7 @@ def test_a_true_plan_is_confirmed_in_any_case(boxes, monkeypatch):
 
 
 def test_contact_between_looks_is_found(boxes):
-    """17.19: the string passes a bead between two looks, without contact at either."""
+    """17.19: the string passes a bead between two checks, without contact at either."""
     plan = solve(boxes, seed=0)
     run = plan.verify(method="event").run
     arm, first = boxes.marionette, np.arange(0.0, run.t[-1], boxes.rollouts.options.interval)

@@ -100,7 +100,7 @@ def test_derivatives_predict_where_neighbours_end(plan, law):
         z = onto[k] @ rng.normal(size=onto.shape[1]) * 1e-4
         more = rng.normal(size=3) * 1e-4
         start = changed(plan, law.nodes[[k]], z)
-        ended = free.replay(start, law.planned[k] + more, int(law.looks[k]))
+        ended = free.replay(start, law.planned[k] + more, int(law.n_checks[k]))
         reached = law.away(law.nodes[k + 1], at(plan, ended[0]))
         predicted = law.A[k] @ z + law.B[k] @ more
         assert np.linalg.norm(reached - predicted) < 0.1 * np.linalg.norm(reached)
@@ -109,8 +109,8 @@ def test_derivatives_predict_where_neighbours_end(plan, law):
 @pytest.mark.parametrize("slack", [0.005, 0.01])
 def test_derivatives_include_catches(plan, slack):
     """Compared with the exact derivative through the catch of an arm that falls onto its string."""
-    arm, funnel = plan.problem.marionette, plan.rollouts.funnels[0]
-    x = at(plan, StateArrays(funnel.q_D, np.zeros(4), np.zeros(1), funnel.q_K, np.zeros(3)))
+    arm, law = plan.problem.marionette, plan.rollouts.laws[0]
+    x = at(plan, StateArrays(law.q_D, np.zeros(4), np.zeros(1), law.q_K, np.zeros(3)))
     x = x.replace(q_K=x.q_K + np.array([0.0, 0.0, slack]))
     options = dataclasses.replace(plan.rollouts.run_options, dt=4e-4, save_every=50)
     A, _ = segment_derivatives(arm, StateArrays.of(x), np.zeros((1, 3)), options, 5, apart=1e-3)

@@ -51,7 +51,7 @@ def test_what_a_plan_costs(problem):
     tree, interval = search.tree, problem.rollouts.options.interval
     for node in range(0, len(tree), 97):
         path = tree.path(node)[1:]
-        lasts = interval * tree.looks[path]
+        lasts = interval * tree.n_checks[path]
         effort = np.sum(lasts * np.sum(tree.acceleration[path] ** 2, axis=1))
         assert tree.time[node] == pytest.approx(lasts.sum())
         assert tree.cost[node] == pytest.approx(lasts.sum() + effort)
@@ -100,7 +100,7 @@ def test_a_user_defined_objective(problem, tmp_path):
 
 def _effort(tree, node) -> float:
     path = tree.path(node)[1:]
-    return float(np.sum(tree.looks[path] * np.sum(tree.acceleration[path] ** 2, axis=1)))
+    return float(np.sum(tree.n_checks[path] * np.sum(tree.acceleration[path] ** 2, axis=1)))
 
 
 def test_saving_effort_does_not_shorten_the_plan(problem):

@@ -48,7 +48,7 @@ def test_a_plan_among_boxes_arrives_and_stays_clear(among_boxes):
     result = among_boxes
     assert result and result.status is fan.control.AnswerStatus.EXACT
     assert result.distance <= 0.25
-    assert result.clearance.min() > -1e-3, "between looks it may be slightly nearer"
+    assert result.clearance.min() > -1e-3, "between checks it may be slightly nearer"
     end = result.trajectory.state(-1)
     shoulder = 2 * np.arccos(
         abs(end.q_D[:4] @ [np.cos(np.radians(40)), 0, -np.sin(np.radians(40)), 0])
@@ -224,9 +224,9 @@ def test_mistakes_of_plans_are_refused(options, error, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"looks": 10**6}, "a segment lasts 20000 s; it must be at most 10 s"),
-        ({"dt": 1e-9, "look": 10**6}, "takes 5000000 steps"),
-        ({"look": 0}, "look is 0"),
+        ({"n_checks": 10**6}, "a segment lasts 20000 s; it must be at most 10 s"),
+        ({"dt": 1e-9, "steps_per_check": 10**6}, "takes 5000000 steps"),
+        ({"steps_per_check": 0}, "steps_per_check is 0"),
         ({"threads": 0}, "threads is 0"),
         ({"reserve": 1.0}, "reserve is 1.0"),
     ],
@@ -256,9 +256,9 @@ def test_the_whole_event_driven_run_is_checked(among_boxes):
     assert event.arrives and min_clearance > -1e-3
 
 
-@pytest.mark.parametrize(("dt", "look"), [(0.001, 13), (0.0037, 3), (0.003, 7)])
-def test_a_plan_replays_with_any_step(dt, look):
-    result = raised(seed=2, rollouts=RolloutOptions(dt=dt, look=look))
+@pytest.mark.parametrize(("dt", "steps_per_check"), [(0.001, 13), (0.0037, 3), (0.003, 7)])
+def test_a_plan_replays_with_any_step(dt, steps_per_check):
+    result = raised(seed=2, rollouts=RolloutOptions(dt=dt, steps_per_check=steps_per_check))
     assert len(result.path) > 2 and result.replay()
 
 
@@ -329,7 +329,7 @@ def test_a_goal_with_impossible_ends_is_searched_without_a_law():
         tolerance=0.25,
         bounds=fan.control.Bounds(position={"hand.length": (1.25, 1.6)}),
     )
-    assert not out.rollouts.funnels and not out.equilibrium
+    assert not out.rollouts.laws and not out.equilibrium
     assert solve(out, iterations=200).tried >= 200
 
 

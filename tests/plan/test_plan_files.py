@@ -20,6 +20,8 @@ def test_a_saved_plan_is_complete_and_continues(boxes, tmp_path):
     again = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes)
     assert again and again.path == plan.path and again.replay()
     assert (again.tried, again.curve, again.status) == (plan.tried, plan.curve, plan.status)
+    with np.load(tmp_path / "plan.npz") as file:
+        assert np.array_equal(file["looks"], plan.tree.n_checks), "the key of earlier versions"
     for name, a in plan.tree.arrays.items():
         assert np.array_equal(a, again.tree.arrays[name])
     assert np.array_equal(plan.inputs.coef, again.inputs.coef)

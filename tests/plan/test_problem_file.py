@@ -62,15 +62,15 @@ def test_a_file_chooses_segments_and_an_objective(tmp_path):
     """Accelerations hold for a whole number of segments, and count in the cost of plans."""
     text = GOOD + "segment: 0.06\nobjective: acceleration\n"
     problem = fan.control.load_problem(written(tmp_path, text))
-    assert problem.rollouts.options.looks == 3 and problem.objective.acceleration > 0.0
+    assert problem.rollouts.options.n_checks == 3 and problem.objective.acceleration > 0.0
     plan = fan.control.solve(problem, seed=3)
     assert plan and plan.replay()
-    n_looks = plan.tree.looks[list(plan.path[1:])]
-    assert np.all(n_looks[:-1] == 3) and 1 <= n_looks[-1] <= 3
+    n_checks = plan.tree.n_checks[list(plan.path[1:])]
+    assert np.all(n_checks[:-1] == 3) and 1 <= n_checks[-1] <= 3
     assert plan.search.objective == problem.objective
     assert fan.control.solve(problem, seed=3, objective="time").search.objective.acceleration == 0.0
     slow = fan.control.solve(problem, seed=3, planner="est-2007", iterations=400)
-    assert set(slow.tree.looks[1:]) <= set(range(1, 16)) and np.max(slow.tree.looks) > 3
+    assert set(slow.tree.n_checks[1:]) <= set(range(1, 16)) and np.max(slow.tree.n_checks) > 3
     other = fan.control.load_problem(written(tmp_path, GOOD + "segment: 0.2\n"))
     assert fan.control.solve(other, seed=3) and other.fingerprint != problem.fingerprint
 

@@ -43,7 +43,7 @@ def test_motions_are_those_of_the_simulator():
     acceleration = rng.uniform(-1.0, 1.0, (9, 6, 3))
     rolled = rollouts.simulate(made_of.root, np.zeros(9), acceleration)
     segment = rollouts.options.segment
-    assert np.all(rolled.looks == rollouts.options.looks)
+    assert np.all(rolled.n_checks == rollouts.options.n_checks)
     for i in range(9):
         times = segment * np.arange(7)
         inputs = fan.Input.segments(ARM, times, START.q_K, START.v_K, acceleration[i])
@@ -54,7 +54,7 @@ def test_motions_are_those_of_the_simulator():
             t_end=times[-1],
             method=fan.TimeStepping(dt=rollouts.options.dt, extrapolate=False),
         )
-        steps = rollouts.options.look * rollouts.options.looks * np.arange(1, 7)
+        steps = rollouts.options.steps_per_check * rollouts.options.n_checks * np.arange(1, 7)
         assert np.allclose(rolled.states["q_D"][i], run.q_D[steps], atol=1e-9)
         assert np.allclose(rolled.states["v_D"][i], run.v_D[steps], atol=1e-7)
         assert np.allclose(rolled.states["q_K"][i], run.q_K[steps], atol=1e-12)
@@ -83,10 +83,10 @@ def test_no_rollout_follows_the_first_that_arrives():
     rng = np.random.default_rng(2)
     acceleration = rng.uniform(-2.0, 2.0, (64, 12, 3))
     rolled = near.rollouts.simulate(near.root, np.zeros(64), acceleration)
-    there = (rolled.looks > 0) & (rolled.distance <= near.rollouts.stop_distance)
+    there = (rolled.n_checks > 0) & (rolled.distance <= near.rollouts.stop_distance)
     arrived = np.flatnonzero(there.any(axis=1))
     assert len(arrived) == 1 and rolled.n_made == arrived[0] + 1 < 64
-    assert not rolled.looks[rolled.n_made :].any()
+    assert not rolled.n_checks[rolled.n_made :].any()
 
 
 def test_motions_end_at_obstacles_bounds_and_slackness():
@@ -97,15 +97,15 @@ def test_motions_end_at_obstacles_bounds_and_slackness():
     push[0, :, 2] = -0.4
     free = problem().rollouts.simulate(asked.root, np.zeros(1), push)
     cut = asked.rollouts.simulate(asked.root, np.zeros(1), push)
-    reached = int((cut.looks > 0).sum())
-    assert 0 < reached < (free.looks > 0).sum()
+    reached = int((cut.n_checks > 0).sum())
+    assert 0 < reached < (free.n_checks > 0).sum()
     clear = asked.rollouts.clearance
     q_D, q_K = cut.states["q_D"][0, :reached], cut.states["q_K"][0, :reached]
     assert clear.at(q_D, q_K).min() >= 0.0
     assert clear.at(free.states["q_D"][0, reached], free.states["q_K"][0, reached]) < 0.0
     narrow = problem(bounds=replace(FAST, position={"hand.length": (1.2, 1.4)}))
     cut = narrow.rollouts.simulate(narrow.root, np.zeros(1), push)
-    lengths = cut.states["q_K"][0, (cut.looks[0] > 0)][:, 2]
+    lengths = cut.states["q_K"][0, (cut.n_checks[0] > 0)][:, 2]
     assert lengths.min() >= 1.2 and len(lengths) < 12
     down = np.zeros((1, 12, 3))
     down[0, :3, 2] = 3.0
@@ -113,7 +113,7 @@ def test_motions_end_at_obstacles_bounds_and_slackness():
         problem(slack=slack).rollouts.simulate(asked.root, np.zeros(1), down)
         for slack in (False, True)
     )
-    assert (taut.looks > 0).sum() < (any_.looks > 0).sum()
+    assert (taut.n_checks > 0).sum() < (any_.n_checks > 0).sum()
 
 
 def test_a_regulator_for_many_steps_tends_to_the_infinite_horizon():
@@ -132,12 +132,12 @@ def test_derivatives_of_segments_are_those_of_the_simulators_steps():
     acc = np.array([0.3, -0.2, -0.1])
     x, A = START, np.eye(14)
     B = np.zeros((14, 3))
-    for _ in range(rollouts.options.look * rollouts.options.looks):
+    for _ in range(rollouts.options.steps_per_check * rollouts.options.n_checks):
         step = ARM.linearise_step(x, acc, dt=rollouts.options.dt)
         A, B = step.A @ A, step.A @ B + step.B
         x = step.x_next
     found_A, found_B = segment_derivatives(
-        ARM, rows(START), acc[None], rollouts.run_options, rollouts.options.looks
+        ARM, rows(START), acc[None], rollouts.run_options, rollouts.options.n_checks
     )
     assert np.allclose(found_B[0], B, atol=2e-5)
     assert found_A.shape == (1, 14, 14)
@@ -198,13 +198,13 @@ def test_distances_from_goals():
         ({"start": np.array([5])}, "start ranges from 5"),
         ({"n_segments": np.array([200])}, "n_segments ranges from 200"),
         ({"n_segments": np.array([0])}, "n_segments ranges from 0"),
-        ({"n_given": np.array([0])}, "funnel ranges from 0"),
+        ({"n_given": np.array([0])}, "law ranges from 0"),
         ({"acceleration": np.zeros((1, 4, 1))}, "the accelerations have the shape"),
     ],
 )
 def test_indices_outside_of_arrays_are_refused(change, message):
     asked = problem()
-    asked.rollouts.funnels = []
+    asked.rollouts.laws = []
     arguments = {"start": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
     with pytest.raises(ValueError, match=message):
         asked.rollouts.simulate(asked.root, **arguments)
@@ -223,7 +223,7 @@ def test_python_hears_signals_while_many_rollouts_are_simulated():
     """17.30: a timer's handler runs repeatedly during one long sweep."""
     if not hasattr(signal, "setitimer"):
         pytest.skip("needs setitimer")
-    asked, heard = problem(rollouts=RolloutOptions(dt=0.002, looks=1000)), []
+    asked, heard = problem(rollouts=RolloutOptions(dt=0.002, n_checks=1000)), []
     push = np.random.default_rng(0).uniform(-0.01, 0.01, (256, 1, 3))
     before = signal.signal(signal.SIGALRM, lambda *_: heard.append(len(heard)))
     try:

@@ -39,12 +39,12 @@ def test_candidates_are_the_plans_own_rollouts(boxes, shooting, V):
         t_end=shooting.segment * len(V),
         method=fan.TimeStepping(dt=boxes.rollouts.options.dt, extrapolate=False),
     )
-    every = boxes.rollouts.options.look
+    every = boxes.rollouts.options.steps_per_check
     np.testing.assert_allclose(candidate.nodes.q_D[0], run.q_D[::every], atol=1e-10)
     # Spare tension: constraints contain 0.3 of its part of the weight, and 2 % of the wanted one.
     spare = candidate.constraints[0, :, -1] / 0.3 + 0.02
     after = run.tension["hand"][every::every] / boxes.marionette.weight
-    # The time-stepper's tension is that of a step: it lags by less than a look.
+    # The time-stepper's tension is that of a step: it lags by less than the interval of checks.
     change = np.abs(np.diff(after))
     around = np.maximum(np.append(change, 0.0), np.append(0.0, change))
     assert np.all(np.abs(spare - after) < 0.01 + around)
@@ -64,8 +64,8 @@ def test_derivatives_are_those_of_larger_changes(shooting, V):
     )
     residual = (there.residual[0] - back.residual[0]) / (2.0 * size)
     assert np.linalg.norm(by.residual @ x - residual) < 0.01 * np.linalg.norm(residual)
-    look, which = by.near.T
-    spare = (there.constraints[0] - back.constraints[0])[look, which] / (2.0 * size)
+    check, which = by.near.T
+    spare = (there.constraints[0] - back.constraints[0])[check, which] / (2.0 * size)
     assert len(spare) and np.max(np.abs(by.constraints @ x - spare)) < 0.05 * np.max(np.abs(spare))
 
 

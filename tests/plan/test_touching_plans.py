@@ -121,11 +121,11 @@ def test_unwanted_contact_is_reported(touch):
 
 
 def test_rollouts_end_at_forbidden_contact(past_post, touch):
-    """This holds between looks too: clearance is not measured here."""
+    """This holds between checks too: clearance is not measured here."""
     rollouts, start = past_post.rollouts, np.zeros(1, dtype=int)
     acceleration = touch.acceleration[None]
     done = rollouts.where(tolerance=-1.0).simulate(past_post.root, start, acceleration)
-    assert np.all(done.looks > 0)
+    assert np.all(done.n_checks > 0)
     every = np.ones(len(past_post.touches.may), dtype=bool)
     strict = Rollouts(
         past_post.marionette,
@@ -139,7 +139,7 @@ def test_rollouts_end_at_forbidden_contact(past_post, touch):
         kept_off=every,
     )
     checked = strict.simulate(past_post.root, start, acceleration)
-    first = int(np.flatnonzero(checked.looks[0] == 0)[0])
+    first = int(np.flatnonzero(checked.n_checks[0] == 0)[0])
     met = touch.touches[0]
     assert touch.times[first] <= met.t <= touch.times[first + 1] + rollouts.options.interval
 

@@ -247,7 +247,9 @@ class _Rates:
         self._gamma = np.concatenate([on.gamma, on.gamma_limit], axis=1)
         self.W = on.W.swapaxes(-1, -2)
         if self._J.shape[1]:
-            W_l = puppet.library.evaluate("forth", L=self._L[:, None], x=self._J).y
+            W_l = puppet.library.evaluate(
+                "solve_factor_transposed", L=self._L[:, None], x=self._J
+            ).y
             self.W = np.concatenate([self.W, W_l], axis=1)
 
     def hardly_differs(self, t: int, r: int, closed: np.ndarray) -> bool:
@@ -270,7 +272,9 @@ class _Rates:
         """
         W = self.W
         pull = (force[..., None] * W).sum(axis=1)
-        acc = self._puppet.library.evaluate("back", L=self._L, x=np.stack([self._w0, pull])).y
+        acc = self._puppet.library.evaluate(
+            "solve_factor", L=self._L, x=np.stack([self._w0, pull])
+        ).y
         terms = np.abs(acc).max(axis=2, initial=0.0).sum(axis=0) + 1.0
         lack = np.abs(acc[0] - acc[1] - run.acc_D).max(axis=1, initial=0.0) / terms
         hddot = self._gamma + (W * (self._w0 - pull)[:, None]).sum(axis=-1)

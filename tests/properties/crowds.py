@@ -231,10 +231,12 @@ def broken(given: Crowd, runs: fan.Trajectories) -> tuple[dict[str, np.ndarray],
     for i in np.flatnonzero(done):
         at = given.marionette.overlaps(runs.q_D[i, -1], q_K[i])
         depth[i] = max(at.values(), default=0.0)
-    books = {n: np.nan_to_num(runs.ledger[n]) for n in ("kinetic", "potential", "work", "residual")}
-    size = np.max(np.abs(books["kinetic"]), axis=1) + np.max(np.abs(books["work"]), axis=1)
-    size += np.ptp(np.where(reached, books["potential"], books["potential"][:, :1]), axis=1)
-    residual = np.max(np.abs(books["residual"]), axis=1) / (size + given.marionette.weight)
+    ledger = {
+        n: np.nan_to_num(runs.ledger[n]) for n in ("kinetic", "potential", "work", "residual")
+    }
+    size = np.max(np.abs(ledger["kinetic"]), axis=1) + np.max(np.abs(ledger["work"]), axis=1)
+    size += np.ptp(np.where(reached, ledger["potential"], ledger["potential"][:, :1]), axis=1)
+    residual = np.max(np.abs(ledger["residual"]), axis=1) / (size + given.marionette.weight)
     off = done & (residual > LEDGER[method])
     slow = np.full(len(status), given.inputs is None)
     if isinstance(given.method, fan.TimeStepping):

@@ -132,7 +132,7 @@ def with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan.
         rows = np.flatnonzero((instant.h >= -1e-9 * scale) | puppet.two_sided)
         solution = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)
         if solution.solved:
-            return at.replace(v_D=at.v_D - instant.back(instant.W[:, rows] @ solution.x))
+            return at.replace(v_D=at.v_D - instant.solve_factor(instant.W[:, rows] @ solution.x))
     return x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(v_K))
 
 

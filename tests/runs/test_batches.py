@@ -140,7 +140,7 @@ def test_an_impossible_input_has_a_status_and_strings():
     many = fan.simulate_batch(arm, x0, [hold, fan.Input.waypoints(arm, pull)], t_end=0.3)
     assert many.status[0] == Status.DONE
     assert many.status[1] in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
-    assert many.blamed(1) and set(many.blamed(1)) <= set(arm.tree.row_names)
+    assert many.causes(1) and set(many.causes(1)) <= set(arm.tree.row_names)
 
 
 def test_only_requested_results_are_saved():

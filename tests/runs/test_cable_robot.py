@@ -22,7 +22,7 @@ def test_lengths_that_contradict_one_another_are_named(eight, method):
     with pytest.raises(fan.errors.SimulationError) as caught:
         fan.simulate(eight, x0, inputs, method=method)
     run, text = caught.value.trajectory, str(caught.value)
-    assert run.status is Status.REDUNDANT_STRINGS and run.blamed == NAMES
+    assert run.status is Status.REDUNDANT_STRINGS and run.causes == NAMES
     assert "are 8 strings on 6 degrees of freedom, and their lengths contradict" in text
     assert "m/s^2" in text and "max_tension" in text
     assert 0.0 < run.t[-1] < 1.0 and np.max(run.violation.values) < 1e-6
@@ -127,7 +127,7 @@ def test_redundant_strings_stop_runs_of_a_batch(eight, method):
     single = fan.simulate(eight, x0, inputs, 0.5, method=method, throw=False)
     assert single.status is Status.REDUNDANT_STRINGS
     assert many.status.tolist() == [Status.DONE, Status.REDUNDANT_STRINGS, Status.DONE]
-    assert many.blamed(1) == NAMES and not many.blamed(0) and not many.blamed(2)
+    assert many.causes(1) == NAMES and not many.causes(0) and not many.causes(2)
 
 
 @pytest.mark.parametrize("method", ["event", "variational"])
@@ -174,7 +174,7 @@ strings:
     for method in ("event", "variational"):
         run = fan.simulate(between, between.rest(), inputs, method=method, throw=False)
         assert run.status in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
-        assert set(run.blamed) == {"left", "right"}
+        assert set(run.causes) == {"left", "right"}
 
 
 def test_a_failing_step_is_refused_as_in_a_stepper(eight):

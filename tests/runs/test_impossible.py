@@ -72,7 +72,7 @@ def test_two_hands_that_pull_a_line_apart(points):
         fan.simulate(between, x0, inputs)
     run = caught.value.trajectory
     assert run.status in GIVES_UP
-    assert set(run.blamed) == {"left", "right"}
+    assert set(run.causes) == {"left", "right"}
     assert len(run) > 10
     apart = np.diff(run.q_K[-1][[0, 1]])[0]
     assert 2.39 < apart < 2.4
@@ -93,13 +93,13 @@ pose: {bob.x: -1, bob.z: 0}
 
 
 @pytest.mark.parametrize(("end", "status"), [(-0.7, 2), (-0.69999, 3)])
-def test_blame_is_a_share_of_strings_that_pull_and_wires_that_push(end, status):
+def test_attribution_is_a_share_of_strings_that_pull_and_wires_that_push(end, status):
     """It was -1 for the pulling string, which was not named, and 1.1 above the cap."""
     prop = fan.loads(PROP)
     inputs = fan.Input.waypoints(prop, {"pull.x": [(0, -0.8), (4, end)]})
     many = fan.simulate_batch(prop, [prop.rest()], inputs, t_end=4.0, method="event")
-    assert many.status[0] == status and many.blamed(0) == ("pull", "strut")
-    assert np.all((many.blame.values > 0.9) & (many.blame.values <= 1.0))
+    assert many.status[0] == status and many.causes(0) == ("pull", "strut")
+    assert np.all((many.attribution.values > 0.9) & (many.attribution.values <= 1.0))
 
 
 def test_contradictory_rows_are_named():
@@ -108,7 +108,7 @@ def test_contradictory_rows_are_named():
     inputs = fan.Input.waypoints(short, {"link.x": [(0, 0.5), (1, 0.8)]})
     run = fan.simulate(short, short.rest(), inputs, throw=False)
     assert run.status is fan.Status.IMPOSSIBLE_INPUT
-    assert run.blamed == ("link",)
+    assert run.causes == ("link",)
     assert run.t[-1] < 0.1
 
 
@@ -121,7 +121,7 @@ def test_a_string_without_dynamic_ends_is_not_redundant(method):
     if method == "timestepping":
         assert run.status is fan.Status.OVERSTEPPED
     else:
-        assert run.status in GIVES_UP and run.blamed == ("link",)
+        assert run.status in GIVES_UP and run.causes == ("link",)
 
 
 def test_a_hook_pulled_into_its_pulley_collapses():
@@ -129,7 +129,7 @@ def test_a_hook_pulled_into_its_pulley_collapses():
     inputs = fan.Input.waypoints(pulley, {"hoist.length": [(0, 1.5), (1, 0.9)]})
     run = fan.simulate(pulley, pulley.rest(), inputs, throw=False)
     assert run.status is fan.Status.COLLAPSED
-    assert run.blamed == ("hoist",)
+    assert run.causes == ("hoist",)
     assert run.q_D[-1][0] == pytest.approx(1.0, abs=1e-2)
 
 
@@ -153,7 +153,7 @@ def test_the_marionette_is_torn_apart(ask):
             points[name] = [(0, q), (1, q + sign)]
         inputs = fan.Input.waypoints(puppet, points)
     run = fan.simulate(puppet, x0, inputs, 3.0, throw=False)
-    assert run.status in GIVES_UP and run.blamed
+    assert run.status in GIVES_UP and run.causes
     assert 0.3 < run.t[-1] < 1.0
     assert np.max(run.violation.values) < 1e-10
     for dt in (0.002, 0.01):

@@ -122,5 +122,5 @@ def test_an_impossible_pull_ends_equally(arm_reference, name):
     inputs = fan.Input.waypoints(marionette, {"hand.x": [(0, x0.q_K[0]), (2, 3.0)]})
     ours = fan.simulate(marionette, x0, inputs, throw=False)
     run = flow_events.simulate(marionette, x0, inputs, 2.0, integrator=name, rtol=1e-6, atol=1e-6)
-    assert ours.blamed == ("hand",) and run.stopped
+    assert ours.causes == ("hand",) and run.stopped
     assert run.x.t == pytest.approx(ours.t[-1], abs=1e-3)

@@ -14,7 +14,7 @@ from fantoccini.control import Problem, RolloutOptions, solve
 ARM = fan.puppets.arm2d()
 REST = ARM.rest({"hand.length": 0.8})
 ACCELERATION = np.array([[0.5, -0.3], [-0.4, 0.2], [0.1, 0.9]])
-ARRAYS = ("t", "q_D", "v_D", "q_K", "v_K", "tension", "taut", "books", "violation", "status")
+ARRAYS = ("t", "q_D", "v_D", "q_K", "v_K", "tension", "taut", "energy_terms", "violation", "status")
 
 
 def moving_batch(method: str):

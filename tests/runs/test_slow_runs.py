@@ -48,7 +48,7 @@ def test_a_time_limit_is_a_positive_number(limit):
 
 
 def test_a_run_of_minutes_warns_early_with_a_remedy(monkeypatch):
-    early = dataclasses.replace(pace.LIMITS, first_look=0.2)
+    early = dataclasses.replace(pace.LIMITS, first_check=0.2)
     monkeypatch.setattr(pace, "LIMITS", early)
     with pytest.warns(SlowRunWarning) as warned:
         fan.simulate(ARM, SWINGING, t_end=1e6, time_limit=1.0, throw=False)
@@ -79,7 +79,7 @@ def test_chattering_is_reported_with_events_and_touches():
 
 @pytest.mark.slow
 def test_a_slow_run_of_spinning_bodies_names_their_contacts(monkeypatch):
-    early = dataclasses.replace(pace.LIMITS, first_look=0.5)
+    early = dataclasses.replace(pace.LIMITS, first_check=0.5)
     monkeypatch.setattr(pace, "LIMITS", early)
     heap = fan.loads(SPINNING)
     x0 = heap.state(

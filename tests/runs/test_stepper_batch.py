@@ -49,9 +49,9 @@ def test_each_equals_the_single_stepper(method):
             )
         assert np.array_equal(x.taut, single.state.taut)
         assert np.allclose(batch.tension[i], single.tension, rtol=1e-6, atol=1e-6)
-        books = ARM.sample_layout.split(single.samples[-1:])
-        for name, sum_ in zip(("work", "damping", "impact"), batch.books[i], strict=False):
-            assert sum_ == pytest.approx(books[name][0], abs=1e-8)
+        sample = ARM.sample_layout.split(single.samples[-1:])
+        for name, sum_ in zip(("work", "damping", "impact"), batch.energy_terms[i], strict=False):
+            assert sum_ == pytest.approx(sample[name][0], abs=1e-8)
 
 
 def test_rotations_are_driven():
@@ -79,7 +79,7 @@ def test_solids_slide_as_they_do_alone():
     for i in range(9):
         assert np.allclose(batch.q_D[i], single.state.q_D, rtol=0, atol=1e-8)
     friction = BLOCK.sample_layout.split(single.samples[-1:])["friction"][0]
-    assert np.allclose(batch.books[:, 4], friction, rtol=1e-6)
+    assert np.allclose(batch.energy_terms[:, 4], friction, rtol=1e-6)
 
 
 @pytest.mark.parametrize("method", ["timestepping", "event"])
@@ -101,10 +101,14 @@ def test_some_are_reset_and_the_others_continue(method):
         late.advance(0.02, a[7])
     others = [i for i in range(10) if i not in (2, 7)]
     assert np.array_equal(batch.q_D[others], undisturbed.q_D[others])
-    assert np.array_equal(batch.books[others], undisturbed.books[others])
+    assert np.array_equal(batch.energy_terms[others], undisturbed.energy_terms[others])
     assert np.allclose(batch.q_D[7], late.state.q_D, rtol=0, atol=1e-9)
     batch.reset()
-    assert np.all(batch.t == 0.0) and np.all(batch.q_D == HANG.q_D) and np.all(batch.books == 0.0)
+    assert (
+        np.all(batch.t == 0.0)
+        and np.all(batch.q_D == HANG.q_D)
+        and np.all(batch.energy_terms == 0.0)
+    )
 
 
 def test_neighbours_and_threads_make_no_difference():
@@ -145,7 +149,7 @@ def test_a_stopped_stepper_keeps_its_state_until_it_is_reset():
     for _ in range(15):
         arrived = batch.advance(0.02, acc)
     assert arrived.tolist() == [True, False, True]
-    assert batch.status[1] == Status.LENGTH_NOT_POSITIVE and batch.blamed(1) == ("hand",)
+    assert batch.status[1] == Status.LENGTH_NOT_POSITIVE and batch.causes(1) == ("hand",)
     assert batch.t[1] < 0.21 and batch.t[0] == pytest.approx(0.3)
     saved = batch.q_D[1].copy()
     batch.advance(0.02)

@@ -49,7 +49,7 @@ def test_a_winch_that_runs_out_is_a_status(winches, method, parts):
     assert ENDS - within < run.t[-1] < ENDS + 1e-9
     assert run.q_D[-1][2] == pytest.approx(1.0, abs=0.01)
     assert np.all(np.isfinite(run.v_D)) and np.max(run.violation.values) < 1e-6
-    assert run.blamed == ("line",)
+    assert run.causes == ("line",)
     with pytest.raises(fan.errors.SimulationError, match="driven to zero"):
         fan.simulate(winches, x0, inputs, method=method)
 
@@ -60,7 +60,7 @@ def test_inputs_that_begin_after_the_run_run_out_too(winches):
     inputs = wound_in(winches, x0, -1.2, 1)
     for later in (0.0, 1.0):
         run = fan.simulate(winches, x0, inputs.shifted(later), throw=False)
-        assert run.status is Status.LENGTH_NOT_POSITIVE and run.blamed == ("line",)
+        assert run.status is Status.LENGTH_NOT_POSITIVE and run.causes == ("line",)
         assert run.q_K[-1][0] == pytest.approx(1e-6, abs=1e-9)
 
 
@@ -73,8 +73,10 @@ def test_one_lane_that_runs_out_stops_no_other(winches, method):
     gone = Status.LENGTH_NOT_POSITIVE
     assert many.status.tolist() == [Status.DONE, gone, Status.DONE, gone]
     assert many.reached == pytest.approx([1.5, ENDS, 1.5, ENDS / 2], abs=0.0021)
-    blame = many.blame.values
-    assert blame[[1, 3]].tolist() == [[1.0, 0.0], [1.0, 0.0]] and not np.any(blame[[0, 2]])
+    attribution = many.attribution.values
+    assert attribution[[1, 3]].tolist() == [[1.0, 0.0], [1.0, 0.0]] and not np.any(
+        attribution[[0, 2]]
+    )
     wide = fan.motion.Inputs.random(winches, n=8, seed=0, t_end=1.5, every=0.5, reach=0.9)
     ended = fan.simulate_batch(winches, x0, wide, 1.5, method=method).counts()
     assert ended[gone] >= 1 and ended[Status.DONE] >= 1 and sum(ended.values()) == 8
@@ -102,7 +104,7 @@ def test_a_length_that_only_dips_runs_out(winches):
     acc = np.array([[-2 * dip, 0.0], [6 * dip, 0.0]])
     inputs = fan.Input.segments(winches, times, x0.q_K, x0.v_K, acc)
     run = fan.simulate(winches, x0, inputs, throw=False, method=fan.Event(rtol=1e-3, atol=1e-3))
-    assert run.status is Status.LENGTH_NOT_POSITIVE and run.blamed == ("line",)
+    assert run.status is Status.LENGTH_NOT_POSITIVE and run.causes == ("line",)
     assert run.t[-1] == pytest.approx(np.sqrt(0.5 / dip), abs=1e-5)
 
 

@@ -66,7 +66,7 @@ def test_six_motors_are_within_a_step_at_all_set_points(conduct, rate, inverse, 
     ],
 )
 def test_holds_reversals_and_fine_steps(lifted, hoist, text):
-    points = set_points(loads_stand(text), lifted, hoist, controller="grbl", anyway=True)
+    points = set_points(loads_stand(text), lifted, hoist, controller="grbl", force=True)
     assert np.max(apart(points, replayed(points))) <= 1.0
 
 
@@ -168,7 +168,7 @@ def test_impossible_motions_of_a_stand_are_refused(lifted, hoist, tmp_path):
     weak = loads_stand(ABLE.replace("0.5, i", "0.01, i"))
     with pytest.raises(StandError, match="cannot"):
         set_points(weak, lifted, hoist, controller="grbl")
-    assert len(set_points(weak, lifted, hoist, controller="grbl", anyway=True)) == 76
+    assert len(set_points(weak, lifted, hoist, controller="grbl", force=True)) == 76
     able = loads_stand(ABLE)
     with pytest.raises(FileError, match="controller"):
         set_points(able, lifted, hoist)
@@ -191,7 +191,7 @@ def test_the_look_ahead_and_the_port_bound_the_rate(conduct):
     stand = loads_stand(ABLE + "controller: {type: grbl, planner: 2, baud: 5000000}\n")
     hoist = fan.loads(HOIST)
     with pytest.raises(StandError, match="looks 1 moves ahead"):
-        gcode(set_points(stand, lift(hoist), hoist, rate=200.0, anyway=True))
+        gcode(set_points(stand, lift(hoist), hoist, rate=200.0, force=True))
 
 
 def test_the_machine_answers_with_grbls_numbers(lifted, hoist):

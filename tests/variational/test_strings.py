@@ -196,7 +196,7 @@ def test_a_trajectory_of_a_batch_is_independent_of_its_neighbours(bench):
     there, back = batch(cases), batch(cases[::-1])
     for name in ("status", "reached", "violation", "catches", "q_D", "v_D", "acc_D"):
         assert np.array_equal(getattr(there, name), getattr(back, name)[::-1], equal_nan=True), name
-    for name in ("tension", "limit_force", "taut", "slip", "ledger", "blame"):
+    for name in ("tension", "limit_force", "taut", "slip", "ledger", "attribution"):
         own, other = getattr(there, name).values, getattr(back, name).values
         assert np.array_equal(own, other[::-1], equal_nan=True), name
     for k, (start, inputs) in enumerate(cases[:6]):

@@ -119,7 +119,7 @@ def test_names_cannot_inject_markup():
     run = swinging(bundled("arm2d"))
     tension, taut = (dataclasses.replace(x, names=(HOSTILE,)) for x in (run.tension, run.taut))
     run = dataclasses.replace(
-        run, method=HOSTILE, tension=tension, taut=taut, blamed=(HOSTILE,), puppet=None
+        run, method=HOSTILE, tension=tension, taut=taut, causes=(HOSTILE,), puppet=None
     )
     for text in (notebook.puppet_html(marionette), run._repr_html_()):
         page = Page(text)

@@ -38,7 +38,7 @@ class Trajectories:
         reached: (n,) time that each run reached [s]; NaN if Ctrl-C came before its start.
         violation: (n,) largest h of all rows (fixed steps; 0 for event) [m, rad or 1].
         catches, releases: (n,) numbers of catches and releases of strings and limits.
-        blame: (n,) attribution of each run's end, 0 to 1: share of each string and limit in
+        attribution: (n,) causes of each run's end, 0 to 1: share of each string and limit in
             stopping it; whether each coordinate's drive lost steps or ran away.
         method: event, timestepping or variational.
         coordinates: names and places of the coordinates.
@@ -56,7 +56,7 @@ class Trajectories:
     violation: Array
     catches: Array
     releases: Array
-    blame: Columns
+    attribution: Columns
     method: str
     coordinates: CoordinateTable
     puppet: Puppet | None = None
@@ -97,9 +97,9 @@ class Trajectories:
         """Number of runs by status, the most frequent first."""
         return {Status(s): n for s, n in Counter(self.status.tolist()).most_common()}
 
-    def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
-        """Names whose share in ``blame`` of run i exceeds ``least``."""
-        return tuple(n for n in self.blame.names if self.blame[n][i] > least)
+    def causes(self, i: int, min_share: float = 0.1) -> tuple[str, ...]:
+        """Names whose share in ``attribution`` of run i exceeds ``min_share``."""
+        return tuple(n for n in self.attribution.names if self.attribution[n][i] > min_share)
 
     def trajectory(self, i: int) -> Trajectory:
         """Run i as a trajectory without events, from a batch simulated with ``save="all"``.
@@ -130,7 +130,7 @@ class Trajectories:
             method=self.method,
             coordinates=self.coordinates,
             puppet=self._puppet(i),
-            blamed=self.blamed(i),
+            causes=self.causes(i),
         )
 
     def _puppet(self, i: int) -> Puppet | None:

@@ -62,7 +62,7 @@ class Trajectory:
             since the start [J].
         events: events in order of time.
         status: reason for the run's end.
-        blamed: names to which the status is attributed: strings and limits that no motion
+        causes: names to which the status is attributed: strings and limits that no motion
             satisfies together, or beyond the tension cap; coordinates with overloaded drives.
         method: event, timestepping, variational or mujoco.
         coordinates: names and places of the coordinates.
@@ -99,7 +99,7 @@ class Trajectory:
     violation: Columns | None = None
     slip: Columns | None = None
     undetermined: Columns | None = None
-    blamed: tuple[str, ...] = ()
+    causes: tuple[str, ...] = ()
     seconds: float | None = None
     contact: ContactPoints | None = None
     contact_residual: Array | None = None
@@ -139,7 +139,7 @@ class Trajectory:
             raise ValueError("t must hold one time or more, not decreasing")
         object.__setattr__(self, "events", tuple(self.events))
         object.__setattr__(self, "status", Status(self.status))
-        object.__setattr__(self, "blamed", tuple(self.blamed))
+        object.__setattr__(self, "causes", tuple(self.causes))
 
     # Without this, Python would iterate over a trajectory by number.
     __iter__ = None

@@ -37,7 +37,7 @@ class Packets(Protocol):
     def encode(self, position: Array, when: float) -> bytes:
         """The packet for positions (n,) [m or rad] that are due at a time [s since the epoch]."""
 
-    def told(self, position: Array) -> str:
+    def described(self, position: Array) -> str:
         """The packet's contents as text."""
 
 
@@ -85,7 +85,7 @@ class OscPackets:
         data: bytes = bundle.build().dgram
         return data
 
-    def told(self, position: Array) -> str:
+    def described(self, position: Array) -> str:
         """Every address with its position."""
         pairs = zip(self.addresses, position, strict=True)
         return " ".join(f"{address} {np.float32(value)}" for address, value in pairs)
@@ -138,7 +138,7 @@ class ArtNetPackets:
         rest = DMX_HEADER.pack(VERSION, 0, 0, low, high, len(data))
         return PACKET_HEADER.pack(NAME, OUTPUT) + rest + data
 
-    def told(self, position: Array) -> str:
+    def described(self, position: Array) -> str:
         """Every axis' first channel with its value."""
         pairs = zip(self.first, self.values(position), strict=True)
         return " ".join(f"{first}={value}" for first, value in pairs)

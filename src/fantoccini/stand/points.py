@@ -157,7 +157,7 @@ def set_points(
     home: bool = False,
     slack: float = 0.0,
     park: bool = False,
-    anyway: bool = False,
+    force: bool = False,
 ) -> SetPoints:
     """The set points of a run on a stand.
 
@@ -170,7 +170,7 @@ def set_points(
         home: let the controller home the axes first (G-code).
         slack: length that drums let out and wind in again before the start [m].
         park: go home at the end.
-        anyway: export the run even if :func:`check_stand` finds that the stand cannot do it.
+        force: export the run even if :func:`check_stand` finds that the stand cannot do it.
 
     Raises:
         FileError: the stand does not fit the run, or has no controller.
@@ -184,10 +184,10 @@ def set_points(
         raise ValueError(f"rate: found {rate:g}; needed: 1 to 10000 set points per second")
     if not 0.0 <= slack <= 1.0:
         raise ValueError(f"slack: found {slack:g}; needed: 0 to 1 m")
-    if not anyway:
+    if not force:
         check = check_stand(stand, run, marionette)
         if not check.ok:
-            raise StandError(f"{check.summary()}; `anyway` exports it all the same")
+            raise StandError(f"{check.summary()}; `force` exports it all the same")
     n = int(np.floor(run.duration * rate + 1e-9))
     t = np.arange(n + 1) / rate
     if run.duration - t[-1] > 1e-6:

@@ -104,7 +104,7 @@ def _remarks(followed: Followed) -> Iterator[str]:
             f"{100 * followed.hanging_far:.0f} % of the puppet's height; try --travel 0, or "
             "another puppet"
         )
-    elif followed.status is FollowStatus.ASTRAY:
+    elif followed.status is FollowStatus.DIVERGED:
         worst = max(followed.report, key=lambda part: part.run)
         yield (
             f"the puppet does not follow: the error of its {worst.name} is "

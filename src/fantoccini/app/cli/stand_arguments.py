@@ -47,9 +47,11 @@ class StandMotionOptions:
     park: Annotated[bool, typer.Option("--park", help="Move to the home positions at the end.")] = (
         False
     )
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Continue even if the stand cannot do the run.")
+    force: Annotated[
+        bool, typer.Option("--force", help="Continue even if the stand cannot do the run.")
     ] = False
+    # The former name of --force.
+    anyway: Annotated[bool, typer.Option("--anyway", hidden=True)] = False
     quiet: Quiet = False
 
 

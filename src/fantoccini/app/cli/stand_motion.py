@@ -159,12 +159,12 @@ def _positions_csv(end: float, positions: Callable[[Times], Array], names: list[
 def _points(options: StandMotionOptions, stand: str, run: Path, steps: Steps) -> SetPoints:
     loaded_stand = load_stand(stand)
     marionette, trajectory = motion_of(run, options.puppet, steps)
-    if not options.anyway:
+    if not (options.force or options.anyway):
         steps.step("checking")
         check = check_stand(loaded_stand, trajectory, marionette)
         if not check.ok:
             raise StandError(
-                f"{check.summary()}; `fantoccini stand check` lists remedies; --anyway exports the "
+                f"{check.summary()}; `fantoccini stand check` lists remedies; --force exports the "
                 "run nevertheless"
             )
     steps.step("computing set points")
@@ -177,5 +177,5 @@ def _points(options: StandMotionOptions, stand: str, run: Path, steps: Steps) ->
         home=options.home,
         slack=1e-3 * options.slack,
         park=options.park,
-        anyway=True,
+        force=True,
     )

@@ -133,7 +133,7 @@ class Live(PageLoop):
         server.viser.on_client_disconnect(lambda client: self.holder.leave(client.client_id))
 
     def _finish(self) -> None:
-        self.performance.let(None)
+        self.performance.set_hand_law(None)
         self.stage.finish()
 
     # -- actions of viewers --------------------------------------------------------------------
@@ -183,7 +183,9 @@ class Live(PageLoop):
         # Shown first, so that a click after the change is not undone.
         self.panel.show_balance(balance_on)
         try:
-            self.performance.let(Balance(self.performance, threaded=True) if balance_on else None)
+            self.performance.set_hand_law(
+                Balance(self.performance, threaded=True) if balance_on else None
+            )
         except Exception:
             self.panel.show_balance(self.balance is not None)
             raise

@@ -271,7 +271,7 @@ class LivePanel:
             clock += [" \N{EN SPACE}", element("span", recorded, style=f"color:{_RED}")]
         rows = [element("div", *clock)]
         if live.balance is not None:
-            rows.append(element("div", f"The hands balance it: {live.balance.about}"))
+            rows.append(element("div", f"The hands balance it: {live.balance.summary}"))
         for name, reason in lagging.items():
             rows.append(element("div", f"{name}: {reason}", style=f"color:{_RED}"))
         for message in dict.fromkeys((live.recorder.status, self._message)):

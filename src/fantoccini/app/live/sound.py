@@ -88,13 +88,13 @@ SOUND_SCRIPT = """
         one.buffer = await context.decodeAudioData(message.data).catch(() => null);
         return;
       }
-      const told = JSON.parse(message.data), clock = performance.now() / 1000;
-      if ("start" in told) { loading = told; return; }
-      beat = told.beat === null ? null : {
-        zero: clock + told.beat.next - told.beat.number * told.beat.period,
-        period: told.beat.period,
+      const message = JSON.parse(message.data), clock = performance.now() / 1000;
+      if ("start" in message) { loading = message; return; }
+      beat = message.beat === null ? null : {
+        zero: clock + message.beat.next - message.beat.number * message.beat.period,
+        period: message.beat.period,
       };
-      score = told.score === null ? null : {zero: clock - told.score.t};
+      score = message.score === null ? null : {zero: clock - message.score.t};
     };
     socket.onclose = () => {
       beat = score = null;

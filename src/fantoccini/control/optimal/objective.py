@@ -14,7 +14,7 @@ from fantoccini.control.optimal.rows import Rows
 from fantoccini.control.optimal.touch_terms import Touches
 from fantoccini.control.tasks import (
     Chosen,
-    Looks,
+    NodeKinematics,
     Nodes,
     NumberResidual,
     Residual,
@@ -359,8 +359,8 @@ class Objective:
             self._cached_residuals = times, residuals
         return self._cached_residuals[1]
 
-    def _evaluation(self, nodes: Nodes) -> Looks:
-        return Looks(self._chosen.marionette(nodes.parameters), nodes)
+    def _evaluation(self, nodes: Nodes) -> NodeKinematics:
+        return NodeKinematics(self._chosen.marionette(nodes.parameters), nodes)
 
     def _add_residuals(self, nodes: Nodes, H: Array, g: Array, Q: Array, q: Array) -> None:
         """Adds Gauss-Newton's terms of the tracks at the nodes."""

@@ -16,7 +16,7 @@ from fantoccini.control.optimal.sqp import Iterate
 from fantoccini.control.tasks import (
     Answer,
     AnswerStatus,
-    Looks,
+    NodeKinematics,
     Nodes,
     Task,
     Touched,
@@ -134,7 +134,7 @@ class Optimum(Answer):
 
         If several tracks have one name, the later ones have their kind or index added.
         """
-        evaluation = Looks(self.marionette, self.nodes)
+        evaluation = NodeKinematics(self.marionette, self.nodes)
         errors = {}
         for name, track in self._named_tracks():
             if track.kind == "tension":
@@ -149,7 +149,7 @@ class Optimum(Answer):
 
     def paths(self) -> dict[str, tuple[Array, Array]]:
         """Name of every body with a tracked point -> (N + 1, 3) path and positions of the point."""
-        evaluation = Looks(self.marionette, self.nodes)
+        evaluation = NodeKinematics(self.marionette, self.nodes)
         paths = {}
         for name, track in self._named_tracks():
             if track.kind != "point":

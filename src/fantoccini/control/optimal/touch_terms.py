@@ -81,7 +81,7 @@ class Moments:
 
     Attributes:
         t: (T,) times [s].
-        room: (T,) lengths of their windows [s].
+        widths: (T,) lengths of their windows [s].
         at: (T,) indices of their intervals.
         edge: (T,) -1 or 1 for a moment at the first or the last time of its window, NaN if these
             coincide.
@@ -93,7 +93,7 @@ class Moments:
     """
 
     t: Times
-    room: Times
+    widths: Times
     at: Indices
     edge: Array
     r: Array
@@ -111,7 +111,7 @@ class Moments:
         """
         models = []
         for j, (r, v) in enumerate(zip(self.r, self.v, strict=True)):
-            f, scale = weight * r - force[j], _MAX_MOMENT_CHANGE * self.room[j]
+            f, scale = weight * r - force[j], _MAX_MOMENT_CHANGE * self.widths[j]
             bend, direction, slope = np.zeros((6, 6)), np.zeros(6), np.append(f, np.zeros(3))
             on = np.zeros(3)
             bend[:3, :3] = weight * np.eye(3)
@@ -296,7 +296,7 @@ class Touches:
             for touch in self._touches
         ]
 
-    def _narrowed(self, nodes: Nodes, windows: list[Window], room: Times) -> list[Window]:
+    def _narrowed(self, nodes: Nodes, windows: list[Window], widths: Times) -> list[Window]:
         """Windows narrowed to times near the moments of the last iterate, if there are any.
 
         Moments in turn, and moments of one point, stay apart.
@@ -304,7 +304,7 @@ class Touches:
         t = nodes.moments
         if t is None:
             return windows
-        low, high = t - room, t + room
+        low, high = t - widths, t + widths
         for j, k in itertools.combinations(range(len(t)), 2):
             first, second = self._touches[j], self._touches[k]
             if (first.body, first.at) == (second.body, second.at) or (

@@ -332,4 +332,4 @@ def _acceleration(marionette: Marionette, at: StateArrays, acc_K: Array, active:
     G = G + _TOLERANCES.compliance * np.trace(G, axis1=1, axis2=2)[:, None, None] * unit
     tension = np.linalg.solve(G, (active * (values.gamma + values.a0))[..., None])
     w = values.w0 - (tension.swapaxes(1, 2) @ values.W.swapaxes(1, 2))[:, 0]
-    return marionette.library.evaluate("back", L=values.L, x=w).y
+    return marionette.library.evaluate("solve_factor", L=values.L, x=w).y

@@ -17,6 +17,9 @@ from fantoccini.control.problems import Objective, Problem
 
 FORMAT = "fantoccini.plan.4"
 
+_KEYS = {"n_checks": "looks"}
+"""Array of a tree -> its key in files, where they differ."""
+
 
 def save(path: str | Path, search: Search, record: SearchRecord, status: str) -> None:
     """Writes a plan with its search tree.
@@ -45,7 +48,7 @@ def save(path: str | Path, search: Search, record: SearchRecord, status: str) ->
         "fingerprint": problem.fingerprint,
     }
     arrays = {
-        **record.tree.arrays,
+        **{_KEYS.get(name, name): array for name, array in record.tree.arrays.items()},
         "path": np.array(record.tree.path(record.best)),
         "curve": np.array(record.curve),
     }
@@ -79,7 +82,8 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
             objective=Objective(**metadata["objective"]),
         )
         search = Search(problem, options)
-        tree, best = SearchTree.of(arrays, like=search.tree), int(nodes[-1])
+        nodes_of = {name: arrays[_KEYS.get(name, name)] for name in search.tree.arrays}
+        tree, best = SearchTree.of(nodes_of, like=search.tree), int(nodes[-1])
         if not 0 <= best < len(tree) or tree.path(best) != nodes.tolist():
             raise ValueError("its path does not lie in its tree")
         search.restore(

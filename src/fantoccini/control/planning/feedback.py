@@ -77,11 +77,11 @@ class Followed(ShortRepr):
     """The result of a closed-loop rollout of a plan.
 
     Attributes:
-        t: (T,) times of the looks [s].
-        states: (T,) states at the looks.
+        t: (T,) times of the checks [s].
+        states: (T,) states at the checks.
         acceleration: (segments, n_vK) applied accelerations [m/s^2 or rad/s^2].
         distance: distance from the goal at the end.
-        clearance: least clearance at looks [m].
+        clearance: least clearance at checks [m].
         arrives: whether the run ends within the tolerance and touches nothing.
         status: status at the end of the run.
     """
@@ -98,7 +98,7 @@ class Followed(ShortRepr):
     def of(
         cls, problem: Problem, states: list[State], acceleration: Array, status: Status
     ) -> Followed:
-        """The result with the states of a run at looks.
+        """The result with the states of a run at checks.
 
         Args:
             problem: the planning problem.
@@ -120,7 +120,7 @@ class Feedback(ShortRepr):
     Attributes:
         plan: the plan.
         nodes: (m + 1,) states of the plan.
-        looks: (m,) numbers of looks in its segments.
+        n_checks: (m,) numbers of checks in its segments.
         planned: (m, n_vK) accelerations [m/s^2 or rad/s^2].
         A, B: (m, n_z, n_z), (m, n_z, n_vK) derivatives of its segments.
         gains: (m, n_vK, n_z) feedback gains.
@@ -130,7 +130,7 @@ class Feedback(ShortRepr):
 
     plan: PlanPath
     nodes: StateArrays
-    looks: Indices
+    n_checks: Indices
     planned: Array
     A: Array
     B: Array
@@ -163,8 +163,8 @@ class Feedback(ShortRepr):
         if not window >= 0:
             raise ValueError(f"window is {window}; it must be at least 0")
         rollouts, marionette = plan.rollouts, plan.problem.marionette
-        nodes, n_looks, planned = plan.states, plan.looks, plan.acceleration
-        durations = n_looks.astype(float) * rollouts.options.interval
+        nodes, n_checks, planned = plan.states, plan.n_checks, plan.acceleration
+        durations = n_checks.astype(float) * rollouts.options.interval
         active = _active_sets(plan)
         projection = taut_projection(marionette, nodes[:-1], active[:-1])
         A, B = active_set_derivatives(
@@ -177,7 +177,7 @@ class Feedback(ShortRepr):
                 A[k], B[k] = exact
         n_z, table = A.shape[1], marionette.coordinates
         Q = np.diag(np.where(np.arange(n_z) < table.n_vD, 1.0, SPEED_WEIGHT**2))
-        moves, gains = rollouts.bounds.moves, np.zeros((len(n_looks), table.n_vK, n_z))
+        moves, gains = rollouts.bounds.moves, np.zeros((len(n_checks), table.n_vK, n_z))
         R = acceleration * np.eye(moves.sum())
         gains[:, moves], P = riccati.gains(
             A, B[:, :, moves], Q, R, Q + arrive * _goal_weights(plan, nodes[-1])
@@ -186,14 +186,14 @@ class Feedback(ShortRepr):
             marionette, nodes, active, durations, planned, A, B, gains, P, Q, R, moves
         )
         extended = ExtendedReference.of(reference, window)
-        return cls(plan, nodes, n_looks, planned, A, B, gains, active, extended)
+        return cls(plan, nodes, n_checks, planned, A, B, gains, active, extended)
 
     def acceleration(self, k: int, x: State) -> Array:
         """(n_vK,) accelerations for segment k from a state, within bounds [m/s^2 or rad/s^2].
 
-        After the last segment the funnel to the goal holds the puppet there, if the problem has
-        one; otherwise the driven coordinates stop. A driven coordinate brakes before the end of its
-        range.
+        After the last segment the law that leads to the goal, if there is one, holds the puppet
+        there; otherwise the driven coordinates stop. A driven coordinate brakes before the end of
+        its range.
 
         Args:
             k: index of the segment.
@@ -201,14 +201,14 @@ class Feedback(ShortRepr):
         """
         rollouts = self.plan.rollouts
         bounds, T = self.plan.problem.bounds, rollouts.options.segment
-        if k < len(self.looks):
-            T = self.looks[k] * rollouts.options.interval
+        if k < len(self.n_checks):
+            T = self.n_checks[k] * rollouts.options.interval
             node, K = self.reference(k, x)
             acc_K = self.planned[k] - K @ self.away(node, x)
-        elif rollouts.funnels:
-            funnel, zeros = rollouts.funnels[0], np.zeros_like
-            target = StateArrays(funnel.q_D, zeros(x.v_D), x.slip, funnel.q_K, zeros(x.v_K))
-            acc_K = -funnel.gains @ self.away(target, x)
+        elif rollouts.laws:
+            law, zeros = rollouts.laws[0], np.zeros_like
+            target = StateArrays(law.q_D, zeros(x.v_D), x.slip, law.q_K, zeros(x.v_K))
+            acc_K = -law.gains @ self.away(target, x)
         else:
             acc_K = -x.v_K / T
         slowest, fastest = self._velocities_within(x, T)
@@ -277,7 +277,7 @@ class Feedback(ShortRepr):
             x0: initial state; the plan's start by default.
             marionette: the puppet, if it is not the one of the plan.
             method: method of the simulation; ``timestepping`` has the planner's step.
-            push: additional forces, constant between looks.
+            push: additional forces, constant between checks.
             hold: time to stay at the goal afterwards [s].
             closed: whether there is feedback; otherwise the planned accelerations are applied.
 
@@ -294,12 +294,12 @@ class Feedback(ShortRepr):
         method_options = as_method(method)
         x = exact_start(problem, method_options) if x0 is None else x0
         stepper = simulated.stepper(x, method_options)
-        m, segment_looks = len(self.looks), options.looks
+        m, n_segment_checks = len(self.n_checks), options.n_checks
         hold_segments = int(np.ceil(hold / options.segment - _TOLERANCES.rounding))
         states, applied = [x], list[Array]()
         for k in np.repeat(
             np.arange(m + hold_segments),
-            np.append(self.looks, np.full(hold_segments, segment_looks)),
+            np.append(self.n_checks, np.full(hold_segments, n_segment_checks)),
         ):
             if len(applied) <= k:
                 feedback = closed or k >= m

@@ -61,9 +61,9 @@ class PlanPath:
         return self.tree.states[list(self.path)]
 
     @property
-    def looks(self) -> Indices:
+    def n_checks(self) -> Indices:
         """(m,) numbers of checks in the segments."""
-        return self.tree.looks[list(self.path[1:])]
+        return self.tree.n_checks[list(self.path[1:])]
 
     @property
     def acceleration(self) -> Array:
@@ -159,7 +159,7 @@ class PlanPath:
         return np.array(durations), np.reshape(accelerations, (len(accelerations), len(v)))
 
     def _rounded_up(self, duration: float) -> float:
-        """A duration, rounded up to whole looks [s]."""
+        """A duration, rounded up to whole checks [s]."""
         interval = self.rollouts.options.interval
         return float(np.ceil(duration / interval)) * interval
 

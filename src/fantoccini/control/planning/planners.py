@@ -74,14 +74,14 @@ class EST2007:
         weight = np.maximum(tree.distance, _SAMPLING.min_distance) ** -self.bias
         start_nodes = _random_indices(weight, self.batch, rng)
         np.add.at(tree.tried, start_nodes, 1)
-        min_looks, max_looks = (
-            max(1, round(share * rollouts.options.looks)) for share in self.lasts
+        min_checks, max_checks = (
+            max(1, round(share * rollouts.options.n_checks)) for share in self.lasts
         )
-        n_looks = int(rng.integers(min_looks, max_looks + 1))
+        n_checks = int(rng.integers(min_checks, max_checks + 1))
         velocity = rng.uniform(-1.0, 1.0, (self.batch, tree.v_K.shape[1])) * rollouts.bounds.speed
         interval = rollouts.options.interval
-        acceleration = towards(velocity, tree.v_K[start_nodes], 1, n_looks * interval, rollouts)
-        segments = rollouts.simulate(tree.states, start_nodes, acceleration, looks=n_looks)
+        acceleration = towards(velocity, tree.v_K[start_nodes], 1, n_checks * interval, rollouts)
+        segments = rollouts.simulate(tree.states, start_nodes, acceleration, n_checks=n_checks)
         return PlannerRound(segments.n_made, tree.add_segments(segments, start_nodes, interval))
 
 
@@ -124,7 +124,7 @@ class Explore:
         duration = rollouts.options.segment
         n_random, n_led = (max(1, round(s / duration)) for s in (self.exploration, self.guided))
         n_given = rng.integers(1, n_random + 1, n)
-        n_led = n_led if rollouts.funnels else 0
+        n_led = n_led if rollouts.laws else 0
         if n_led:
             n_given[rng.random(n) < self.direct] = 0
         if n_led and rollouts.goal.touches and len(tree) == 1:
@@ -144,7 +144,7 @@ class Explore:
             acceleration,
             n_given=n_given,
             n_segments=np.maximum(n_segments, 1.0).astype(int),
-            funnel=rng.integers(0, max(1, len(rollouts.funnels)), n),
+            law=rng.integers(0, max(1, len(rollouts.laws)), n),
             lead_time=rng.uniform(*self.lead_time, n),
         )
         return PlannerRound(
@@ -181,13 +181,13 @@ def _exploring_velocities(rollouts: Rollouts, n: int, rng: np.random.Generator) 
 
 
 def time_to_go(q_K: Array, rollouts: Rollouts) -> Array:
-    """(n,) least time in which the driven coordinates can reach the funnels' equilibrium [s]."""
-    if not rollouts.funnels:
+    """(n,) least time in which the driven coordinates can reach the laws' equilibrium [s]."""
+    if not rollouts.laws:
         return np.zeros(len(q_K))
     table, bounds = rollouts.marionette.coordinates, rollouts.bounds
     indices = [(q, v) for q, v in table.scalars_K if bounds.moves[v]]
     q, v = np.array(indices).T
-    distance = np.abs(q_K[:, q] - rollouts.funnels[0].q_K[q])
+    distance = np.abs(q_K[:, q] - rollouts.laws[0].q_K[q])
     return np.max(distance / bounds.speed[v], axis=1)
 
 

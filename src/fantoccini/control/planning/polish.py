@@ -127,7 +127,7 @@ class Polisher:
     def __call__(
         self,
         acceleration: Array,
-        looks: Indices,
+        n_checks: Indices,
         distance: float,
         seconds: float,
         limit: float = np.inf,
@@ -138,14 +138,14 @@ class Polisher:
 
         Args:
             acceleration: (m, n_vK) accelerations of a plan's segments.
-            looks: (m,) numbers of looks in the segments.
+            n_checks: (m,) numbers of checks in the segments.
             distance: required distance from the goal.
             seconds: time to search for shorter plans [s].
             limit: time after which polishing is abandoned if no plan comes so near [s].
             shorter: whether to search for shorter plans.
         """
         began = time.perf_counter()
-        V, until, end = self._resampled(acceleration, looks), began + seconds, began + limit
+        V, until, end = self._resampled(acceleration, n_checks), began + seconds, began + limit
         segment_counts = [
             max(1, round(x * len(V))) for x in _ATTEMPTS.durations if shorter or x >= 1.0
         ]
@@ -214,9 +214,9 @@ class Polisher:
         acceleration = self._shooting.accelerations(candidate.V)
         return self._strict.simulate(self._problem.root, np.zeros(1, int), acceleration)
 
-    def _resampled(self, acceleration: Array, looks: Indices) -> Array:
+    def _resampled(self, acceleration: Array, n_checks: Indices) -> Array:
         """(m, n_vK) velocities in segments of the usual duration; the last may be longer."""
-        durations = looks * self._problem.rollouts.options.interval
+        durations = n_checks * self._problem.rollouts.options.interval
         times = np.concatenate([[0.0], np.cumsum(durations)])
         first = self._problem.root.v_K
         V = np.concatenate([first, first + np.cumsum(acceleration * durations[:, None], axis=0)])

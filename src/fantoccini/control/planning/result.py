@@ -343,7 +343,7 @@ class PlanResult(Answer):
         tree, rollouts = self.tree, self.rollouts.where(tolerance=-1.0)
         for before, node in zip(self.path, self.path[1:], strict=False):
             replayed = rollouts.replay(
-                tree.states[[before]], tree.acceleration[node], int(tree.looks[node])
+                tree.states[[before]], tree.acceleration[node], int(tree.n_checks[node])
             )
             saved = tree.states[[node]].parts
             if replayed is None or not all(

@@ -202,7 +202,7 @@ class Search:
         polisher, status = Polisher(self.problem), PolishStatus.INTERRUPTED
         try:
             shorter = not self.objective.acceleration
-            steps = plan.acceleration, plan.looks
+            steps = plan.acceleration, plan.n_checks
             for shortest in polisher(*steps, distance, seconds, limit, shorter=shorter):
                 candidates.append(shortest)
             status = PolishStatus.TIMEOUT if polisher.late else PolishStatus.NOT_NEAR
@@ -265,7 +265,7 @@ class Search:
         if self.arrived and (tree is self.tree or len(tree) > _EFFORT.max_nodes):
             tree = self._growing = self._new_tree(np.inf)
         if self.arrived:
-            # Better than the best plan, which may have been polished, by at least one look.
+            # Better than the best plan, which may have been polished, by at least one check.
             cost = float(self.tree.cost[self.best])
             tree.bound = min(tree.bound, cost - 0.5 * rollouts.options.interval)
         planner_round = self._planner(tree, rollouts, self._rng)

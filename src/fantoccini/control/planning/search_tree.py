@@ -26,7 +26,7 @@ class SearchTree:
         q_D, v_D, slip, q_K, v_K: (n, ...) states.
         acceleration: (n, n_vK) driven accelerations in the segment that ends at the node.
         parent: (n,) node at which that segment begins; -1 for the root.
-        looks: (n,) number of checks in it.
+        n_checks: (n,) number of checks in it.
         catches: (n,) number of strings and limits caught in it.
         time, cost: (n,) time and cost since the start [s].
         distance: (n,) distance from the goal.
@@ -46,7 +46,7 @@ class SearchTree:
     v_K: Array
     acceleration: Array
     parent: Indices
-    looks: Indices
+    n_checks: Indices
     catches: Indices
     time: Array
     cost: Array
@@ -68,14 +68,14 @@ class SearchTree:
         }
         for name in ("time", "cost", "distance"):
             arrays[name] = np.empty(_INITIAL_CAPACITY)
-        for name in ("parent", "looks", "catches", "tried"):
+        for name in ("parent", "n_checks", "catches", "tried"):
             arrays[name] = np.empty(_INITIAL_CAPACITY, dtype=np.int64)
         self._arrays = arrays
         self.add(
             root,
             acceleration=0.0,
             parent=-1,
-            looks=0,
+            n_checks=0,
             catches=0,
             time=0.0,
             cost=0.0,
@@ -162,22 +162,25 @@ class SearchTree:
         Returns:
             Indices of the new nodes.
         """
-        completed = np.flatnonzero(segments.looks)
-        rollout, segment_index = np.divmod(completed, segments.looks.shape[1])
+        completed = np.flatnonzero(segments.n_checks)
+        rollout, segment_index = np.divmod(completed, segments.n_checks.shape[1])
         begin, start_nodes = segment_index == 0, start_nodes[rollout]
-        n_looks, catches = segments.looks.ravel()[completed], segments.catches.ravel()[completed]
+        n_checks, catches = (
+            segments.n_checks.ravel()[completed],
+            segments.catches.ravel()[completed],
+        )
         acceleration = flattened(segments.acc_K)[completed]
-        time = interval * _cumulative(n_looks, begin)
+        time = interval * _cumulative(n_checks, begin)
         cost = self.objective.cost(
             time,
             _cumulative(catches, begin),
-            lambda: _cumulative(interval * n_looks * (acceleration**2).sum(axis=1), begin),
+            lambda: _cumulative(interval * n_checks * (acceleration**2).sum(axis=1), begin),
         )
         return self.add(
             StateArrays(**{name: flattened(a)[completed] for name, a in segments.states.items()}),
             acceleration=acceleration,
             parent=np.where(begin, start_nodes, self.n + np.arange(len(completed)) - 1),
-            looks=n_looks,
+            n_checks=n_checks,
             catches=catches,
             time=self.time[start_nodes] + time,
             cost=self.cost[start_nodes] + cost,

@@ -3,7 +3,7 @@
 The velocities V of the driven coordinates at the ends of segments define a rollout with::
 
     r(V)        goal residual at its end,
-    c(V) >= 0   clearances, distances from limits and tensions of taut strings, at every look
+    c(V) >= 0   clearances, distances from limits and tensions of taut strings, at every check
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ class Candidates:
 
     Attributes:
         V: (n, m, n_vK) velocities at the ends of segments.
-        nodes: (n, looks + 1) states at the looks.
+        nodes: (n, n_checks + 1) states at the checks.
         residual: (n, n_r) goal residuals.
-        constraints: (n, looks, n_c) values of c; negative if violated.
+        constraints: (n, n_checks, n_c) values of c; negative if violated.
         distance: (n,) distances of the ends from the goal.
         calm: (n,) first segment after the last catch.
         merit: (n,) |residual| + the worst violation of every constraint.
@@ -105,7 +105,7 @@ class Derivatives:
     Attributes:
         basis: (m, n_b) basis for the velocity of every coordinate that moves.
         residual: (n_r, n_b n_moves) derivatives of the goal residual.
-        near: (k, 2) looks and indices of the constraints that are nearly violated.
+        near: (k, 2) checks and indices of the constraints that are nearly violated.
         constraints: (k, n_b n_moves) derivatives of those.
     """
 
@@ -120,7 +120,7 @@ class Shooting:
 
     Attributes:
         problem: the planning problem.
-        looks: number of looks in a segment.
+        n_checks: number of checks in a segment.
         moves: (n_m,) indices of driven velocities that may be varied.
 
     Args:
@@ -128,7 +128,7 @@ class Shooting:
     """
 
     def __init__(self, problem: Problem):
-        rollouts, self.looks = problem.rollouts, problem.rollouts.options.looks
+        rollouts, self.n_checks = problem.rollouts, problem.rollouts.options.n_checks
         self.problem, self.moves = problem, np.flatnonzero(rollouts.bounds.moves)
         self._free = rollouts.where(tolerance=-1.0, free=True)
         table = problem.marionette.coordinates
@@ -157,7 +157,7 @@ class Shooting:
     @property
     def segment(self) -> float:
         """Duration of a segment [s]."""
-        return self.looks * self.problem.rollouts.options.interval
+        return self.n_checks * self.problem.rollouts.options.interval
 
     def accelerations(self, V: Array) -> Array:
         """(..., m, n_vK) accelerations from velocities at the ends of segments."""
@@ -180,9 +180,9 @@ class Shooting:
 
     def candidates(self, V: Array) -> Candidates:
         """Rollouts of velocities (n, m, n_vK), not stopped by bounds and obstacles."""
-        n, n_looks = len(V), self.looks
-        acc_K = np.repeat(self.accelerations(V), n_looks, axis=1)
-        segments = self._free.simulate(self.problem.root, np.zeros(n, int), acc_K, looks=1)
+        n, n_checks = len(V), self.n_checks
+        acc_K = np.repeat(self.accelerations(V), n_checks, axis=1)
+        segments = self._free.simulate(self.problem.root, np.zeros(n, int), acc_K, n_checks=1)
         first = self.problem.root.parts
         nodes = StateArrays(
             **{
@@ -196,9 +196,9 @@ class Shooting:
         ).reshape(n, acc_K.shape[1], -1)
         worst = np.max(np.maximum(-constraints, 0.0), axis=1)
         merit = np.linalg.norm(residual, axis=1) + np.sum(worst, axis=1)
-        merit = np.where((segments.looks[:, -1] > 0) & np.isfinite(merit), merit, np.inf)
+        merit = np.where((segments.n_checks[:, -1] > 0) & np.isfinite(merit), merit, np.inf)
         caught = (segments.catches > 0) * np.arange(1, acc_K.shape[1] + 1)
-        calm = -(-np.max(caught, axis=1) // n_looks)
+        calm = -(-np.max(caught, axis=1) // n_checks)
         return Candidates(V, nodes, residual, constraints, segments.distance[:, -1], calm, merit)
 
     def derivatives(self, candidate: Candidates, first: int = 0) -> Derivatives:
@@ -208,7 +208,7 @@ class Shooting:
             candidate: the candidate.
             first: index of the first segment that is varied.
         """
-        nodes, n_looks = candidate.nodes[0], self.looks
+        nodes, n_checks = candidate.nodes[0], self.n_checks
         m, n_K = candidate.V.shape[1:]
         basis = self._basis(m, first)
         n_b, n_m = basis.shape[1], len(self.moves)
@@ -217,42 +217,42 @@ class Shooting:
             changes[:, j, :, k] = _TOLERANCES.difference * basis.T
         dV = changes.reshape(n_b * n_m, m, n_K)
         # A rollout begins at the first segment that changes.
-        begin = np.repeat(np.argmax(basis > 0.0, axis=0), n_m) * n_looks
+        begin = np.repeat(np.argmax(basis > 0.0, axis=0), n_m) * n_checks
         dacc = np.diff(dV, axis=1, prepend=0.0) / self.segment
-        acc_K = np.repeat(self.accelerations(candidate.V)[0] + dacc, n_looks, axis=1)
+        acc_K = np.repeat(self.accelerations(candidate.V)[0] + dacc, n_checks, axis=1)
         last = acc_K.shape[1] - 1
         columns = np.minimum(begin[:, None] + np.arange(last + 1), last)
         rows = np.arange(len(begin))
         acc_K = acc_K[rows[:, None], columns]
-        segments = self._free.simulate(nodes, begin, acc_K, n_segments=last + 1 - begin, looks=1)
+        segments = self._free.simulate(nodes, begin, acc_K, n_segments=last + 1 - begin, n_checks=1)
         states = StateArrays(**segments.states)
         residual = (
             self._residual(states[rows, last - begin]) - candidate.residual
         ).T / _TOLERANCES.difference
         # Rollouts that failed are left out.
         residual[:, ~np.isfinite(residual).all(axis=0)] = 0.0
-        near = _nearest(candidate.constraints[0], n_looks)
-        looks_near = np.unique(near[:, 0])
-        rollout, look_index = np.nonzero(looks_near >= begin[:, None])
-        offset = looks_near[look_index] - begin[rollout]
-        change = np.zeros((len(begin), len(looks_near), candidate.constraints.shape[2]))
+        near = _nearest(candidate.constraints[0], n_checks)
+        checks_near = np.unique(near[:, 0])
+        rollout, check_index = np.nonzero(checks_near >= begin[:, None])
+        offset = checks_near[check_index] - begin[rollout]
+        change = np.zeros((len(begin), len(checks_near), candidate.constraints.shape[2]))
         if len(rollout):
             values = (
                 self._constraint_values(states[rollout, offset], acc_K[rollout, offset])
                 - self._aimed
             )
-            difference = values - candidate.constraints[0, looks_near[look_index]]
-            change[rollout, look_index] = difference / _TOLERANCES.difference
+            difference = values - candidate.constraints[0, checks_near[check_index]]
+            change[rollout, check_index] = difference / _TOLERANCES.difference
         change[~np.isfinite(change)] = 0.0
-        constraints = change[:, np.searchsorted(looks_near, near[:, 0]), near[:, 1]].T
+        constraints = change[:, np.searchsorted(checks_near, near[:, 0]), near[:, 1]].T
         return Derivatives(basis, residual, near, constraints)
 
     def continued(self, V: Array, n_more: int) -> Array:
-        """V (m, n_vK) with more segments, led to the goal by a funnel, or at rest without one."""
+        """V (m, n_vK) with more segments, led to the goal by a law, or at rest without one."""
         m, n_K = V.shape
         accelerations = np.zeros((1, m + n_more, n_K))
         accelerations[0, :m] = self.accelerations(V)
-        if not self._free.funnels:
+        if not self._free.laws:
             return self.within(np.concatenate([V, np.zeros((n_more, n_K))]))
         start, n_given = np.zeros(1, int), np.array([m])
         segments = self._free.simulate(self.problem.root, start, accelerations, n_given=n_given)
@@ -299,7 +299,7 @@ class Shooting:
         problem = self.problem
         if not (problem.equilibrium and problem.goal.numbers.driven_weight):
             return np.zeros((len(states.q_K), 0))
-        displacement = states.q_K - problem.rollouts.funnels[0].q_K
+        displacement = states.q_K - problem.rollouts.laws[0].q_K
         return _TOLERANCES.displacement_weight * displacement[:, self._driven]
 
     def _constraint_values(self, states: StateArrays, acc_K: Array) -> Array:
@@ -346,12 +346,12 @@ class Shooting:
         return values.h_limit, tension / marionette.weight
 
 
-def _nearest(constraints: Array, looks: int) -> Indices:
-    """(k, 2) looks and indices of constraints near violation, from (n, n_c) values.
+def _nearest(constraints: Array, n_checks: int) -> Indices:
+    """(k, 2) checks and indices of constraints near violation, from (n, n_c) values.
 
-    They are the worst look of each segment.
+    They are the worst check of each segment.
     """
-    by_segment = constraints.reshape(len(constraints) // looks, looks, constraints.shape[1])
+    by_segment = constraints.reshape(len(constraints) // n_checks, n_checks, constraints.shape[1])
     segment, constraint = np.nonzero(np.min(by_segment, axis=1) < _TOLERANCES.near)
     worst = np.argmin(by_segment, axis=1)[segment, constraint]
-    return np.stack([segment * looks + worst, constraint], axis=1)
+    return np.stack([segment * n_checks + worst, constraint], axis=1)

@@ -47,7 +47,7 @@ def segment_derivatives(
     starts: StateArrays,
     acceleration: Array,
     options: RunOptions,
-    looks: int,
+    n_checks: int,
     threads: int = 1,
     onto: Array | None = None,
     apart: float = _STEPS.central,
@@ -59,7 +59,7 @@ def segment_derivatives(
         starts: (m,) states.
         acceleration: (m, n_vK) accelerations of the driven coordinates.
         options: options of the time-stepper; a check comes every ``save_every`` steps.
-        looks: number of checks in a segment.
+        n_checks: number of checks in a segment.
         threads: number of threads.
         onto: (m, n_z, n_z) projections of changes of the starts; see :func:`taut_projection`.
         apart: size of the changes [rad, m and their rates].
@@ -68,7 +68,7 @@ def segment_derivatives(
         A (m, n_z, n_z) and B (m, n_z, n_vK).
     """
     pool = RolloutPool(
-        marionette.libraries.rollouts, _unbounded(marionette, options, looks), threads
+        marionette.libraries.rollouts, _unbounded(marionette, options, n_checks), threads
     )
 
     def ends(changed: StateArrays, acc_K: Array) -> StateArrays:
@@ -126,7 +126,7 @@ def central_differences(
     return derivatives[:, :, : size - k], derivatives[:, :, size - k :]
 
 
-def _unbounded(marionette: Marionette, options: RunOptions, looks: int) -> RolloutSettings:
+def _unbounded(marionette: Marionette, options: RunOptions, n_checks: int) -> RolloutSettings:
     """Settings of rollouts without bounds, obstacles or goal."""
     table = marionette.coordinates
     unlimited_v, unlimited_q = np.full(table.n_vK, np.inf), np.full(table.n_qK, np.inf)
@@ -136,7 +136,7 @@ def _unbounded(marionette: Marionette, options: RunOptions, looks: int) -> Rollo
     )
     return RolloutSettings(
         options=options,
-        looks=looks,
+        n_checks=n_checks,
         p=marionette.p,
         winches=marionette.winches,
         bounds={

@@ -8,12 +8,12 @@ import numpy as np
 
 from fantoccini.base import ConfigD, ConfigK, StateError
 from fantoccini.control.problems.balance import balanced
-from fantoccini.control.problems.funnels import funnels, servo
+from fantoccini.control.problems.lqr_laws import lqr_laws, servo
 from fantoccini.control.problems.pushing import Push
 from fantoccini.control.problems.rollouts import Rollouts
 from fantoccini.control.problems.standing import stance
 from fantoccini.control.tasks import Goal, StateArrays, Touches
-from fantoccini.kernel.runtime import Funnel
+from fantoccini.kernel.runtime import LqrLaw
 from fantoccini.motion import State
 
 
@@ -37,12 +37,12 @@ class Guidance:
     """Feedback laws of rollouts.
 
     Attributes:
-        funnels: the laws; empty if the driven coordinates cannot reach the target.
+        laws: the laws; empty if the driven coordinates cannot reach the target.
         equilibrium: whether the first law leads to rest at the goal with the required clearance.
         note: description of anything missing at the goal; empty if nothing is.
     """
 
-    funnels: list[Funnel]
+    laws: list[LqrLaw]
     equilibrium: bool
     note: str = ""
 
@@ -100,11 +100,9 @@ def _hanging(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> 
     if not _in_range(rollouts, q_K):
         return Guidance([], False)
     without_contact = replace(rollouts.run_options, contacts=None)
-    rollouts.funnels = funnels(
-        marionette, q_D, q_K, bounds.moves, without_contact, rollouts.options
-    )
+    rollouts.laws = lqr_laws(marionette, q_D, q_K, bounds.moves, without_contact, rollouts.options)
     if touches.expected:
-        rollouts.funnels.append(_servo(rollouts, q_D, q_K))
+        rollouts.laws.append(_servo(rollouts, q_D, q_K))
     chosen = _best_of(rollouts, start)
     at_rest = start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K)
     at_goal = goal.distance(StateArrays.of(at_rest))[0] <= rollouts.stop_distance
@@ -112,7 +110,7 @@ def _hanging(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> 
     return Guidance([chosen], bool(at_goal and clear))
 
 
-def _servo(rollouts: Rollouts, q_D: ConfigD, q_K: ConfigK) -> Funnel:
+def _servo(rollouts: Rollouts, q_D: ConfigD, q_K: ConfigK) -> LqrLaw:
     moves, segment = rollouts.bounds.moves, rollouts.options.segment
     return servo(rollouts.marionette, q_D, q_K, moves, segment)
 
@@ -126,19 +124,19 @@ def _max_residual_force(rollouts: Rollouts) -> float:
     return _TOLERANCES.max_unbalanced * rollouts.marionette.weight
 
 
-def _best_of(rollouts: Rollouts, start: State) -> Funnel:
+def _best_of(rollouts: Rollouts, start: State) -> LqrLaw:
     """The feedback law that comes nearest to the goal from the start, ignoring obstacles."""
-    n, segments = len(rollouts.funnels), _TOLERANCES.trial_segments
-    funnel_index, zeros = np.arange(n), np.zeros(n, dtype=int)
+    n, segments = len(rollouts.laws), _TOLERANCES.trial_segments
+    law_index, zeros = np.arange(n), np.zeros(n, dtype=int)
     segments_run = rollouts.where(tolerance=-1.0, free=True).simulate(
         StateArrays.of(start),
         zeros,
         np.zeros((n, segments, rollouts.marionette.coordinates.n_vK)),
         n_given=zeros,
-        funnel=funnel_index,
+        law=law_index,
         lead_time=np.full(n, _TOLERANCES.trial_lead_time),
     )
-    late_distances = np.where(segments_run.looks > 0, segments_run.distance, np.inf)[
+    late_distances = np.where(segments_run.n_checks > 0, segments_run.distance, np.inf)[
         :, segments // 2 :
     ]
-    return rollouts.funnels[int(np.argmin(np.mean(late_distances, axis=1)))]
+    return rollouts.laws[int(np.argmin(np.mean(late_distances, axis=1)))]

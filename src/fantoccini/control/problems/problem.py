@@ -181,9 +181,9 @@ class Problem:
         self.out_of_reach = out_of_reach(self.goal, tolerance) or self._out_of_touch
         self.equilibrium, self.note = False, ""
         if not self.infeasible:
-            laws = guidance(self.goal, start, self.rollouts, self.touches, self.push)
-            self.rollouts.funnels, self.note = laws.funnels, laws.note
-            self.equilibrium = laws.equilibrium
+            guides = guidance(self.goal, start, self.rollouts, self.touches, self.push)
+            self.rollouts.laws, self.note = guides.laws, guides.note
+            self.equilibrium = guides.equilibrium
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _problem_of, (self.task, self.objective, self.rollouts.options)
@@ -200,7 +200,7 @@ class Problem:
         """(n_qK,) driven coordinates with which the puppet rests on its required touches."""
         if not (self.equilibrium and self.goal.touches):
             return None
-        return self.rollouts.funnels[0].q_K
+        return self.rollouts.laws[0].q_K
 
     @property
     def infeasible(self) -> str:
@@ -253,8 +253,8 @@ class Problem:
             rollouts.margin,
             rollouts.slack,
             options.dt,
-            options.look,
-            options.looks,
+            options.steps_per_check,
+            options.n_checks,
             self.marionette.coordinates.v_D,
             self.marionette.coordinates.v_K,
             rollouts.clearance.meshes.digest,

@@ -28,7 +28,7 @@ from fantoccini.base.documents import (
     mistake,
 )
 from fantoccini.control.problems.problem import Problem
-from fantoccini.control.problems.rollouts import DrivenBounds, RolloutOptions, whole_looks
+from fantoccini.control.problems.rollouts import DrivenBounds, RolloutOptions, whole_checks
 from fantoccini.control.tasks import (
     Bounds,
     ControlFile,
@@ -198,14 +198,14 @@ def load_problem(
     for key_path, part in parts:
         check(key_path, lambda part=part: DrivenBounds.of(marionette, part))
     check(("reserve",), lambda: RolloutOptions(reserve=file.reserve))
-    n_looks = check(("segment",), lambda: _looks(file.segment))
+    n_checks = check(("segment",), lambda: _n_checks(file.segment))
     check.refuse()
     start = reading.start
     if file.goal.point is not None and file.goal.point.by is not None:
         goal = _goal(reading, start)
     names = ("hold", "tolerance", "objective", "slack")
-    assert goal is not None and n_looks is not None  # or they were refused
-    rollouts = RolloutOptions(looks=n_looks, reserve=file.reserve, strings=file.strings)
+    assert goal is not None and n_checks is not None  # or they were refused
+    rollouts = RolloutOptions(n_checks=n_checks, reserve=file.reserve, strings=file.strings)
     if threads is not None:
         rollouts = check.need((), lambda: replace(rollouts, threads=threads))
     contact = file.contact if file.contact == "keep off" else {"touch": file.contact.touch}
@@ -217,10 +217,10 @@ def load_problem(
     return check.need((), lambda: Problem(marionette, start, goal, file.obstacles, **arguments))
 
 
-def _looks(segment: float | None) -> int:
+def _n_checks(segment: float | None) -> int:
     """Number of checks in a segment of this duration [s], or in a default one."""
     defaults = RolloutOptions()
-    return defaults.looks if segment is None else whole_looks(segment, defaults.interval)
+    return defaults.n_checks if segment is None else whole_checks(segment, defaults.interval)
 
 
 def _check_touches(reading: Reading[ProblemFile]) -> None:

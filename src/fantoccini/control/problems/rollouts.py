@@ -14,7 +14,7 @@ from fantoccini.control.tasks import Bounds, Goal, Most, StateArrays
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import (
-    Funnel,
+    LqrLaw,
     RolloutPool,
     RolloutSettings,
     Segments,
@@ -167,8 +167,8 @@ class RolloutOptions:
 
     Attributes:
         dt: step of the time-stepper [s].
-        look: number of steps between checks for collisions and the goal.
-        looks: number of checks in a segment, over which accelerations are constant: 0.1 s by
+        steps_per_check: number of steps between checks for collisions and the goal.
+        n_checks: number of checks in a segment, over which accelerations are constant: 0.1 s by
             default, 10 s at most. Rollouts of ``"est-2007"`` last 1 to 5 times as long.
         threads: number of threads, all processors by default; results do not depend on it.
         reserve: share of the bounds of speed and acceleration that plans leave unused, 0 to less
@@ -180,15 +180,15 @@ class RolloutOptions:
     """
 
     dt: float = 0.004
-    look: int = 5
-    looks: int = 5
+    steps_per_check: int = 5
+    n_checks: int = 5
     threads: int = field(default_factory=default_threads)
     reserve: float = 0.0
     strings: bool = True
 
     def __post_init__(self) -> None:
         check_positive(dt=self.dt)
-        for name in ("look", "looks", "threads"):
+        for name in ("steps_per_check", "n_checks", "threads"):
             if not (number := getattr(self, name)) >= 1:
                 raise ValueError(f"{name} is {number}; it must be at least 1")
         if not 0.0 <= self.reserve < 1.0:
@@ -197,7 +197,7 @@ class RolloutOptions:
             raise ValueError(
                 f"a segment lasts {self.segment:g} s; it must be at most {_LIMITS.max_segment:g} s"
             )
-        steps = self.looks * self.look
+        steps = self.n_checks * self.steps_per_check
         if steps > _LIMITS.max_steps:
             raise ValueError(
                 f"a segment of {steps * self.dt:g} s takes {steps} steps of {self.dt:g} s; it "
@@ -207,15 +207,15 @@ class RolloutOptions:
     @property
     def interval(self) -> float:
         """Time between checks [s]."""
-        return self.dt * self.look
+        return self.dt * self.steps_per_check
 
     @property
     def segment(self) -> float:
         """Duration of a segment [s]."""
-        return self.looks * self.interval
+        return self.n_checks * self.interval
 
 
-def whole_looks(segment: float, interval: float) -> int:
+def whole_checks(segment: float, interval: float) -> int:
     """The number of checks of a segment; both durations in seconds.
 
     Raises:
@@ -223,13 +223,13 @@ def whole_looks(segment: float, interval: float) -> int:
     """
     if _LIMITS.max_segment < segment < np.inf:
         raise ValueError(f"segment is {segment} s; it must be at most {_LIMITS.max_segment:g} s")
-    n_looks = round(segment / interval) if 0.0 < segment < np.inf else 0
-    if n_looks < 1 or abs(segment - n_looks * interval) > _LIMITS.rounding * segment:
+    n_checks = round(segment / interval) if 0.0 < segment < np.inf else 0
+    if n_checks < 1 or abs(segment - n_checks * interval) > _LIMITS.rounding * segment:
         raise ValueError(
-            f"segment is {segment} s; it must be a whole number of looks, which are {interval:g} s "
-            "apart"
+            f"segment is {segment} s; it must be a whole number of checks, which are "
+            f"{interval:g} s apart"
         )
-    return n_looks
+    return n_checks
 
 
 class Rollouts:
@@ -240,7 +240,7 @@ class Rollouts:
     Attributes:
         marionette, clearance, bounds, goal, options, margin, slack, kept_off: see below.
         stop_distance: distance from the goal at which rollouts stop.
-        funnels: feedback laws for rollouts; may be empty.
+        laws: feedback laws for rollouts; may be empty.
         run_options: options of the time-stepper.
 
     Args:
@@ -272,14 +272,14 @@ class Rollouts:
         self.goal, self.options, self.kept_off = goal, options, kept_off
         self.margin, self.slack = margin, slack
         self.stop_distance = _LIMITS.stop * tolerance
-        self.funnels: list[Funnel] = []
+        self.laws: list[LqrLaw] = []
         # Rollouts restart at every node, so a step must depend on its state alone.
         self.run_options = marionette.run_options(
-            dt=options.dt, save_every=options.look, extrapolate=False
+            dt=options.dt, save_every=options.steps_per_check, extrapolate=False
         )
         settings = RolloutSettings(
             self.run_options,
-            options.looks,
+            options.n_checks,
             marionette.p,
             marionette.winches,
             vars(bounds),
@@ -315,7 +315,7 @@ class Rollouts:
             slack=free or self.slack,
             kept_off=None if free else self.kept_off,
         )
-        rollouts.funnels = self.funnels
+        rollouts.laws = self.laws
         return rollouts
 
     @cached_property
@@ -333,9 +333,9 @@ class Rollouts:
         *,
         n_given: Indices | None = None,
         n_segments: Indices | None = None,
-        funnel: Indices | None = None,
+        law: Indices | None = None,
         lead_time: Array | None = None,
-        looks: int | None = None,
+        n_checks: int | None = None,
     ) -> Segments:
         """Rollouts, each until it is complete, reaches the goal, or leaves its bounds.
 
@@ -345,12 +345,12 @@ class Rollouts:
             starts: (m,) states.
             start: (n,) index of the start of each rollout.
             acceleration: (n, segments, n_vK) accelerations of the driven coordinates.
-            n_given: (n,) number of segments with these accelerations; a funnel leads the others.
+            n_given: (n,) number of segments with these accelerations; a law leads the others.
                 All by default.
             n_segments: (n,) largest number of segments; all by default.
-            funnel: (n,) index of the funnel; the first by default.
-            lead_time: (n,) lead time of a funnel's reference [s].
-            looks: number of checks in a segment.
+            law: (n,) index of the law; the first by default.
+            lead_time: (n,) lead time of a law's reference [s].
+            n_checks: number of checks in a segment.
         """
         n, segments = acceleration.shape[:2]
         n_given = np.full(n, segments) if n_given is None else n_given
@@ -360,13 +360,13 @@ class Rollouts:
             acceleration,
             n_given,
             n_segments,
-            self.funnels,
-            funnel,
+            self.laws,
+            law,
             lead_time,
-            looks,
+            n_checks,
         )
         if self.goal.function is not None:
-            complete = segments_run.looks > 0
+            complete = segments_run.n_checks > 0
             segments_run.distance[complete] = self.goal.distance(
                 StateArrays(**segments_run.states)[complete]
             )
@@ -376,17 +376,20 @@ class Rollouts:
 
     def _add_gaps(self, segments_run: Segments) -> None:
         """Adds the gaps of open touches to the distances at the ends of segments."""
-        is_open = (segments_run.looks > 0) & (segments_run.distance >= self.goal.numbers.open)
+        is_open = (segments_run.n_checks > 0) & (segments_run.distance >= self.goal.numbers.open)
         gaps = self.goal.gaps(StateArrays(**segments_run.states)[is_open])
         segments_run.distance[is_open] += np.sum(np.maximum(gaps, 0.0), axis=-1)
 
-    def replay(self, before: StateArrays, acceleration: Array, looks: int) -> StateArrays | None:
+    def replay(self, before: StateArrays, acceleration: Array, n_checks: int) -> StateArrays | None:
         """The end of a segment, simulated again; None if it is not clear.
 
         Args:
             before: (1,) state at its beginning.
             acceleration: (n_vK,) accelerations of the driven coordinates.
-            looks: number of checks in the segment.
+            n_checks: number of checks in the segment.
         """
-        segment_run = self.simulate(before, np.zeros(1, int), acceleration[None, None], looks=looks)
-        return StateArrays(**segment_run.states)[:, 0] if segment_run.looks[0, 0] == looks else None
+        segment_run = self.simulate(
+            before, np.zeros(1, int), acceleration[None, None], n_checks=n_checks
+        )
+        is_complete = segment_run.n_checks[0, 0] == n_checks
+        return StateArrays(**segment_run.states)[:, 0] if is_complete else None

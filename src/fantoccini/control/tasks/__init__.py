@@ -15,7 +15,7 @@ from fantoccini.control.tasks.drawn_inputs import Driven, hats
 from fantoccini.control.tasks.goals import Goal, GoalLike
 from fantoccini.control.tasks.nodes import Nodes, number_names
 from fantoccini.control.tasks.residuals import (
-    Looks,
+    NodeKinematics,
     NumberResidual,
     Residual,
     path_of,
@@ -49,9 +49,9 @@ __all__ = [
     "Goal",
     "GoalLike",
     "Interval",
-    "Looks",
     "Meeting",
     "Most",
+    "NodeKinematics",
     "Nodes",
     "NumberResidual",
     "PlanConditions",

@@ -20,7 +20,7 @@ _TIME_ROUNDING = 1e-9
 """Rounding error of times [s]."""
 
 
-class Looks:
+class NodeKinematics:
     """States at the nodes for the evaluation of costs; poses and screws are computed once."""
 
     def __init__(self, marionette: Marionette, nodes: Nodes):
@@ -61,10 +61,10 @@ class Residual(Protocol):
     @property
     def weights(self) -> Array: ...
 
-    def value(self, looks: Looks) -> Array:
+    def value(self, kinematics: NodeKinematics) -> Array:
         """(N + 1, m) residuals."""
 
-    def by(self, looks: Looks) -> Array:
+    def by(self, kinematics: NodeKinematics) -> Array:
         """(N + 1, m, n_z) derivatives of the residuals with respect to changes of the states."""
 
 
@@ -77,15 +77,15 @@ class PointResidual:
     at: Array
     path: Array
 
-    def value(self, looks: Looks) -> Array:
-        return self._place(looks) - self.path
+    def value(self, kinematics: NodeKinematics) -> Array:
+        return self._place(kinematics) - self.path
 
-    def by(self, looks: Looks) -> Array:
-        twist, place = looks.twist_by(self.link), self._place(looks)
+    def by(self, kinematics: NodeKinematics) -> Array:
+        twist, place = kinematics.twist_by(self.link), self._place(kinematics)
         return twist[:, :3] - rotation.skew(place) @ twist[:, 3:]
 
-    def _place(self, looks: Looks) -> Array:
-        R, origin = looks.pose(self.link)
+    def _place(self, kinematics: NodeKinematics) -> Array:
+        R, origin = kinematics.pose(self.link)
         return origin + R @ self.at
 
 
@@ -97,16 +97,16 @@ class OrientationResidual:
     link: int
     path: Array
 
-    def value(self, looks: Looks) -> Array:
-        return rotation.log(rotation.quaternion(self._off(looks)))
+    def value(self, kinematics: NodeKinematics) -> Array:
+        return rotation.log(rotation.quaternion(self._off(kinematics)))
 
-    def by(self, looks: Looks) -> Array:
-        r, R = self.value(looks), looks.pose(self.link)[0]
-        turn = R.swapaxes(1, 2) @ looks.twist_by(self.link)[:, 3:]
+    def by(self, kinematics: NodeKinematics) -> Array:
+        r, R = self.value(kinematics), kinematics.pose(self.link)[0]
+        turn = R.swapaxes(1, 2) @ kinematics.twist_by(self.link)[:, 3:]
         return rotation.right_jacobian_inverse(r) @ turn
 
-    def _off(self, looks: Looks) -> Array:
-        return rotation.matrix(self.path).swapaxes(1, 2) @ looks.pose(self.link)[0]
+    def _off(self, kinematics: NodeKinematics) -> Array:
+        return rotation.matrix(self.path).swapaxes(1, 2) @ kinematics.pose(self.link)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,12 +119,12 @@ class NumberResidual:
     columns: list[int]
     path: Array
 
-    def value(self, looks: Looks) -> Array:
-        numbers: Array = getattr(looks.nodes, self.part)[:, self.places]
+    def value(self, kinematics: NodeKinematics) -> Array:
+        numbers: Array = getattr(kinematics.nodes, self.part)[:, self.places]
         return numbers - self.path
 
-    def by(self, looks: Looks) -> Array:
-        derivatives = np.zeros((len(looks.nodes) + 1, len(self.columns), looks.nodes.n_z))
+    def by(self, kinematics: NodeKinematics) -> Array:
+        derivatives = np.zeros((len(kinematics.nodes) + 1, len(self.columns), kinematics.nodes.n_z))
         derivatives[:, np.arange(len(self.columns)), self.columns] = 1.0
         return derivatives
 

@@ -25,7 +25,7 @@ _BATCH_SIZE = 8192
 Measure = Callable[[Array, Array, Moves], tuple[Array, Array]]
 """Callback: q_D, q_K (m, ...) and moves -> distances (m,) and lower bounds on moves (m,) [m]."""
 
-Look = Callable[["Places", Array, Array], Indices]
+Criterion = Callable[["Places", Array, Array], Indices]
 """Callback: places, distances (m,), lower bounds (m,) -> indices of the places to refine."""
 
 
@@ -51,23 +51,23 @@ class Places(NamedTuple):
         return Places(piece[which], s[which], t[which], q_D[which], q_K[which])
 
 
-def advance(path: Path, measure: Measure, look: Look) -> None:
-    """Measures the samples of a path, and refines between them where ``look`` requires it."""
+def advance(path: Path, measure: Measure, criterion: Criterion) -> None:
+    """Measures the samples of a path, and refines between them where ``criterion`` requires it."""
     last = len(path) - 1
     for first in range(0, last + 1, _BATCH_SIZE):
         k = np.arange(first, min(first + _BATCH_SIZE, last + 1))
         at = Places(k, np.zeros(len(k)), path.t[k], path.q_D[k], path.q_K[k])
         moves = Moves(*(x[k] for x in path.around))
-        around = k[look(at, *measure(at.q_D, at.q_K, moves))]
+        around = k[criterion(at, *measure(at.q_D, at.q_K, moves))]
         before, after = around[around > 0] - 1, around[around < last]
         piece = np.concatenate([before, after])
         h = path.h[piece]
         start = np.concatenate([0.5 * h[: len(before)], np.zeros(len(after))])
-        _refine(path, measure, look, piece, start, start + 0.5 * h)
+        _refine(path, measure, criterion, piece, start, start + 0.5 * h)
 
 
 def _refine(
-    path: Path, measure: Measure, look: Look, piece: Indices, start: Array, end: Array
+    path: Path, measure: Measure, criterion: Criterion, piece: Indices, start: Array, end: Array
 ) -> None:
     """Refines intervals (m,) of pieces, given by their ends [s]."""
     open_ = end > start
@@ -81,7 +81,7 @@ def _refine(
         at = Places(piece, middle, path.t[piece] + middle, *path.at(piece, middle))
         halves = path.moves(piece, start, middle), path.moves(piece, middle, end)
         moves = Moves(*(np.maximum(a, b) for a, b in zip(*halves, strict=True)))
-        around = look(at, *measure(at.q_D, at.q_K, moves))
+        around = criterion(at, *measure(at.q_D, at.q_K, moves))
         around = around[(start[around] < middle[around]) & (middle[around] < end[around])]
         if len(around):
             piece = piece[around]

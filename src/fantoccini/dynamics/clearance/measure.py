@@ -201,7 +201,7 @@ class Clearance:
         path = motion if isinstance(motion, Path) else Path.of(self.marionette, motion)
         best = Least(np.inf, float(path.t[0]), path.q_D[0], path.q_K[0])
 
-        def look(at: Places, distance: Array, lower: Array) -> Indices:
+        def criterion(at: Places, distance: Array, lower: Array) -> Indices:
             nonlocal best
             k = int(np.argmin(np.nan_to_num(distance, nan=np.inf)))
             if distance[k] < best.distance:
@@ -210,7 +210,7 @@ class Clearance:
             tolerance = max(_REL_ACCURACY * best.distance, _MAX_TOUCH)
             return np.flatnonzero((best.distance >= 0.0) & (lower < best.distance - tolerance))
 
-        advance(path, self.bounded, look)
+        advance(path, self.bounded, criterion)
         if 0.0 <= best.distance < _MAX_TOUCH:
             best = replace(best, distance=best.distance - _MAX_TOUCH)
         return best
@@ -227,13 +227,13 @@ class Clearance:
         """
         measured = list[tuple[Places, Array]]()
 
-        def look(at: Places, distance: Array, lower: Array) -> Indices:
+        def criterion(at: Places, distance: Array, lower: Array) -> Indices:
             selected = (distance < within) | (at.s == 0.0)
             measured.append((at.some(selected), distance[selected]))
             beyond = distance >= within
             return np.flatnonzero(beyond & (lower < np.minimum(within, distance - _MAX_UNDERCUT)))
 
-        advance(path, self.bounded, look)
+        advance(path, self.bounded, criterion)
         at = Places(*map(np.concatenate, zip(*(places for places, _ in measured), strict=True)))
         order = np.argsort(at.t, kind="stable")
         distance = np.concatenate([distance for _, distance in measured])

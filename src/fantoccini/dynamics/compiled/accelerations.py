@@ -51,4 +51,4 @@ def forward_dynamics(
             + ", ".join(marionette.names_of(rows, solution.ray))
         )
     tension[rows] = solution.x
-    return ForwardDynamics(at.back(w0 - at.W[:, rows] @ solution.x), tension)
+    return ForwardDynamics(at.solve_factor(w0 - at.W[:, rows] @ solution.x), tension)

@@ -127,7 +127,9 @@ def _solve_factor_transposed(
     D, K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
     still = {"v_D": D, "u_D": D, "v_K": K, "acc_K": K, "p": marionette.p}
     L = marionette.library.evaluate("dynamics", q_D=q_D, q_K=q_K, **still).L
-    return marionette.library.evaluate("forth", L=L[:, None], x=np.stack(forces, axis=1)).y
+    return marionette.library.evaluate(
+        "solve_factor_transposed", L=L[:, None], x=np.stack(forces, axis=1)
+    ).y
 
 
 def _pull(

@@ -64,7 +64,7 @@ class Evaluation:
         J = np.zeros((n_l, table.n_vD))
         limit, axis, velocity = tree.limit_entries
         J[limit, velocity] = on.J_limit[axis, limit]
-        W_l = library.evaluate("forth", L=on.L, x=J).y if n_l else J
+        W_l = library.evaluate("solve_factor_transposed", L=on.L, x=J).y if n_l else J
         # A winch that rewinds slip brakes before it stops.
         speed = marionette.winches[:, WINCH_AT["rewind_speed"]]
         braked = np.sqrt(2.0 * WINCH_DECELERATION * slip)
@@ -79,13 +79,13 @@ class Evaluation:
             np.concatenate([on.gamma - braking, on.gamma_limit]),
         )
 
-    def back(self, w: Array) -> Array:
+    def solve_factor(self, w: Array) -> Array:
         """Vectors F^-1 w (..., n_vD)."""
-        return self.library.evaluate("back", L=self.L, x=w).y
+        return self.library.evaluate("solve_factor", L=self.L, x=w).y
 
-    def forth(self, f: Array) -> Array:
+    def solve_factor_transposed(self, f: Array) -> Array:
         """Vectors F^-T f (..., n_vD)."""
-        return self.library.evaluate("forth", L=self.L, x=f).y
+        return self.library.evaluate("solve_factor_transposed", L=self.L, x=f).y
 
     def complementarity(
         self, rows: Indices, b: Array, two_sided: MaskRows, upper: Array | None = None

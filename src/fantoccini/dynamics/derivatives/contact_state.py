@@ -233,7 +233,7 @@ class FrozenModes:
             acc_K: (n_vK,) accelerations of the inputs.
             held: indices of the strings and limits that are held.
         """
-        free = at.back(at.w0)
+        free = at.solve_factor(at.w0)
         if not self._points:
             hddot = at.gamma[held, None] + at.W[:, held].T @ at.w0[:, None]
             acc, y = KKTSystem(at, held).solve(np.zeros((len(free), 1)), hddot)

@@ -30,7 +30,7 @@ class KKTSystem:
     @cached_property
     def _moved(self) -> Array:
         """Matrix M^-1 A_D^T (n_vD, len(rows))."""
-        return self._at.back(self._W.T).T
+        return self._at.solve_factor(self._W.T).T
 
     def solve(self, force: Array, rate: Array) -> tuple[Array, Array]:
         """Solution x (n_vD, m), y (len(rows), m) of M x + A_D^T y = -force and A_D x = -rate.
@@ -41,10 +41,10 @@ class KKTSystem:
             force: (n_vD, m) right-hand sides of the first equation, negated.
             rate: (len(rows), m) right-hand sides of the second equation, negated.
         """
-        w = -self._at.forth(force.T).T
+        w = -self._at.solve_factor_transposed(force.T).T
         inner = self._u.T @ w + (self._v.T @ rate) / self._s[:, None]
         y = self._v @ (inner / self._s[:, None])
-        return self._at.back((w - self._W @ y).T).T, y
+        return self._at.solve_factor((w - self._W @ y).T).T, y
 
     def nearest(self, rate: Array) -> Array:
         """Solution x (n_vD, m) of A_D x = -rate, the smallest in the metric of M.

@@ -137,13 +137,13 @@ class ModeSystem:
             force: (n_vD, m) right-hand sides of the first equation, negated.
             rate: (k, m) right-hand sides of rows, then of contacts, negated.
         """
-        free = -self._inverse @ self._at.forth(force.T).T
+        free = -self._inverse @ self._at.solve_factor_transposed(force.T).T
         right = self._C.T @ free + rate
         y = self._v @ ((self._u.T @ right) / self._s[:, None])
         w = free - self._inverse @ self._B @ y
-        return self._at.back(w.T).T, y
+        return self._at.solve_factor(w.T).T, y
 
 
 def _into(at: Evaluation, rows: Array) -> Array:
     """Rows (k, n_vD) multiplied by F^-T: (n_vD, k); k may be 0."""
-    return at.forth(rows).T if len(rows) else rows.T
+    return at.solve_factor_transposed(rows).T if len(rows) else rows.T

@@ -85,7 +85,7 @@ class SmallMotions:
         system = ModeSystem(at, held, rows)
         u, size, _ = np.linalg.svd(system.held, full_matrices=True)
         rank = int(np.sum(size > DEPENDENT_ROWS * np.max(size, initial=0.0)))
-        N = at.back(u[:, rank:].T).T
+        N = at.solve_factor(u[:, rank:].T).T
         C_K = np.concatenate([by["A_K"][held], by_inputs])
         Y, _ = system.solve(np.zeros((n, k)), C_K)
         return cls(

@@ -159,7 +159,7 @@ def linearise_steps(
     marionette: CompiledPuppet,
     given: StepInputs,
     options: StepOptions | None = None,
-    room: Array | None = None,
+    buffer: Array | None = None,
 ) -> StepLinearisations:
     """One time step from each of n states; see :meth:`Marionette.linearise_steps`.
 
@@ -167,11 +167,11 @@ def linearise_steps(
         marionette: the puppet.
         given: inputs of the steps.
         options: options; see :class:`StepOptions`.
-        room: ``motion`` of an earlier call, overwritten if it has the right size.
+        buffer: ``motion`` of an earlier call, overwritten if it has the right size.
     """
     options = options or StepOptions()
     if options.method == "timestepping":
-        return linearised(marionette, given, options, room=room).steps
+        return linearised(marionette, given, options, buffer=buffer).steps
     refuse_contact(marionette, "the method variational")
     partials = variational_partials(
         marionette, given.x, given.acc_K, given.u_D, given.p, given.dt, _threads(options)
@@ -252,7 +252,7 @@ class Linearised(NamedTuple):
         steps: the linearisations.
         made: record of the steps, of a puppet without or with contact.
         shortened: (n,) bool, steps that were cut short.
-        shares: (n, 3 room, m) derivatives of the contacts' multipliers, if requested.
+        shares: (n, 3 capacity, m) derivatives of the contacts' multipliers, if requested.
         moved: (n, n_vD + n_vK, m) derivatives of the configuration at which rebounding contacts
             touch, if requested, for steps with such contacts.
     """
@@ -270,7 +270,7 @@ def linearised(
     options: StepOptions,
     *,
     shares: bool = False,
-    room: Array | None = None,
+    buffer: Array | None = None,
 ) -> Linearised:
     """Time steps of the time-stepper and their derivatives; see :func:`linearise_steps`."""
     x, along, dt, threads = given.x, given.along, given.dt, _threads(options)
@@ -308,7 +308,7 @@ def linearised(
         shares=shares,
         threads=threads,
         touches=touches,
-        motion_out=room,
+        motion_out=buffer,
     )
     for columns in (derivatives.motion, derivatives.pull, derivatives.shares, derivatives.moved):
         if columns is not None:

@@ -99,7 +99,7 @@ def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
             W = softened.T @ at.W[:, near]
             force = softened.T @ at.w0
             solution = marionette.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
-            move = at.back(softened @ (force - W @ solution.x))
+            move = at.solve_factor(softened @ (force - W @ solution.x))
             size = float(np.max(np.abs(move), initial=0.0))
             move = move / max(1.0, float(np.max(np.abs(move) / longest, initial=0.0)))
             other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))

@@ -140,7 +140,7 @@ def curvature(at: Evaluation, by_move: Array) -> tuple[Array, Array]:
         at: the model at the state.
         by_move: (n_vD, n_vD) derivative of w0 - W tau by a small move.
     """
-    H = -by_move @ at.back(np.eye(len(by_move))).T
+    H = -by_move @ at.solve_factor(np.eye(len(by_move))).T
     return np.linalg.eigh(0.5 * (H + H.T))
 
 
@@ -160,7 +160,7 @@ def instability(
     values, vectors = np.linalg.eigh(free @ (modes * values) @ modes.T @ free)
     if values[0] > -threshold * max(1.0, float(np.max(np.abs(values)))):
         return None
-    push = at.back(free @ vectors[:, 0])
+    push = at.solve_factor(free @ vectors[:, 0])
     return push / np.max(np.abs(push))
 
 

@@ -103,7 +103,7 @@ def project(marionette: CompiledPuppet, x: State) -> State:
     if not impulse.solved:
         names = ", ".join(marionette.names_of(rows, impulse.ray))
         raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
-    v_D = solution.v_D - at.back(at.W[:, rows] @ impulse.x)
+    v_D = solution.v_D - at.solve_factor(at.W[:, rows] @ impulse.x)
     return with_active_set(marionette, solution.replace(v_D=v_D, taut=solution.taut))
 
 
@@ -158,7 +158,7 @@ def onto_rows(marionette: CompiledPuppet, x: State) -> tuple[State, float]:
         if np.max(violation, initial=0.0) <= SEARCH.met_gap:
             break
         rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
-        move = at.back(_shortest(marionette, at, rows))
+        move = at.solve_factor(_shortest(marionette, at, rows))
         size = _size(move)
         if not SEARCH.min_move < size < np.inf:
             break
@@ -195,7 +195,7 @@ def _onto_taut_rows(marionette: CompiledPuppet, x: State, taut: MaskRows) -> Sta
         solution = at.complementarity(rows, at.h[rows], taut | wires)
         if not solution.solved:
             break
-        move = -at.back(at.W[:, rows] @ solution.x)
+        move = -at.solve_factor(at.W[:, rows] @ solution.x)
         move *= min(1.0, SEARCH.max_move / max(_size(move), SEARCH.max_move))
         moved = moved.replace(q_D=integrate(marionette, moved.q_D, move))
     h = Evaluation.of(marionette, moved).h
@@ -242,7 +242,7 @@ def _nearest(marionette: CompiledPuppet, x: State, origin: State) -> State:
         rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
         W, wanted = at.W[:, rows], away / (1.0 + mu)
         solution = at.complementarity(rows, at.h[rows] + W.T @ wanted, wires)
-        move = at.back(wanted - W @ solution.x)
+        move = at.solve_factor(wanted - W @ solution.x)
         size = _size(move)
         if not solution.solved or not SEARCH.nearest_move < size < np.inf:
             return x
@@ -301,6 +301,6 @@ def _away(marionette: CompiledPuppet, at: Evaluation, x: State, origin: State) -
     """The move to the configuration ``origin``, in coordinates with M_DD the identity."""
     table = marionette.coordinates
     places = table.scalars_D, table.quaternions_D
-    F_inverse = at.back(np.eye(table.n_vD)).T
+    F_inverse = at.solve_factor(np.eye(table.n_vD)).T
     move = tangent.between(*places, x.q_D, origin.q_D, table.n_vD)
     return np.asarray(np.linalg.solve(F_inverse, move), dtype=float)

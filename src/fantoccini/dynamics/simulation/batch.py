@@ -28,7 +28,7 @@ from fantoccini.dynamics.compiled import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.batch_verdicts import BatchVerdicts
 from fantoccini.dynamics.simulation.checks import check_marionette, save_times
-from fantoccini.dynamics.simulation.ledgers import ledger_of_books
+from fantoccini.dynamics.simulation.ledgers import ledgers_of_terms
 from fantoccini.dynamics.steppers import (
     ForceSamples,
     force_names,
@@ -56,7 +56,7 @@ SAVE = ("q_D", "v_D", "tension")
 _FORCE_SAMPLES = ("q_D", "v_D", "q_K", "v_K", "tension", "taut", "slip")
 """Arrays from which undetermined tensions are computed."""
 
-_RUNTIME_PART = {"tension": "force", "limit_force": "force", "ledger": "books"}
+_RUNTIME_PART = {"tension": "force", "limit_force": "force", "ledger": "energy_terms"}
 """Saved array -> the runtime's part with its values, if the names differ."""
 
 T = TypeVar("T", State, Input)
@@ -102,8 +102,8 @@ def simulate_batch(
         save: ``all``, or names of the arrays to save; by default q_D, v_D and tension, and with
             more strings than freedoms also undetermined, which puppets with contact do not have.
         out: name -> array for the results, with the shape of the batch's: C-contiguous
-            (n, T, width); others are new. ``force`` holds tension and limit_force, ``books`` the
-            entries of the ledger.
+            (n, T, width); others are new. ``force`` holds tension and limit_force,
+            ``energy_terms`` the entries of the ledger.
         threads: number of threads; by default all processors.
         parameters: name -> value, or (n,) values, one for each run; by default the marionette's
             own. All runs share the numbers of winches.
@@ -283,7 +283,7 @@ def _parts(
             raise ValueError(
                 f"out has an array {name!r}, which this batch does not write; it writes "
                 f"{', '.join(sorted(wanted))} ('force' is tension and limit_force in one array, "
-                "'books' the entries of the ledger)"
+                "'energy_terms' the entries of the ledger)"
             )
     for (name, part), (other, same) in combinations(out.items(), 2):
         if np.may_share_memory(part, same):
@@ -325,7 +325,7 @@ def _trajectories(
         elif name == "limit_force":
             arrays[name] = Columns(limits, view[..., n_s:], "limit")
         elif name == "ledger":
-            arrays[name] = Columns(LEDGER, _read_only(ledger_of_books(view)), "entry")
+            arrays[name] = Columns(LEDGER, _read_only(ledgers_of_terms(view)), "entry")
         elif name == RESIDUAL:
             arrays[name] = view[..., 0]
         else:
@@ -336,7 +336,7 @@ def _trajectories(
     arrays |= {name: _read_only(getattr(batch, name)) for name in ends}
     return Trajectories(
         t=_read_only(batch.times),
-        blame=Columns(tree.blamable, batch.blame, "string, limit or drive"),
+        attribution=Columns(tree.attributable, batch.attribution, "string, limit or drive"),
         method=method,
         coordinates=marionette.coordinates,
         puppet=marionette.described,

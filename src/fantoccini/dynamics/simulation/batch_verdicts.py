@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.base import ARRIVED, Array, Status, Times
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.ledgers import ledger_of_books
+from fantoccini.dynamics.simulation.ledgers import ledgers_of_terms
 from fantoccini.dynamics.simulation.soundness import (
     ends_fast,
     gains,
@@ -25,8 +25,8 @@ from fantoccini.dynamics.steppers import (
     decide,
     deepest,
     first_excess_tension,
-    looks,
     may_be_redundant,
+    measuring_times,
     prescribed_overlaps,
 )
 from fantoccini.kernel.runtime import Batch
@@ -72,9 +72,11 @@ class BatchVerdicts:
             outcome = decide(reported, self._contradiction(i), checks)
             if outcome.status is reported:
                 continue
-            batch.status[i], batch.blame[i] = outcome.status, 0.0
+            batch.status[i], batch.attribution[i] = outcome.status, 0.0
             if outcome.contradiction:
-                batch.blame[i, [names.index(name) for name in outcome.contradiction.names]] = 1.0
+                batch.attribution[
+                    i, [names.index(name) for name in outcome.contradiction.names]
+                ] = 1.0
 
     def _contradiction(self, i: int) -> Contradiction | None:
         """Contradiction of the redundant strings that stopped a run or carry excess tension."""
@@ -112,8 +114,8 @@ class BatchVerdicts:
         """Relative energy gains and unbooked energies (n,); see :mod:`soundness`."""
         batch, done = self._batch, self._at_end
         gain, share = np.zeros(batch.n), np.zeros(batch.n)
-        if "books" in batch.parts and np.any(done):
-            columns = np.moveaxis(ledger_of_books(batch.parts["books"][done]), -1, 0)
+        if "energy_terms" in batch.parts and np.any(done):
+            columns = np.moveaxis(ledgers_of_terms(batch.parts["energy_terms"][done]), -1, 0)
             ledger = dict(zip(LEDGER, columns, strict=True))
             gain[done] = gains(self._marionette, ledger)
             if self._stepping:
@@ -148,7 +150,7 @@ class BatchVerdicts:
             def motion(t: Times) -> Array:
                 return run_input.evaluate(t)[0]
 
-            times = looks(run_input.breaks, batch.t, batch.t_end)
+            times = measuring_times(run_input.breaks, batch.t, batch.t_end)
             overlaps = prescribed_overlaps(marionette.with_p(batch.p[own[1]]), motion, times)
             self._depths[own] = deepest(overlaps)
         return Status.OVERSTEPPED if self._depths[own] else Status.DONE, ""

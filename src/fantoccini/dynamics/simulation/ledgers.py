@@ -1,4 +1,4 @@
-"""Ledgers: energies, work and losses, from the books of runs."""
+"""Ledgers: energies, work and losses, from the energy terms of runs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.kernel.contract import BOOKS
+from fantoccini.kernel.contract import ENERGY_TERMS
 from fantoccini.motion import LEDGER
 
 
@@ -24,6 +24,6 @@ def ledger_of(part: Mapping[str, Array]) -> Array:
     return np.stack([entries[name] for name in LEDGER], axis=-1)
 
 
-def ledger_of_books(books: Array) -> Array:
-    """Ledgers (n, T, 8) from the books of batches (n, T, 7)."""
-    return ledger_of(dict(zip(BOOKS, np.moveaxis(books, -1, 0), strict=True)))
+def ledgers_of_terms(energy_terms: Array) -> Array:
+    """Ledgers (n, T, 8) from the energy terms of batches (n, T, 7)."""
+    return ledger_of(dict(zip(ENERGY_TERMS, np.moveaxis(energy_terms, -1, 0), strict=True)))

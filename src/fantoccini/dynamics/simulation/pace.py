@@ -18,7 +18,7 @@ from fantoccini.motion import ContactPoints, EventRecord, pair_name
 class _Limits:
     """Limits above which a run counts as slow."""
 
-    first_look: float = 3.0
+    first_check: float = 3.0
     """Computing time before the first check of the pace [s]."""
     recent: float = 1.0
     """Computing time over which the pace is measured [s]."""
@@ -70,7 +70,7 @@ class Pace:
         marks.append((now, t))
         while len(marks) > 2 and now - marks[1][0] > LIMITS.recent:
             marks.popleft()
-        if self._has_warned or now < LIMITS.first_look:
+        if self._has_warned or now < LIMITS.first_check:
             return
         spent, done = now - marks[0][0], t - marks[0][1]
         left = (self._t_end - t) * spent / done if done > 0.0 else np.inf

@@ -41,7 +41,7 @@ from fantoccini.dynamics.steppers import (
     contradiction,
     decide,
     first_excess_tension,
-    looks,
+    measuring_times,
     overlap_events,
     parted,
     prescribed_overlaps,
@@ -72,7 +72,7 @@ _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKin
 class Reporting:
     """Thresholds of messages about runs that stopped."""
 
-    blame: float = 0.1
+    min_share: float = 0.1
     """Share in causing a status, 0 to 1, above which a row or drive is named."""
     large_tension: float = 10.0  # Tension above which it is mentioned, in weights of the puppet
     short_length: float = 1e-3  # Length below which a string is mentioned as nearly 0 [m]
@@ -169,7 +169,7 @@ def simulate(
             status,
             name,
             effort,
-            run.blame,
+            run.attribution,
             seconds,
         )
 
@@ -185,7 +185,9 @@ def simulate(
         before = events[:, contract.EVENT_AT["t"]] <= result.t[last]
         result = trajectory(samples[: last + 1], events[before])
     overlaps = prescribed_overlaps(
-        marionette, lambda t: bound.evaluate(t)[0], looks(bound.breaks, x0.t, float(result.t[-1]))
+        marionette,
+        lambda t: bound.evaluate(t)[0],
+        measuring_times(bound.breaks, x0.t, float(result.t[-1])),
     )
     if overlaps:
         event_arrays = written.events, overlap_events(marionette, overlaps, x0.t)
@@ -199,8 +201,8 @@ def simulate(
         checks.insert(0, lambda: judged(marionette, result, options.dt, worst))
     verdict = decide(status, contradicted, checks)
     if verdict.status is not status:
-        blamed = contradicted.names if contradicted else ()
-        result = dataclasses.replace(result, status=verdict.status, blamed=blamed)
+        causes = contradicted.names if contradicted else ()
+        result = dataclasses.replace(result, status=verdict.status, causes=causes)
     if result.status is not Status.DONE and throw:
         where = verdict.text or _where(marionette, result, contradicted)
         raise SimulationError(result.status, where, result)
@@ -224,8 +226,8 @@ def _where(
         return f"{text}: {chatter(result.t, result.contact, result.events)}"
     if result.status is Status.TOO_MANY_SAMPLES:
         return f"{text} after {len(result)} samples; write fewer with save_at, or allow max_memory"
-    if result.blamed:
-        text += f", because of {', '.join(result.blamed)}"
+    if result.causes:
+        text += f", because of {', '.join(result.causes)}"
     if result.status is Status.TOO_MANY_EVENTS:
         text += (
             f": {chatter(result.t, result.contact, result.events)}; method='timestepping' goes on"
@@ -291,7 +293,7 @@ def trajectory_of_samples(
     status: Status,
     method: str,
     with_effort: bool,
-    blame: Array,
+    attribution: Array,
     seconds: float | None = None,
 ) -> Trajectory:
     """The trajectory of a run's samples.
@@ -302,7 +304,7 @@ def trajectory_of_samples(
         status: status of the run.
         method: method of the run.
         with_effort: whether to compute the force on every driven coordinate.
-        blame: (n_rows + n_watched,) shares of rows and drives in causing the status, 0 to 1.
+        attribution: (n_rows + n_watched,) shares of rows and drives in causing the status, 0 to 1.
         seconds: computing time of the run [s].
     """
     tree = marionette.tree
@@ -342,7 +344,9 @@ def trajectory_of_samples(
         effort=effort,
         violation=Columns(tree.row_names, violation, "string or limit"),
         slip=Columns(strings, part["slip"], "string"),
-        blamed=tuple(tree.blamable[i] for i in np.flatnonzero(blame > REPORTING.blame)),
+        causes=tuple(
+            tree.attributable[i] for i in np.flatnonzero(attribution > REPORTING.min_share)
+        ),
         seconds=seconds,
         contact=contact,
         contact_residual=None if contact is None else part["contact_residual"],
@@ -370,9 +374,9 @@ def _event(marionette: CompiledPuppet, event: Array) -> EventRecord:
     kind, index = _KINDS[contract.EventCode(int(at["kind"]))], int(at["row"])
     if index >= len(tree.strings):
         kind = _LIMIT_KINDS.get(kind, kind)
-    name = tree.blamable[index] if 0 <= index < len(tree.blamable) else ""
-    if index >= len(tree.blamable):
+    name = tree.attributable[index] if 0 <= index < len(tree.attributable) else ""
+    if index >= len(tree.attributable):
         tables = (marionette.contacts, marionette.prescribed)
         pairs = [names for table in tables if table is not None for names in table.names]
-        name = pair_name(pairs[index - len(tree.blamable)])
+        name = pair_name(pairs[index - len(tree.attributable)])
     return EventRecord(at["t"], kind, name, at["impulse"], at["speed"])

@@ -5,7 +5,7 @@ from fantoccini.dynamics.steppers.parting import parted, parted_starts
 from fantoccini.dynamics.steppers.prescribed import (
     Overlap,
     deepest,
-    looks,
+    measuring_times,
     overlap_events,
     prescribed_overlaps,
 )
@@ -35,8 +35,8 @@ __all__ = [
     "first_excess_tension",
     "force_names",
     "held_input",
-    "looks",
     "may_be_redundant",
+    "measuring_times",
     "overlap_events",
     "parted",
     "parted_starts",

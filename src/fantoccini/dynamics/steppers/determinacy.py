@@ -182,7 +182,7 @@ class _Rows:
         J = np.zeros((T, n_l, table.n_vD))
         limit, axis, velocity = tree.limit_entries
         J[:, limit, velocity] = on.J_limit[:, axis, limit]
-        W_l = library.evaluate("forth", L=on.L[:, None], x=J).y if n_l else J
+        W_l = library.evaluate("solve_factor_transposed", L=on.L[:, None], x=J).y if n_l else J
         self.B = -np.concatenate([np.swapaxes(on.W, 1, 2), W_l], axis=1)
         near = TOLERANCES.bound * _force(marionette)
         self.low = ~marionette.two_sided & (forces <= near)
@@ -262,7 +262,7 @@ class _Points:
                             self.efforts[selected, k] -= part
                         elif moved.role is Role.DYNAMIC:
                             force[selected, k] += part
-        self.B = marionette.library.evaluate("forth", L=L[sample], x=force).y
+        self.B = marionette.library.evaluate("solve_factor_transposed", L=L[sample], x=force).y
 
 
 def _groups(held: Mask, first: Indices) -> Iterator[tuple[Indices, Indices, Indices]]:

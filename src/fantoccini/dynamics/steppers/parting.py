@@ -45,7 +45,7 @@ def parted(marionette: CompiledPuppet, x: State) -> State:
     moved = x
     for _ in range(ROUNDS):
         at, rows = Evaluation.of(marionette, moved), list(_rows(marionette, moved))
-        W = at.forth(np.stack([row for row, _ in rows])).T
+        W = at.solve_factor_transposed(np.stack([row for row, _ in rows])).T
         depth, wires = np.array([depth for _, depth in rows]), marionette.two_sided
         move = _shortest(
             np.concatenate([W, at.W, -at.W[:, wires]], axis=1),
@@ -53,7 +53,7 @@ def parted(marionette: CompiledPuppet, x: State) -> State:
         )
         if move is None:
             return x
-        moved = moved.replace(q_D=retract(marionette, moved.q_D, at.back(move)))
+        moved = moved.replace(q_D=retract(marionette, moved.q_D, at.solve_factor(move)))
         if _deepest(marionette, moved) <= MAX_OVERLAP:
             return moved
     return x

@@ -31,8 +31,8 @@ class PrescribedTolerances:
     travel: float = 1e-3
     """Largest relative travel of two solids between measurements of a gap that may close [m]."""
     turn: float = 1.0  # Largest change of a driven coordinate between measurements [rad or m]
-    looks_per_piece: int = 8  # Minimum number of measurements in each piece of the inputs
-    max_looks: int = 200_000  # Maximum number of measurements of a motion
+    samples_per_piece: int = 8  # Minimum number of measurements in each piece of the inputs
+    max_samples: int = 200_000  # Maximum number of measurements of a motion
     rounds: int = 50  # Number of bisections of the time of a touch
 
 
@@ -62,11 +62,11 @@ class Overlap:
         return f"{pair_name(self.names)} overlap by {self.depth:.3g} m {when}"
 
 
-def looks(breaks: Times, t: float, t_end: float) -> Times:
+def measuring_times(breaks: Times, t: float, t_end: float) -> Times:
     """Times of the first measurements of a motion with these breaks, from t to t_end [s]."""
     inner = breaks[(breaks > t) & (breaks < t_end)]
     ends = np.concatenate([[t], inner, [t_end]])
-    share = np.linspace(0.0, 1.0, TOLERANCES.looks_per_piece, endpoint=False)
+    share = np.linspace(0.0, 1.0, TOLERANCES.samples_per_piece, endpoint=False)
     return np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), t_end)
 
 
@@ -112,7 +112,7 @@ def overlap_events(marionette: CompiledPuppet, overlaps: tuple[Overlap, ...], t:
     """Events (n, 5) of touches after a time [s], and of lifts, laid out as the events of a run."""
     if marionette.prescribed is None or marionette.contacts is None:
         return np.zeros((0, len(EVENT)))
-    first = len(marionette.tree.blamable) + len(marionette.contacts.names)
+    first = len(marionette.tree.attributable) + len(marionette.contacts.names)
     rows = []
     for overlap in overlaps:
         row = first + marionette.prescribed.names.index(overlap.names)
@@ -154,7 +154,7 @@ class _Gaps:
             which, middle = which[between], middle[between]
             if not len(which):
                 return t, gap
-            if len(t) > TOLERANCES.max_looks:
+            if len(t) > TOLERANCES.max_samples:
                 text = f"{', '.join(map(pair_name, self.names))}: gaps are measured at {len(t)} "
                 text += "times of the inputs, which move too far between them to see every touch"
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
@@ -168,7 +168,7 @@ class _Gaps:
         Without this limit a whole turn would be missed: the poses before and after it are equal.
         """
         q_K = self._motion(t)
-        while len(t) <= TOLERANCES.max_looks:
+        while len(t) <= TOLERANCES.max_samples:
             turns = np.max(np.abs(np.diff(q_K, axis=0)), axis=1, initial=0.0) > TOLERANCES.turn
             middle = 0.5 * (t[:-1] + t[1:])
             which = np.flatnonzero(turns & (middle > t[:-1]) & (middle < t[1:]))

@@ -29,7 +29,11 @@ from fantoccini.dynamics.compiled import (
 )
 from fantoccini.dynamics.steppers.determinacy import ForceSamples, undetermined
 from fantoccini.dynamics.steppers.parting import parted
-from fantoccini.dynamics.steppers.prescribed import looks, overlap_events, prescribed_overlaps
+from fantoccini.dynamics.steppers.prescribed import (
+    measuring_times,
+    overlap_events,
+    prescribed_overlaps,
+)
 from fantoccini.dynamics.steppers.redundant import (
     CONTRADICTION_STATUSES,
     Contradiction,
@@ -126,9 +130,9 @@ class Stepper:
         return self._run.status
 
     @property
-    def blame(self) -> Array:
+    def attribution(self) -> Array:
         """Shares (n_rows + n_watched,) of rows and drives in causing the status, 0 to 1."""
-        return self._run.blame
+        return self._run.attribution
 
     @property
     def violation(self) -> float:
@@ -284,7 +288,7 @@ class Stepper:
             return chosen.evaluate(t)[0] if isinstance(chosen, Input) else chosen.evaluate(t)
 
         if isinstance(chosen, Input):
-            times = looks(chosen.breaks, self._measured, self.state.t)
+            times = measuring_times(chosen.breaks, self._measured, self.state.t)
         else:  # constant acceleration
             times = np.linspace(self._measured, self.state.t, 3)
         overlaps = prescribed_overlaps(marionette, motion, times)

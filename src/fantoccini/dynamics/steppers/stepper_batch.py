@@ -62,8 +62,8 @@ class StepperBatch:
         q_D, v_D, q_K, v_K, slip: (n, ...) present states, as in :class:`State`.
         tension: (n, n_rows) forces of strings and limits [N or N m].
         taut: (n, n_rows) mask of taut rows.
-        books: (n, 5) work of the inputs, and losses by damping, impacts, slipping winches and
-            friction, since the start of each run [J].
+        energy_terms: (n, 5) work of the inputs, and losses by damping, impacts, slipping
+            winches and friction, since the start of each run [J].
         violation: (n,) largest h of all rows since the start, for time-stepping [m, rad or 1].
         status: (n,) :class:`Status` numbers; a run that stopped keeps its state until its reset.
         p: (n, n_p) parameters.
@@ -104,8 +104,8 @@ class StepperBatch:
         self._record = record = LaneRecord(n, marionette.tree.sizes)
         self.p, self.tension, self.taut = record.p, record.tension, record.taut
         self.q_D, self.v_D, self.q_K, self.v_K = record.q_D, record.v_D, record.q_K, record.v_K
-        self.slip, self.books, self.violation = record.slip, record.books, record.violation
-        self.status = record.status
+        self.slip, self.energy_terms = record.slip, record.energy_terms
+        self.violation, self.status = record.violation, record.status
         self._starts, self._parameters = states, p
         self._options, self._threads = options, threads
         self._engine = self._new_engine()
@@ -155,11 +155,13 @@ class StepperBatch:
         """Mask (n,) of the runs that reached the end of the last piece, even with lost steps."""
         return np.isin(self.status, ARRIVED)
 
-    def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
-        """Names with a share above ``least`` in causing the status of run i."""
-        share = self._record.blame[i]
+    def causes(self, i: int, min_share: float = 0.1) -> tuple[str, ...]:
+        """Names with a share above ``min_share`` in causing the status of run i."""
+        share = self._record.attribution[i]
         return tuple(
-            n for n, x in zip(self.marionette.tree.blamable, share, strict=True) if x > least
+            n
+            for n, x in zip(self.marionette.tree.attributable, share, strict=True)
+            if x > min_share
         )
 
     def undetermined(self, i: int) -> tuple[str, ...]:
@@ -352,10 +354,10 @@ class _Runs:
         record.advanced[i] = advanced
         status = stepper.status
         record.status[i] = Status.DONE if status is Status.RUNNING else status
-        record.blame[i] = stepper.blame
+        record.attribution[i] = stepper.attribution
         if len(stepper.samples):
             split = self._marionette.sample_layout.split(stepper.samples[-1:])
-            record.books[i] = [split[name][0] for name in SUMS]
+            record.energy_terms[i] = [split[name][0] for name in SUMS]
         record.violation[i] = stepper.violation
 
 

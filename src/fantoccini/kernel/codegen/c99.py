@@ -141,7 +141,7 @@ int main(void)
   /* v_K and v_D are zero, and so may stand for acc_K and u_D. */
   fan_dynamics(q_D, v_D, q_K, v_K, v_K, v_D, p, L, w0, NULL, NULL, NULL, NULL, NULL, NULL,
       NULL, NULL, NULL, NULL, NULL, NULL, NULL);
-  fan_back(L, w0, acc_D);
+  fan_solve_factor(L, w0, acc_D);
   show("h", h, FAN_N_ROWS);
   show("potential energy [J]", &V, 1);
   show("acc_D without strings", acc_D, FAN_N_V_D);

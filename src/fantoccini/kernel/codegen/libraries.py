@@ -41,7 +41,7 @@ class _Kind:
         mapped: whether Python calls its functions over arrays.
         columns: whether it has ``column``.
         touches: whether it makes time steps with contact.
-        several: whether it has ``forth`` and ``back`` of several vectors at once.
+        several: whether it solves with the factor for several vectors at once.
         with_lanes: whether it evaluates derivatives at several states at once.
     """
 
@@ -97,9 +97,11 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         single = [_member(name, _SINGLE, kind.mapped) for name in (*own, "column")]
         members += [_SEVERAL_LANES, *single, "#endif"]
     solves = Table("ModelTables::solve_number")
-    templates = [_pushes(equations, functions["forth"], solves)] if in_threes else []
+    templates = []
+    if in_threes:
+        templates.append(_pushes(equations, functions["solve_factor_transposed"], solves))
     if kind.several:
-        for name in ("forth", "back"):
+        for name in ("solve_factor_transposed", "solve_factor"):
             templates.append(together(functions[name], f"fan_{name}_of", SIZES.piece, solves))
             members.append(_SEVERAL.format(name=name, space=kind.real.space))
     more = _SPACE.format(**vars(_BESIDE)) if beside else ""
@@ -141,8 +143,8 @@ def _programs(
     return shared | {name: program(function) for name, function in own.items()}
 
 
-def _pushes(equations: Equations, forth: Program, table: Table) -> str:
-    """``fan_push(link, L, x, y)``: ``forth`` of several x; shorter for one link alone."""
+def _pushes(equations: Equations, solve_transposed: Program, table: Table) -> str:
+    """``fan_push(link, L, x, y)``: F^-T x of several x; shorter for one link alone."""
     pushes = {f"fan_push_{i}": program(function) for i, function in equations.pushes.items()}
     texts = [together(whole, name, SIZES.piece, table) for name, whole in pushes.items()]
     cases = [f"    case {i}: return fan_push_{i}(L, x, y);" for i in equations.pushes]
@@ -155,7 +157,7 @@ def _pushes(equations: Equations, forth: Program, table: Table) -> str:
         "  }",
         "}",
     ]
-    texts.append(together(forth, "fan_push_all", SIZES.piece, table))
+    texts.append(together(solve_transposed, "fan_push_all", SIZES.piece, table))
     return "\n".join([*texts, *switch, ""])
 
 

@@ -19,7 +19,7 @@ from fantoccini.kernel.contract.constants import (
     CLOSED_GAP,
     CONSTANTS,
     HULL_VERTICES,
-    LEAST_LENGTH,
+    MIN_LENGTH,
     REST_SPEED,
     START_GAP,
     TENSION_CAP,
@@ -31,8 +31,8 @@ from fantoccini.kernel.contract.identity import digest
 from fantoccini.kernel.contract.lanes import LANE
 from fantoccini.kernel.contract.quantity import SIZES, Quantity
 from fantoccini.kernel.contract.samples import (
-    BOOKS,
     CONTACT,
+    ENERGY_TERMS,
     EVENT,
     EVENT_AT,
     PARTS,
@@ -46,19 +46,19 @@ from fantoccini.kernel.contract.structures import STRUCTURES
 
 __all__ = [
     "ARGUMENTS",
-    "BOOKS",
     "CLOSED_GAP",
     "COLUMN",
     "CONSTANTS",
     "CONTACT",
     "DERIVATIVES",
+    "ENERGY_TERMS",
     "EVENT",
     "EVENT_AT",
     "FUNCTIONS",
     "HULL_VERTICES",
     "LANE",
-    "LEAST_LENGTH",
     "LIBRARIES",
+    "MIN_LENGTH",
     "MODEL",
     "PARTS",
     "REST_SPEED",

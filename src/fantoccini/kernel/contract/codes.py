@@ -69,7 +69,7 @@ class Solved(Code):
     YES = 0, "solved"
     INFEASIBLE = 1, "there is no solution"
     UNSETTLED = 2, "the bound on iterations was reached"
-    NO_ROOM = 3, "more rows than the puppet has, or not enough memory"
+    TOO_LARGE = 3, "more rows than the puppet has, or not enough memory"
 
 
 class ReachEnd(Code):

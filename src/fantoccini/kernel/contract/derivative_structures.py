@@ -42,7 +42,7 @@ DERIVATIVES: tuple[Structure, ...] = (
             Field("options", "Options"),
             Field("winches", IN, "winches of all nodes"),
             Field("reference_force", "double", "size of forces, such as the weight [N]"),
-            Field("room", "int", "largest number of points of a node"),
+            Field("capacity", "int", "largest number of points of a node"),
             Field("p", "Shared"),
             Field("acc_K", "Shared", "driven acceleration at the start"),
             Field("u_D", "Shared", "user forces, or null"),
@@ -70,7 +70,7 @@ DERIVATIVES: tuple[Structure, ...] = (
             Field("n_pairs", "int", "number of pairs in ContactArrays"),
             Field("pair_edges", "int*", "(n, n_pairs) StepEdge of every pair; set to 0 before"),
             Field("n_points", "int*", "(n,) numbers of points with force"),
-            Field("points", "StepContact*", "(n, room)"),
+            Field("points", "StepContact*", "(n, capacity)"),
             Field("screws", OUT, "(n, n_vD + n_vK, 6) results of the function screws at the start"),
             Field(
                 "by_p",
@@ -111,7 +111,7 @@ DERIVATIVES: tuple[Structure, ...] = (
             Field(
                 "shares",
                 OUT,
-                "(n, 3 room, m) derivatives of the multipliers, point after point: along the "
+                "(n, 3 capacity, m) derivatives of the multipliers, point after point: along the "
                 "normal and, if the point sticks, along two tangents; or null",
             ),
             Field(
@@ -122,8 +122,8 @@ DERIVATIVES: tuple[Structure, ...] = (
             ),
             Field("n_points", INT, "(n,) points that push; null without contact"),
             Field("delay", IN, "as in TouchingStepArrays; null without contact"),
-            Field("room", "int", "for points of a node"),
-            Field("points", "const StepContact*", "(n, room)"),
+            Field("capacity", "int", "for points of a node"),
+            Field("points", "const StepContact*", "(n, capacity)"),
             Field("screws", IN, "screws of TouchingStepArrays"),
             Field("by_p", IN, "by_p of TouchingStepArrays"),
             Field("edges", "int*", "(n,) StepEdge; bits are added"),

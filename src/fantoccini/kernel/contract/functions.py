@@ -31,7 +31,7 @@ from fantoccini.kernel.contract.function import (
 )
 from fantoccini.kernel.contract.quantity import Quantity, Shape
 
-_L = Quantity("L", ("n_packed",), "", "factor F of M = F^T F, an argument of forth and back")
+_L = Quantity("L", ("n_packed",), "", "factor F of M = F^T F, an argument of its solves")
 _STRINGS: Shape = ("n_strings",)
 _FACTOR = (
     _L,
@@ -106,7 +106,7 @@ _DECLARED = (
     Function(
         "dynamics",
         "Accelerations and tensions of any active set (Eqs. 10, 11): "
-        "acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.",
+        "acc_D = solve_factor(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.",
         arguments("q_D v_D q_K v_K acc_K u_D p"),
         _DYNAMICS,
         (MODEL, DERIVATIVES),
@@ -205,7 +205,7 @@ _DECLARED = (
         mapped=True,
     ),
     Function(
-        "forth",
+        "solve_factor_transposed",
         "y = F^-T x.",
         arguments("L x"),
         (_Y,),
@@ -214,7 +214,7 @@ _DECLARED = (
         exported=True,
     ),
     Function(
-        "back",
+        "solve_factor",
         "y = F^-1 x.",
         arguments("L x"),
         (_Y,),

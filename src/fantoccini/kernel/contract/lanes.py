@@ -16,11 +16,13 @@ LANE: tuple[Field, ...] = (
     Field("tension", OUT, "(n, n_rows) written"),
     Field("taut", "unsigned char*", "(n, n_rows) written"),
     Field(
-        "books", OUT, f"(n, {len(SUMS)}) work, damping, impact, slip loss, friction; written [J]"
+        "energy_terms",
+        OUT,
+        f"(n, {len(SUMS)}) work, damping, impact, slip loss, friction; written [J]",
     ),
     Field("violation", OUT, "(n,) largest since it began; written"),
     Field("advanced", OUT, "(n,) time by which it was advanced in the piece; written [s]"),
     Field("status", "int*", "(n,) Status; written"),
-    Field("blame", OUT, "(n, n_rows + n_watched) shares of the blame for it; written"),
+    Field("attribution", OUT, "(n, n_rows + n_watched) shares in causing it; written"),
 )
 """The lane record of compiled code and Python."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from fantoccini.kernel.contract.arguments import ARGUMENTS
 from fantoccini.kernel.contract.quantity import Quantity
 
-_BOOKS = (
+_ENERGY_TERMS = (
     Quantity("kinetic", (), "J", "kinetic energy"),
     Quantity("potential", (), "J", "potential energy"),
     Quantity("work", (), "J", "work of the inputs"),
@@ -16,16 +16,16 @@ _BOOKS = (
     Quantity("slip_loss", (), "J", "loss by slipping winches"),
     Quantity("friction", (), "J", "loss by friction of contacts"),
 )
-BOOKS = tuple(q.name for q in _BOOKS)
-"""Energies, work and losses of a sample; a batch saves them as one part, ``books``."""
-SUMS = BOOKS[2:]
+ENERGY_TERMS = tuple(q.name for q in _ENERGY_TERMS)
+"""Energies, work and losses of a sample; a batch saves them as one part, ``energy_terms``."""
+SUMS = ENERGY_TERMS[2:]
 """Work and losses, which accumulate over a run."""
 
 SAMPLE: tuple[Quantity, ...] = (
     Quantity("t", (), "s", "time"),
     *(ARGUMENTS[name] for name in ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension")),
     Quantity("taut", ("n_rows",), "1", "1 where the row is active, else 0"),
-    *_BOOKS,
+    *_ENERGY_TERMS,
     Quantity("slip", ("n_strings",), "m", "lengths let out by slipping winches"),
     Quantity(
         "contact_residual",
@@ -73,7 +73,7 @@ PARTS: tuple[Quantity, ...] = (
     *SAMPLE[1:7],
     Quantity("force", ("n_rows",), "N or N m", "tensions of strings, forces of limits"),
     Quantity("taut", ("n_rows",), "1", "whether the row is active"),
-    Quantity("books", (len(BOOKS),), "J", "energies, work and losses"),
+    Quantity("energy_terms", (len(ENERGY_TERMS),), "J", "energies, work and losses"),
     *SAMPLE[-2:],
 )
 """Parts of a sample that a batch can save, in the order of :data:`SAMPLE`."""

@@ -186,7 +186,7 @@ RUNS: tuple[Structure, ...] = (
             Field("violation", OUT, "(n,) largest, of fixed steps"),
             Field("catches", "long long*", "(n,)"),
             Field("releases", "long long*", "(n,)"),
-            Field("blame", OUT, "(n, n_rows + n_watched)"),
+            Field("attribution", OUT, "(n, n_rows + n_watched)"),
             Field("end_q_D", OUT, "(n, n_qD) the configuration reached"),
             Field("end_v_D", OUT, "(n, n_vD) the velocities there"),
         ),

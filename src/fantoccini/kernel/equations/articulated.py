@@ -54,7 +54,7 @@ class Column:
     d: ca.SX
     place: int | None
 
-    def forth(self, x: ca.SX, p: np.ndarray) -> ca.SX:
+    def solve_transposed(self, x: ca.SX, p: np.ndarray) -> ca.SX:
         """w_k from the force x in the joint; changes the wrench p (6,) to the transmitted one."""
         w = (x + dot(self.S, p)) * self.d
         p -= scaled(w, self.U)
@@ -62,7 +62,7 @@ class Column:
             p[self.place] = -x * self.S[self.place]
         return w
 
-    def back(self, w: ca.SX, a: np.ndarray) -> ca.SX:
+    def solve(self, w: ca.SX, a: np.ndarray) -> ca.SX:
         """y_k; changes the acceleration a (6,) to the one below the joint."""
         if self.place is None:
             y = (w - dot(self.U, a)) * self.d
@@ -95,13 +95,13 @@ class Elimination:
     v: slice
     turned: np.ndarray | None
 
-    def forth(self, x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def solve_transposed(self, x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """w of the joint from its forces x and the wrench p (6,), and the transmitted wrench."""
         p, own, w = p.copy(), x.copy(), zeros(len(self.columns))
         if self.turned is not None:
             own[:3] = self.turned.dot(own[:3])
         for k in reversed(range(len(self.columns))):
-            w[k] = self.columns[k].forth(own[k], p)
+            w[k] = self.columns[k].solve_transposed(own[k], p)
         force = self.R.dot(p[3:])
         return w, np.concatenate([self.R.dot(p[:3]) + cross(self.r, force), force])
 
@@ -118,7 +118,7 @@ class Factor:
     steps: list[Elimination]
     n: int
 
-    def forth(self, x: np.ndarray, wrenches: dict[int, Wrench]) -> np.ndarray:
+    def solve_transposed(self, x: np.ndarray, wrenches: dict[int, Wrench]) -> np.ndarray:
         """(n,) w = F^-T (x + J^T p), from the leaves to the root.
 
         Args:
@@ -131,24 +131,24 @@ class Factor:
             p[link] = np.concatenate(wrench)
         for i in reversed(range(len(self.steps))):
             step = self.steps[i]
-            w[step.v], up = step.forth(x[step.v], p[i])
+            w[step.v], up = step.solve_transposed(x[step.v], p[i])
             if step.parent != WORLD:
                 p[step.parent] = p[step.parent] + up
         return w
 
-    def forth_from(self, link: int, x: np.ndarray) -> dict[int, ca.SX]:
+    def solve_transposed_from(self, link: int, x: np.ndarray) -> dict[int, ca.SX]:
         """Place -> nonzero entry of w = F^-T x, for forces x in one joint only."""
         w: dict[int, ca.SX] = {}
         p = zeros(6)
         while link != WORLD:
             step = self.steps[link]
-            own, p = step.forth(x, p)
+            own, p = step.solve_transposed(x, p)
             w |= dict(zip(range(step.v.start, step.v.stop), own, strict=True))
             link = step.parent
             x = zeros(6)
         return {k: value for k, value in sorted(w.items()) if not value.is_zero()}
 
-    def back(self, w: np.ndarray) -> np.ndarray:
+    def solve(self, w: np.ndarray) -> np.ndarray:
         """(n,) y = F^-1 w, from the root to the leaves."""
         y = zeros(self.n)
         a: list[np.ndarray] = []
@@ -158,7 +158,7 @@ class Factor:
                 up, Rt = a[step.parent], step.R.T
                 here[:3] = Rt.dot(up[:3])
                 here[3:] = Rt.dot(up[3:] + cross(up[:3], step.r))
-            own = [column.back(w[step.v.start + k], here) for k, column in enumerate(step.columns)]
+            own = [column.solve(w[step.v.start + k], here) for k, column in enumerate(step.columns)]
             if step.turned is not None:
                 own[:3] = step.turned.T.dot(np.array(own[:3], dtype=object))
             y[step.v] = own

@@ -32,9 +32,9 @@ from fantoccini.kernel.equations.system import Loads, System
 from fantoccini.model.tree import Link, Role, Tree
 
 _MAX_COLUMNS_SIZE = 5
-"""Largest total number of instructions of ``columns``, relative to ``forth``."""
+"""Largest total number of instructions of ``columns``, relative to ``solve_factor_transposed``."""
 _MAX_PUSHES_SIZE = 8
-"""Largest total number of instructions of ``pushes``, relative to ``forth``."""
+"""Largest total number of instructions of ``pushes``, relative to ``solve_factor_transposed``."""
 
 
 class Equations:
@@ -85,9 +85,10 @@ class Equations:
 
     def _function(self, name: str) -> ca.Function:
         symbols = self.system.symbols
-        if name in ("forth", "back"):
+        if name in ("solve_factor_transposed", "solve_factor"):
             L, factor = self._stored
-            solve = factor.back if name == "back" else partial(factor.forth, wrenches={})
+            transposed = partial(factor.solve_transposed, wrenches={})
+            solve = factor.solve if name == "solve_factor" else transposed
             return declared(name, {**symbols, "L": L}, {"y": column(solve(elements(symbols.x)))})
         return declared(name, symbols, getattr(self, f"_{name}")())
 
@@ -132,11 +133,11 @@ class Equations:
         _, f_K = system.generalised(loads)
         needed = {i: (-torque, -force) for i, (torque, force) in enumerate(loads.wrenches)}
         motors = drives.forces(system, dt).f_D
-        w0 = factor.forth(elements(s.u_D) - loads.f_D + motors, needed)
+        w0 = factor.solve_transposed(elements(s.u_D) - loads.f_D + motors, needed)
         rows = system.string_rows
         W = zeros(n, m)
         for i, row in enumerate(rows):
-            W[:, i] = factor.forth(row.winding, row.wrenches)
+            W[:, i] = factor.solve_transposed(row.winding, row.wrenches)
         G = zeros(m, m)
         for i in range(m):
             for j in range(i + 1):
@@ -180,26 +181,27 @@ class Equations:
 
         Each value is the list of places of the nonzero entries of y, those on the way to the root,
         and a function (L, x (3,)) -> these entries. Empty if all functions are much longer than
-        ``forth`` in total, as for a long chain with limits in all joints.
+        ``solve_factor_transposed`` in total, as for a long chain with limits in all joints.
         """
         columns: dict[int, tuple[list[int], ca.Function]] = {}
         (L, factor), x = self._stored, self.system.symbols.x_joint
         names_in, names_out = ([q.name for q in p] for p in (COLUMN.arguments, COLUMN.results))
         for i in sorted({limit.link for limit in self.tree.limits}):
             place = self.tree.links[i].v
-            entries = factor.forth_from(i, elements(x)[: place.stop - place.start])
+            entries = factor.solve_transposed_from(i, elements(x)[: place.stop - place.start])
             y = ca.cse(column(list(entries.values())))
             function = ca.Function(f"fan_column_{i}", [L, x], [y], names_in, names_out)
             columns[i] = list(entries), function
         total = sum(function.n_instructions() for _, function in columns.values())
-        return columns if total < _MAX_COLUMNS_SIZE * self["forth"].n_instructions() else {}
+        n_whole = self["solve_factor_transposed"].n_instructions()
+        return columns if total < _MAX_COLUMNS_SIZE * n_whole else {}
 
     @cached_property
     def pushes(self) -> dict[int, ca.Function]:
         """Link with contact -> function (L, x) -> y = F^-T x, all entries.
 
         Only forces x in the joints from the link to the root count. Empty if all functions are
-        much longer than ``forth`` in total, as for a long chain.
+        much longer than ``solve_factor_transposed`` in total, as for a long chain.
         """
         pushes: dict[int, ca.Function] = {}
         (L, factor), x = self._stored, self.system.symbols.x
@@ -211,10 +213,11 @@ class Equations:
             own = zeros(self.tree.coordinates.n_vD)
             for place in moved:
                 own[place] = elements(x)[place]
-            y = ca.densify(ca.cse(column(factor.forth(own, {}))))
+            y = ca.densify(ca.cse(column(factor.solve_transposed(own, {}))))
             pushes[i] = ca.Function(f"fan_push_{i}", [L, x], [y], ["L", "x"], ["y"])
         total = sum(function.n_instructions() for function in pushes.values())
-        return pushes if total < _MAX_PUSHES_SIZE * self["forth"].n_instructions() else {}
+        n_whole = self["solve_factor_transposed"].n_instructions()
+        return pushes if total < _MAX_PUSHES_SIZE * n_whole else {}
 
     def _limit_rates(self) -> dict[str, ca.SX]:
         """hdot of the limits at a velocity, with the constants of their Jacobians inserted."""

@@ -18,7 +18,16 @@ from fantoccini.kernel.runtime.options import RunOptions
 from fantoccini.kernel.runtime.packing import new_arrays, packed
 from fantoccini.kernel.runtime.structures import UNLIMITED
 
-_ENDS = ("status", "reached", "violation", "catches", "releases", "blame", "end_q_D", "end_v_D")
+_ENDS = (
+    "status",
+    "reached",
+    "violation",
+    "catches",
+    "releases",
+    "attribution",
+    "end_q_D",
+    "end_v_D",
+)
 """Results written at the end of a trajectory."""
 _POLL_INTERVAL = 0.05
 """Interval between checks of the progress and of Ctrl-C [s]."""
@@ -65,7 +74,7 @@ class Batch:
         status, reached, violation: (n,) status and time of each end [s], largest violation (of
             fixed steps).
         catches, releases: (n,) numbers of these events.
-        blame: (n, n_rows + n_watched) share of rows and drives in the status' cause, 0 to 1.
+        attribution: (n, n_rows + n_watched) share of rows and drives in the status' cause, 0 to 1.
         end_q_D, end_v_D: (n, ...) the configuration and velocities reached.
     """
 
@@ -90,7 +99,7 @@ class Batch:
     violation: Array = field(init=False)
     catches: NDArray[np.int64] = field(init=False)
     releases: NDArray[np.int64] = field(init=False)
-    blame: Array = field(init=False)
+    attribution: Array = field(init=False)
     end_q_D: Array = field(init=False)
     end_v_D: Array = field(init=False)
 

@@ -39,7 +39,7 @@ class Library(Functions):
 
     Attributes:
         key: key of its folder in the cache; unique to puppet, compiler and version.
-        n_blamable: number of rows and drives that may cause a status, n_rows + n_watched.
+        n_attributable: number of rows and drives that may cause a status, n_rows + n_watched.
 
     Args:
         path: the shared library.
@@ -52,7 +52,7 @@ class Library(Functions):
     def __init__(self, path: Path, tree: Tree):
         super().__init__(path, tree.sizes)
         self.key = path.parent.name
-        self.n_blamable = len(tree.blamable)
+        self.n_attributable = len(tree.attributable)
         self.dll.fan_new.restype = ctypes.c_void_p
         self.dll.fan_free.argtypes = [ctypes.c_void_p]
 
@@ -239,7 +239,7 @@ class Run:
             raise MemoryError("no memory for a run")
         self._keep = np.ascontiguousarray(save_at if save_at is not None else [], dtype=float)
         n_samples = self.samples_per_piece
-        n_events = max(self.events_per_piece, 16 * library.n_blamable + 64)
+        n_events = max(self.events_per_piece, 16 * library.n_attributable + 64)
         self._samples = np.zeros((n_samples, width(SAMPLE, library.sizes)))
         n_contacts = self.contacts_per_piece * (library.sizes["n_contacts"] > 0)
         n_events += 4 * library.sizes["n_contacts"]
@@ -338,10 +338,10 @@ class Run:
         return out
 
     @property
-    def blame(self) -> Array:
-        """(n_blamable,) share of each row and drive in the cause of the status, 0 to 1."""
-        out = np.zeros(self.library.n_blamable)
-        self.library.dll.fan_blame(self._run, int(self.status), pointer(out))
+    def attribution(self) -> Array:
+        """(n_attributable,) share of each row and drive in the cause of the status, 0 to 1."""
+        out = np.zeros(self.library.n_attributable)
+        self.library.dll.fan_attribution(self._run, int(self.status), pointer(out))
         return out
 
     def _taken(self) -> Piece:

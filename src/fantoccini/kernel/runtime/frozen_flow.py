@@ -17,7 +17,7 @@ from fantoccini.motion import Input, State
 _ADDRESS, _TIME = ctypes.c_void_p, ctypes.c_double
 
 _SIGNATURES = {
-    "look": (None, _TIME, *[_ADDRESS] * 4),
+    "evaluate": (None, _TIME, *[_ADDRESS] * 4),
     "smooth_until": (ctypes.c_int, _TIME, _ADDRESS, _ADDRESS),
     "present": (_TIME, _ADDRESS, _ADDRESS),
 }
@@ -58,7 +58,7 @@ class FrozenFlow(Run):
     def rate(self, t: float, y: Array) -> Array:
         """The rate ydot (n_y,) at a time [s] and y (n_y,)."""
         rate = np.empty(len(self.y))
-        self._look(t, y, rate, None, None)
+        self._evaluate(t, y, rate, None, None)
         return rate
 
     def guards(self, t: float, y: Array) -> Array:
@@ -67,14 +67,14 @@ class FrozenFlow(Run):
         h / length for a slack row; -tension / weight for a taut row; for a stepper motor, its lag
         minus the largest lag it can hold.
         """
-        guards = np.empty(self.library.n_blamable)
-        self._look(t, y, None, guards, None)
+        guards = np.empty(self.library.n_attributable)
+        self._evaluate(t, y, None, guards, None)
         return guards
 
     def slip(self, t: float, y: Array) -> Array:
         """(n_strings,) string length that slipped through each winch, at (t, y) [m]."""
         slip = np.empty(self.library.sizes["n_strings"])
-        self._look(t, y, None, None, slip)
+        self._evaluate(t, y, None, None, slip)
         return slip
 
     def smooth_until(self, t_end: float) -> float:
@@ -84,10 +84,10 @@ class FrozenFlow(Run):
         self.library.dll.fan_smooth_until(self._run, t_end, ctypes.addressof(end), out)
         return end.value
 
-    def _look(self, t: float, y: Array, *into: Array | None) -> None:
+    def _evaluate(self, t: float, y: Array, *into: Array | None) -> None:
         """Writes rate, guards and slip at (t, y) to the arrays that are not None."""
         y = np.ascontiguousarray(y, dtype=float)
         if y.shape != self.y.shape:
             raise ValueError(f"y has the shape {y.shape}; it must be {self.y.shape}")
         addresses = [None if a is None else a.ctypes.data for a in into]
-        self.library.dll.fan_look(self._run, t, y.ctypes.data, *addresses)
+        self.library.dll.fan_evaluate(self._run, t, y.ctypes.data, *addresses)

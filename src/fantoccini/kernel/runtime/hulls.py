@@ -97,10 +97,10 @@ def mesh_hulls(shape: Mesh) -> tuple[Hull, ...]:
         thick = [part for part in parts if thickness(part.vertices) > TOLERANCES.flat * size]
         parts = _outermost(thick)
     hulls = [hull for part in parts for hull in _piece_hulls(part, shape.file)]
-    if len(hulls) > TOLERANCES.most:
+    if len(hulls) > TOLERANCES.max_pieces:
         raise ValueError(
             f"{shape.file} needs {len(hulls)} convex pieces in contact; allowed: "
-            f"{TOLERANCES.most}. Make it plainer, or let boxes, capsules, spheres touch"
+            f"{TOLERANCES.max_pieces}. Make it plainer, or let boxes, capsules, spheres touch"
         )
     return tuple(hulls)
 

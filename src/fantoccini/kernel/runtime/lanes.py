@@ -32,11 +32,11 @@ class LaneRecord:
         q_D, v_D, q_K, v_K, slip: (n, ...) states.
         tension: (n, n_rows) forces of strings and limits [N or N m].
         taut: (n, n_rows).
-        books: (n, 5) the contract's ``SUMS``, since each began [J].
+        energy_terms: (n, 5) the contract's ``SUMS``, since each began [J].
         violation: (n,) largest violation since each began [m, rad or 1].
         advanced: (n,) duration by which each was advanced in the last piece [s].
         status: (n,) :class:`Status` numbers.
-        blame: (n, n_rows + n_watched) shares of rows and drives in its cause, 0 to 1.
+        attribution: (n, n_rows + n_watched) shares of rows and drives in its cause, 0 to 1.
 
     Args:
         n: number of trajectories.
@@ -52,11 +52,11 @@ class LaneRecord:
     slip: Array
     tension: Array
     taut: MaskRows
-    books: Array
+    energy_terms: Array
     violation: Array
     advanced: Array
     status: NDArray[np.int32]
-    blame: Array
+    attribution: Array
 
     def __init__(self, n: int, sizes: Mapping[str, int]):
         for name, array in new_arrays("StepperArrays", _NAMES, sizes, n=n).items():

@@ -32,7 +32,7 @@ class PieceTolerances:
     CoACD measures dents by samples, and replaces triangles of meshes that intersect themselves."""
     thin: float = 1e-4
     """Thickness below which a piece is left out."""
-    most: int = 128
+    max_pieces: int = 128
     """Largest number of pieces of one mesh."""
     spacing: float = 0.03
     """Distance of the points at which the deviation is measured."""
@@ -115,9 +115,10 @@ def _cut(mesh: Any, name: str) -> list[Array]:
     parts = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=2.0 * TOLERANCES.cut)
     corners = [_merged(vertices, mesh.vertices, TOLERANCES.thin * size) for vertices, _ in parts]
     pieces = [_corners_of(x, size) for x in corners if thickness(x) > TOLERANCES.thin * size]
-    if len(pieces) > TOLERANCES.most:
+    if len(pieces) > TOLERANCES.max_pieces:
         raise ValueError(
-            f"{name} needs {len(pieces)} convex pieces in contact; allowed: {TOLERANCES.most}. "
+            f"{name} needs {len(pieces)} convex pieces in contact; allowed: "
+            f"{TOLERANCES.max_pieces}. "
             "Make the mesh plainer, or let boxes, capsules, spheres touch"
         )
     off = _deviation(mesh, pieces, size) / size

@@ -27,7 +27,7 @@ UNKNOWN, POSE, POINT = GoalKind
 STATE = ("q_D", "v_D", "slip", "q_K", "v_K")
 """Parts of a state."""
 
-_RESULTS = (*STATE, "distance", "looks", "catches")
+_RESULTS = (*STATE, "distance", "n_checks", "catches")
 """Results of every segment."""
 
 
@@ -71,7 +71,7 @@ class GoalNumbers:
 
 
 @dataclass(frozen=True, eq=False)
-class Funnel:
+class LqrLaw:
     """An equilibrium and the feedback law that leads to it; see ``search/feedback.hpp``.
 
     Attributes:
@@ -90,7 +90,7 @@ class RolloutSettings:
 
     Attributes:
         options: options of the time-stepper; ``save_every`` is the number of steps between checks.
-        looks: number of checks of a segment.
+        n_checks: number of checks of a segment.
         p, winches: see :class:`fantoccini.kernel.runtime.Run`.
         bounds: speed and acceleration (n_vK,), low and high (n_qK,).
         margin: minimum clearance [m].
@@ -102,7 +102,7 @@ class RolloutSettings:
     """
 
     options: RunOptions
-    looks: int
+    n_checks: int
     p: Array
     winches: Array
     bounds: dict[str, Array]
@@ -121,7 +121,7 @@ class Segments:
     Attributes:
         states: part of a state -> (n, segments, width), at the segments' ends.
         acc_K: (n, segments, n_vK) [m/s^2 or rad/s^2].
-        looks: (n, segments) duration of a segment in checks; 0 if not completed.
+        n_checks: (n, segments) duration of a segment in checks; 0 if not completed.
         distance: (n, segments) distance from the goal at its end.
         catches: (n, segments) number of strings and limits caught.
         n_made: number of rollouts simulated: all up to the first that reached the goal.
@@ -129,7 +129,7 @@ class Segments:
 
     states: dict[str, Array]
     acc_K: Array
-    looks: Indices
+    n_checks: Indices
     distance: Array
     catches: Indices
     n_made: int
@@ -167,7 +167,7 @@ class RolloutPool:
         bounds, kept_off = settings.bounds, settings.kept_off
         self._arrays = packed(
             "RolloutArrays",
-            looks=settings.looks,
+            n_checks=settings.n_checks,
             steps=settings.options.save_every,
             options=settings.options.structure(),
             p=settings.p,
@@ -193,10 +193,10 @@ class RolloutPool:
         acc_K: Array,
         n_given: Indices,
         n_segments: Indices | None = None,
-        funnels: Sequence[Funnel] = (),
-        funnel: Indices | None = None,
+        laws: Sequence[LqrLaw] = (),
+        law: Indices | None = None,
         lead_time: Array | None = None,
-        looks: int | None = None,
+        n_checks: int | None = None,
     ) -> Segments:
         """Simulates each rollout until it is complete, reaches the goal, or leaves its bounds.
 
@@ -206,12 +206,12 @@ class RolloutPool:
             starts: part of a state -> (m, width).
             start: (n,) index of the start of each rollout.
             acc_K: (n, segments, n_vK) accelerations of its first segments.
-            n_given: (n,) number of these; a funnel's law controls the other segments.
+            n_given: (n,) number of these; a law controls the other segments.
             n_segments: (n,) number of segments of each, at least one; all by default.
-            funnels: feedback laws.
-            funnel: (n,) index of the funnel of each; the first by default.
-            lead_time: (n,) lead of a funnel's reference; 1 by default [s].
-            looks: number of checks of a segment; that of the settings by default.
+            laws: feedback laws.
+            law: (n,) index of the law of each; the first by default.
+            lead_time: (n,) lead of a law's reference; 1 by default [s].
+            n_checks: number of checks of a segment; that of the settings by default.
 
         Raises:
             ValueError: wrong shapes, or indices out of range.
@@ -223,16 +223,16 @@ class RolloutPool:
             "start": start,
             "n_segments": np.full(n, segments) if n_segments is None else n_segments,
             "n_given": n_given,
-            "funnel": np.zeros(n, dtype=int) if funnel is None else funnel,
+            "law": np.zeros(n, dtype=int) if law is None else law,
         }
         out: dict[str, Any] = new_arrays(
             "SegmentArrays", _RESULTS, self._sizes, n=n, segments=segments
         )
-        self._check(starts, acc_K, indices, len(funnels))
+        self._check(starts, acc_K, indices, len(laws))
         for name in STATE:
             out[name].fill(np.nan)
         out["distance"].fill(np.inf)
-        laws = [packed("FunnelArrays", **vars(f)) for f in funnels]
+        law_arrays = [packed("LqrLawArrays", **vars(law)) for law in laws]
         exact = Exact(self._solids)
         arrays: Any = repacked(
             self._arrays,
@@ -241,24 +241,24 @@ class RolloutPool:
             solids=clearance_arrays(self._solids, exact),
             acc_K=acc_K,
             lead_time=np.ones(n) if lead_time is None else lead_time,
-            funnels=(structures["FunnelArrays"] * max(1, len(laws)))(*laws),
+            laws=(structures["LqrLawArrays"] * max(1, len(law_arrays)))(*law_arrays),
             out=packed("SegmentArrays", **out),
             **indices,
             **{name: starts[name] for name in STATE},
         )
-        arrays.looks = looks or arrays.looks
+        arrays.n_checks = n_checks or arrays.n_checks
         # Ctrl-C may leave a worker behind: its data live as long as `arrays`.
-        arrays.kept += [laws, exact]
+        arrays.kept += [law_arrays, exact]
         with exact:
             reached = self._work(arrays)
-        out["looks"][reached + 1 :] = 0
+        out["n_checks"][reached + 1 :] = 0
         states = {name: out[name] for name in STATE}
         return Segments(
-            states, acc_K, out["looks"], out["distance"], out["catches"], min(reached + 1, n)
+            states, acc_K, out["n_checks"], out["distance"], out["catches"], min(reached + 1, n)
         )
 
     def _check(
-        self, starts: dict[str, Array], acc_K: Array, indices: dict[str, Indices], n_funnels: int
+        self, starts: dict[str, Array], acc_K: Array, indices: dict[str, Indices], n_laws: int
     ) -> None:
         """Raises ValueError if sizes or indices exceed the arrays."""
         n, segments = acc_K.shape[:2]
@@ -276,7 +276,7 @@ class RolloutPool:
             ("start", 0, n_starts - 1),
             ("n_segments", 1, segments),
             ("n_given", 0, segments),
-            ("funnel", 0, n_funnels - 1 if led else max(0, n_funnels - 1)),
+            ("law", 0, n_laws - 1 if led else max(0, n_laws - 1)),
         ):
             a = indices[name]
             if n and not (low <= np.min(a) and np.max(a) <= high):
@@ -293,7 +293,7 @@ class RolloutPool:
         others: list[Future[int]] = []
         needed = -(-arrays.n // _THREADING.lanes) - 1
         # Python handles signals only while this thread is outside the library.
-        steps = arrays.n * arrays.segments * arrays.looks * arrays.steps
+        steps = arrays.n * arrays.segments * arrays.n_checks * arrays.steps
         away = steps > _THREADING.max_blocking_steps
         try:
             for _ in range(min(self._others, needed) + away):

@@ -21,7 +21,7 @@ class StepPartials(NamedTuple):
         motion: (n, 2 n_vD, m) of (dq_D, v_D) after the step. Columns of v_K and acc_K of driven
             rotations are by dq_K/dt and dv_K/dt over the step instead.
         pull: (n, n_rows, m) of the tensions, on request.
-        shares: (n, 3 room, m) of the multipliers of the points that push, on request.
+        shares: (n, 3 capacity, m) of the multipliers of the points that push, on request.
         moved: (n, n_vD + n_vK, m) of the configuration at the touch, likewise, of steps with a
             rebound.
     """
@@ -82,7 +82,7 @@ class StepDerivatives(Loaded):
             names += ("shares", "moved")
         points = 0 if touches is None else touches.points.shape[1]
         results: dict[str, Any] = new_arrays(
-            "StepDerivativeArrays", names, sizes, n=n, m=m, room=points
+            "StepDerivativeArrays", names, sizes, n=n, m=m, capacity=points
         )
         out = StepPartials(
             results["acc_D"],
@@ -93,7 +93,7 @@ class StepDerivatives(Loaded):
         )
         held_points: dict[str, Any] = {}
         if touches is not None:
-            held_points["room"] = points
+            held_points["capacity"] = points
             for name in ("n_points", "delay", "points", "screws", "by_p", "edges"):
                 held_points[name] = getattr(touches, name)
         arrays = packed(

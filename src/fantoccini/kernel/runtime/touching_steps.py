@@ -38,7 +38,7 @@ class StepTouches(NamedTuple):
         edges: (n,) bits of ``StepEdge``.
         pair_edges: (n, pairs) the same for every pair, for points that push and open ones.
         n_points: (n,) numbers of points that push.
-        points: (n, room) ``STEP_CONTACT``.
+        points: (n, capacity) ``STEP_CONTACT``.
         screws: (n, n_vD + n_vK, 6) at the start, or at the touch that rebounds.
         by_p: (n, n_links + n_vD + n_vK, 6, n_p) changes of poses and screws by the parameters.
     """
@@ -93,14 +93,14 @@ def step_touches(
     results = {_NEXT.get(name, name): name for name in StepTouches._fields}
     while True:
         out_arrays: dict[str, Any] = new_arrays(
-            "TouchingStepArrays", results, sizes, n=n, room=capacity, n_pairs=n_pairs
+            "TouchingStepArrays", results, sizes, n=n, capacity=capacity, n_pairs=n_pairs
         )
         out_arrays["slip"][:] = starts["slip"]
         arrays = packed(
             "TouchingStepArrays",
             options=options.structure(),
             reference_force=reference_force,
-            room=capacity,
+            capacity=capacity,
             n_pairs=n_pairs,
             acc_K=acc_K,
             u_D=u_D,

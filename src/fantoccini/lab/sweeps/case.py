@@ -15,7 +15,7 @@ from fantoccini.dynamics.marionette import Marionette
 
 PUPPET = "puppet"
 """Name of the value that selects the puppet."""
-PARAMETER = "p:"
+PARAMETER_PREFIX = "p:"
 """Prefix of values that set a parameter of the puppet."""
 
 
@@ -56,9 +56,9 @@ class Case:
     def with_marionette(self, marionette: Marionette | None) -> Case:
         """The case with a puppet that has the case's parameters, and fresh random numbers."""
         p = {
-            name.removeprefix(PARAMETER): value
+            name.removeprefix(PARAMETER_PREFIX): value
             for name, value in self.values.items()
-            if name.startswith(PARAMETER)
+            if name.startswith(PARAMETER_PREFIX)
         }
         if marionette is not None and p:
             marionette = marionette.with_parameters(p)

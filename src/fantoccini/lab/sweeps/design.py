@@ -12,7 +12,7 @@ import numpy as np
 
 from fantoccini.base import UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.lab.sweeps.case import PARAMETER, PUPPET, Case
+from fantoccini.lab.sweeps.case import PARAMETER_PREFIX, PUPPET, Case
 from fantoccini.lab.sweeps.identity import digest
 from fantoccini.model.puppet import Puppet
 from fantoccini.model.scene import Scene
@@ -265,8 +265,8 @@ def _check_parameters(names: tuple[str, ...], puppets: dict[str, Marionette]) ->
     """Raises for a parameter that no puppet has."""
     parameters = [name for m in puppets.values() for name in m.tree.parameters]
     for name in names:
-        if name.startswith(PARAMETER) and name[len(PARAMETER) :] not in parameters:
-            raise UnknownNameError("parameter", name[len(PARAMETER) :], parameters)
+        if name.startswith(PARAMETER_PREFIX) and name[len(PARAMETER_PREFIX) :] not in parameters:
+            raise UnknownNameError("parameter", name[len(PARAMETER_PREFIX) :], parameters)
 
 
 def _check_unique(keys: list[str], labels: list[dict[str, Any]]) -> None:

@@ -12,7 +12,7 @@ from fantoccini.base import Array, UnknownNameError
 from fantoccini.dynamics.compiled import Method, MethodName, as_method
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
-from fantoccini.lab.sweeps.case import PARAMETER, PUPPET, Case
+from fantoccini.lab.sweeps.case import PARAMETER_PREFIX, PUPPET, Case
 from fantoccini.motion import Input, State, Trajectory
 
 INPUTS = "inputs"
@@ -123,7 +123,7 @@ class Trial:
                 options[name] = value
             elif name in state_names:
                 start[name] = value
-            elif name != PUPPET and not name.startswith(PARAMETER):
+            elif name != PUPPET and not name.startswith(PARAMETER_PREFIX):
                 allowed = {*state_names, *OPTIONS, *METHOD_OPTIONS, METHOD, INPUTS}
                 raise UnknownNameError("value of a Trial", name, allowed)
         if inputs is not None and not isinstance(inputs, Input):

@@ -21,7 +21,7 @@ from fantoccini.model.meshes.linked_files import LinkedFiles
 from fantoccini.model.meshes.obj import read_obj
 from fantoccini.model.meshes.part import Part
 from fantoccini.model.meshes.plain import read_ply, read_stl
-from fantoccini.model.meshes.solid import facing_out, is_closed
+from fantoccini.model.meshes.solid import faces_to_reverse, is_closed
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".dae")
 """Endings of mesh files."""
@@ -83,7 +83,7 @@ def read(path: Path, root: Path) -> MeshFile:
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
     closed = is_closed(faces)
     if closed:
-        faces = np.where(facing_out(mesh)[:, None], faces[:, ::-1], faces)
+        faces = np.where(faces_to_reverse(mesh)[:, None], faces[:, ::-1], faces)
     lost = frozenset[str]().union(*(part.lost for part in parts))
     file = MeshFile(vertices, faces, closed, colours, lost, existing)
     _remember(key, dict(beside.contents), file)

@@ -38,7 +38,7 @@ def pieces(mesh: Any) -> list[Any]:
     return [shells.part(np.flatnonzero(piece == k)) for k in np.unique(owner) if k >= 0]
 
 
-def facing_out(mesh: Any) -> Mask:
+def faces_to_reverse(mesh: Any) -> Mask:
     """(m,) flags of the faces of a closed mesh to reverse, so that every piece faces outwards.
 
     Pieces of negative volume inside another piece are its hollows, and are not reversed.

@@ -363,7 +363,7 @@ class Tree:
         return tuple(d for d in self.drives if d.command)
 
     @cached_property
-    def blamable(self) -> tuple[str, ...]:
+    def attributable(self) -> tuple[str, ...]:
         """Names to which a run's status may be attributed: rows, then watched drives."""
         return (*self.row_names, *(row.name for row in self.watched))
 

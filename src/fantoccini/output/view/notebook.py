@@ -164,8 +164,8 @@ def _run_tables(run: Trajectory) -> list[Element | None]:
         slow = run.method == "event" and run.seconds > run.duration
         hint = ", slower than real time; method='timestepping' is faster" if slow else ""
         facts.append(("computed in", f"{run.seconds:.3g} s{hint}"))
-    if run.blamed:
-        facts.insert(3, ("caused by", ", ".join(run.blamed)))
+    if run.causes:
+        facts.insert(3, ("caused by", ", ".join(run.causes)))
     strings = [
         (
             name,

@@ -24,7 +24,7 @@ class Stop:
     t: float
     why: str
 
-    def told(self, when: str) -> str:
+    def sentence(self, when: str) -> str:
         """Sentence about the stop; ``when`` is its time in words."""
         return f"{' and '.join(self.players)}'s run stops {when}: {self.why}"
 
@@ -38,4 +38,4 @@ class CannotBegin(StateError):
 
     def __init__(self, stop: Stop):
         self.stop = stop
-        super().__init__(stop.told("at the start"))
+        super().__init__(stop.sentence("at the start"))

@@ -168,7 +168,7 @@ def _pairs(marionette: Marionette, contacts: Array, n_samples: int) -> int:
 
 def _events(marionette: Marionette, events: Array, pairs: int) -> Array:
     """The events; checks their kinds and rows."""
-    n = len(marionette.tree.blamable)
+    n = len(marionette.tree.attributable)
     for event in events:
         kind, row = event[EVENT_AT["kind"]], event[EVENT_AT["row"]]
         n_rows = n + pairs if kind in _MEETINGS else n

@@ -53,7 +53,7 @@ class Balance:
     ::
 
         live = fan.Performance(fan.puppets.marionette())
-        live.let(fan.theatre.Balance(live))
+        live.set_hand_law(fan.theatre.Balance(live))
         live.push("torso", [0.5, 0.0, 0.0])
         live.advance(0.2)
 
@@ -98,10 +98,10 @@ class Balance:
             self.mpc = self._new_mpc()
 
     def __repr__(self) -> str:
-        return f"<Balance of {self._performance.marionette.name}: {self.about}>"
+        return f"<Balance of {self._performance.marionette.name}: {self.summary}>"
 
     @property
-    def about(self) -> str:
+    def summary(self) -> str:
         """Numbers of updates and late updates, in words."""
         mpc = self.mpc
         if self.message or mpc is None:

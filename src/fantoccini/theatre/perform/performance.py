@@ -270,7 +270,7 @@ class Performance:
         """Law that moves the hands instead of their targets; None if there is none."""
         return self._influences.law
 
-    def let(self, law: HandLaw | None) -> None:
+    def set_hand_law(self, law: HandLaw | None) -> None:
         """Installs a law for the hands, such as a :class:`Balance`, within their bounds and grip.
 
         None returns the hands to their targets, which are then their present places. A reset or

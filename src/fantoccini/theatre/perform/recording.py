@@ -258,7 +258,7 @@ class Recording:
             written.status,
             METHOD,
             with_effort=True,
-            blame=np.zeros(len(self.marionette.tree.blamable)),
+            attribution=np.zeros(len(self.marionette.tree.attributable)),
         )
 
 

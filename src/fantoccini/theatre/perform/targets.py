@@ -55,7 +55,7 @@ class Targets:
     def check_free(self) -> None:
         """Raises StateError while a law moves the hands."""
         if self._influences.law is not None:
-            raise StateError("a law moves the hands; they take no targets until let(None)")
+            raise StateError("a law moves the hands; they take no targets until set_hand_law(None)")
 
     def velocity(self) -> VecK:
         """(n_vK,) wanted velocities after the next tick; the player advances by it."""

@@ -303,7 +303,7 @@ def _play(
         stopped = this_round.cue_during(stop.t, {*stop.players})
         spot = ("cast", stop.players[0]) if stopped is None else stopped.spot
         during = "" if stopped is None else f"{described(stopped.cue)}: "
-        log.change(spot, during + stop.told(this_round.in_words(stop.t)))
+        log.change(spot, during + stop.sentence(this_round.in_words(stop.t)))
     score = whole_score(cast, placement.motions, placement.lanes, placement.cues, log)
     return Play(
         file.play,

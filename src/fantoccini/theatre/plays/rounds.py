@@ -179,7 +179,7 @@ def refuse_stopped(_: Stage, results: Results, this_round: Round) -> Rule:
     before = results
     for stop in this_round.runs.stops:
         cue = this_round.cue_during(stop.t, {*stop.players})
-        results = results.refusing(cue, stop.told(this_round.in_words(stop.t))) or results
+        results = results.refusing(cue, stop.sentence(this_round.in_words(stop.t))) or results
     return results, results is not before
 
 

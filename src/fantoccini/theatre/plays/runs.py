@@ -395,7 +395,7 @@ def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
         ledger=first.ledger.like(_ledger(runs)),
         events=events,
         status=last.status,
-        blamed=last.blamed,
+        causes=last.causes,
         seconds=None,
     )
 

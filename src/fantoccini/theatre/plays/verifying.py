@@ -192,7 +192,7 @@ def _stops(play: Play, stop: Stop) -> str:
         for who, marks in cue.marks.items()
         if who in stop.players
     ]
-    sentence = stop.told(f"in {play.when(stop.t)}")
+    sentence = stop.sentence(f"in {play.when(stop.t)}")
     if not starts:
         return sentence
     starts.sort(key=lambda start: start[0])

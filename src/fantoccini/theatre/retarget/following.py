@@ -93,7 +93,7 @@ class FollowStatus(Outcome):
     """Outcome of following a clip."""
 
     FOLLOWS = "the run reached the clip's end, within 15 % of the puppet's height of the clip"
-    ASTRAY = "the run, or a part of the puppet, is 15 % of the height or more off the clip"
+    DIVERGED = "the run, or a part of the puppet, is 15 % of the height or more off the clip"
     STOPPED = "the event-driven run stopped before the clip's end"
 
 
@@ -291,7 +291,7 @@ def _followed(
     followed = Followed(clip, status, run, acc_K, INTERVAL, t, 0.0)
     lost = lost_share(followed.losses, float(t[-1] - t[0])) > MAX_LOST_SHARE
     if followed and (followed.far > MAX_ERROR or lost):
-        return replace(followed, status=FollowStatus.ASTRAY)
+        return replace(followed, status=FollowStatus.DIVERGED)
     return followed
 
 

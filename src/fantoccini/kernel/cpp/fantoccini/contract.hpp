@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x48f3634dd075e199;
+constexpr long long contract_digest = 0x0f7d603171d9ae45;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -33,7 +33,7 @@ struct Constants {
   // or rad/s]
   static constexpr double rest_speed = 1e-05;
   // lower bound of the length by which a string's gap is divided [m]
-  static constexpr double least_length = 0.001;
+  static constexpr double min_length = 0.001;
   // deceleration of a rewinding winch before it stops [m/s^2]
   static constexpr double winch_deceleration = 1.0;
   // largest number of vertices of a polytope in contact
@@ -115,7 +115,7 @@ enum class Solved : int {
   YES = 0,  // solved
   INFEASIBLE = 1,  // there is no solution
   UNSETTLED = 2,  // the bound on iterations was reached
-  NO_ROOM = 3,  // more rows than the puppet has, or not enough memory
+  TOO_LARGE = 3,  // more rows than the puppet has, or not enough memory
 };
 
 // Outcome of a search for the hanging pose nearest to targets.
@@ -280,7 +280,7 @@ struct BatchArrays {
   double* violation;  // (n,) largest, of fixed steps
   long long* catches;  // (n,)
   long long* releases;  // (n,)
-  double* blame;  // (n, n_rows + n_watched)
+  double* attribution;  // (n, n_rows + n_watched)
   double* end_q_D;  // (n, n_qD) the configuration reached
   double* end_v_D;  // (n, n_vD) the velocities there
 };
@@ -302,11 +302,11 @@ struct StepperArrays {
   double* slip;  // (n, n_strings)
   double* tension;  // (n, n_rows) written
   unsigned char* taut;  // (n, n_rows) written
-  double* books;  // (n, 5) work, damping, impact, slip loss, friction; written [J]
+  double* energy_terms;  // (n, 5) work, damping, impact, slip loss, friction; written [J]
   double* violation;  // (n,) largest since it began; written
   double* advanced;  // (n,) time by which it was advanced in the piece; written [s]
   int* status;  // (n,) Status; written
-  double* blame;  // (n, n_rows + n_watched) shares of the blame for it; written
+  double* attribution;  // (n, n_rows + n_watched) shares in causing it; written
 };
 
 // A contact point with force in a fixed step, and its mode.
@@ -335,7 +335,7 @@ struct TouchingStepArrays {
   Options options;
   const double* winches;  // winches of all nodes
   double reference_force;  // size of forces, such as the weight [N]
-  int room;  // largest number of points of a node
+  int capacity;  // largest number of points of a node
   Shared p;
   Shared acc_K;  // driven acceleration at the start
   Shared u_D;  // user forces, or null
@@ -360,7 +360,7 @@ struct TouchingStepArrays {
   int n_pairs;  // number of pairs in ContactArrays
   int* pair_edges;  // (n, n_pairs) StepEdge of every pair; set to 0 before
   int* n_points;  // (n,) numbers of points with force
-  StepContact* points;  // (n, room)
+  StepContact* points;  // (n, capacity)
   double* screws;  // (n, n_vD + n_vK, 6) results of the function screws at the start
   // (n, n_links + n_vD + n_vK, 6, n_p) derivatives by the parameters: twists of links, changes
   // of screws; null without parameters
@@ -388,16 +388,16 @@ struct StepDerivativeArrays {
   // if requested, and p; for driven rotations by rate and mean
   double* motion;
   double* pull;  // (n, n_rows, m) derivatives of the tensions, or null
-  // (n, 3 room, m) derivatives of the multipliers, point after point: along the normal and, if
-  // the point sticks, along two tangents; or null
+  // (n, 3 capacity, m) derivatives of the multipliers, point after point: along the normal
+  // and, if the point sticks, along two tangents; or null
   double* shares;
   // (n, n_vD + n_vK, m) of the configuration where what springs back touches, of steps in
   // which something does; null without shares
   double* moved;
   const int* n_points;  // (n,) points that push; null without contact
   const double* delay;  // as in TouchingStepArrays; null without contact
-  int room;  // for points of a node
-  const StepContact* points;  // (n, room)
+  int capacity;  // for points of a node
+  const StepContact* points;  // (n, capacity)
   const double* screws;  // screws of TouchingStepArrays
   const double* by_p;  // by_p of TouchingStepArrays
   int* edges;  // (n,) StepEdge; bits are added
@@ -644,7 +644,7 @@ struct GoalArrays {
 };
 
 // An equilibrium and the gains of the feedback to it.
-struct FunnelArrays {
+struct LqrLawArrays {
   const double* q_D;  // (n_qD,)
   const double* q_K;  // (n_qK,)
   const double* gains;  // (n_vK, 2 n_vD + 2 n_vK) on (dq_D, v_D, dq_K, v_K)
@@ -666,7 +666,7 @@ struct SegmentArrays {
   double* q_K;  // (n, segments, n_qK)
   double* v_K;  // (n, segments, n_vK)
   double* distance;  // (n, segments) to the goal there
-  int* looks;  // (n, segments) it lasted; 0 where there is none
+  int* n_checks;  // (n, segments) it lasted; 0 where there is none
   int* catches;  // (n, segments) of strings and limits
 };
 
@@ -674,8 +674,8 @@ struct SegmentArrays {
 struct RolloutArrays {
   long long n;  // number of rollouts
   int segments;  // largest number of segments of a rollout
-  int looks;  // number of looks of a segment, at which it is checked
-  int steps;  // number of steps of a look
+  int n_checks;  // number of checks of a segment
+  int steps;  // number of steps between checks
   Options options;
   const double* p;
   const double* winches;
@@ -688,9 +688,9 @@ struct RolloutArrays {
   double* acc_K;  // (n, segments, n_vK); written where feedback determines them
   const int* n_segments;  // (n,) number of segments of each, at least 1
   const int* n_given;  // (n,) leading segments whose accelerations are given
-  const int* funnel;  // (n,) index of its funnel
+  const int* law;  // (n,) index of its law
   const double* lead_time;  // (n,) time by which its reference runs ahead [s]
-  const FunnelArrays* funnels;
+  const LqrLawArrays* laws;
   BoundArrays bounds;
   double margin;  // smallest allowed clearance [m]
   int may_slacken;  // whether strings that pull may go slack
@@ -759,7 +759,8 @@ struct WinchLayout {
 // Parts of a sample that a batch can save, in the order of the sample.
 struct Part {
   enum : int {
-    q_D, v_D, acc_D, q_K, v_K, acc_K, force, taut, books, slip, contact_residual, n
+    q_D, v_D, acc_D, q_K, v_K, acc_K, force, taut, energy_terms, slip,
+    contact_residual, n
   };
 };
 
@@ -777,8 +778,8 @@ constexpr int part_width(int part) {
 // constant entries are not written: they keep the values of an earlier call with `constants`.
 template <class Model, class Real>
 struct Call {
-  // Accelerations and tensions of any active set (Eqs. 10, 11): acc_D = back(L, w0 + W lam),
-  // hddot = gamma + a0 + G lam, lam = -tension.
+  // Accelerations and tensions of any active set (Eqs. 10, 11): acc_D = solve_factor(L, w0 + W
+  // lam), hddot = gamma + a0 + G lam, lam = -tension.
   template <class Results>
   FAN_FN static void dynamics(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -885,19 +886,19 @@ struct Call {
   }
 
   // y = F^-T x.
-  FAN_FN static void forth(
+  FAN_FN static void solve_factor_transposed(
       const Real* L, const Real* x, Real* y) {
     const Real* arg[] = {L, x};
     Real* res[] = {at(y)};
-    Model::forth(arg, res);
+    Model::solve_factor_transposed(arg, res);
   }
 
   // y = F^-1 x.
-  FAN_FN static void back(
+  FAN_FN static void solve_factor(
       const Real* L, const Real* x, Real* y) {
     const Real* arg[] = {L, x};
     Real* res[] = {at(y)};
-    Model::back(arg, res);
+    Model::solve_factor(arg, res);
   }
 
   // Lag of the watched drives behind their commands.

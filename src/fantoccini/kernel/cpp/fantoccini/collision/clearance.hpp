@@ -42,7 +42,7 @@ class Clearance {
   static constexpr int S = Model::n_strings;
   using Mask = typename Traits<Real>::Mask;
 
-  Real q_D[room(Model::n_qD)], q_K[room(Model::n_qK)], p[room(Model::n_p)];
+  Real q_D[array_size(Model::n_qD)], q_K[array_size(Model::n_qK)], p[array_size(Model::n_p)];
   JointPaths<Model, Real> moves;  // about the configuration; see `measure`
   Real least, which;              // clearance and number of its pair: see `measure`
   Real lower;                     // lower bound of all distances on the path given by `moves`
@@ -110,13 +110,13 @@ class Clearance {
     int at = 0;
     for (int i = 0; i < S; at += Model::string_points[i++]) {
       const int pieces = Model::string_points[i] - 1;
-      Real span[room(Model::n_points)], whole = Real(0.0);
+      Real span[array_size(Model::n_points)], whole = Real(0.0);
       for (int k = 0; k < pieces; ++k) {
         span[k] = apart(points_ + 3 * (at + k), points_ + 3 * (at + k + 1));
         whole += span[k];
       }
       const Real length = string_length<Model, Real>(i, q_D, q_K);
-      Real carried[room(Model::n_points)], x = moving ? moves.wound[i] : Real(0.0);
+      Real carried[array_size(Model::n_points)], x = moving ? moves.wound[i] : Real(0.0);
       for (int k = 0; k <= pieces; ++k) {
         carried[k] = moving ? moves.path(in, poses_, in.carriers[at + k], points_ + 3 * (at + k))
                             : Real(0.0);
@@ -397,7 +397,7 @@ class Clearance {
   double enough_ = Tol::max_distance;
   Real spread_ = Real(0.0);  // path of both solids of the current pair
   double (*exact_)(const Solid*, const Solid*) = nullptr;
-  Real poses_[room(12 * Model::n_links)], points_[room(3 * Model::n_points)];
+  Real poses_[array_size(12 * Model::n_links)], points_[array_size(3 * Model::n_points)];
 };
 
 }  // namespace fan

@@ -138,18 +138,19 @@ struct HullSpot {
   int number;
 };
 
-// Picks at most `room` vertices of a convex polygon, which come in a fixed order: those farthest in
-// directions fixed to the facet, and the lowest if it is lower. The choice is unchanged by small
-// motions of the solids.
+// Picks at most `capacity` vertices of a convex polygon, which come in a fixed order: those
+// farthest in directions fixed to the facet, and the lowest if it is lower. The choice is unchanged
+// by small motions of the solids.
 template <class Spot>
-FAN_FN int pick_spots(Spot* spots, int n, int room, double size) {
-  if (n <= room) return n;
+FAN_FN int pick_spots(Spot* spots, int n, int capacity, double size) {
+  if (n <= capacity) return n;
   // Directions of a regular polygon, rotated so that few are perpendicular to an edge.
   constexpr double begin = 0.2345, turn = 6.283185307179586;
   bool kept[2 * max_hull_vertices] = {};
   double least = DistanceTolerances::max_distance;
-  for (int d = 0; d < room - 1; ++d) {
-    const double u = cos(begin + turn * d / (room - 1)), v = sin(begin + turn * d / (room - 1));
+  for (int d = 0; d < capacity - 1; ++d) {
+    const double u = cos(begin + turn * d / (capacity - 1)),
+                 v = sin(begin + turn * d / (capacity - 1));
     int best = 0;
     double reach = -DistanceTolerances::max_distance;
     for (int i = 0; i < n; ++i) {

@@ -20,8 +20,8 @@ FAN_FN Core core_of_edge(const PlacedHull& x, int e) {
 
 // The edges through a point of a hull that are nearly perpendicular to a direction.
 struct EdgesThrough {
-  static constexpr int room = 16;
-  int n = 0, edges[room];
+  static constexpr int capacity = 16;
+  int n = 0, edges[capacity];
 
   FAN_FN EdgesThrough(const PlacedHull& x, const double* point, const double* direction) {
     const double near = HullTolerances::rounding * x.hull.outer;
@@ -29,7 +29,7 @@ struct EdgesThrough {
     into_axes(x.R, direction, turned);
     difference3(point, x.at, from);
     into_axes(x.R, from, local);
-    for (int e = 0; e < x.hull.n_edges && n < room; ++e) {
+    for (int e = 0; e < x.hull.n_edges && n < capacity; ++e) {
       const double* a = x.local(x.edge(e)[0]);
       double along[3], off[3];
       difference3(x.local(x.edge(e)[1]), a, along);

@@ -24,7 +24,7 @@ class NearPairs {
   using Tolerance = NearPairsTolerances;
 
   int n = 0;
-  int pair[room(capacity)];
+  int pair[array_size(capacity)];
 
   // Discards the list.
   FAN_FN void forget() {
@@ -93,7 +93,7 @@ class NearPairs {
  private:
   bool known_ = false;
   int life_ = 0, wait_ = 0;
-  double R_[room(n_links)][9], at_[room(n_links)][3];
+  double R_[array_size(n_links)][9], at_[array_size(n_links)][3];
 };
 
 }  // namespace fan

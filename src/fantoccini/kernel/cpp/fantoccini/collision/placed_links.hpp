@@ -37,16 +37,17 @@ class PlacedLinks {
 
   // In all lanes.
   struct {
-    Real poses[room(12 * L)], screw_D[6 * N + 1], screw_K[6 * NK + 1];  // one more is read
+    Real poses[array_size(12 * L)], screw_D[6 * N + 1], screw_K[6 * NK + 1];  // one more is read
   } of_lanes;
   // Of the current lane.
   const double *poses, *screw_D, *screw_K, *v_D, *v_K;
-  Twist twist[room(L)];
-  double speed[room(L)];                 // m/s: upper bound over all points of a link's solids
-  Solid placed[room(B)];                 // in the world, of links with is_placed
-  Ball ball[room(B)], ball_of[room(L)];  // around solids, and around all solids of a link
-  Ball around[room(L)];                  // likewise, in the link's frame
-  bool is_placed[room(L)];
+  Twist twist[array_size(L)];
+  double speed[array_size(L)];  // m/s: upper bound over all points of a link's solids
+  Solid placed[array_size(B)];  // in the world, of links with is_placed
+  Ball ball[array_size(B)],
+      ball_of[array_size(L)];  // around solids, and around all solids of a link
+  Ball around[array_size(L)];  // likewise, in the link's frame
+  bool is_placed[array_size(L)];
 
   // Finds the solids of every link and the ball around all of them.
   FAN_FN void begin(const ContactArrays& in) {
@@ -191,7 +192,7 @@ class PlacedLinks {
   FAN_FN typename Traits<Real>::Mask outruns(
       const Real* dv_D, double dt, const Real* speeds, double margin, double travel) const {
     const double fixed = 0.5 * margin / dt;
-    RealTwist twist[room(L)];
+    RealTwist twist[array_size(L)];
     add_real_twists(dv_D, twist);
     typename Traits<Real>::Mask out = Real(0.0) > Real(1.0);
     for (int i = 0; i < L; ++i) {
@@ -247,7 +248,7 @@ class PlacedLinks {
   template <bool first>
   FAN_FN static void add_twists(
       const int* begin, const int* entry, const double* screw, const double* v, Twist* twist) {
-    Twist own[room(L)];
+    Twist own[array_size(L)];
     for (int i = 0; i < L; ++i) {
       const int up = Model::link_parent[i];
       Quad linear{}, angular{};
@@ -336,8 +337,8 @@ class PlacedLinks {
   }
 
   double lane_[width == 1 ? 1 : 12 * L + 7 * (N + NK)];
-  double reach_[room(L)];  // m: of a link's solids from its origin; 0 without solids
-  int begin_of_[room(L)], end_of_[room(L)];  // of a link's solids
+  double reach_[array_size(L)];  // m: of a link's solids from its origin; 0 without solids
+  int begin_of_[array_size(L)], end_of_[array_size(L)];  // of a link's solids
 };
 
 }  // namespace fan

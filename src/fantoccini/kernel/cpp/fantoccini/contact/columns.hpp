@@ -14,8 +14,9 @@ struct ContactColumns {
   static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
   using Moved = MovedBy<N>;
 
-  Triple<Real> W[room(C)][room(N)];
-  Triple<Real> across[room(C)][room(M)];  // products with the gathered rows that were crossed
+  Triple<Real> W[array_size(C)][array_size(N)];
+  Triple<Real> across[array_size(C)]
+                     [array_size(M)];  // products with the gathered rows that were crossed
 
   FAN_FN void begin() { n_computed_ = 0; }
 
@@ -24,8 +25,8 @@ struct ContactColumns {
 
   // Computes the columns of the points i < n with some[i], from their rows of A_D.
   FAN_FN void make(
-      const Evaluation<Model, Real>& eval, const Triple<Real> (*row)[room(N)], const Moved* moved,
-      const bool* needed, int n) {
+      const Evaluation<Model, Real>& eval, const Triple<Real> (*row)[array_size(N)],
+      const Moved* moved, const bool* needed, int n) {
     for (int i = 0; i < n; ++i) {
       if (i >= n_computed_) has_[i] = false;
       if (needed[i] && !has_[i]) {
@@ -78,7 +79,7 @@ struct ContactColumns {
     Quad* out = reinterpret_cast<Quad*>(w);
     Model::push(moved.apart ? moved.link[0] : all_links, L, own, out);
     if (moved.link[1] < 0 || !moved.apart) return;
-    Quad more[room(N)];
+    Quad more[array_size(N)];
     Model::push(moved.link[1], L, own, more);
     const int* entry = moved.entries();
     for (int j = 0; j < moved.n; ++j) out[entry[j]] += more[entry[j]];
@@ -98,8 +99,8 @@ struct ContactColumns {
   static constexpr int all_links = -1;
 
   int n_computed_ = 0;
-  bool has_[room(C)];  // whether a point's columns are computed
-  Triple<Real> G_[room(C)][room(C)][3];
+  bool has_[array_size(C)];  // whether a point's columns are computed
+  Triple<Real> G_[array_size(C)][array_size(C)][3];
 };
 
 }  // namespace fan

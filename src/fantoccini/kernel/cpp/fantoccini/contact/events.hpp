@@ -29,7 +29,7 @@ class ContactEvents {
   void write(
       const ContactArrays& in, const ContactPush* push, int n, double t, int row, Record& out) {
     const int n_before = n_;
-    Meeting before[room(capacity)];
+    Meeting before[array_size(capacity)];
     for (int i = 0; i < n_; ++i) before[i] = meeting_[i];
     collect(in, push, n);
     for (int i = 0; i < n_before; ++i)
@@ -80,7 +80,7 @@ class ContactEvents {
   }
 
   int n_ = 0;
-  Meeting meeting_[room(capacity)];
+  Meeting meeting_[array_size(capacity)];
 };
 
 }  // namespace fan

@@ -13,7 +13,7 @@ namespace fan {
 template <class Model, class Real>
 class GroundFeet {
  public:
-  static constexpr int B = room(Model::n_solids), width = Traits<Real>::width;
+  static constexpr int B = array_size(Model::n_solids), width = Traits<Real>::width;
   static constexpr int features = 8;  // corners of a box; a capsule has two
   using Mask = typename Traits<Real>::Mask;
   using Push = ContactPush;

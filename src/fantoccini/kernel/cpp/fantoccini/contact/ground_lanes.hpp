@@ -107,7 +107,7 @@ class GroundLanes {
   // Reduction of hdot of gathered row a by the feet.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     if (!any(stands)) return Real(0.0);
-    Real rate[room(M)];
+    Real rate[array_size(M)];
     rows.along(taken_, rate);
     return select(stands, Real(-rate[a]), Real(0.0));
   }
@@ -311,11 +311,12 @@ class GroundLanes {
 
   System system_;
   bool is_solved_ = false;
-  Real solved_near_;                            // rows that took part in the last solve
-  Real taken_[room(N)], exchanged_;             // of the feet: - W x, and half_exchanged()
-  Mask struck_;                                 // lanes with an impact
-  Real impulse_[room(M)], s_[room(M)];          // of the rows
-  Mask would_push_[room(M)], closes_[room(M)];  // lanes in which a row does so in the last solution
+  Real solved_near_;                                // rows that took part in the last solve
+  Real taken_[array_size(N)], exchanged_;           // of the feet: - W x, and half_exchanged()
+  Mask struck_;                                     // lanes with an impact
+  Real impulse_[array_size(M)], s_[array_size(M)];  // of the rows
+  Mask would_push_[array_size(M)],
+      closes_[array_size(M)];  // lanes in which a row does so in the last solution
 };
 
 }  // namespace fan

@@ -46,7 +46,7 @@ class GroundMatrix {
   // r = A^-1 b of the right-hand side beside A; rows left out take the entries of `given`.
   FAN_FN void take_column(Real* r, const Real* given) const {
     for (int i = 0; i < n_; ++i) r[i] = A_[i * (n_ + 1) + n_];
-    back(r, given);
+    back_substitute(r, given);
   }
 
   // r <- A^-1 r, with 0 for the rows left out.
@@ -56,14 +56,14 @@ class GroundMatrix {
       const Real part = r[k] * inverse_[k];
       for (int j = k + 1; j < n_; ++j) r[j] -= part * A_[k * stride + j];
     }
-    back(r, nullptr);
+    back_substitute(r, nullptr);
   }
 
   // The lanes in which row i was left out.
   FAN_FN const Mask& is_left_out(int i) const { return out_[i]; }
 
  private:
-  FAN_FN void back(Real* r, const Real* given) const {
+  FAN_FN void back_substitute(Real* r, const Real* given) const {
     const int stride = n_ + 1;
     for (int i = n_ - 1; i >= 0; --i) {
       Real sum = r[i];

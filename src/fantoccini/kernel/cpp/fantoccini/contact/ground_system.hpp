@@ -29,16 +29,17 @@ class GroundSystem {
   double dt = 0.0;  // s: of the step
   // Listed: rows, those that pull in some lane, feet.
   int n_rows = 0, n_single = 0, n_feet = 0;
-  int row[room(M)], single[room(M)], first[P];
-  Mask pulls[room(M)];
+  int row[array_size(M)], single[array_size(M)], first[P];
+  Mask pulls[array_size(M)];
   // Lanes in which a row has left or joined the pulling rows in this step.
-  Mask leaves[room(M)], joins[room(M)];
+  Mask leaves[array_size(M)], joins[array_size(M)];
   Patch patch[P];
   Real at_start[P][6],
       by_forces[P][6];     // hdot of their rows; changes by the forces of the step
   Mask has[Matrix::most];  // lanes that have an unknown
   Real y[Matrix::most];
-  Real taken[room(N)], speed[room(M)];  // - W y of the feet; hdot at the end of all gathered rows
+  Real taken[array_size(N)],
+      speed[array_size(M)];  // - W y of the feet; hdot at the end of all gathered rows
 
   FAN_FN int trees() const { return groups_.trees(); }
 
@@ -164,7 +165,7 @@ class GroundSystem {
       start[3 + d] = -own.size * dot3(e, twist + 3);
     }
     for (int part = 0; part < parts; ++part) {
-      Triple<Real> row_of[room(N)];
+      Triple<Real> row_of[array_size(N)];
       for (int j = 0; j < n; ++j) {
         const Real* s = links.screw(entry[j]);
         for (int d = 0; d < 3; ++d) {
@@ -266,7 +267,7 @@ class GroundSystem {
 
   // left = b - G y, and the residual speeds of the tree's rows.
   FAN_FN void find_left(const RowSystem<Model, Real>& rows) {
-    Real w[room(N)];
+    Real w[array_size(N)];
     for (int k = 0; k < N; ++k) taken[k] = Real(0.0);
     for (int p = 0; p < n_feet; ++p) {
       const int link = patch[p].foot->link;
@@ -281,7 +282,7 @@ class GroundSystem {
       }
     }
     for (int k = 0; k < N; ++k) w[k] = taken[k];
-    Real pull[room(M)];
+    Real pull[array_size(M)];
     for (int a = 0; a < rows.n; ++a) pull[a] = Real(0.0);
     for (int i = 0; i < n_single; ++i) pull[single[i]] = -y[i];
     rows.add(pull, w);
@@ -304,10 +305,10 @@ class GroundSystem {
   }
 
   ContactGroups<Model> groups_;
-  int tree_[Feet::B], row_tree_[room(M)];  // of feet and rows
+  int tree_[Feet::B], row_tree_[array_size(M)];  // of feet and rows
   int size_ = 0;
   Mask flat_[P];
-  Triple<Real> W_[P][2][room(N)];
+  Triple<Real> W_[P][2][array_size(N)];
   Real b_[Matrix::most], left_[Matrix::most], given_[Matrix::most];  // left: b - G y
   Matrix matrix_;
 };

@@ -52,7 +52,7 @@ class ContactGroups {
   FAN_FN int at(int tree) const { return number_[tree]; }
 
  private:
-  static constexpr int N = room(Model::n_vD), S = Model::n_strings, M = Model::n_rows;
+  static constexpr int N = array_size(Model::n_vD), S = Model::n_strings, M = Model::n_rows;
   static constexpr int L = Model::n_links;
 
   // Numbers the trees, each a group of velocities. Rows without velocities may belong to any.
@@ -95,8 +95,8 @@ class ContactGroups {
 
   bool known_ = false;
   int n_trees_ = 0;
-  int tree_[N], link_[room(L)],
-      row_[room(M)];          // tree of every velocity, link, string and limit
+  int tree_[N], link_[array_size(L)],
+      row_[array_size(M)];    // tree of every velocity, link, string and limit
   int group_[N], number_[N];  // of every tree
   bool is_used_[N];
 };

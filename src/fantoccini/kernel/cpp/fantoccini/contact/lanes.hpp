@@ -162,7 +162,7 @@ class ContactLanes {
   Mask fresh_;  // lanes that the feet had not stored at the start of the step
   // Their points that push.
   int n_[width];
-  Push push_[width][room(C)];
+  Push push_[width][array_size(C)];
   bool too_many_[width];
 };
 

@@ -37,7 +37,7 @@ struct MovedBy {
     }
     const int* entry = entries();
     apart = apart && (entry[n - 1] < *begin || end[-1] < entry[0]);
-    int merged[room(n_vD)], count = 0, i = 0;
+    int merged[array_size(n_vD)], count = 0, i = 0;
     while (i < n || begin < end) {
       const int own = i < n ? entry[i] : n_vD, other = begin < end ? *begin : n_vD;
       merged[count++] = own < other ? own : other;
@@ -99,7 +99,7 @@ struct MovedBy {
 
  private:
   const int* listed_ = nullptr;  // of one link; of several in merged_
-  int merged_[room(n_vD)];
+  int merged_[array_size(n_vD)];
 };
 
 }  // namespace fan

@@ -251,14 +251,16 @@ class NearLanes {
 
   Links links_;
   Near near_[width];
-  double slack_ = 0.0;                                // m: of the lists of near pairs
-  Real speed_at_start_[room(L)];                      // m/s: from which the margins follow
-  Real twist_of_[room(6 * L)], centre_[room(3 * L)];  // of the links and the balls around them
-  Real old_[room(12 * L)];      // rotations and centres at which the lists of near pairs were made
-  Mask known_, good_;           // lanes that have a list, and a valid one in this step
-  bool is_listed_anew_ = true;  // whether a list differs from that in listed_
+  double slack_ = 0.0;                  // m: of the lists of near pairs
+  Real speed_at_start_[array_size(L)];  // m/s: from which the margins follow
+  Real twist_of_[array_size(6 * L)],
+      centre_[array_size(3 * L)];  // of the links and the balls around them
+  Real
+      old_[array_size(12 * L)];  // rotations and centres at which the lists of near pairs were made
+  Mask known_, good_;            // lanes that have a list, and a valid one in this step
+  bool is_listed_anew_ = true;   // whether a list differs from that in listed_
   int n_listed_ = 0;
-  Listed listed_[width * 4 * room(Model::n_links)];
+  Listed listed_[width * 4 * array_size(Model::n_links)];
 };
 
 }  // namespace fan

@@ -76,7 +76,7 @@ class ContactPatches {
   // Reduction of hdot of gathered row a by the patches.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     if (!any_held_) return Real(0.0);
-    Real rate[room(M)];
+    Real rate[array_size(M)];
     rows.along(taken_, rate);
     return -rate[a];
   }
@@ -95,7 +95,7 @@ class ContactPatches {
       if (near[rows.row[a]]) row_tree_[a] = groups_.of_row(rows.row[a]);
       else row_tree_[a] = -1;
     groups_.count();
-    bool has_points[room(N)];
+    bool has_points[array_size(N)];
     for (int g = 0; g < groups_.n; ++g) {
       sticks_[g] = true;
       has_points[g] = false;
@@ -219,7 +219,7 @@ class ContactPatches {
 
   // left = b - G y, and the residual speeds of all gathered rows.
   FAN_FN void find_left(const State& state, const RowSystem<Model, Real>& rows) {
-    Real w[room(N)], pull[room(M)];
+    Real w[array_size(N)], pull[array_size(M)];
     for (int k = 0; k < N; ++k) w_[k] = Real(0.0);
     for (int p = 0; p < n_; ++p)
       for (int part = 0; part < patch_[p].parts(); ++part) {
@@ -252,7 +252,7 @@ class ContactPatches {
     const ContactPatch& own = patch_[p];
     const auto& moved = moved_of(state, p);
     for (int part = 0; part < own.parts(); ++part) {
-      Triple<Real> row[room(N)];
+      Triple<Real> row[array_size(N)];
       if (part == 0)
         state.points.write_rows(*state.in, own.pair, own.middle, own.frame, moved, row);
       else state.points.write_turns(*state.in, own.pair, own.frame, own.size, moved, row);
@@ -355,24 +355,24 @@ class ContactPatches {
   }
 
   bool any_held_ = false;
-  Real taken_[room(N)];  // - W x
+  Real taken_[array_size(N)];  // - W x
   ContactGroups<Model> groups_;
-  int tree_[room(C)], row_tree_[room(M)];  // of points and gathered rows that take part
-  bool sticks_[room(N)];                   // of each group, whether it is to be tried
+  int tree_[array_size(C)], row_tree_[array_size(M)];  // of points and gathered rows that take part
+  bool sticks_[array_size(N)];                         // of each group, whether it is to be tried
   // Of the current group: pulling rows, and others.
   int n_ = 0, n_single_ = 0, n_rest_ = 0;
-  int single_[room(M)], rest_[room(M)];
-  ContactPatch patch_[room(C)];
-  int first_[room(C)];  // row of each patch
-  Triple<Real> W_[room(C)][2][room(N)];
-  double impulse_[room(C)][3 * max_touches];
+  int single_[array_size(M)], rest_[array_size(M)];
+  ContactPatch patch_[array_size(C)];
+  int first_[array_size(C)];  // row of each patch
+  Triple<Real> W_[array_size(C)][2][array_size(N)];
+  double impulse_[array_size(C)][3 * max_touches];
   // Of the pulling rows, then of the patches.
   int size_ = 0;
-  double y_[padded(room(M + 3 * C) + 1)], b_held_[padded(room(M + 3 * C) + 1)];
-  double given_[padded(room(M + 3 * C) + 1)];  // of redundant rows
-  double by_forces_[room(C)][6];               // by patch
-  double left_[padded(room(M + 3 * C) + 1)];   // b - G y
-  Real w_[room(N)], speed_[room(M)];           // - W y of the patches; of all gathered rows
+  double y_[padded(array_size(M + 3 * C) + 1)], b_held_[padded(array_size(M + 3 * C) + 1)];
+  double given_[padded(array_size(M + 3 * C) + 1)];  // of redundant rows
+  double by_forces_[array_size(C)][6];               // by patch
+  double left_[padded(array_size(M + 3 * C) + 1)];   // b - G y
+  Real w_[array_size(N)], speed_[array_size(M)];     // - W y of the patches; of all gathered rows
   DenseLdl<M + 3 * C> ldl_;
 };
 

@@ -49,11 +49,11 @@ class ContactPoints {
   };
 
   int n[width], most;  // number of points of each lane, and the largest
-  Point point[width][room(C)];
-  Triple<Real> row[room(C)][room(N)];  // of A_D: every point's normal and tangents
-  Triple<Real> rate_K[room(C)];        // A_K v_K of these rows
-  MovedBy<N> moved[room(C)];           // where a point's rows may differ from zero
-  bool too_many[width] = {};           // whether a lane has had more points than the capacity
+  Point point[width][array_size(C)];
+  Triple<Real> row[array_size(C)][array_size(N)];  // of A_D: every point's normal and tangents
+  Triple<Real> rate_K[array_size(C)];              // A_K v_K of these rows
+  MovedBy<N> moved[array_size(C)];                 // where a point's rows may differ from zero
+  bool too_many[width] = {};  // whether a lane has had more points than the capacity
 
   // Loads the solids; their poses are unknown.
   FAN_FN void begin(const ContactArrays& in) {
@@ -67,7 +67,7 @@ class ContactPoints {
   void measure(
       const ContactArrays& in, const Real* q_D, const Real* q_K, const Real* p, double margin,
       double* gaps) {
-    const Real v_D[room(N)] = {}, v_K[room(NK)] = {};
+    const Real v_D[array_size(N)] = {}, v_K[array_size(NK)] = {};
     pose(in, q_D, v_D, q_K, v_K, p);
     for (int k = 0; k < in.n_pairs; ++k) {
       n[0] = 0;
@@ -182,8 +182,8 @@ class ContactPoints {
    private:
     const ContactPoints& of_;
     const Real* v_D_;
-    Twist twist_[room(Links::L)];  // of the links used so far
-    bool is_known_[room(Links::L)];
+    Twist twist_[array_size(Links::L)];  // of the links used so far
+    bool is_known_[array_size(Links::L)];
   };
 
   // hdot of point i at the velocities of find().
@@ -287,7 +287,7 @@ class ContactPoints {
   // Finds the points of lane l among the pairs that are near, or among all.
   FAN_FN void search_near_pairs(const ContactArrays& in, double dt, int l) {
     auto& near = near_[l];
-    double margin[room(L)];
+    double margin[array_size(L)];
     for (int i = 0; i < L; ++i)
       margin[i] = 0.5 * Tolerance::margin + Tolerance::travel * dt * links_.speed[i];
     if (!near.holds(links_.poses, links_.ball_of, margin, slack_)) {
@@ -393,13 +393,13 @@ class ContactPoints {
 
   Links links_;
   NearPairs<L, 4 * L> near_[width];
-  double slack_ = 0.0;            // m: of the lists of near pairs
-  Real speed_at_start_[room(L)];  // m/s: from which the margins of find() follow
-  double passing_within_ = 0.0;   // s: the step, while only points that would be passed are added
+  double slack_ = 0.0;                  // m: of the lists of near pairs
+  Real speed_at_start_[array_size(L)];  // m/s: from which the margins of find() follow
+  double passing_within_ = 0.0;  // s: the step, while only points that would be passed are added
   // Of one trajectory.
-  PointDirections form_[room(C)];
-  int link_[room(C)][2];
-  bool is_written_[room(C)];
+  PointDirections form_[array_size(C)];
+  int link_[array_size(C)][2];
+  bool is_written_[array_size(C)];
 };
 
 }  // namespace fan

@@ -36,7 +36,7 @@ class ContactProblem {
   FAN_FN void make_columns(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       const Mask* near, const Real* guess) {
-    bool needed[room(C)];
+    bool needed[array_size(C)];
     for (int i = 0; i < state.points.most; ++i) {
       needed[i] = false;
       for (int l = 0; l < width; ++l)
@@ -64,8 +64,8 @@ class ContactProblem {
   // Includes all points in lane 0, and the rows that took part, after the step is solved.
   FAN_FN void take_all(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
-    Mask none[room(M)];
-    Real zero[room(M)];
+    Mask none[array_size(M)];
+    Real zero[array_size(M)];
     for (int r = 0; r < M; ++r) {
       none[r] = Real(0.0) > Real(1.0);
       zero[r] = Real(0.0);
@@ -224,13 +224,13 @@ class ContactProblem {
   FAN_FN bool closes_more(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near,
       const Real* row_impulses, Real* s) {
-    int rest[room(M)], n_rest = 0;
+    int rest[array_size(M)], n_rest = 0;
     for (int a = 0; a < rows.n; ++a)
       if (lane_of(near[rows.row[a]], l) && !state.pulls[l][rows.row[a]] &&
           !state.row_held[rows.row[a]])
         rest[n_rest++] = a;
     if (n_rest == 0) return false;
-    Real w[room(N)], taken[room(M)];  // - W x
+    Real w[array_size(N)], taken[array_size(M)];  // - W x
     for (int k = 0; k < N; ++k) w[k] = Real(0.0);
     for (int a = 0; a < rows.n; ++a) taken[a] = -row_impulses[a];
     rows.add(taken, w);
@@ -351,12 +351,12 @@ class ContactProblem {
   }
 
   ContactColumns<Model, Real> columns_;
-  ConeProblem<M + 3 * C> cone_;            // of one group,
-  int single_[room(M)], n_single_ = 0;     // with these gathered rows
-  int triple_[room(C)], n_triple_ = 0;     // and these points
-  ContactGroups<Model> groups_;            // of the lane that was solved last
-  int n_members_ = 0, n_row_members_ = 0;  // points and rows that take part
-  Member members_[room(C)], row_members_[room(M)];
+  ConeProblem<M + 3 * C> cone_;               // of one group,
+  int single_[array_size(M)], n_single_ = 0;  // with these gathered rows
+  int triple_[array_size(C)], n_triple_ = 0;  // and these points
+  ContactGroups<Model> groups_;               // of the lane that was solved last
+  int n_members_ = 0, n_row_members_ = 0;     // points and rows that take part
+  Member members_[array_size(C)], row_members_[array_size(M)];
 };
 
 }  // namespace fan

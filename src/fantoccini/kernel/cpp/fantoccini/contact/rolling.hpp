@@ -41,7 +41,7 @@ class RollingPoints {
     if (may_)
       for (Real& drift : state.drift) drift = Real(0.0);
     if (!any_rolls) return;
-    Real q[room(Model::n_qD)], q_in[room(Model::n_qK)];
+    Real q[array_size(Model::n_qD)], q_in[array_size(Model::n_qK)];
     retract<typename Model::Dynamic>(q_D, v_D, ahead * dt, q);
     retract<typename Model::Driven>(q_K, v_K, ahead * dt, q_in);
     middle_.find(*state.in, q, v_D, q_in, v_K, p, dt, Real(0.0) > Real(1.0), [](int) {});

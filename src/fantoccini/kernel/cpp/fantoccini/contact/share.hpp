@@ -137,8 +137,8 @@ class ContactShare {
   }
 
   int n_ = 0, m_ = 0;
-  int row_[room(capacity)], width_[room(capacity)];
-  double direction_[room(capacity)][3], A_[room(capacity) * room(capacity)];
+  int row_[array_size(capacity)], width_[array_size(capacity)];
+  double direction_[array_size(capacity)][3], A_[array_size(capacity) * array_size(capacity)];
   DenseLu<capacity> lu_;
 };
 

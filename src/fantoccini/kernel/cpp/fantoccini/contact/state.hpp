@@ -22,42 +22,43 @@ struct ContactState {
   const ContactArrays* in = nullptr;
   double dt = 0.0, whole = 0.0;     // s: of the step; of the run's steps
   double left = 0.0;                // s: rest of the step, at the velocities after it
-  bool near[width][room(C)];        // whether a point takes part
+  bool near[width][array_size(C)];  // whether a point takes part
   int chosen[width] = {};           // their number
-  int steps[width][room(C)];        // number of steps for which a point has pushed
-  bool is_carried[width][room(C)];  // whether a point of the same pair pushed in the previous step
-  int wait[width][room(C)];         // steps for which a point's group is not tried as patches
-  bool pulls[width][room(M)];       // whether a row that takes part may pull
+  int steps[width][array_size(C)];  // number of steps for which a point has pushed
+  bool is_carried[width]
+                 [array_size(C)];    // whether a point of the same pair pushed in the previous step
+  int wait[width][array_size(C)];    // steps for which a point's group is not tried as patches
+  bool pulls[width][array_size(M)];  // whether a row that takes part may pull
   // For one trajectory: the points and rows that are solved as patches (patches.hpp), and their
   // residual.
-  bool held[room(C)] = {}, row_held[room(M)] = {};
+  bool held[array_size(C)] = {}, row_held[array_size(M)] = {};
   double held_residual = 0.0;
   // m/s: e u_n- of new contacts, 0 of others; parting speed without it.
-  double rebound[width][room(C)], parting[width][room(C)];
-  bool withheld[width][room(C)];  // points that would rebound, but for holds_back
-  bool holds_back = false;        // nothing rebounds: all such points only have to close their gaps
-  bool bounces[width];            // whether any contact rebounds
-  double scale[width];            // of the restitutions of the step
-  Real x[room(3 * C)], s[room(3 * C)], b[room(3 * C)];
+  double rebound[width][array_size(C)], parting[width][array_size(C)];
+  bool withheld[width][array_size(C)];  // points that would rebound, but for holds_back
+  bool holds_back = false;  // nothing rebounds: all such points only have to close their gaps
+  bool bounces[width];      // whether any contact rebounds
+  double scale[width];      // of the restitutions of the step
+  Real x[array_size(3 * C)], s[array_size(3 * C)], b[array_size(3 * C)];
   // hdot after the step without impulses; at its start; b - before of the normals. is_before_known
   // is false until `before` or b is first needed.
-  Real before[room(3 * C)], hdot[room(3 * C)], required[room(C)];
+  Real before[array_size(3 * C)], hdot[array_size(3 * C)], required[array_size(C)];
   bool is_before_known = true;
-  Real drift[room(3 * C)] = {};  // b - before of tangents: see rolling.hpp
+  Real drift[array_size(3 * C)] = {};  // b - before of tangents: see rolling.hpp
 
   // Whether point i takes part in the law that is solved point by point.
   FAN_FN bool takes_part(int l, int i) const { return near[l][i] && !held[i]; }
 
   // v+ - v without impulses.
   FAN_FN void unhindered(const Evaluation<Model, Real>& eval, Real* dv) const {
-    Real w[room(N)];
+    Real w[array_size(N)];
     for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
-    eval.back(w, dv);
+    eval.solve_factor(w, dv);
   }
 
   // Computes `before` of all points.
   FAN_FN void compute_before(const Evaluation<Model, Real>& eval) {
-    Real dv[room(N)];
+    Real dv[array_size(N)];
     unhindered(eval, dv);
     typename Points::Rates free(points, dv);
     for (int i = 0; i < points.most; ++i) {

@@ -36,7 +36,7 @@ class ContactStep {
   using Rates = typename Points::Rates;
 
   int n[width] = {};  // points that push
-  Push push[width][room(C)];
+  Push push[width][array_size(C)];
   Real violation, work, impact, friction;  // depth; energies of the step
   Real residual = Real(0.0);               // of the law, in the last step
   double early = 0.0;  // m: largest gap across which a point rebounds; of one trajectory
@@ -199,7 +199,7 @@ class ContactStep {
     const Mask lanes = !idle && state_.points.outruns(acc, dt);
     if (!any(lanes) || n_searches_ == Tolerance::max_searches) return false;
     ++n_searches_;
-    Real v[room(N)];
+    Real v[array_size(N)];
     int known[width];
     const int most = state_.points.most;
     for (int l = 0; l < width; ++l) known[l] = state_.points.n[l];
@@ -207,7 +207,7 @@ class ContactStep {
     if (!state_.points.find_more(*state_.in, v, v_K, dt, lanes)) return false;
     for (int i = 3 * most; i < 3 * state_.points.most; ++i) state_.x[i] = Real(0.0);
     state_.need_before(eval);
-    Real dv[room(N)];
+    Real dv[array_size(N)];
     state_.unhindered(eval, dv);
     Rates free(state_.points, dv), now_at(state_.points, v_D), then(state_.points, v);
     for (int l = 0; l < width; ++l)
@@ -263,7 +263,7 @@ class ContactStep {
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, const Real* before, double cap, Mask& settled) {
-    Real row_impulses[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
+    Real row_impulses[array_size(M)], s[array_size(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
     Real n_near = Real(0.0);
     for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
@@ -359,7 +359,7 @@ class ContactStep {
     problem_.take_all(state_, eval, rows);
     for (int g = 0; g < problem_.groups(); ++g) {
       if (!problem_.restore(state_, g, rows)) continue;
-      double x[room(3 * C)];
+      double x[array_size(3 * C)];
       share.find(problem_.cone(), x);
       for (int k = 0; k < problem_.points(); ++k) {
         if (!(x[3 * k] > 0.0)) continue;
@@ -448,7 +448,7 @@ class ContactStep {
   // impulses and s of the rows.
   int solved_with_[width];
   bool well_[width];
-  Real row_x_[room(M)], row_s_[room(M)];
+  Real row_x_[array_size(M)], row_s_[array_size(M)];
 };
 
 }  // namespace fan

@@ -72,8 +72,9 @@ class ContactPartials {
   // whether there is any. Adds the changes of the generalised forces, negated, to `by` (n_columns,
   // N).
   bool take(
-      const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)],
-      double (*rates)[room(n_columns)], double* drag, double* by) {
+      const StepContact& point, int* n, double (*rows)[array_size(N)],
+      double (*forces)[array_size(N)], double (*rates)[array_size(n_columns)], double* drag,
+      double* by) {
     set(point, n, rows, forces);
     move();
     differ_rates(*n, rates);
@@ -92,8 +93,8 @@ class ContactPartials {
 
   // The rows that a point holds, the generalised forces of the multipliers and the drag only.
   bool hold(
-      const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)],
-      double* drag) {
+      const StepContact& point, int* n, double (*rows)[array_size(N)],
+      double (*forces)[array_size(N)], double* drag) {
     set(point, n, rows, forces);
     if (!point.turns) return false;
     find_velocity();
@@ -102,10 +103,12 @@ class ContactPartials {
   }
 
  private:
-  using Columns = double[3][room(n_columns)];
+  using Columns = double[3][array_size(n_columns)];
 
   // Loads a point, its held rows, and the generalised forces of its multipliers, negated.
-  void set(const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)]) {
+  void set(
+      const StepContact& point, int* n, double (*rows)[array_size(N)],
+      double (*forces)[array_size(N)]) {
     point_ = &point;
     find_subspace();
     double frame[9];
@@ -127,7 +130,7 @@ class ContactPartials {
   }
 
   // Changes of the n rows over dt, after those of P and n. Leaves the velocity after the step in u.
-  void differ_rates(int n, double (*rates)[room(n_columns)]) {
+  void differ_rates(int n, double (*rates)[array_size(n_columns)]) {
     const StepContact& point = *point_;
     double frame[9];
     find_frame(frame);
@@ -359,8 +362,8 @@ class ContactPartials {
 
   const double *s_, *by_p_;
   const StepContact* point_;
-  double dt_, before_[room(E)], after_[room(E)], u_[3], speed_;
-  double U_[3][room(N)], gap_by_[room(n_columns)], rebound_[room(n_columns)];
+  double dt_, before_[array_size(E)], after_[array_size(E)], u_[3], speed_;
+  double U_[3][array_size(N)], gap_by_[array_size(n_columns)], rebound_[array_size(n_columns)];
   Columns P_by_, n_by_, u_by_, f_by_, moment_by_;
 };
 

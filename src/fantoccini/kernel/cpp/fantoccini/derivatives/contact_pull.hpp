@@ -184,7 +184,7 @@ class ContactPull {
 
   const double *s_, *by_p_;
   const StepContact* point_;
-  double dt_, v_[n_twists][room(E)];
+  double dt_, v_[n_twists][array_size(E)];
   // Velocity, angular velocity and weight of each twist at the point; derivatives of the sum by
   // position, normal and gap.
   double u_[n_twists][3], turn_[n_twists][3], wrench_[n_twists][6];

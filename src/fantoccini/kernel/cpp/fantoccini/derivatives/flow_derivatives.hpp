@@ -303,9 +303,9 @@ class FlowDerivatives {
   }
 
   const FlowDerivativeArrays& in_;
-  int ld_, ld_inputs_, n_held_ = 0, held_[room(M)];
+  int ld_, ld_inputs_, n_held_ = 0, held_[array_size(M)];
   int degree_ = 0, n_changing_ = 3 * K * ld_inputs_;  // of changes of the inputs that are not zero
-  bool still_[room(K)];
+  bool still_[array_size(K)];
   double step_, error_per_step_ = 0.0;
   Linear linear_;
   std::unique_ptr<FlowPoint<Model>[]> points_;

@@ -22,9 +22,9 @@ template <class Model>
 struct StatesInLanes {
   static constexpr int N = Model::n_vD, K = Model::n_vK;
 
-  Wide q_D[room(Model::n_qD)] = {}, v_D[room(N)] = {}, acc[room(N)] = {};
-  Wide q_K[room(Model::n_qK)] = {}, v_K[room(K)] = {}, acc_K[room(K)] = {};
-  Wide tension[room(Model::n_rows)] = {}, p[room(Model::n_p)] = {};
+  Wide q_D[array_size(Model::n_qD)] = {}, v_D[array_size(N)] = {}, acc[array_size(N)] = {};
+  Wide q_K[array_size(Model::n_qK)] = {}, v_K[array_size(K)] = {}, acc_K[array_size(K)] = {};
+  Wide tension[array_size(Model::n_rows)] = {}, p[array_size(Model::n_p)] = {};
 };
 
 // Derivatives of r of Eq. 10 by q_D, v_D, q_K, v_K, acc_K and p, column by column.
@@ -59,7 +59,7 @@ class ForcesInLanes {
 
  private:
   bool fresh_ = true;  // constant entries are not written yet
-  Wide columns_[room(before_p + N * P)];
+  Wide columns_[array_size(before_p + N * P)];
 };
 
 }  // namespace fan

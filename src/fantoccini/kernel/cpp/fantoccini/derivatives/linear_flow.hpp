@@ -23,8 +23,9 @@ template <class Model>
 struct FlowPoint {
   static constexpr int N = Model::n_vD, K = Model::n_vK, M = Model::n_rows;
 
-  double q_D[room(Model::n_qD)], v_D[room(N)], acc[room(N)], tension[room(M)] = {};
-  double q_K[room(Model::n_qK)], v_K[room(K)], acc_K[room(K)], u_D[room(N)];
+  double q_D[array_size(Model::n_qD)], v_D[array_size(N)], acc[array_size(N)],
+      tension[array_size(M)] = {};
+  double q_K[array_size(Model::n_qK)], v_K[array_size(K)], acc_K[array_size(K)], u_D[array_size(N)];
   Evaluation<Model, double> eval;
   RowSystem<Model, double> rows;
   HeldFactor<M> factor;
@@ -34,13 +35,13 @@ struct FlowPoint {
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, p);
     rows.gather(eval, v_D, held, n_held);
     factor.factorise(rows.problem.G, Complementarity<double, M>::N, rows.n);
-    double pull[room(M)], w[room(N)];
+    double pull[array_size(M)], w[array_size(N)];
     for (int a = 0; a < rows.n; ++a) pull[a] = rows.hddot[a];
     factor.solve(pull);
     for (int a = 0; a < rows.n; ++a) tension[rows.row[a]] = pull[a], pull[a] = -pull[a];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
     rows.add(pull, w);
-    eval.back(w, acc);
+    eval.solve_factor(w, acc);
   }
 };
 
@@ -145,7 +146,7 @@ class LinearFlow {
 
   // Several columns: -r_d, hddot_d, and dacc.
   struct Bundle {
-    Wide force[room(N)], rate[room(M)], acc[room(N)];
+    Wide force[array_size(N)], rate[array_size(M)], acc[array_size(N)];
   };
 
   // dacc along the changes of the inputs.
@@ -173,15 +174,15 @@ class LinearFlow {
   }
 
   void solve(const Point& at, Bundle& x) const {
-    Wide w[room(N)];
-    Model::forth_of(at.eval.L, x.force, w);
-    Wide y[room(M)];
+    Wide w[array_size(N)];
+    Model::solve_factor_transposed_of(at.eval.L, x.force, w);
+    Wide y[array_size(M)];
     at.rows.along(w, y);
     for (int a = 0; a < at.rows.n; ++a) y[a] += x.rate[a];
     at.factor.solve(y);
     for (int a = 0; a < at.rows.n; ++a) y[a] = -y[a];
     at.rows.add(y, w);
-    Model::back_of(at.eval.L, w, x.acc);
+    Model::solve_factor_of(at.eval.L, w, x.acc);
   }
 
   int n_inputs_, row_;
@@ -191,9 +192,11 @@ class LinearFlow {
   StatesInLanes<Model> states_;
   ForcesInLanes<Model> forces_;
   struct {
-    Wide A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)], hdot_q[room(M * N)];
-    Wide hdot_qK[room(M * K)], hdot_p[room(M * P)], hddot_q[room(M * N)], hddot_v[room(M * N)];
-    Wide hddot_qK[room(M * K)], hddot_vK[room(M * K)], hddot_p[room(M * P)];
+    Wide A_D[array_size(M * N)], A_K[array_size(M * K)], h_p[array_size(M * P)],
+        hdot_q[array_size(M * N)];
+    Wide hdot_qK[array_size(M * K)], hdot_p[array_size(M * P)], hddot_q[array_size(M * N)],
+        hddot_v[array_size(M * N)];
+    Wide hddot_qK[array_size(M * K)], hddot_vK[array_size(M * K)], hddot_p[array_size(M * P)];
   } by_;
 };
 

@@ -41,10 +41,10 @@ class ModesOfStep {
 
   // w <- w + F^-T Q with the generalised forces Q of all points.
   void push(const Eval& eval, double* w) {
-    double Q[room(N)] = {}, out[room(N)];
+    double Q[array_size(N)] = {}, out[array_size(N)];
     partials_.begin(screws_, Q, Q, none_, by_p_, dt_);
     for (int i = 0; i < n_; ++i) partials_.push(point_[i], Q);
-    Model::forth_of(eval.L, Q, out);
+    Model::solve_factor_transposed_of(eval.L, Q, out);
     for (int k = 0; k < N; ++k) w[k] += out[k];
   }
 
@@ -79,7 +79,7 @@ class ModesOfStep {
     if (jams) return JAMS;
     bool slides = false;
     for (int i = 0; i < n_; ++i) slides = slides || !point_[i].sticks;
-    double idle[room(R)];
+    double idle[array_size(R)];
     const bool is_open = slides && system_.idle(idle);
     if (is_open && depends(eval, force, idle)) return OPEN_SHARES;
     return 0;
@@ -106,17 +106,17 @@ class ModesOfStep {
     for (int i = 0; i < Partials::n_columns * N; ++i) by_[i] = 0.0;
     int n = n_held_, n_turning = 0;
     for (int i = 0; i < n_; ++i) {
-      double rows[3][room(N)], forces[3][room(N)], drag[room(N)];
+      double rows[3][array_size(N)], forces[3][array_size(N)], drag[array_size(N)];
       int held;
       const bool turns = partials_.take(point_[i], &held, rows, forces, change_, drag, by_);
       for (int d = 0; d < held; ++d, ++n) {
-        Model::forth_of(eval.L, rows[d], system_.C[n]);
-        Model::forth_of(eval.L, forces[d], system_.B[n]);
+        Model::solve_factor_transposed_of(eval.L, rows[d], system_.C[n]);
+        Model::solve_factor_transposed_of(eval.L, forces[d], system_.B[n]);
         for (int b = 0; b < columns_->n_bundles; ++b) rate_[b * R + n] = Wide(0.0);
         for (int c = 0; c < Partials::n_columns; ++c)
           Columns::at(rate_, R, place(c), n) = change_[d][c];
       }
-      if (turns) Model::forth_of(eval.L, drag, system_.Z[n_turning++]);
+      if (turns) Model::solve_factor_transposed_of(eval.L, drag, system_.Z[n_turning++]);
     }
     system_.n_rows = n;
     system_.n_turning = n_turning;
@@ -139,11 +139,11 @@ class ModesOfStep {
     for (int b = 0; b < columns_->n_bundles; ++b) {
       if (!Columns::acts(b)) continue;
       const Wide* rate = rate_ + b * R;
-      Wide x[room(N)], w[room(N)], y[room(R)];
+      Wide x[array_size(N)], w[array_size(N)], y[array_size(R)];
       for (int k = 0; k < N; ++k) x[k] = -force[b * N + k];
-      Model::forth_of(eval.L, x, w);
+      Model::solve_factor_transposed_of(eval.L, x, w);
       system_.solve(w, rate, y);
-      Model::back_of(eval.L, w, x);
+      Model::solve_factor_of(eval.L, w, x);
       for (int k = 0; k < N; ++k) solution[b * N + k] = dt_ * x[k];
       for (int a = 0; pull && a < n_held_; ++a) pull[b * M + a] = y[a];
       for (int a = 0; shares && a < n_shares(); ++a) shares[b * 3 * C + a] = y[n_held_ + a];
@@ -151,11 +151,11 @@ class ModesOfStep {
   }
 
   void solve_delay(const Eval& eval) {
-    double rate[room(R)] = {}, w[room(N)] = {};
+    double rate[array_size(R)] = {}, w[array_size(N)] = {};
     for (int i = 0, n = n_held_; i < n_; n += point_[i].sticks ? 3 : 1, ++i)
       rate[n] = -asked_by_delay(point_[i], dt_) / dt_;
     system_.solve(w, rate, pull_by_delay_);
-    eval.back(w, by_delay_);
+    eval.solve_factor(w, by_delay_);
     for (int k = 0; k < N; ++k) by_delay_[k] *= dt_;
   }
 
@@ -168,7 +168,7 @@ class ModesOfStep {
     assemble(eval, force);
     if (!system_.factorise()) return true;
     solve(eval, force, other_, nullptr, nullptr);
-    Wide all = Wide(0.0), size[room(Columns::most)];
+    Wide all = Wide(0.0), size[array_size(Columns::most)];
     for (int b = 0; b < columns_->n_bundles; ++b) {
       size[b] = Wide(0.0);
       if (!Columns::acts(b)) continue;
@@ -186,17 +186,18 @@ class ModesOfStep {
     return false;
   }
 
-  StepContact point_[room(C)];
+  StepContact point_[array_size(C)];
   int n_ = 0, n_held_ = 0;
   const Columns* columns_ = nullptr;
   const double *screws_, *by_p_;
-  double dt_, none_[room(K)] = {};
+  double dt_, none_[array_size(K)] = {};
   Partials partials_;
   ModeSystem<R, C, N> system_;
-  double change_[3][room(Partials::n_columns)], by_[room(Partials::n_columns * N)];
-  Wide rate_[room(Columns::most * R)], solution_[room(Columns::most * N)];  // in bundles
-  Wide other_[room(Columns::most * N)];
-  double by_delay_[room(N)], pull_by_delay_[room(R)];
+  double change_[3][array_size(Partials::n_columns)], by_[array_size(Partials::n_columns * N)];
+  Wide rate_[array_size(Columns::most * R)],
+      solution_[array_size(Columns::most * N)];  // in bundles
+  Wide other_[array_size(Columns::most * N)];
+  double by_delay_[array_size(N)], pull_by_delay_[array_size(R)];
 };
 
 }  // namespace fan

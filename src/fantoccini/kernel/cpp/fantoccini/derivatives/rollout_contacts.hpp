@@ -66,14 +66,14 @@ class RolloutContacts {
     for (int a = 0; a < n; ++a)
       for (int k = 0; k < N; ++k) system_.C[a][k] = system_.B[a][k] = rows.column[a][k];
     for (int i = 0; i < n_; ++i) {
-      double own[3][room(N)], forces[3][room(N)], drag[room(N)];
+      double own[3][array_size(N)], forces[3][array_size(N)], drag[array_size(N)];
       int held;
       const bool turns = partials_.hold(point_[i], &held, own, forces, drag);
       for (int d = 0; d < held; ++d, ++n) {
-        Call<Model, double>::forth(eval.L, own[d], system_.C[n]);
-        Call<Model, double>::forth(eval.L, forces[d], system_.B[n]);
+        Call<Model, double>::solve_factor_transposed(eval.L, own[d], system_.C[n]);
+        Call<Model, double>::solve_factor_transposed(eval.L, forces[d], system_.B[n]);
       }
-      if (turns) Call<Model, double>::forth(eval.L, drag, system_.Z[n_turning++]);
+      if (turns) Call<Model, double>::solve_factor_transposed(eval.L, drag, system_.Z[n_turning++]);
     }
     system_.n_rows = n;
     system_.n_turning = n_turning;
@@ -125,9 +125,9 @@ class RolloutContacts {
   std::vector<size_t> first_;        // (steps + 1,) index of each step's first point
   std::vector<double> delays_;       // s: time until the first touch of a rebounding point, of each
   StepModes<Model> modes_;
-  StepContact point_[room(C)];  // of one step
-  int n_ = 0, n_held_ = 0;      // number of these, and of the rows before theirs
-  double screws_[room(6 * E)], by_p_[room((L + E) * 6 * P)];
+  StepContact point_[array_size(C)];  // of one step
+  int n_ = 0, n_held_ = 0;            // number of these, and of the rows before theirs
+  double screws_[array_size(6 * E)], by_p_[array_size((L + E) * 6 * P)];
   ContactPartials<Model> partials_;
   ContactPull<Model> pull_;
   ModeSystem<R, C, N> system_;

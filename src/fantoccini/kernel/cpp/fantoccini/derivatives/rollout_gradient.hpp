@@ -54,37 +54,37 @@ class RolloutGradient {
   // Computes the gradient of the last rollout; ends at a step without derivative.
   void sweep(const GradientArrays& in) {
     const double dt = in.options.dt;
-    double l_a[2][room(N)] = {};  // by the accelerations of the last two steps
+    double l_a[2][array_size(N)] = {};  // by the accelerations of the last two steps
     for (int j = 0; j < N; ++j) {
       l_q_[j] = in.l_q[in.n * N + j];
       l_v_[j] = in.l_v[in.n * N + j];
     }
     for (int j = 0; j < P; ++j) in.g_p[j] = 0.0;
     for (long long k = in.n - 1; k >= 0; --k) {
-      double w[room(N)], z[room(N)], y[room(rows)];
+      double w[array_size(N)], z[array_size(N)], y[array_size(rows)];
       evaluate(in, k);
       by_delay_ = 0.0;
       for (int j = 0; j < N; ++j) by_delay_ -= l_q_[j] * in.v_D[(k + 1) * N + j];
       turn_back<typename Model::Dynamic>(in.v_D + (k + 1) * N, dt - delay_.time, l_q_, l_v_);
       for (int j = 0; j < N; ++j) l_a[0][j] += dt * l_v_[j];
-      Call<Model, double>::forth(eval_.L, l_a[0], w);
+      Call<Model, double>::solve_factor_transposed(eval_.L, l_a[0], w);
       if (take_contacts(in, k)) {
         in.edges[k] |= fault(in, k);
         if (in.edges[k] >= LEAVES_LAW) return;
         for (int a = 0; a < rows; ++a)
           y[a] = in.l_tension && a < rows_.n ? -in.l_tension[k * M + rows_.row[a]] : 0.0;
         solve_contacts(w, y);
-        eval_.back(w, z);
+        eval_.solve_factor(w, z);
       } else {
         rows_.along(w, y);
         for (int a = 0; in.l_tension && a < rows_.n; ++a)
           y[a] -= in.l_tension[k * M + rows_.row[a]];
         factor_.factorise(rows_.problem.G, Complementarity<double, M>::N, rows_.n);
         factor_.solve(y);
-        double less[room(M)];
+        double less[array_size(M)];
         for (int a = 0; a < rows_.n; ++a) less[a] = -y[a];
         rows_.add(less, w);
-        eval_.back(w, z);
+        eval_.solve_factor(w, z);
       }
       take_back(in, k, z, y, l_a);
     }
@@ -107,7 +107,8 @@ class RolloutGradient {
 
   // d(z . r + y/dt . R) by the quantities of a step; that by v_D is in parts.
   struct Products {
-    double g_q[room(N)], g_v[room(N)], g_ahead[room(N)], g_next[room(N)], g_p[room(P)];
+    double g_q[array_size(N)], g_v[array_size(N)], g_ahead[array_size(N)], g_next[array_size(N)],
+        g_p[array_size(P)];
     double *g_qK, *g_vK, *g_aK;
     double by_delay = 0.0;  // of the held rows and points, by the time of the touch
 
@@ -176,7 +177,7 @@ class RolloutGradient {
   void evaluate(const GradientArrays& in, long long k) {
     const double *v = in.v_D + k * N, *half = in.ahead + 2 * k;
     const double* force = of(in.u_D, k);
-    double u_D[room(N)], delay = 0.0;
+    double u_D[array_size(N)], delay = 0.0;
     if constexpr (touches) delay = contacts_.delay(k);
     delay_.begin(in.q_D + k * NQ, v, in.q_K + k * NQK, in.rate + k * K, delay);
     for (int j = 0; j < N; ++j) {
@@ -189,7 +190,7 @@ class RolloutGradient {
         delay_.q_D(), v, delay_.q_K(), in.rate + k * K, in.mean + k * K, u_D, v_ahead_,
         in.options.dt, in.p);
     const unsigned char* held = in.held + k * M;
-    int list[room(M)], n = 0;
+    int list[array_size(M)], n = 0;
     for (int r = 0; r < M; ++r)
       if (held[r]) list[n++] = r;
     rows_.gather(eval_, v, list, n);
@@ -198,7 +199,7 @@ class RolloutGradient {
   // Propagates from step k to the node before it.
   void take_back(
       const GradientArrays& in, long long k, const double* z, const double* y,
-      double (*l_a)[room(N)]) {
+      double (*l_a)[array_size(N)]) {
     Products to;
     to.g_qK = in.g_qK + k * K;
     to.g_vK = in.g_rate + k * K;
@@ -234,7 +235,7 @@ class RolloutGradient {
   void multiply(
       const GradientArrays& in, long long k, const double* z, const double* y, Products& to) {
     const double *v = in.v_D + k * N, dt = in.options.dt;
-    double pull[room(M)], pull_h[room(M)], v_next[room(N)];
+    double pull[array_size(M)], pull_h[array_size(M)], v_next[array_size(N)];
     for (int r = 0; r < M; ++r) pull[r] = pull_h[r] = 0.0;
     for (int a = 0; a < rows_.n; ++a) {
       const int r = rows_.row[a];
@@ -283,7 +284,7 @@ class RolloutGradient {
   // Whether solids push in step k; loads its points.
   bool take_contacts(const GradientArrays& in, long long k) {
     if constexpr (touches) {
-      double v_next[room(N)];
+      double v_next[array_size(N)];
       equation_velocity(in, k, v_next);
       return contacts_.take(in, k, v_next);
     }
@@ -301,7 +302,7 @@ class RolloutGradient {
         in.pairs[k] = contacts_.sliding_pair();
         return JAMS;
       }
-      double idle[room(rows)];
+      double idle[array_size(rows)];
       if (!contacts_.slides() || !contacts_.system().idle(idle)) return 0;
       if (depends_on(in, k, idle)) {
         in.pairs[k] = contacts_.sliding_pair();
@@ -315,15 +316,15 @@ class RolloutGradient {
   // shares `idle` have no effect on the step; tested on a sum of all velocities in which no change
   // cancels.
   bool depends_on(const GradientArrays& in, long long k, const double* idle) {
-    double by[2][room(n_by)];
+    double by[2][array_size(n_by)];
     for (int shifted = 0; shifted < 2; ++shifted) {
       if (shifted) contacts_.share_otherwise(idle, shift);
       if (shifted && !contacts_.hold(eval_, rows_)) return true;
-      double sum[room(N)], w[room(N)], y[room(rows)] = {}, z[room(N)];
+      double sum[array_size(N)], w[array_size(N)], y[array_size(rows)] = {}, z[array_size(N)];
       for (int j = 0; j < N; ++j) sum[j] = cos(double(j));
-      Call<Model, double>::forth(eval_.L, sum, w);
+      Call<Model, double>::solve_factor_transposed(eval_.L, sum, w);
       solve_contacts(w, y);
-      eval_.back(w, z);
+      eval_.solve_factor(w, z);
       list_products(in, k, z, y, by[shifted]);
     }
     take_contacts(in, k);
@@ -341,7 +342,7 @@ class RolloutGradient {
   HeldFactor<M> factor_;
   std::conditional_t<touches, RolloutContacts<Model>, NoContacts> contacts_;
   StepDelay<Model> delay_;
-  double l_q_[room(N)], l_v_[room(N)], v_ahead_[room(N)];
+  double l_q_[array_size(N)], l_v_[array_size(N)], v_ahead_[array_size(N)];
   double by_delay_ = 0.0;  // the cost's derivative by the time of the touch, at a fixed motion
 };
 

@@ -128,11 +128,12 @@ class StepBundles {
   StatesInLanes<Model> states_;
   ForcesInLanes<Model> forces_;
   struct {
-    Wide A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)], hdot_q[room(M * N)];
-    Wide hdot_qK[room(M * K)], hdot_p[room(M * P)];
+    Wide A_D[array_size(M * N)], A_K[array_size(M * K)], h_p[array_size(M * P)],
+        hdot_q[array_size(M * N)];
+    Wide hdot_qK[array_size(M * K)], hdot_p[array_size(M * P)];
   } by_;
-  Wide none_[room(N)] = {}, rates_[room(2 * N + 3 * K + P)] = {};
-  Wide unused_[room(Columns::most * M)];  // of nodes that do not hold a row
+  Wide none_[array_size(N)] = {}, rates_[array_size(2 * N + 3 * K + P)] = {};
+  Wide unused_[array_size(Columns::most * M)];  // of nodes that do not hold a row
   StepDerivatives<Model> nodes_[width];
 };
 

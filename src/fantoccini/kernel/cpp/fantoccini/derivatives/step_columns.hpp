@@ -29,8 +29,9 @@ class StepColumns {
   static constexpr int most = bundle[3] + bundles_of(N + P);  // bundles
   enum Group { BY_STATE, BY_V_K, BY_ACC_K, BY_REST };
 
-  int n = 0, n_forces = 0, n_bundles = 0;    // columns, those by u_D, and bundles
-  int begin[room(most)], count[room(most)];  // of every bundle: first column and number of columns
+  int n = 0, n_forces = 0, n_bundles = 0;  // columns, those by u_D, and bundles
+  int begin[array_size(most)],
+      count[array_size(most)];  // of every bundle: first column and number of columns
 
   void set(bool forces) {
     n_forces = forces ? N : 0;

@@ -83,7 +83,7 @@ class StepDelay {
 
  private:
   const double *v_, *rate_, *q_D_, *q_K_, *gap_by_ = nullptr;
-  double moved_D_[room(Model::n_qD)], moved_K_[room(Model::n_qK)];
+  double moved_D_[array_size(Model::n_qD)], moved_K_[array_size(Model::n_qK)];
 };
 
 }  // namespace fan

@@ -110,7 +110,7 @@ class StepDerivatives {
     tension_ = in.tension + i * M;
     p_ = in.p.first + i * in.p.stride;
     const double* force = of(in.u_D, i);
-    double u_D[room(N)];
+    double u_D[array_size(N)];
     for (int k = 0; k < N; ++k) u_D[k] = force ? force[k] : 0.0;
     eval_.at(q_D_, v_D_, q_K_, rate_, mean_, u_D, v_D_, in.dt, p_);
   }
@@ -118,11 +118,11 @@ class StepDerivatives {
   // The held rows, their factor, and acc_D under the tensions.
   void hold(const StepDerivativeArrays& in, long long i) {
     const unsigned char* held = in.held + i * M;
-    int list[room(M)], n = 0;
+    int list[array_size(M)], n = 0;
     for (int r = 0; r < M; ++r)
       if (held[r] || tension_[r] != 0.0) list[n++] = r;
     rows_.gather(eval_, v_D_, list, n);
-    double pull[room(M)], w[room(N)];
+    double pull[array_size(M)], w[array_size(N)];
     for (int k = 0; k < N; ++k) w[k] = eval_.w0[k];
     for (int a = 0; a < n; ++a) pull[a] = -tension_[rows_.row[a]];
     rows_.add(pull, w);
@@ -130,12 +130,12 @@ class StepDerivatives {
       if (in.n_points) {
         constexpr int E = N + K;
         modes_.begin(
-            in.points + i * in.room, in.n_points[i], in.screws + i * 6 * E,
+            in.points + i * in.capacity, in.n_points[i], in.screws + i * 6 * E,
             P > 0 ? in.by_p + i * (Model::n_links + E) * 6 * P : nullptr, in.dt);
         modes_.push(eval_, w);
       }
     acc_ = in.acc_D + i * N;
-    eval_.back(w, acc_);
+    eval_.solve_factor(w, acc_);
     for (int k = 0; k < N; ++k) v_next_[k] = v_D_[k] + in.dt * acc_[k];
     n = 0;
     for (int a = 0; a < rows_.n; ++a)
@@ -162,9 +162,9 @@ class StepDerivatives {
 
   // Replaces the derivatives of r in a bundle by dt dacc.
   void solve(double dt, int b, const double* pull) {
-    Wide *x = change_ + b * N, w[room(N)], y[room(M)];
+    Wide *x = change_ + b * N, w[array_size(N)], y[array_size(M)];
     for (int k = 0; k < N; ++k) x[k] = -x[k];
-    Model::forth_of(eval_.L, x, w);
+    Model::solve_factor_transposed_of(eval_.L, x, w);
     // G y = W^T w + the rows' part
     rows_.along(w, y);
     for (int a = 0; a < rows_.n; ++a) y[a] += rate_by_[b * M + a];
@@ -172,7 +172,7 @@ class StepDerivatives {
     for (int a = 0; pull && a < rows_.n; ++a) pull_[b * M + a] = y[a];
     for (int a = 0; a < rows_.n; ++a) y[a] = -y[a];
     rows_.add(y, w);
-    Model::back_of(eval_.L, w, x);
+    Model::solve_factor_of(eval_.L, w, x);
     for (int k = 0; k < N; ++k) x[k] = dt * x[k];
   }
 
@@ -181,7 +181,7 @@ class StepDerivatives {
   // rate = v_K + dt/2 acc_K, mean = acc_K.
   void chain(double dt, Wide* bundles, int height, int n) const {
     using Space = typename Model::Driven;
-    Wide half[room(Columns::bundles_of(K))] = {};
+    Wide half[array_size(Columns::bundles_of(K))] = {};
     for (int i = 0; i < Space::n_scalars; ++i)
       lane_of(half[Space::scalar_v[i] / width], Space::scalar_v[i] % width) = 0.5 * dt;
     for (int j = 0; j < Columns::bundles_of(K); ++j) {
@@ -211,7 +211,7 @@ class StepDerivatives {
   void write_shares(const StepDerivativeArrays& in, long long i) {
     if (in.n_points[i] == 0) return;
     chain(in.dt, shares_, 3 * C, modes_.n_shares());
-    double* out = in.shares + i * 3 * in.room * columns.n;
+    double* out = in.shares + i * 3 * in.capacity * columns.n;
     for (int a = 0; a < modes_.n_shares(); ++a)
       columns.write(out + a * columns.n, [&](int b) FAN_INLINE { return shares_[b * 3 * C + a]; });
   }
@@ -220,14 +220,14 @@ class StepDerivatives {
   void wait(const StepDerivativeArrays& in, long long i, double* motion, double* pull) {
     delay_.set_gap(modes_.touch_by());
     const double *dv = modes_.solution_by_delay(), *dx = modes_.pull_by_delay();
-    double dq[room(N)];
+    double dq[array_size(N)];
     move_by(in.dt - delay_.time, dv, dq);
     for (int k = 0; k < N; ++k) wait(in.dt, motion + k * columns.n, dq[k] - v_next_[k]);
     for (int k = 0; k < N; ++k) wait(in.dt, motion + (N + k) * columns.n, dv[k]);
     for (int r = 0; pull && r < M; ++r)
       wait(in.dt, pull + r * columns.n, place_[r] < 0 ? 0.0 : dx[place_[r]]);
     if (!in.shares) return;
-    double* shares = in.shares + i * 3 * in.room * columns.n;
+    double* shares = in.shares + i * 3 * in.capacity * columns.n;
     for (int a = 0; a < modes_.n_shares(); ++a)
       wait(in.dt, shares + a * columns.n, modes_.shares_by_delay()[a]);
     double* moved = in.moved + i * (N + K) * columns.n;
@@ -240,7 +240,7 @@ class StepDerivatives {
 
   void wait(double dt, double* row, double by_time) const {
     using Space = typename Model::Driven;
-    double *by_rate = row + Columns::first[Columns::BY_V_K], before[room(K)];
+    double *by_rate = row + Columns::first[Columns::BY_V_K], before[array_size(K)];
     double* by_mean = row + Columns::first[Columns::BY_ACC_K];
     for (int k = 0; k < K; ++k) before[k] = by_rate[k];
     delay_.pull(row, row + N, row + 2 * N, by_rate, row + columns.n - P, by_time);
@@ -291,16 +291,16 @@ class StepDerivatives {
   StepDelay<Model> delay_;
   const double *q_D_, *v_D_, *q_K_, *rate_, *mean_, *slip_, *tension_, *p_;
   double* acc_;
-  double v_next_[room(N)];
-  int place_[room(M)];
+  double v_next_[array_size(N)];
+  int place_[array_size(M)];
   Evaluation<Model, double> eval_;
   RowSystem<Model, double> rows_;
   HeldFactor<M> factor_;
   // In bundles: the derivatives of r and then dt dacc, those of the rows, and those of the
   // tensions.
-  Wide change_[room(Columns::most * N)], rate_by_[room(Columns::most * M)];
-  Wide pull_[room(Columns::most * M)];
-  Wide shares_[room(Columns::most * 3 * C)];  // of the points' multipliers, in bundles
+  Wide change_[array_size(Columns::most * N)], rate_by_[array_size(Columns::most * M)];
+  Wide pull_[array_size(Columns::most * M)];
+  Wide shares_[array_size(Columns::most * 3 * C)];  // of the points' multipliers, in bundles
   std::conditional_t<touches, ModesOfStep<Model>, NoContacts> modes_;
 };
 

@@ -64,7 +64,7 @@ class StepModes {
     before_.make(screws_, v_D_, rate_);
     after_.make(screws_, run.state().v_D, rate_);
     still_ = Tolerance::speed * fmax(1.0, fmax(before_.fastest(), after_.fastest()));
-    run.at.eval.back(run.at.eval.w0, free_acc_);
+    run.at.eval.solve_factor(run.at.eval.w0, free_acc_);
     double reach = 0.0;
     for (int k = 0; k < n; ++k) reach = fmax(reach, push_[k].gap);
     const double margin = fmax(Tolerance::margin, Tolerance::spare * reach);
@@ -112,7 +112,7 @@ class StepModes {
   // Twists of the links and changes of the screws, by sixth-order central differences.
   void differ_by_parameters(double* out) {
     constexpr double weights[3] = {45.0 / 60, -9.0 / 60, 1.0 / 60};
-    double p[room(P)];
+    double p[array_size(P)];
     for (int k = 0; k < P; ++k) p[k] = p_[k];
     for (int k = 0; k < P; ++k) {
       const double step = Tolerance::by_p * fmax(1.0, fabs(p_[k]));
@@ -211,7 +211,7 @@ class StepModes {
       int links[2];
       for (int side = 0; side < 2; ++side)
         links[side] = solids_->solids[solids_->pairs[2 * own.pair + side]].link;
-      double u[3], row[room(N)];
+      double u[3], row[array_size(N)];
       after_.velocity(links, own.at, u);
       const double* normal = own.frame;
       const double parting = fmin(-own.gap / left(), recovery_speed_);
@@ -270,7 +270,7 @@ class StepModes {
 
   double along(
       const int* links, const double* at, const double* direction, const double* v_D) const {
-    double row[room(N)], sum = 0.0;
+    double row[array_size(N)], sum = 0.0;
     make_row(links, at, direction, row);
     for (int k = 0; k < N; ++k) sum += row[k] * v_D[k];
     return sum;
@@ -313,14 +313,14 @@ class StepModes {
 
   StepDelay<Model> delay_;
   ContactShare<M + 3 * C> share_;
-  ContactPush push_[room(C)];
+  ContactPush push_[array_size(C)];
   TouchDifferences<Model> differences_;
   LeastSpan<3 * C, N> span_;
   Twists before_, after_;
   const ContactArrays* solids_;
   const double *q_D_, *v_D_, *q_K_, *rate_, *p_;
-  double dt_, recovery_speed_, reference_force_, still_, free_acc_[room(N)];
-  double poses_[12 * L], screws_[room(6 * E)];
+  double dt_, recovery_speed_, reference_force_, still_, free_acc_[array_size(N)];
+  double poses_[12 * L], screws_[array_size(6 * E)];
   double high_[12 * L + 6 * E], low_[12 * L + 6 * E], change_[12 * L + 6 * E];
 };
 

@@ -25,9 +25,9 @@ class StepTouches {
     if (Status(int(trajectory_.status)) == RUNNING) {
       n = modes_.find(trajectory_, in.reference_force, contacts_);
       edges = modes_.edges;
-      if (n > in.room) edges = CROWDED, n = 0;
+      if (n > in.capacity) edges = CROWDED, n = 0;
     }
-    for (int k = 0; k < n; ++k) in.points[i * in.room + k] = contacts_[k];
+    for (int k = 0; k < n; ++k) in.points[i * in.capacity + k] = contacts_[k];
     in.n_points[i] = n;
     in.edges[i] = edges;
     write(in, i);
@@ -92,7 +92,7 @@ class StepTouches {
 
   TimeSteppingTrajectory<Model, double> trajectory_;
   StepModes<Model> modes_;
-  StepContact contacts_[room(C)];
+  StepContact contacts_[array_size(C)];
 };
 
 // The C interface of StepTouches: the nodes [first, last) of the arrays; returns 1 if memory is

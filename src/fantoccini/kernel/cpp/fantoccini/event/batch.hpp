@@ -67,7 +67,8 @@ class EventBatch {
 
   std::optional<EventRun<Model>> run_;
   double rows_[row_capacity * Layout::width], events_[event_capacity * EventLayout::width];
-  double contacts_[room(contact_capacity * ContactLayout::width)];  // not copied to the results
+  double
+      contacts_[array_size(contact_capacity * ContactLayout::width)];  // not copied to the results
   long long caught_ = 0, released_ = 0, row_ = 0;
 };
 

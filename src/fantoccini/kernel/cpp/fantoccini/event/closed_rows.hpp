@@ -21,22 +21,23 @@ struct ClosedRows {
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M;
   using Set = ActiveSet<M, N>;
 
-  double impulse[room(M)];  // of the last catch, by row
-  double speed[room(M)];    // hdot before it
-  double lost = 0.0;        // kinetic energy lost in it
-  double stopped = 0.0;     // largest |hdot| of a held row before the last hold
-  bool brought = false;     // whether the last hold also stopped a closed row that is not held
-  double blame[room(M)];    // after IMPOSSIBLE_INPUT: rows that no motion satisfies together
+  double impulse[array_size(M)];  // of the last catch, by row
+  double speed[array_size(M)];    // hdot before it
+  double lost = 0.0;              // kinetic energy lost in it
+  double stopped = 0.0;           // largest |hdot| of a held row before the last hold
+  bool brought = false;  // whether the last hold also stopped a closed row that is not held
+  double
+      attribution[array_size(M)];  // after IMPOSSIBLE_INPUT: rows that no motion satisfies together
 
   // Brings the held rows to h = 0 and all others nearby to h <= 0, with the smallest change of the
   // configuration at (t, y) in the metric of M_DD. The flow's evaluation must be that of (t, y).
   Status retreat(F& f) {
-    int list[room(M)] = {}, n = 0;
+    int list[array_size(M)] = {}, n = 0;
     for (int r = 0; r < M; ++r)
       if (f.row_state[r] == HELD || f.eval.height(r) > -Tolerance::nearby_gap * f.row_scale(r))
         list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    double h[room(M)];
+    double h[array_size(M)];
     for (int r = 0; r < M; ++r)
       h[r] = f.row_state[r] == SLIPPING ? -WinchTolerances::max_length_error - f.slip_now[r]
                                         : f.eval.height(r);
@@ -60,7 +61,7 @@ struct ClosedRows {
       }
       const Status status = settle(f);
       if (status != RUNNING) return status;
-      double move[room(N)];
+      double move[array_size(N)];
       push(f, move);
       retract<typename Model::Dynamic>(f.y, move, f.y);
       f.heights(f.y, h, true);
@@ -71,7 +72,7 @@ struct ClosedRows {
   // Applies the impulse over the rows `closed` at (t, y) and adds its work. The flow's evaluation
   // must be that of (t, y).
   Status strike(F& f, const bool* closed) {
-    int list[room(M)], n = 0;
+    int list[array_size(M)], n = 0;
     for (int r = 0; r < M; ++r) {
       impulse[r] = speed[r] = 0.0;
       if (!closed[r]) continue;
@@ -92,7 +93,7 @@ struct ClosedRows {
     }
     if (status != RUNNING) return status;
     // Impulses of redundant rows are distributed like their tensions.
-    bool every[room(M)];
+    bool every[array_size(M)];
     for (int a = 0; a < n; ++a) every[a] = true;
     set_.complete(every);
     least_.apply(set_);
@@ -117,7 +118,7 @@ struct ClosedRows {
     f.evaluate(f.t, f.y, rate);
     const double still = how.rest_speed * speed_scale(f);
     const double hop_time = Tolerance::max_rest_hop * (how.rest_speed / Tolerance::max_rest_speed);
-    double own[room(S)];
+    double own[array_size(S)];
     for (int i = 0; i < S; ++i) own[i] = f.slip[i];
     if (ahead > 0.0) {
       for (int i = 0; i < S; ++i)
@@ -126,7 +127,7 @@ struct ClosedRows {
           f.slip[i] += f.eval.h[i];
       f.evaluate(f.t, f.y, rate);
     }
-    int all[room(M)] = {}, list[room(M)] = {}, n_all = 0, n = 0;
+    int all[array_size(M)] = {}, list[array_size(M)] = {}, n_all = 0, n = 0;
     for (int r = 0; r < M; ++r)
       if (f.eval.height(r) >= -closeness * f.row_scale(r) || (r < S && Model::wire[r]))
         all[n_all++] = r;
@@ -156,7 +157,7 @@ struct ClosedRows {
       status = settle(f);
     }
     if (status != RUNNING) return status;
-    bool stays[room(M)];
+    bool stays[array_size(M)];
     for (int i = 0; i < set_.n; ++i) stays[i] = !loose[row_[i]];
     set_.complete(stays);
     double most = 0.0;
@@ -195,7 +196,7 @@ struct ClosedRows {
     const Status status = retreat(f);
     if (status != RUNNING) return status;
     f.evaluate(f.t, f.y, rate);
-    int list[room(M)] = {}, n = 0;
+    int list[array_size(M)] = {}, n = 0;
     for (int r = 0; r < M; ++r) {
       // A row that closes faster is about to be caught, or to slip. At a lower speed the winch
       // would grip immediately, and its string would close again.
@@ -338,7 +339,8 @@ struct ClosedRows {
     return top;
   }
 
-  // Solves the problem. For impossible inputs, `blame` gives the rows that cannot hold together.
+  // Solves the problem. For impossible inputs, `attribution` gives the rows that cannot hold
+  // together.
   Status settle(const F& f) {
     for (int i = 0; i < set_.n; ++i)
       if (!is_finite(set_.b[i])) return NOT_FINITE;
@@ -347,9 +349,9 @@ struct ClosedRows {
     for (int i = 0; i < set_.n; ++i)
       if (!(fabs(set_.x[i]) <= most) && most == most) most = fabs(set_.x[i]);
     if (solved == Solved::YES && most <= f.opt.tension_cap) return RUNNING;
-    for (int r = 0; r < M; ++r) blame[r] = 0.0;
+    for (int r = 0; r < M; ++r) attribution[r] = 0.0;
     for (int i = 0; i < set_.n; ++i)
-      blame[row_[i]] = solved == Solved::YES ? fabs(set_.x[i]) / most : ray_share(i, solved);
+      attribution[row_[i]] = solved == Solved::YES ? fabs(set_.x[i]) / most : ray_share(i, solved);
     return solved == Solved::UNSETTLED ? NOT_SETTLED : IMPOSSIBLE_INPUT;
   }
 
@@ -365,7 +367,7 @@ struct ClosedRows {
   // Applies the solved impulses and adds the inputs' work in them. All gathered rows must be in the
   // set, in order.
   void apply(F& f) {
-    double change[room(N)];
+    double change[array_size(N)];
     push(f, change);
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
@@ -381,16 +383,17 @@ struct ClosedRows {
 
   // -M^-1 A^T x over the gathered rows, all of which must be in the set, in order.
   void push(const F& f, double* change) const {
-    double w[room(N)], pull[room(M)] = {};
+    double w[array_size(N)], pull[array_size(M)] = {};
     for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < f.rows.n; ++a) pull[a] = -sign_[a] * set_.x[a];
     f.rows.add(pull, w);
-    f.eval.back(w, change);
+    f.eval.solve_factor(w, change);
   }
 
   Set set_;
-  int row_[room(M)];                                 // of each column of the set
-  double sign_[room(M)], turned_[room(M)][room(N)];  // of floors: sign -1, and the negated column
+  int row_[array_size(M)];  // of each column of the set
+  double sign_[array_size(M)],
+      turned_[array_size(M)][array_size(N)];  // of floors: sign -1, and the negated column
   LeastNorm<Set> least_;
 };
 

@@ -47,15 +47,15 @@ class ContactInstants {
   using Held = HeldContacts<Model>;
   static constexpr int C = F::C, N = F::N, NQ = F::NQ, S = F::S, M = F::M, R = Held::R;
 
-  double impulse[room(M)],
-      point_impulse[room(C)];                   // of the last impact: rows; normal ones of points
-  double speed[room(M)], point_speed[room(C)];  // hdot before it
-  double lost = 0.0;                            // J
+  double impulse[array_size(M)],
+      point_impulse[array_size(C)];  // of the last impact: rows; normal ones of points
+  double speed[array_size(M)], point_speed[array_size(C)];  // hdot before it
+  double lost = 0.0;                                        // J
 
   // Gathers the rows that are closed, and the points that touch, at (t, y), which must be the
   // flow's latest evaluation.
   void gather(F& f, const bool* closed) {
-    int list[room(M)], n = 0;
+    int list[array_size(M)], n = 0;
     for (int r = 0; r < M; ++r)
       if (closed[r]) list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
@@ -102,9 +102,9 @@ class ContactInstants {
       status = bounce(f, low);
     }
     if (status != RUNNING) return status;
-    double w[room(N)] = {}, change[room(N)];
+    double w[array_size(N)] = {}, change[array_size(N)];
     held.rows.take(cone.x, w);
-    f.eval.back(w, change);
+    f.eval.solve_factor(w, change);
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
       impulse[r] = cone.x[a];
@@ -136,7 +136,7 @@ class ContactInstants {
     for (int r = 0; r < M; ++r) next[r] = SLACK;
     Rest rest;
     rest.n_single = rest.n_points = 0;
-    double free_hddot[room(R)];  // hddot with the tensions of the winches that slip
+    double free_hddot[array_size(R)];  // hddot with the tensions of the winches that slip
     for (int i = 0; i < held.rows.n; ++i) free_hddot[i] = held.rows.hddot[i];
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
@@ -189,7 +189,7 @@ class ContactInstants {
  private:
   // The rows and points that are at rest along their normals.
   struct Rest {
-    int single[room(M)], point[room(C)], n_single, n_points;
+    int single[array_size(M)], point[array_size(C)], n_single, n_points;
   };
 
   static double speed_scale(const F& f) {
@@ -202,7 +202,7 @@ class ContactInstants {
   // not oppose the acceleration, as redundant forces need not, its direction is corrected.
   bool slip(F& f, const Rest& rest, double idle) {
     auto& cone = f.contacts.cone;
-    bool begins[room(C)], more = false;
+    bool begins[array_size(C)], more = false;
     for (int i = 0; i < rest.n_points; ++i) {
       const double* x = cone.x + rest.n_single + 3 * i;
       const double size = sqrt(x[1] * x[1] + x[2] * x[2]);
@@ -242,7 +242,7 @@ class ContactInstants {
     const Held& held = f.contacts;
     const double* G = held.rows.G;
     const int all = held.rows.n, n = n_single + 3 * n_points;
-    int of[room(R)];
+    int of[array_size(R)];
     for (int i = 0; i < n_single; ++i) of[i] = single[i];
     for (int i = 0; i < n_points; ++i)
       for (int d = 0; d < 3; ++d) of[n_single + 3 * i + d] = held.rows.first_of(point[i]) + d;
@@ -265,7 +265,7 @@ class ContactInstants {
   Status bounce(F& f, double share) {
     auto& cone = f.contacts.cone;
     const Held& held = f.contacts;
-    int single[room(M)], point[room(C)];
+    int single[array_size(M)], point[array_size(C)];
     for (int a = 0; a < f.rows.n; ++a) single[a] = a;
     for (int c = 0; c < held.points.n; ++c) point[c] = c;
     begin(f, single, f.rows.n, point, held.points.n);
@@ -282,7 +282,7 @@ class ContactInstants {
       const double restitution = held.points.in->restitution[held.points.at[c].pair];
       if (hdot > 0.0) cone.b[held.rows.first_of(c)] += share * restitution * hdot;
     }
-    double right[room(R)];
+    double right[array_size(R)];
     for (int i = 0; i < n; ++i) right[i] = cone.b[i];
     if (!cone.solve()) return NOT_SETTLED;
     lost = 0.0;
@@ -323,7 +323,7 @@ class ContactInstants {
       else if (!loose[r] && cone.s[i] <= idle) next[r] = IDLE;
       held.points.tension[r] = cone.x[i];
     }
-    bool pushes[room(C)];
+    bool pushes[array_size(C)];
     for (int c = 0; c < held.points.n; ++c) pushes[c] = false;
     for (int i = 0; i < rest.n_points; ++i) {
       const int c = rest.point[i], k = rest.n_single + 3 * i;
@@ -362,9 +362,9 @@ class ContactInstants {
   }
 
   ContactShare<R> share_;
-  bool slides_[room(C)];
-  double given_[2 * room(C)];  // directions of sliding points in their tangents
-  double along_[room(C)][3];   // the same in the world
+  bool slides_[array_size(C)];
+  double given_[2 * array_size(C)];  // directions of sliding points in their tangents
+  double along_[array_size(C)][3];   // the same in the world
 };
 
 }  // namespace fan

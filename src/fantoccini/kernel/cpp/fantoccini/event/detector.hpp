@@ -24,7 +24,7 @@ struct Detector {
   using Tolerance = DetectorTolerances;
   static constexpr int S = F::S, M = F::M;
 
-  double blame[room(M)];  // by row, 0 to 1
+  double attribution[array_size(M)];  // by row, 0 to 1
 
   // The status at the flow's latest evaluation, which must be that of its present state.
   Status check(const F& f) {
@@ -39,7 +39,7 @@ struct Detector {
       if (!(fabs(f.tension[r]) <= f.opt.tension_cap)) return capped(f);
     for (int i = 0; i < S; ++i)
       if (string_length<Model, double>(i, f.y, f.q_K) <= LengthTolerances::min_length) {
-        accuse_only(i);
+        attribute_to_row(i);
         return LENGTH_NOT_POSITIVE;
       }
     const Status status = collapse(f);
@@ -47,12 +47,12 @@ struct Detector {
   }
 
  private:
-  void accuse_only(int row) {
-    for (int r = 0; r < M; ++r) blame[r] = r == row ? 1.0 : 0.0;
+  void attribute_to_row(int row) {
+    for (int r = 0; r < M; ++r) attribution[r] = r == row ? 1.0 : 0.0;
   }
 
   Status broken(const F& f) {
-    accuse_only(-1);
+    attribute_to_row(-1);
     for (int k = 0; k < Model::n_packed; ++k)
       if (!is_finite(f.eval.L[k])) return SINGULAR_MASS;
     return NOT_FINITE;
@@ -61,7 +61,7 @@ struct Detector {
   Status capped(const F& f) {
     for (int r = 0; r < M; ++r) {
       const double share = fabs(f.tension[r]) / f.opt.tension_cap;
-      blame[r] = share < 1.0 ? share : 1.0;  // also of a NaN tension
+      attribution[r] = share < 1.0 ? share : 1.0;  // also of a NaN tension
     }
     return TENSION_CAP;
   }
@@ -71,7 +71,7 @@ struct Detector {
     bool wanted = false;
     for (int i = 0; i < S; ++i) wanted = wanted || (f.taut(i) && Model::string_points[i] > 2);
     if (!wanted) return RUNNING;
-    double points[room(3 * Model::n_points)];
+    double points[array_size(3 * Model::n_points)];
     Call<Model, double>::points(f.y, f.q_K, f.p, points);
     int at = 0;
     for (int i = 0; i < S; ++i) {
@@ -81,7 +81,7 @@ struct Detector {
         for (int c = 0; c < 3; ++c) square += (a[3 + c] - a[c]) * (a[3 + c] - a[c]);
         const bool looked_at = f.taut(i) && Model::string_points[i] > 2;
         if (looked_at && square < Tolerance::collapsed_segment * Tolerance::collapsed_segment) {
-          accuse_only(i);
+          attribute_to_row(i);
           return COLLAPSED;
         }
       }
@@ -112,22 +112,22 @@ struct Detector {
     if (top < Tolerance::tension_growth * reference_) return RUNNING;
     if (top < Tolerance::min_tension * f.weight()) return RUNNING;
     // Direction in which A_D M^-1 A_D^T nearly vanishes.
-    double y[room(M)], along = 0.0, most = 0.0;
+    double y[array_size(M)], along = 0.0, most = 0.0;
     for (int a = 0; a < f.rows.n; ++a) y[a] = a == weakest ? 1.0 : 0.0;
     problem.substitute(y);
     for (int a = 0; a < f.rows.n; ++a)
       if (problem.active[a]) along += y[a] * f.tension[f.rows.row[a]];
-    accuse_only(-1);
+    attribute_to_row(-1);
     for (int a = 0; a < f.rows.n; ++a) {
       if (!problem.active[a]) continue;
       // Tensions grow along y or against it; one-sided rows whose tension falls are not a cause.
       const int r = f.rows.row[a];
       const bool wire = r < S && Model::wire[r];
       const double share = wire ? fabs(y[a]) : (along < 0.0 ? -y[a] : y[a]);
-      blame[r] = share > 0.0 ? share : 0.0;
-      if (blame[r] > most) most = blame[r];
+      attribution[r] = share > 0.0 ? share : 0.0;
+      if (attribution[r] > most) most = attribution[r];
     }
-    for (int r = 0; r < M; ++r) blame[r] /= most > 0.0 ? most : 1.0;
+    for (int r = 0; r < M; ++r) attribution[r] /= most > 0.0 ? most : 1.0;
     return IMPOSSIBLE_INPUT;
   }
 

@@ -32,7 +32,7 @@ struct FlowTolerances {
   // chosen again among the redundant ones.
   static constexpr double dependent_pivot = 1e-4;
   // m: scale of shorter strings.
-  static constexpr double min_row_scale = Constants::least_length;
+  static constexpr double min_row_scale = Constants::min_length;
   // Largest number of refinements of the held rows' tensions: nearly dependent rows lose digits.
   static constexpr int refinements = 2;
 };
@@ -52,25 +52,26 @@ struct Flow {
 
   Drive<typename Model::Driven, N> drive;
   Options opt;
-  double p[room(Model::n_p)];
+  double p[array_size(Model::n_p)];
 
   double t = 0.0;
   double y[NY];
-  Hold row_state[room(M)];  // frozen between events
+  Hold row_state[array_size(M)];  // frozen between events
   Winches<S> winches;
-  double slip[room(S)];  // m, at slip_time
+  double slip[array_size(S)];  // m, at slip_time
   double slip_time = 0.0;
 
   MotorWatch<Model, double> motors;
   HeldContacts<Model> contacts;
 
   // The latest evaluation: its inputs and results.
-  double q_K[room(Model::n_qK)], v_K[room(Model::n_vK)], acc_K[room(Model::n_vK)], u_D[room(N)];
+  double q_K[array_size(Model::n_qK)], v_K[array_size(Model::n_vK)], acc_K[array_size(Model::n_vK)],
+      u_D[array_size(N)];
   Eval eval;
   System rows;
-  double acc[room(N)], tension[room(M)];
-  double slip_now[room(S)], slip_rate[room(S)];
-  double apart[room(M)];  // |hddot| of idle and pinned rows, relative to hddot_scale
+  double acc[array_size(N)], tension[array_size(M)];
+  double slip_now[array_size(S)], slip_rate[array_size(S)];
+  double apart[array_size(M)];  // |hddot| of idle and pinned rows, relative to hddot_scale
 
   bool taut(int r) const { return row_state[r] != SLACK; }
 
@@ -80,13 +81,13 @@ struct Flow {
     eval.at(state, state + NQ, q_K, v_K, acc_K, u_D, p);
     motors.measure(state, q_K, p);
     add_slips(at);
-    int list[room(M)], n = 0;
+    int list[array_size(M)], n = 0;
     for (int r = 0; r < M; ++r) {
       tension[r] = apart[r] = 0.0;
       if (taut(r)) list[n++] = r;
     }
     rows.gather(eval, state + NQ, list, n);
-    double w[room(N)];
+    double w[array_size(N)];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
     double power = eval.power0, slip_power = 0.0, friction = 0.0;
     if (contacts.look_near(*this, state, state + NQ)) {
@@ -102,7 +103,7 @@ struct Flow {
     } else {
       pull_strings(list, w, &power, &slip_power);
     }
-    eval.back(w, acc);
+    eval.solve_factor(w, acc);
     configuration_rate<typename Model::Dynamic>(state, state + NQ, rate);
     for (int k = 0; k < N; ++k) {
       rate[NQ + k] = acc[k];
@@ -218,7 +219,7 @@ struct Flow {
   double k[dop853::all_stages][NY];
   double end[NY], end_rate[NY];  // state at the end of the trial step, and its rate
   double stage_violation[dop853::stages]
-                        [room(GUARDS)];  // from stage 1 on; of slack rows the height
+                        [array_size(GUARDS)];  // from stage 1 on; of slack rows the height
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
   void stages(double s) {
@@ -307,7 +308,7 @@ struct Flow {
     if (status != RUNNING) return status;
     double rate[NY];
     evaluate(at, state, rate);
-    double move[room(N)];
+    double move[array_size(N)];
     correction(rows.hdot, move);
     for (int j = 0; j < N; ++j) state[NQ + j] += move[j];
     return RUNNING;
@@ -315,12 +316,12 @@ struct Flow {
 
   // The position part: h = 0 on the held rows.
   Status pull_back(double* state) {
-    double h[room(M)];
+    double h[array_size(M)];
     for (int a = 0; a < rows.n; ++a) h[a] = eval.height(rows.row[a]);
     return correct<NQ>(
         state, [&] { return relative(h); },
         [&] {
-          double move[room(N)], all[room(M)];
+          double move[array_size(N)], all[array_size(M)];
           correction(h, move);
           retract<typename Model::Dynamic>(state, move, state);
           heights(state, all);
@@ -343,7 +344,7 @@ struct Flow {
   // -M^-1 A^T (A M^-1 A^T)^-1 h over the held rows.
   void correction(const double* h, double* move) {
     auto& problem = rows.problem;
-    double w[room(N)], pull[room(M)];
+    double w[array_size(N)], pull[array_size(M)];
     for (int a = 0; a < rows.n; ++a) {
       problem.b[a] = h[a];
       problem.upper[a] = 0.0;
@@ -355,7 +356,7 @@ struct Flow {
     for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < rows.n; ++a) pull[a] = problem.active[a] ? -problem.x[a] : 0.0;
     rows.add(pull, w);
-    eval.back(w, move);
+    eval.solve_factor(w, move);
   }
 
   // hdot of a row at the latest evaluation, whose velocity must be v_D.
@@ -391,7 +392,7 @@ struct Flow {
       problem.high[a] = row_state[list[a]] == PINNED || row_state[list[a]] == SLIPPING;
     }
     problem.solve_active(0.0, Tolerance::refinements);
-    double pull[room(M)] = {};
+    double pull[array_size(M)] = {};
     for (int a = 0; a < rows.n; ++a) {
       const int r = list[a];
       tension[r] = problem.x[a];
@@ -447,7 +448,7 @@ struct Flow {
   }
 
   double dense_[7][NY];
-  double slip_acc_[room(S)];
+  double slip_acc_[array_size(S)];
 };
 
 }  // namespace fan

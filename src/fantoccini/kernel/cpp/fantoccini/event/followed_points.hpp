@@ -70,20 +70,23 @@ class FollowedPoints {
 
   const ContactArrays* in = nullptr;
   int n = 0;
-  Contact at[room(C)];
+  Contact at[array_size(C)];
   bool too_many = false;
 
   // Of the latest evaluation.
-  double gap[room(C)];
-  double hdot[room(3 * C)], x[room(3 * C)], after[room(3 * C)];  // after: hddot with all forces
-  double lawful[room(3 * C)], after_lawful[room(3 * C)];         // likewise, at the end of modes
+  double gap[array_size(C)];
+  double hdot[array_size(3 * C)], x[array_size(3 * C)],
+      after[array_size(3 * C)];  // after: hddot with all forces
+  double lawful[array_size(3 * C)],
+      after_lawful[array_size(3 * C)];         // likewise, at the end of modes
   double overlap = -unbounded, closing = 0.0;  // of the deepest point: overlap and closing speed
-  double safe = unbounded;  // s: time within which no solid passes through another
-  bool exists[room(C)];     // whether a point exists there
-  double point[room(C)][3], frame[room(C)][9];
+  double safe = unbounded;     // s: time within which no solid passes through another
+  bool exists[array_size(C)];  // whether a point exists there
+  double point[array_size(C)][3], frame[array_size(C)][9];
   // Of the rows: A_D, A_K v_K, and gamma.
-  double row[room(3 * C)][room(N)], rate_K[room(3 * C)], gamma[room(3 * C)] = {};
-  double tension[room(M)] = {};  // at the last event
+  double row[array_size(3 * C)][array_size(N)], rate_K[array_size(3 * C)],
+      gamma[array_size(3 * C)] = {};
+  double tension[array_size(M)] = {};  // at the last event
 
   // Evaluates all near points at a state; f's evaluation, except for accelerations, must be that of
   // the state.
@@ -240,7 +243,7 @@ class FollowedPoints {
 
   // Forces of points and rows, as left by keep_forces.
   struct Forces {
-    double point[room(C)][3], row[room(M)];
+    double point[array_size(C)][3], row[array_size(M)];
   };
 
   Forces forces() const {
@@ -266,7 +269,7 @@ class FollowedPoints {
     double rate = Tolerance::slowest;
     for (int c = 0; c < n; ++c)
       rate = fmax(rate, points_.rate_of_turning(*in, at[c].pair, speed(c)));
-    bool done[room(C)];
+    bool done[array_size(C)];
     int left = n;
     for (int c = 0; c < n; ++c) {
       done[c] = !known_[c];
@@ -282,7 +285,7 @@ class FollowedPoints {
   // The gaps of the points at a configuration, negated, at out[3 c]; 0 for those that are lost.
   template <class F>
   void measure_gaps(const F& f, const double* q_D, double* out) {
-    const double v_D[room(N)] = {}, v_K[room(NK)] = {};
+    const double v_D[array_size(N)] = {}, v_K[array_size(NK)] = {};
     near_.pose(*in, q_D, v_D, f.q_K, v_K, f.p);
     for (int c = 0, pair = -1; c < n; ++c) {
       if (at[c].pair != pair) near_.search_one_pair(*in, pair = at[c].pair, Tolerance::margin);
@@ -310,15 +313,16 @@ class FollowedPoints {
   int differ(
       const F& f, const double* q_D, const double* v_D, const Differences& by, double step,
       bool* done) {
-    double sum[room(3 * C)];
-    bool all[room(C)];
+    double sum[array_size(3 * C)];
+    bool all[array_size(C)];
     for (int c = 0; c < n; ++c) {
       all[c] = !done[c];
       for (int d = 0; d < 3; ++d) sum[3 * c + d] = -by.own * hdot[3 * c + d];
     }
     for (int k = 0; k < 4; ++k) {
       const double tau = by.at[k] * step;
-      double there[room(NQ)], there_K[room(NQK)], move[room(N)], move_K[room(NK)], v_K[room(NK)];
+      double there[array_size(NQ)], there_K[array_size(NQK)], move[array_size(N)],
+          move_K[array_size(NK)], v_K[array_size(NK)];
       for (int j = 0; j < N; ++j) move[j] = tau * v_D[j];
       for (int j = 0; j < NK; ++j) {
         move_K[j] = tau * f.v_K[j];
@@ -417,9 +421,9 @@ class FollowedPoints {
     return fabs(hdot[3 * c]) + fabs(hdot[3 * c + 1]) + fabs(hdot[3 * c + 2]);
   }
 
-  Points points_, near_;  // of the latest evaluation; at displaced configurations
-  bool known_[room(C)];   // as found, but also where the features alone define it
-  int region_[room(C)];
+  Points points_, near_;       // of the latest evaluation; at displaced configurations
+  bool known_[array_size(C)];  // as found, but also where the features alone define it
+  int region_[array_size(C)];
 };
 
 }  // namespace fan

@@ -44,9 +44,9 @@ struct Guards {
   static constexpr int NQ = F::NQ, S = F::S, M = F::M, ALL = F::GUARDS;
 
   F& flow;
-  bool armed[room(M)];
+  bool armed[array_size(M)];
   // At the start of the step.
-  double height0[room(M)], rate0[room(M)], guard0[room(ALL)];
+  double height0[array_size(M)], rate0[array_size(M)], guard0[array_size(ALL)];
 
   explicit Guards(F& f) : flow(f) {
     for (int r = 0; r < M; ++r) armed[r] = true;
@@ -161,7 +161,7 @@ struct Guards {
   // Crossings that return within the step, suspected at the stages or, for heights, at the maximum
   // of the cubic through the ends. Each is confirmed by integrating there, the earliest first.
   double inside(double s) {
-    double candidate[room(ALL)];
+    double candidate[array_size(ALL)];
     int n = 0;
     for (int r = 0; r < ALL; ++r) {
       const double at = suspect(r, s);

@@ -67,12 +67,12 @@ class HeldContacts {
     ends = false;
     points.differ(f, q_D, v_D);
     rows.assemble(points, f);
-    double reference[room(R)] = {};
+    double reference[array_size(R)] = {};
     for (int a = 0; a < rows.n_single; ++a) reference[a] = points.tension[f.rows.row[a]];
     for (int c = 0; c < points.n; ++c)
       for (int d = 0; d < 3; ++d)
         reference[rows.n_single + 3 * c + d] = dot3(points.frame[c] + 3 * d, points.at[c].force);
-    double known[room(R)], free_hddot[room(R)];
+    double known[array_size(R)], free_hddot[array_size(R)];
     find_slipping(f, known, free_hddot);
     rows.find_forces(points, f, free_hddot, reference);
     for (int a = 0; a < rows.n_single; ++a) rows.y[a] += known[a];
@@ -231,7 +231,7 @@ class HeldContacts {
   // must be that of (t, state).
   template <class F>
   Status project(F& f, double t, double* state) {
-    double rate[F::NY], h[room(R)];
+    double rate[F::NY], h[array_size(R)];
     rows.list_unknowns(points, f, false, false);
     const int single = rows.n_single;
     for (int a = 0; a < single; ++a) h[a] = f.eval.height(f.rows.row[a]);
@@ -245,12 +245,12 @@ class HeldContacts {
       }
       return worst;
     };
-    const double none[room(R)] = {};
+    const double none[array_size(R)] = {};
     const Status status = correct<NQ>(state, left, [&] {
-      double w[room(N)] = {}, move[room(N)], all[room(M)];
+      double w[array_size(N)] = {}, move[array_size(N)], all[array_size(M)];
       rows.directed.solve(rows.G, rows.n, h, none, rows.y);
       rows.take(rows.y, w);
-      f.eval.back(w, move);
+      f.eval.solve_factor(w, move);
       retract<typename Model::Dynamic>(state, move, state);
       f.heights(state, all);
       for (int a = 0; a < single; ++a) h[a] = all[f.rows.row[a]];
@@ -267,12 +267,12 @@ class HeldContacts {
   // begin to slide.
   template <class F>
   void bring_to_rest(F& f, double* v_D, bool beginning = false) {
-    const double none[room(R)] = {};
-    double w[room(N)] = {}, move[room(N)];
+    const double none[array_size(R)] = {};
+    double w[array_size(N)] = {}, move[array_size(N)];
     rows.list_unknowns(points, f, true, false, beginning);
     rows.directed.solve(rows.G, rows.n, rows.hdot, none, rows.y);
     rows.take(rows.y, w);
-    f.eval.back(w, move);
+    f.eval.solve_factor(w, move);
     for (int k = 0; k < N; ++k) v_D[k] += move[k];
   }
 
@@ -292,11 +292,11 @@ class HeldContacts {
                           (rows.y[a] < 0.0 || rows.y[a] > f.winches.largest(r)));
     }
     if (!needed) return;
-    double known[room(R)], free_hddot[room(R)];
+    double known[array_size(R)], free_hddot[array_size(R)];
     find_slipping(f, known, free_hddot);
-    int of[room(R)], n_own = 0, n_points = 0;
-    bool slides[room(C)];
-    double along[2 * room(C)];
+    int of[array_size(R)], n_own = 0, n_points = 0;
+    bool slides[array_size(C)];
+    double along[2 * array_size(C)];
     for (int a = 0; a < rows.n_single; ++a)
       if (f.row_state[f.rows.row[a]] == HELD) of[n_own++] = a;
     const int n_rows = n_own;
@@ -357,7 +357,7 @@ class HeldContacts {
   }
 
  private:
-  double lawful_tension_[room(M)], after_[room(R)];
+  double lawful_tension_[array_size(M)], after_[array_size(R)];
 };
 
 }  // namespace fan

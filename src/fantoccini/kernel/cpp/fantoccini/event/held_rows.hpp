@@ -43,11 +43,11 @@ class HeldRows {
   using Tolerance = HeldContactTolerances;
   using Slow = SlowSlidingTolerances;
 
-  double direction[room(C)][2] = {};  // of friction, in the tangents
-  int n_single = 0, n = 0;            // strings and limits; all rows
-  const double* column[room(R)];      // of W
-  double G[room(R * R)], hdot[room(R)], hddot[room(R)];
-  double y[room(R)];  // forces
+  double direction[array_size(C)][2] = {};  // of friction, in the tangents
+  int n_single = 0, n = 0;                  // strings and limits; all rows
+  const double* column[array_size(R)];      // of W
+  double G[array_size(R * R)], hdot[array_size(R)], hddot[array_size(R)];
+  double y[array_size(R)];  // forces
   DirectedRows<R> directed;
 
   // Gathers the rows of f, then three of every point.
@@ -64,7 +64,7 @@ class HeldRows {
     }
     for (int i = 0; i < 3 * points.n; ++i) {
       const int own = n_single + i;
-      Call<Model, double>::forth(f.eval.L, points.row[i], W_[i]);
+      Call<Model, double>::solve_factor_transposed(f.eval.L, points.row[i], W_[i]);
       column[own] = W_[i];
       hdot[own] = points.hdot[i];
       double free_rate = 0.0;
@@ -213,8 +213,8 @@ class HeldRows {
   template <class F>
   Turn turn_slow(
       const Points& points, const F& f, const double* free_hddot, const double* reference) {
-    int slow[room(C)], n_slow = 0;
-    double firm[room(C)], goal[room(C)];
+    int slow[array_size(C)], n_slow = 0;
+    double firm[array_size(C)], goal[array_size(C)];
     for (int c = 0; c < points.n; ++c) {
       if (!looks_ahead(points, c)) continue;
       const int i = first_of(c);
@@ -255,7 +255,7 @@ class HeldRows {
     return most > Slow::turned ? CONTINUE : CONVERGED;
   }
 
-  double W_[room(3 * C)][room(N)];
+  double W_[array_size(3 * C)][array_size(N)];
 };
 
 }  // namespace fan

@@ -47,9 +47,9 @@ struct EventInstants {
   typename Writer::Instants contact_instants;
   Writer writer{flow, closed_rows, contact_instants};
   Accumulation accumulation;
-  double blame[room(M)] = {};  // by row, its share in the cause of the status, 0 to 1
-  double until = unbounded;    // s: the end of the run, beyond which no event lies
-  double loosened[room(M)];    // s: last time at which each row lost its tension
+  double attribution[array_size(M)] = {};  // by row, its share in the cause of the status, 0 to 1
+  double until = unbounded;                // s: the end of the run, beyond which no event lies
+  double loosened[array_size(M)];          // s: last time at which each row lost its tension
 
   EventInstants(F& flow, Guards<Model>& guards) : flow(flow), guards(guards) {}
   EventInstants(const EventInstants&) = delete;
@@ -61,8 +61,8 @@ struct EventInstants {
     for (int r = 0; r < M; ++r) flow.row_state[r] = mode[r];
   }
 
-  void accuse(const double* rows) {
-    for (int r = 0; r < M; ++r) blame[r] = rows[r];
+  void attribute_to_rows(const double* rows) {
+    for (int r = 0; r < M; ++r) attribution[r] = rows[r];
   }
 
   // Whether solids touch, or points are followed, at (t, y), the flow's latest evaluation.
@@ -111,7 +111,7 @@ struct EventInstants {
   // At a break of the inputs the tensions may jump: chooses the active set again, and writes a
   // second row if the inputs' accelerations or the forces jump.
   Status breakpoint(Record<Model>& out) {
-    double acc_K[room(Model::n_vK)], u_D[room(N)];
+    double acc_K[array_size(Model::n_vK)], u_D[array_size(N)];
     for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
     for (int k = 0; k < N; ++k) u_D[k] = flow.u_D[k];
     flow.drive.start_at(flow.t);
@@ -144,7 +144,8 @@ struct EventInstants {
       held.points.take_closed(flow, flow.y, flow.y + NQ, most);
       if (held.points.too_many) return TOO_MANY_CONTACTS;
       Situation s = present();
-      bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], strikes[room(M)];
+      bool loose[array_size(C)], strained[array_size(C)], struck[array_size(C)],
+          touched[array_size(C)], strikes[array_size(M)];
       bool any_struck = false, any_hit = false;  // by a catch; by one that takes impulses
       for (int r = 0; r < M; ++r) {
         const double none = -flow.tension[r] / flow.weight();
@@ -193,7 +194,7 @@ struct EventInstants {
       }
       flow.grip();
       if (any_hit || flow.winches.some_slip) contact_instants.gather(flow, s.closed);
-      Hold next[room(M)];
+      Hold next[array_size(M)];
       const Status chosen =
           contact_instants.choose(flow, s.loose, s.strained, loose, strained, next);
       if (chosen != RUNNING) return chosen;
@@ -275,7 +276,7 @@ struct EventInstants {
   }
 
   Status fail(Status status) {
-    accuse(closed_rows.blame);
+    attribute_to_rows(closed_rows.attribution);
     return status;
   }
 
@@ -285,7 +286,7 @@ struct EventInstants {
 
   Status settle_active_set(const Situation& s, Record<Model>& out) {
     if (in_contact()) return contact_instant(out, Tolerance::touching);
-    Hold next[room(M)];
+    Hold next[array_size(M)];
     const double energy = flow.total_energy() - given();
     double stopped = 0.0;
     Status held = RUNNING;

@@ -18,7 +18,7 @@ struct EventRateTolerances {
 
 template <int M>
 struct EventRate {
-  long long of_row[room(M)] = {};  // events since the count began
+  long long of_row[array_size(M)] = {};  // events since the count began
 
   // Counts an event of a row, -1 for none, at t, as `weight` events.
   void note(double t, int row, int weight = 1) {

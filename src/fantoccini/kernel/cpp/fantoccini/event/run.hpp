@@ -29,8 +29,8 @@ struct EventRun {
   Status start(const StartArrays& from, Record<Model>& out) {
     set(from);
     flow.drive.start_at(flow.t);
-    const bool none[room(M)] = {};
-    Hold next[room(M)];
+    const bool none[array_size(M)] = {};
+    Hold next[array_size(M)];
     for (int r = 0; r < M; ++r) {
       flow.row_state[r] = SLACK;
       instants.loosened[r] = -unbounded;
@@ -60,7 +60,7 @@ struct EventRun {
     instants.refresh();
     flow.motors.begin(flow.y, flow.q_K, flow.p);
     if (status == RUNNING) status = watch();
-    else instants.accuse(instants.closed_rows.blame);
+    else instants.attribute_to_rows(instants.closed_rows.attribution);
     write_slips(out);
     instants.writer.emit(out);
     skip_saved();
@@ -71,7 +71,7 @@ struct EventRun {
   Status start_in_contact(Record<Model>& out) {
     step_size = flow.opt.first_step;
     flow.motors.begin(flow.y, flow.q_K, flow.p);
-    for (int r = 0; r < M; ++r) instants.closed_rows.blame[r] = 0.0;
+    for (int r = 0; r < M; ++r) instants.closed_rows.attribution[r] = 0.0;
     Status status = instants.contact_instant(out, Tolerance::touching_at_start, true);
     write_slips(out);
     if (status != RUNNING) instants.writer.emit(out);
@@ -97,7 +97,7 @@ struct EventRun {
 
   // By row and watched drive, its share in the cause of the run's status.
   void write_attribution(Status status, double* out) const {
-    flow.motors.blame(status, 0, instants.blame, out);
+    flow.motors.attribute(status, 0, instants.attribution, out);
   }
 
   // Runs until t_end, for at most `budget` steps.
@@ -134,7 +134,7 @@ struct EventRun {
     if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
     if (instants.writer.n_events >= flow.opt.max_events ||
         stuck > Tolerance::max_standstill_steps || instants.writer.event_rate.crowded()) {
-      instants.writer.event_rate.shares(instants.blame);
+      instants.writer.event_rate.shares(instants.attribution);
       return TOO_MANY_EVENTS;
     }
     if (at_break_) {
@@ -148,7 +148,7 @@ struct EventRun {
     if (rewound < *end) *end = rewound > flow.t ? rewound : flow.t;
     const double emptied = runs_out();
     if (emptied <= flow.t) {
-      for (int r = 0; r < M; ++r) instants.blame[r] = r == empty_row_ ? 1.0 : 0.0;
+      for (int r = 0; r < M; ++r) instants.attribution[r] = r == empty_row_ ? 1.0 : 0.0;
       return LENGTH_NOT_POSITIVE;
     }
     if (emptied < *end) *end = emptied;
@@ -165,7 +165,7 @@ struct EventRun {
     memory.keep(flow.t, flow.y, flow.row_state, flow.slip, flow.slip_time, flow.motors);
     auto& writer = instants.writer;
     memory.keep(instants.closed_rows, detector, instants.accumulation);
-    memory.keep(writer.event_rate, writer.impact, instants.blame, step_size);
+    memory.keep(writer.event_rate, writer.impact, instants.attribution, step_size);
     memory.keep(n_steps, writer.n_events, stuck, at_break_, instants.loosened);
     flow.contacts.remember(memory);
     guards.remember(memory);
@@ -206,7 +206,7 @@ struct EventRun {
     // A string may be wedged in with the points that friction jams.
     const bool wedged = status == TENSION_CAP && step_size < Tolerance::min_failing_step;
     if (wedged && flow.contacts.jamming(flow)) return NO_UNIQUE_MOTION;
-    instants.accuse(detector.blame);
+    instants.attribute_to_rows(detector.attribution);
     return status;
   }
 
@@ -314,7 +314,7 @@ struct EventRun {
       if (h < -GuardTolerances::open_gap * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
-    flow.motors.look(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);
+    flow.motors.observe(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);
     const long long before = out.n_events;
     flow.motors.tell(flow.t, out);
     instants.writer.n_events += out.n_events - before;

@@ -28,8 +28,9 @@ struct EventWriter {
   // The rows at an event: their state before it; whether they are closed, have just been caught,
   // have just lost their tension (or are not armed), and have just reached their winch's largest.
   struct Situation {
-    Hold before[room(M)];
-    bool closed[room(M)], caught[room(M)], loose[room(M)], strained[room(M)];
+    Hold before[array_size(M)];
+    bool closed[array_size(M)], caught[array_size(M)], loose[array_size(M)],
+        strained[array_size(M)];
 
     // Whether row r holds after the catches and before the choice of the next active set.
     bool holds(int r) const { return before[r] != SLACK || caught[r]; }
@@ -40,9 +41,9 @@ struct EventWriter {
 
   // Writes a state, the flow's latest evaluation.
   void write(double t, const double* y, Record<Model>& out) {
-    double tension[room(M)];
-    double slip[room(S)];  // without the error of up to max_length_error (model/winch.hpp)
-    bool taut[room(M)];
+    double tension[array_size(M)];
+    double slip[array_size(S)];  // without the error of up to max_length_error (model/winch.hpp)
+    bool taut[array_size(M)];
     for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
     if (followed())
       for (int r = 0; r < M; ++r) tension[r] = flow.contacts.written_tension(r, flow.tension[r]);
@@ -60,7 +61,7 @@ struct EventWriter {
         t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, energy_terms,
         slip);
     if constexpr (F::touches) {
-      ContactPush push[room(C)];
+      ContactPush push[array_size(C)];
       const int n = followed() ? flow.contacts.pushing(push) : 0;
       out.touching(push, n, 1.0, n > 0 ? flow.contacts.residual(flow) : 0.0);
     }

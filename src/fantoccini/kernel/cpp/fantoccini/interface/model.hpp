@@ -19,7 +19,7 @@ using AnyRun = ModelRun<Model>;
 // y = (q_D, v_D, work, loss, slip loss).
 
 // At (t, y): rate (n_y,), guards (n_rows + n_watched,) and slip (n_strings,); each may be null.
-FAN_EXPORT void fan_look(
+FAN_EXPORT void fan_evaluate(
     void* handle, double t, const double* y, double* rate, double* guard, double* slip) {
   auto& event = static_cast<fan::AnyRun*>(handle)->event;
   using F = fan::Flow<fan::Model>;
@@ -73,15 +73,15 @@ FAN_EXPORT int fan_complementarity(
     int n, const double* W, const double* b, const double* upper, const int* two_sided, int* active,
     double* x, double* s, double* ray) {
   using Set = fan::ActiveSet<fan::Model::n_rows, fan::Model::n_vD>;
-  struct Room {
+  struct Memory {
     Set set;
     fan::LeastNorm<Set> least;
     bool stays[Set::C];
   };
-  if (n > fan::Model::n_rows) return int(fan::Solved::NO_ROOM);
-  Room* room = new (std::nothrow) Room();
-  if (!room) return int(fan::Solved::NO_ROOM);
-  Set& set = room->set;
+  if (n > fan::Model::n_rows) return int(fan::Solved::TOO_LARGE);
+  Memory* memory = new (std::nothrow) Memory();
+  if (!memory) return int(fan::Solved::TOO_LARGE);
+  Set& set = memory->set;
   set.n = n;
   for (int i = 0; i < n; ++i) {
     set.column[i] = W + i * fan::Model::n_vD;
@@ -89,21 +89,21 @@ FAN_EXPORT int fan_complementarity(
     set.upper[i] = upper[i];
     set.two_sided[i] = two_sided[i] != 0;
     set.place[i] = active[i] ? Set::BASIC : Set::LOW;
-    room->stays[i] = true;
+    memory->stays[i] = true;
     ray[i] = 0.0;
   }
   const fan::Solved solved = set.solve();
   if (solved == fan::Solved::INFEASIBLE)
     for (int i = 0; i < n; ++i) ray[i] = set.ray[i];
   if (solved == fan::Solved::YES) {
-    set.complete(room->stays);
-    room->least.apply(set);
+    set.complete(memory->stays);
+    memory->least.apply(set);
   }
   for (int i = 0; i < n; ++i) {
     x[i] = set.x[i];
     s[i] = set.s[i];
     active[i] = set.place[i] == Set::BASIC;
   }
-  delete room;
+  delete memory;
   return int(solved);
 }

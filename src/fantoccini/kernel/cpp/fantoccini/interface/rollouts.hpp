@@ -27,8 +27,9 @@ FAN_EXPORT void fan_goal_distances(
   using fan::Model;
   using fan::Wide;
   constexpr int width = fan::Traits<Wide>::width;
-  Wide at_D[fan::room(Model::n_qD)], at_K[fan::room(Model::n_qK)], at_p[fan::room(Model::n_p)];
-  Wide poses[fan::room(12 * Model::n_links)];
+  Wide at_D[fan::array_size(Model::n_qD)], at_K[fan::array_size(Model::n_qK)],
+      at_p[fan::array_size(Model::n_p)];
+  Wide poses[fan::array_size(12 * Model::n_links)];
   for (int i = 0; i < Model::n_p; ++i) at_p[i] = Wide(p[i]);
   for (long long first = 0; first < n; first += width) {
     if (goal->kind == fan::POINT) {

@@ -48,6 +48,6 @@ FAN_EXPORT void fan_progress(const void* run, fan::RunProgress* out) {
 }
 
 // Attribution of the run's end to each row and watched drive, at most 1.
-FAN_EXPORT void fan_blame(const void* run, int status, double* out) {
+FAN_EXPORT void fan_attribution(const void* run, int status, double* out) {
   static_cast<const fan::AnyRun*>(run)->write_attribution(fan::Status(status), out);
 }

@@ -12,7 +12,7 @@ namespace fan {
 
 template <int capacity>
 struct DenseLdl {
-  static constexpr int N = padded(room(capacity) + 1);
+  static constexpr int N = padded(array_size(capacity) + 1);
 
   int n = 0, stride = 0;
   int n_left_out = 0;  // number of rows left out
@@ -81,13 +81,13 @@ struct DenseLdl {
         quad(r + j) = a - (b + r[k + 3] * quad(row[3] + j));
       }
     }
-    back(r, given);
+    back_substitute(r, given);
   }
 
   // r <- A^-1 b, with b from column n when A was factorised.
   FAN_FN void take_column(double* r, const double* given = nullptr) const {
     for (int i = 0; i < n; ++i) r[i] = A[i * stride + n] * inverse_[i];
-    back(r, given);
+    back_substitute(r, given);
   }
 
   // Whether row i was left out.
@@ -95,7 +95,7 @@ struct DenseLdl {
 
  private:
   // r <- U^-1 r.
-  FAN_FN void back(double* r, const double* given) const {
+  FAN_FN void back_substitute(double* r, const double* given) const {
     const int stride = this->stride;
     for (int i = n; i < stride; ++i) r[i] = 0.0;
     for (int i = 0; i < n && given && n_left_out > 0; ++i)

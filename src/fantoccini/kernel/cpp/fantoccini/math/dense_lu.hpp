@@ -28,7 +28,7 @@ FAN_FN double product(const double* x, const double* y, int n) {
 
 template <int capacity>
 struct DenseLu {
-  static constexpr int N = padded(room(capacity));
+  static constexpr int N = padded(array_size(capacity));
 
   int n = 0, stride = 0;
   double A[N * N];  // row i, column j at i * stride + j; what follows column n in a row must be 0

@@ -43,7 +43,7 @@ class LeastSpan {
 
   // Whether a row is linearly independent of them.
   bool leaves(const double* row) const {
-    double rest[room(n)];
+    double rest[array_size(n)];
     for (int k = 0; k < n; ++k) rest[k] = row[k];
     for (int twice = 0; twice < 2; ++twice)
       for (int j = 0; j < rank_; ++j) take_out(j, rest);
@@ -64,7 +64,7 @@ class LeastSpan {
   }
 
   int n_ = 0, rank_ = 0;
-  double row_[room(capacity)][room(n)];
+  double row_[array_size(capacity)][array_size(n)];
 };
 
 }  // namespace fan

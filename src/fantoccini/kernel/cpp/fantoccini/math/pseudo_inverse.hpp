@@ -15,7 +15,7 @@ template <int capacity>
 class PseudoInverse {
  public:
   int rank = 0;
-  double inverse[room(capacity * capacity)];  // (n, n), row by row
+  double inverse[array_size(capacity * capacity)];  // (n, n), row by row
 
   // The n by n matrix, to be written row by row.
   double* matrix(int n) {
@@ -106,7 +106,7 @@ class PseudoInverse {
   // A null vector of the matrix, after find(); false if the matrix is regular.
   bool null_vector(double* out) const {
     if (rank == n_) return false;
-    double x[room(capacity)] = {};
+    double x[array_size(capacity)] = {};
     // A sum of all basis vectors, with different weights, so that none cancels.
     for (int j = rank; j < n_; ++j) x[j] = cos(double(j - rank));
     for (int r = 0; r < rank; ++r) {
@@ -167,9 +167,11 @@ class PseudoInverse {
     for (int i = next; i < n_; ++i) v[i] *= scale;
   }
 
-  int n_ = 0, from_[room(capacity)];
-  double A_[room(capacity * capacity)], X_[room(capacity * capacity)], sum_[room(capacity)];
-  double left_[room(capacity)][room(capacity)], right_[room(capacity)][room(capacity)];
+  int n_ = 0, from_[array_size(capacity)];
+  double A_[array_size(capacity * capacity)], X_[array_size(capacity * capacity)],
+      sum_[array_size(capacity)];
+  double left_[array_size(capacity)][array_size(capacity)],
+      right_[array_size(capacity)][array_size(capacity)];
 };
 
 }  // namespace fan

@@ -83,6 +83,6 @@ FAN_FN bool any(bool mask) { return mask; }
 inline bool is_finite(double x) { return fabs(x) < unbounded; }
 
 // Length of an array of n numbers: C++ has no arrays of length 0.
-constexpr int room(int n) { return n > 0 ? n : 1; }
+constexpr int array_size(int n) { return n > 0 ? n : 1; }
 
 }  // namespace fan

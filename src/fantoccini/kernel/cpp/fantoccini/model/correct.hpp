@@ -20,7 +20,7 @@ struct CorrectionTolerances {
 template <int n_q, class Left, class Move>
 Status correct(double* q, Left left, Move move) {
   using Tolerance = CorrectionTolerances;
-  double kept[room(n_q)], before = unbounded;
+  double kept[array_size(n_q)], before = unbounded;
   for (int i = 0; i < n_q; ++i) kept[i] = q[i];
   for (int round = 0;; ++round) {
     const double worst = left();

@@ -2,7 +2,8 @@
 //
 //   hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
 //
-// forth applies F^-T and back F^-1, both from L, the generated code's factor of M_DD.
+// solve_factor applies F^-1 and solve_factor_transposed F^-T, both from L, the generated code's
+// factor of M_DD.
 //
 // Rows are the strings, then the limits. The generated code computes W and G = W^T W of the
 // strings; a limit's column of W is computed when the limit is in a problem.
@@ -19,11 +20,14 @@ namespace fan {
 template <class Model, class Real>
 struct Evaluation {
   static constexpr int N = Model::n_vD, S = Model::n_strings, K = Model::n_limits;
-  Real L[room(Model::n_packed)], w0[room(N)] = {}, W[room(N * S)], G[room(S * S)];
-  Real h[room(S)], hdot[room(S)] = {}, gamma[room(S)] = {}, a0[room(S)] = {}, hdot_K[room(S)] = {};
-  Real h_limit[room(K)], J_limit[room(3 * K)], gamma_limit[room(K)] = {};
-  Real power0, M_DK_v_K[room(N)], loss;
-  Real f_M[room(Model::n_motors)], y_M[room(Model::n_motors)];  // force of a step: f_M - y_M dv
+  Real L[array_size(Model::n_packed)], w0[array_size(N)] = {}, W[array_size(N * S)],
+                                       G[array_size(S * S)];
+  Real h[array_size(S)], hdot[array_size(S)] = {}, gamma[array_size(S)] = {},
+                         a0[array_size(S)] = {}, hdot_K[array_size(S)] = {};
+  Real h_limit[array_size(K)], J_limit[array_size(3 * K)], gamma_limit[array_size(K)] = {};
+  Real power0, M_DK_v_K[array_size(N)], loss;
+  Real f_M[array_size(Model::n_motors)],
+      y_M[array_size(Model::n_motors)];  // force of a step: f_M - y_M dv
 
   FAN_FN void at(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
@@ -62,7 +66,9 @@ struct Evaluation {
   }
 
   // acc = F^-1 w.
-  FAN_FN void back(const Real* w, Real* acc) const { Call<Model, Real>::back(L, w, acc); }
+  FAN_FN void solve_factor(const Real* w, Real* acc) const {
+    Call<Model, Real>::solve_factor(L, w, acc);
+  }
 
   // hdot of the limits at the velocity v_D.
   FAN_FN void limit_rates(const Real* v_D, Real* rates) const {
@@ -102,14 +108,14 @@ struct RowSystem {
   using Eval = Evaluation<Model, Real>;
 
   int n = 0;
-  int row[room(M)];
-  const Real* column[room(M)];  // W's column of each row
-  Real own[room(N * Model::n_limits)] = {};
-  Real hdot[room(M)];      // at the velocity of the evaluation
-  Real hddot[room(M)];     // at zero multipliers
-  Real free_acc[room(M)];  // A_D acc_free: change of hdot per unit time without gamma
-  Real hdot_K[room(M)];
-  bool two_sided[room(M)];
+  int row[array_size(M)];
+  const Real* column[array_size(M)];  // W's column of each row
+  Real own[array_size(N * Model::n_limits)] = {};
+  Real hdot[array_size(M)];      // at the velocity of the evaluation
+  Real hddot[array_size(M)];     // at zero multipliers
+  Real free_acc[array_size(M)];  // A_D acc_free: change of hdot per unit time without gamma
+  Real hdot_K[array_size(M)];
+  bool two_sided[array_size(M)];
   // Straight-line code is used for few strings: it grows with the third power of their number.
   static constexpr int leading = S <= 8 ? S : 0;
   Complementarity<Real, M, leading> problem;
@@ -297,18 +303,19 @@ struct RowSystem {
   // The column w = F^-T A_D^T of limit i. Entries that are always zero are not written.
   FAN_FN void make(const Eval& e, int i, const Entries& of, Real* w) {
     if (Model::n_columns > 0) {
-      Real found[room(N)];
+      Real found[array_size(N)];
       Call<Model, Real>::column(Model::limit_column[i], e.L, e.J_limit + 3 * i, found);
       for (int j = 0; j < of.n; ++j) w[of[j]] = found[j];
       return;
     }
-    Real x[room(N)];
+    Real x[array_size(N)];
     for (int k = 0; k < N; ++k) x[k] = Real(0.0);
     for (int k = 0; k < Model::limit_n[i]; ++k) x[Model::limit_v[i] + k] = e.J_limit[3 * i + k];
-    Call<Model, Real>::forth(e.L, x, w);
+    Call<Model, Real>::solve_factor_transposed(e.L, x, w);
   }
 
-  bool made_[room(Model::n_limits)];  // whether a limit's column was computed for this evaluation
+  bool made_[array_size(
+      Model::n_limits)];  // whether a limit's column was computed for this evaluation
 };
 
 }  // namespace fan

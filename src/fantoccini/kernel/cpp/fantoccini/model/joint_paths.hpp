@@ -24,13 +24,14 @@ struct JointPaths {
   using Tol = JointPathTolerances;
   static constexpr int L = Model::n_links, S = Model::n_strings;
 
-  Real slide[room(L)], turn[room(L)], wound[room(S)];  // of links, and of the strings' lengths
-  Real loose[room(
+  Real slide[array_size(L)], turn[array_size(L)],
+      wound[array_size(S)];  // of links, and of the strings' lengths
+  Real loose[array_size(
       S)];  // 1.0 for strings that may go slack on the way although they are straight now
   // Bounds of a string's length minus its span, if known; otherwise they are computed from the
   // paths.
   bool known = false;
-  Real least_excess[room(S)], most_excess[room(S)];
+  Real least_excess[array_size(S)], most_excess[array_size(S)];
 
   FAN_FN void clear() {
     known = false;

@@ -29,7 +29,7 @@ struct MotorWatch {
   using Mask = typename Traits<Real>::Mask;
 
   // Drives that lost steps, or began to run away, in the last step.
-  Mask loses[room(D)], strays[room(D)];
+  Mask loses[array_size(D)], strays[array_size(D)];
 
   // Sets the state at the start of a run.
   FAN_FN void begin(const Real* q_D, const Real* q_K, const Real* p) {
@@ -59,11 +59,11 @@ struct MotorWatch {
   }
 
   // Checks the drives after a step of the lanes in `lanes`.
-  FAN_FN void look(
+  FAN_FN void observe(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* p, const Mask& lanes) {
     if (D == 0) return;
-    Real beyond[room(D)], share[room(D)];
+    Real beyond[array_size(D)], share[array_size(D)];
     Mask out = Real(0.0) > Real(1.0);
     measure(q_D, q_K, p);
     for (int d = 0; d < D; ++d) {
@@ -109,9 +109,9 @@ struct MotorWatch {
     return status;
   }
 
-  // Shares of the blame for a status in a lane: those of the rows, then 1 for every drive that is
-  // to blame, else 0.
-  void blame(Status status, int lane, const double* rows, double* out) const {
+  // Attribution of a status in a lane: shares of the rows, then 1 for every drive that caused it,
+  // else 0.
+  void attribute(Status status, int lane, const double* rows, double* out) const {
     for (int r = 0; r < Model::n_rows; ++r) *out++ = rows[r];
     for (int d = 0; d < D; ++d) {
       const bool its = status == RUNAWAY      ? lane_of(astray_[d], lane)
@@ -148,12 +148,12 @@ struct MotorWatch {
   }
 
   struct {
-    Real at[room(D)], command[room(D)], lag[room(D)];
-  } drives_;                              // measured last
-  Real low_[room(D)], high_[room(D)];     // range of the commands so far and of the start
-  Real tooth_[room(D)];                   // period of the torque that a stepper is in
-  Mask lost_[room(D)], astray_[room(D)];  // since the run began
-  Mask passed_[room(D)];                  // outside by more than runaway_distance at the last look
+    Real at[array_size(D)], command[array_size(D)], lag[array_size(D)];
+  } drives_;                                       // measured last
+  Real low_[array_size(D)], high_[array_size(D)];  // range of the commands so far and of the start
+  Real tooth_[array_size(D)];                      // period of the torque that a stepper is in
+  Mask lost_[array_size(D)], astray_[array_size(D)];  // since the run began
+  Mask passed_[array_size(D)];  // outside by more than runaway_distance at the last check
 };
 
 }  // namespace fan

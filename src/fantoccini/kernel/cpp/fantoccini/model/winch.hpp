@@ -40,10 +40,10 @@ template <int S>
 struct Winches {
   using Tolerance = WinchTolerances;
 
-  double max_tension[room(S)];   // N; unbounded for none
-  double rewind_speed[room(S)];  // m/s; 0 for none
-  double restitution[room(S)];   // of catches, 0 to 1
-  bool some_slip = false;        // whether any string has a largest tension
+  double max_tension[array_size(S)];   // N; unbounded for none
+  double rewind_speed[array_size(S)];  // m/s; 0 for none
+  double restitution[array_size(S)];   // of catches, 0 to 1
+  bool some_slip = false;              // whether any string has a largest tension
 
   void set(const double* table) {
     some_slip = false;

@@ -53,7 +53,7 @@ void put_end(
 // Destination of the attribution of trajectory i's status.
 template <class Model>
 double* attribution_of(const BatchArrays& in, long long i) {
-  return in.blame + i * (Model::n_rows + Model::n_watched);
+  return in.attribution + i * (Model::n_rows + Model::n_watched);
 }
 
 // Writes `width` numbers, read by `value(k)`, as row `row` of trajectory `index`.

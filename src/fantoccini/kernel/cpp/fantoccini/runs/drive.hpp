@@ -131,7 +131,7 @@ class Drive {
   }
 
   int n_ = 0, segment_ = 0;
-  bool still_[room(Space::n_v)];
+  bool still_[array_size(Space::n_v)];
   Phase phase_ = BEFORE;
   long long still_number_ = 0, numbers_ = 0;
   std::vector<double> breaks_, coef_, base_, force_;

@@ -139,7 +139,7 @@ class GridRun {
   int save_every_ = 1;
   ContactEvents<C> meetings_;
   ContactShare<touches ? M + 3 * C : 0> share_;
-  ContactPush shared_[room(C)];
+  ContactPush shared_[array_size(C)];
 };
 
 }  // namespace fan

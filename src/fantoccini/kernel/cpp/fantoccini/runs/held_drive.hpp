@@ -53,9 +53,10 @@ class HeldDrive {
   }
 
  private:
-  bool still_[room(Space::n_v)];
+  bool still_[array_size(Space::n_v)];
   long long still_number_ = 0, numbers_ = 0;  // as in LaneDrive
-  Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], u_D_[room(n_vD)];
+  Real coef_[array_size(Space::n_v * n_powers)], base_[array_size(Space::n_q)],
+      u_D_[array_size(n_vD)];
 };
 
 }  // namespace fan

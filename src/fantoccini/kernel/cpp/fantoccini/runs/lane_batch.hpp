@@ -121,12 +121,13 @@ class LaneDrive {
 
   InputArrays input_[width];
   int piece_[width];
-  bool forced_ = false, still_[room(Space::n_v)];
+  bool forced_ = false, still_[array_size(Space::n_v)];
   long long still_number_ = 0, numbers_ = 0;
   Real s_,
       moves_ =
           Real(0.0);  // s: time since the piece began; 1 within the input, 0 before and after it
-  Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
+  Real coef_[array_size(Space::n_v * n_powers)], base_[array_size(Space::n_q)],
+      force_[array_size(n_vD * n_powers)];
 };
 
 // Trajectory advances one trajectory per lane: TimeSteppingTrajectory or VariationalTrajectory.
@@ -238,7 +239,7 @@ class LaneBatch {
     put_lanes(in, Part::slip, row, bundle_.slip());
     const Real residual = bundle_.contact_residual();
     put_lanes(in, Part::contact_residual, row, &residual);
-    if (!in.parts[Part::books]) return;
+    if (!in.parts[Part::energy_terms]) return;
     Real energy_terms[7];
     struct {
       Real *T, *V;
@@ -246,7 +247,7 @@ class LaneBatch {
     Call<Model, Real>::energy(
         bundle_.q_D(), bundle_.v_D(), inputs.q_K, inputs.v_K, bundle_.p(), energy);
     bundle_.energy_terms(energy_terms + 2);
-    put_lanes(in, Part::books, row, energy_terms);
+    put_lanes(in, Part::energy_terms, row, energy_terms);
   }
 
   template <class Number>

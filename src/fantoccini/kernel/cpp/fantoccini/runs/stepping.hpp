@@ -66,7 +66,7 @@ Status verdict(const Trajectory& trajectory, int lane, Status ended = DONE) {
 // By row and watched drive, its share in the cause of a lane's status (n_rows + n_watched,).
 template <class Trajectory>
 void write_attribution(const Trajectory& trajectory, Status status, int lane, double* out) {
-  trajectory.motors.blame(status, lane, trajectory.blame[lane], out);
+  trajectory.motors.attribute(status, lane, trajectory.attribution[lane], out);
 }
 
 }  // namespace fan

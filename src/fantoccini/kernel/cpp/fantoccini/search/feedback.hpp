@@ -11,7 +11,7 @@ namespace fan {
 // part in `reach` seconds, which may be 0.
 template <class Model>
 void equilibrium_feedback(
-    const FunnelArrays& to, const BoundArrays& bounds, double reach, double T, const double* q_D,
+    const LqrLawArrays& to, const BoundArrays& bounds, double reach, double T, const double* q_D,
     const double* v_D, const double* q_K, const double* v_K, double* acc_K) {
   constexpr int N = Model::n_vD, K = Model::n_vK;
   double z[2 * (N + K)];

@@ -35,28 +35,28 @@ class Hanging {
  public:
   using Tolerance = HangingTolerances;
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, KQ = Model::n_qK, K = Model::n_vK;
-  static constexpr int P = Model::n_p, M = Model::n_rows, U = K + P, NP = padded(room(N));
+  static constexpr int P = Model::n_p, M = Model::n_rows, U = K + P, NP = padded(array_size(N));
 
   struct Pose {
-    double q_D[room(NQ)], q_K[room(KQ)], p[room(P)], tension[room(M)];
-    bool held[room(M)];
+    double q_D[array_size(NQ)], q_K[array_size(KQ)], p[array_size(P)], tension[array_size(M)];
+    bool held[array_size(M)];
   } at;
   double weight = 1.0;
   const unsigned char* may_change = nullptr;  // (M,) rows that may begin or cease to pull
 
   // dq_D (column u at u * NP) and dT (at u * M, of pulling rows; of others dh) by u.
-  double by_u[room(U) * NP], row_by_u[room(U * M)];
-  double h[room(M)];
+  double by_u[array_size(U) * NP], row_by_u[array_size(U * M)];
+  double h[array_size(M)];
   bool stable = false;
 
   // Computes one Newton step without taking it: `move` of q_D, `row_move` of T for pulling rows and
   // of h for others. Returns false if the equations have no solution.
-  double move[NP], row_move[room(M)];
+  double move[NP], row_move[array_size(M)];
   bool aim() {
     Call<Model, double>::hanging(at.q_D, at.q_K, at.tension, at.p, values_);
     for (int j = 0; j < M; ++j) h[j] = values_.h[j];
     if (!factorise()) return false;
-    double first[room(N)], second[room(M)];
+    double first[array_size(N)], second[array_size(M)];
     for (int k = 0; k < N; ++k) first[k] = -values_.r[k];
     for (int a = 0; a < n_; ++a) second[a] = -h[rows_[a]];
     solve(first, second, move, pull_);
@@ -105,7 +105,8 @@ class Hanging {
       const int u = chosen[c];
       const double* r_u = u < K ? values_.r_qK + u * N : values_.r_p + (u - K) * N;
       const double* h_u = u < K ? values_.A_K + u * M : values_.h_p + (u - K) * M;
-      double *x = by_u + u * NP, *row = row_by_u + u * M, first[room(N)], second[room(M)];
+      double *x = by_u + u * NP, *row = row_by_u + u * M, first[array_size(N)],
+             second[array_size(M)];
       for (int k = 0; k < N; ++k) first[k] = -r_u[k];
       for (int a = 0; a < n_; ++a) second[a] = -h_u[rows_[a]];
       solve(first, second, x, pull_);
@@ -211,7 +212,7 @@ class Hanging {
     }
     B_.substitute(x);
     if (n_ == 0) return;
-    double none[room(M)];
+    double none[array_size(M)];
     for (int a = 0; a < n_; ++a) {
       t[a] = -second[a];
       none[a] = 0.0;
@@ -223,11 +224,13 @@ class Hanging {
   }
 
   struct {
-    double r[room(N)], h[room(M)], r_q[room(N * N)], r_qK[room(N * K)], r_p[room(N * P)];
-    double A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)];
+    double r[array_size(N)], h[array_size(M)], r_q[array_size(N * N)], r_qK[array_size(N * K)],
+        r_p[array_size(N * P)];
+    double A_D[array_size(M * N)], A_K[array_size(M * K)], h_p[array_size(M * P)];
   } values_;
-  int n_ = 0, rows_[room(M)];
-  double penalty_[room(M)], pulling_[room(M) * NP], Z_[room(M) * NP], pull_[padded(room(M))];
+  int n_ = 0, rows_[array_size(M)];
+  double penalty_[array_size(M)], pulling_[array_size(M) * NP], Z_[array_size(M) * NP],
+      pull_[padded(array_size(M))];
   DenseLdl<N> B_;
   DenseLdl<M> S_;
 };

@@ -147,7 +147,7 @@ class Reach {
   // first order. Equilibrium is restored at the end; if that fails, by search().
   int along(long long i, int& count) {
     const auto kept = hang_.at;
-    int changes[room(M)] = {}, end = int(ReachEnd::STALLED);
+    int changes[array_size(M)] = {}, end = int(ReachEnd::STALLED);
     longest_ = Tolerance::first_step;
     evaluate(i);
     const double before = cost_.value;
@@ -188,7 +188,7 @@ class Reach {
   // Returns its length.
   double advance() {
     auto& at = hang_.at;
-    double pose[NP], driven[room(K)] = {}, most = 0.0, turn = 0.0;
+    double pose[NP], driven[array_size(K)] = {}, most = 0.0, turn = 0.0;
     for (int k = 0; k < NP; ++k) pose[k] = ahead_ && k < N ? hang_.move[k] : 0.0;
     for (int a = 0; a < n_; ++a) {
       most = maximum(fabs(qp_.d[a]), most);
@@ -235,7 +235,7 @@ class Reach {
   // ReachEnd of one pose, starting from the end of the last, an equilibrium.
   int search(long long i, int& count) {
     double damping = Tolerance::first_damping;
-    int changes[room(M)] = {}, end = int(ReachEnd::STALLED), taken = 0;
+    int changes[array_size(M)] = {}, end = int(ReachEnd::STALLED), taken = 0;
     bool fresh = true, tightened = false;
     longest_ = Tolerance::first_step;
     for (; taken < in->max_iterations; ++taken) {
@@ -321,7 +321,7 @@ class Reach {
   bool bound() {
     constexpr double unlimited = 1e299;
     bool any_added = false;
-    double row[room(U)];
+    double row[array_size(U)];
     for (int a = 0; a < n_; ++a) {
       const int u = chosen_[a];
       if (u < K && driven_q_[u] < 0) continue;
@@ -437,10 +437,10 @@ class Reach {
   const ReachArrays* in = nullptr;
   Hang hang_;
   ReachPoses<Model> poses_;
-  int n_ = 0, chosen_[room(U)], joint_q_[room(N)], driven_q_[room(K)];
+  int n_ = 0, chosen_[array_size(U)], joint_q_[array_size(N)], driven_q_[array_size(K)];
   bool at_longest_ = false;
   bool ahead_ = false;  // whether the step includes the move towards equilibrium
-  double longest_ = 0.0, passed_ = 0.0, price_[room(U + M + N)] = {};
+  double longest_ = 0.0, passed_ = 0.0, price_[array_size(U + M + N)] = {};
   ReachCost<Model> cost_{hang_};
   BoundedStep<U, U + M + N> qp_;
 };

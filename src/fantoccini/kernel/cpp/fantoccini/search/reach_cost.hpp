@@ -23,7 +23,7 @@ class ReachCost {
 
   const ReachArrays* in = nullptr;
   const int *joint_q = nullptr, *driven_q = nullptr;  // indices in q of scalars, by velocity
-  double value = 0.0, H[room(U * U)], g[room(U)];
+  double value = 0.0, H[array_size(U * U)], g[array_size(U)];
   double top = 0.0;    // the largest curvature
   double apart = 0.0;  // sum |place_i - target_i|^2, without weights
 
@@ -46,7 +46,7 @@ class ReachCost {
         double& off = left[3 * t + c];
         off = 0.0;
         if (std::isnan(target) || (in->links[t] < 0 && c > 0)) continue;
-        double slope[room(N + K)] = {}, place;
+        double slope[array_size(N + K)] = {}, place;
         if (in->links[t] < 0) {
           const int v = in->columns[t];
           place = v < N ? at.q_D[joint_q[v]] : at.q_K[driven_q[v - N]];
@@ -82,8 +82,8 @@ class ReachCost {
   void add(double off, const double* slope, int t, int c) {
     const double weight = in->weights[t];
     value += 0.5 * weight * off * off;
-    double row[room(U)];
-    int moving[room(N)], n_moving = 0;
+    double row[array_size(U)];
+    int moving[array_size(N)], n_moving = 0;
     for (int k = 0; k < N; ++k)
       if (slope[k] != 0.0) moving[n_moving++] = k;
     for (int a = 0; a < n_; ++a) {
@@ -106,7 +106,7 @@ class ReachCost {
     if constexpr (P > 0)
       for (int k = 0; k < P; ++k) {
         if (!in->moved[K + k]) continue;
-        double p[room(P)], step = difference * maximum(fabs(hang_.at.p[k]), 0.1);
+        double p[array_size(P)], step = difference * maximum(fabs(hang_.at.p[k]), 0.1);
         std::memcpy(p, hang_.at.p, P * sizeof(double));
         for (int side = 0; side < 2; ++side) {
           p[k] = hang_.at.p[k] + (side ? -step : step);
@@ -129,9 +129,10 @@ class ReachCost {
   const Hang& hang_;
   const int* chosen_ = nullptr;
   int n_ = 0;
-  double by_p_[room(P * 3 * max_targets)] = {};
+  double by_p_[array_size(P * 3 * max_targets)] = {};
   struct Screws {
-    double poses[room(12 * Model::n_links)], screw_D[room(6 * N)], screw_K[room(6 * K)];
+    double poses[array_size(12 * Model::n_links)], screw_D[array_size(6 * N)],
+        screw_K[array_size(6 * K)];
   } screws_, other_;
 };
 

@@ -101,7 +101,7 @@ class Rollouts {
   // Simulates the next segment of all lanes.
   void segment(const RolloutArrays& in, RolloutProgress& progress) {
     const double dt = in.options.dt;
-    Real acc_K[room(NK)];
+    Real acc_K[array_size(NK)];
     for (int l = 0; l < width; ++l) {
       set_accelerations(in, l, acc_K);
       active_[l] = rollout_[l] >= 0;
@@ -116,7 +116,7 @@ class Rollouts {
     Watch watch{*this, in, progress};
     int check_index = 0;
     bool running = true;
-    while (running && check_index < in.looks) {
+    while (running && check_index < in.n_checks) {
       way_.clear();
       record_configuration();
       clearance_.moves.clear();
@@ -129,9 +129,9 @@ class Rollouts {
 
   // Sets the accelerations of a lane's segment.
   void set_accelerations(const RolloutArrays& in, int l, Real* out) {
-    double acc[room(NK)] = {};
+    double acc[array_size(NK)] = {};
     if (rollout_[l] >= 0) {
-      double q_D[room(NQ)], v_D[room(N)], q_K[room(QK)], v_K[room(NK)];
+      double q_D[array_size(NQ)], v_D[array_size(N)], q_K[array_size(QK)], v_K[array_size(NK)];
       take_lane(lanes_.state().q_D, NQ, l, q_D);
       take_lane(lanes_.state().v_D, N, l, v_D);
       take_lane(lanes_.inputs().q_K, QK, l, q_K);
@@ -140,8 +140,8 @@ class Rollouts {
       double* acc_K = in.acc_K + (i * in.segments + segment_[l]) * NK;
       if (segment_[l] >= in.n_given[i])
         equilibrium_feedback<Model>(
-            in.funnels[in.funnel[i]], in.bounds, in.lead_time[i],
-            double(in.looks) * in.steps * in.options.dt, q_D, v_D, q_K, v_K, acc_K);
+            in.laws[in.law[i]], in.bounds, in.lead_time[i],
+            double(in.n_checks) * in.steps * in.options.dt, q_D, v_D, q_K, v_K, acc_K);
       for (int k = 0; k < NK; ++k) acc[k] = acc_K[k];
     }
     put_lane(acc, NK, l, out);
@@ -245,7 +245,7 @@ class Rollouts {
     bool running = false;
     for (int l = 0; l < width; ++l) {
       if (!active_[l]) continue;
-      double q_D[room(NQ)], v_D[room(N)], v_K[room(NK)], pose[12];
+      double q_D[array_size(NQ)], v_D[array_size(N)], v_K[array_size(NK)], pose[12];
       take_lane(state.q_D, NQ, l, q_D);
       take_lane(state.v_D, N, l, v_D);
       take_lane(inputs.v_K, NK, l, v_K);
@@ -265,7 +265,7 @@ class Rollouts {
         if (in.goal.n_touches && !touching(in.goal, l)) distance += in.goal.open;
       }
       const bool there = distance <= in.goal.tolerance;
-      if (!there && check_index < in.looks) {
+      if (!there && check_index < in.n_checks) {
         running = true;
         continue;
       }
@@ -281,7 +281,7 @@ class Rollouts {
   void check_between(
       const RolloutArrays& in, const Real* from, const Real* to, const Real& requested,
       int halvings) {
-    Real middle[room(NQ + QK)];
+    Real middle[array_size(NQ + QK)];
     mean<typename Model::Dynamic>(from, to, middle);
     mean<typename Model::Driven>(from + NQ, to + NQ, middle + NQ);
     for (int i = 0; i < NQ; ++i) clearance_.q_D[i] = middle[i];
@@ -368,7 +368,7 @@ class Rollouts {
         [&](const Real* x, int n, const double*, double* to) { take_lane(x, n, l, to + at * n); },
         in);
     in.out.distance[at] = distance;
-    in.out.looks[at] = check_index;
+    in.out.n_checks[at] = check_index;
     in.out.catches[at] = caught_[l];
   }
 

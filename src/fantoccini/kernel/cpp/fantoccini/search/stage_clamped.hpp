@@ -183,8 +183,8 @@ class ClampedStages {
     StageRiccati& r = riccati_;
     StageClampArrays& in = *in_;
     const bool first = in.iterations == 0;
-    const int room = in.most_stages - in.stages,
-              last = set_elastic(careful || first, first ? N_ : room);
+    const int n_stages = in.most_stages - in.stages,
+              last = set_elastic(careful || first, first ? N_ : n_stages);
     bool anew = false;
     ++in.iterations, in.stages += N_ / 10;
     for (int i = N_ - 1; i >= 0; --i) {
@@ -195,7 +195,7 @@ class ClampedStages {
         pulled_ = r.from_later;
         r.stage_gradient(i, gradient_.data());
         r.state_gradient(i);
-        if (i >= room || (careful ? holds(i, before) : keeps(i))) continue;
+        if (i >= n_stages || (careful ? holds(i, before) : keeps(i))) continue;
         anew = true;
         r.from_later = pulled_;
       }
@@ -225,14 +225,14 @@ class ClampedStages {
     Mode* wanted = wanted_.data() + size_t(i) * k_;
     bool right = true;
     for (int j = 0; j < k_; ++j) {
-      const double u = x[n_z_ + j], room = 1e-9 * (1.0 + std::fabs(u));
+      const double u = x[n_z_ + j], rounding = 1e-9 * (1.0 + std::fabs(u));
       wanted[j] = modes[j];
       if (modes[j] == kFree) {
-        if (u > high_[j].value + room) wanted[j] = kHigh;
-        else if (u < low_[j].value - room) wanted[j] = kLow;
+        if (u > high_[j].value + rounding) wanted[j] = kHigh;
+        else if (u < low_[j].value - rounding) wanted[j] = kLow;
         right = right && wanted[j] == kFree;
       } else {
-        right = right && std::fabs(u - (modes[j] == kHigh ? high_ : low_)[j].value) <= room;
+        right = right && std::fabs(u - (modes[j] == kHigh ? high_ : low_)[j].value) <= rounding;
       }
     }
     for (int l = 0; l < riccati_.n_laws[i]; ++l) {
@@ -369,7 +369,7 @@ class ClampedStages {
   // Gradient and Hessian of soft bounds: with the pieces active at the current motion if `careful`,
   // else those next to the previous ones in the direction of the last full step; up to the stage
   // where factors change.
-  int set_elastic(bool careful, int room) {
+  int set_elastic(bool careful, int n_stages) {
     StageRiccati& r = riccati_;
     int last = -1;
     gradient_ = g_;
@@ -379,7 +379,7 @@ class ClampedStages {
       const int to = e.piece < e.wanted ? e.piece + 1 : e.piece > e.wanted ? e.piece - 1 : e.piece;
       const int piece = careful ? piece_of(passed(e, x_)) : to;
       const int reach = std::min(e.stage + 1, N_ - 1);
-      if (piece != e.piece && reach < room) e.piece = piece, last = std::max(last, reach);
+      if (piece != e.piece && reach < n_stages) e.piece = piece, last = std::max(last, reach);
       if (e.piece == 0) continue;
       const double stiffness = e.piece == 1 ? price / ramp : price;
       const double at_zero = e.piece == 1 ? 0.0 : price * (1.0 - ramp);

@@ -22,9 +22,10 @@ struct DrivenBounds {
   DrivenLimit highest(double q, double v, double h) const {
     DrivenLimit to = {acceleration, 0.0, 0.0};
     if ((speed - v) / h < to.value) to = {(speed - v) / h, 0.0, -1.0 / h};
-    const double a = std::min(acceleration, 1e6), half = 0.5 * a * h, room = high - q - 0.5 * h * v;
-    if (room < 1e30 && acceleration > 0.0) {
-      const double root = std::sqrt(std::max(half * half + 2.0 * a * room, 0.0));
+    const double a = std::min(acceleration, 1e6), half = 0.5 * a * h,
+                 travel = high - q - 0.5 * h * v;
+    if (travel < 1e30 && acceleration > 0.0) {
+      const double root = std::sqrt(std::max(half * half + 2.0 * a * travel, 0.0));
       const double u = (root - half - v) / h;
       if (u < to.value) {
         const double by = root > 0.1 * half ? -a / root : 0.0;

@@ -54,7 +54,7 @@ struct ActiveSetTolerances {
 template <int n_columns, int n_dimensions>
 struct ActiveSet {
   using Tolerance = ActiveSetTolerances;
-  static constexpr int C = room(n_columns), D = room(n_dimensions);
+  static constexpr int C = array_size(n_columns), D = array_size(n_dimensions);
   // IDLE and PINNED rows depend on the basis and hold with it, at 0 and at `upper`.
   enum Place : signed char { LOW, BASIC, HIGH, IDLE, PINNED };
 

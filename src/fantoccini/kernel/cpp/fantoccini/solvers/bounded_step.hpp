@@ -17,7 +17,7 @@ namespace fan {
 template <int unknowns, int kinds>
 class BoundedStep {
  public:
-  static constexpr int U = room(unknowns), C = room(kinds), UP = padded(U);
+  static constexpr int U = array_size(unknowns), C = array_size(kinds), UP = padded(U);
 
   int n = 0;
   double Q[U * U], g[U], d[U];

@@ -52,7 +52,7 @@ template <class Real, int capacity, int leading = 0>
 struct Complementarity {
   using Mask = typename Traits<Real>::Mask;
   using Tolerance = ComplementarityTolerances;
-  static constexpr int N = room(capacity);
+  static constexpr int N = array_size(capacity);
 
   int n = 0;
   Real G[N * N];  // row i, column j at i * N + j
@@ -241,7 +241,7 @@ struct Complementarity {
     loose_ = Real(0.0) > Real(1.0);
     const Real low = least * largest_;
     // The Schur complement of the leading block, for which D L^T is not stored.
-    Real left[room(first)][room(first)];
+    Real left[array_size(first)][array_size(first)];
     unrolled<0, first>([&](auto d) FAN_INLINE {
       unrolled<0, d + 1>([&](auto c) FAN_INLINE { left[d][c] = entry<first>(d, c); });
     });

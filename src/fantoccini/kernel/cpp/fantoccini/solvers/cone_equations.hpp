@@ -10,7 +10,7 @@ namespace fan {
 
 template <int capacity>
 struct ConeEquations : ConeLaw {
-  static constexpr int N = padded(room(capacity));
+  static constexpr int N = padded(array_size(capacity));
 
   int n_single = 0, n_contacts = 0;
   int n = 0, stride = 0;          // rows; the length of a row of G

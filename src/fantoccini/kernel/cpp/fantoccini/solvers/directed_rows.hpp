@@ -21,7 +21,7 @@ struct DirectedRowTolerances {
 template <int capacity>
 class DirectedRows {
  public:
-  static constexpr int R = room(capacity);
+  static constexpr int R = array_size(capacity);
   using Tolerance = DirectedRowTolerances;
 
   int n = 0;  // unknowns

@@ -42,7 +42,8 @@ class HeldFactor {
 
  private:
   int n_ = 0;
-  double factor_[room(capacity)][room(capacity)], pivot_[room(capacity)], inverse_[room(capacity)];
+  double factor_[array_size(capacity)][array_size(capacity)], pivot_[array_size(capacity)],
+      inverse_[array_size(capacity)];
 };
 
 }  // namespace fan

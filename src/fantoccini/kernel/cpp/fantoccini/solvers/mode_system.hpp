@@ -27,7 +27,8 @@ template <int capacity, int turning, int n>
 class ModeSystem {
  public:
   int n_rows = 0, n_turning = 0;
-  double C[room(capacity)][room(n)], B[room(capacity)][room(n)], Z[room(turning)][room(n)];
+  double C[array_size(capacity)][array_size(n)], B[array_size(capacity)][array_size(n)],
+      Z[array_size(turning)][array_size(n)];
 
   // Whether forces keep the modes; otherwise friction jams.
   bool factorise() {
@@ -51,7 +52,7 @@ class ModeSystem {
   // w <- F x.
   template <class Real>
   void solve(Real* w, const Real* rate, Real* y) const {
-    Real right[room(capacity)];
+    Real right[array_size(capacity)];
     soften(w);
     for (int a = 0; a < n_rows; ++a) right[a] = rate[a] + along(C[a], w);
     inverse_.apply(right, y);
@@ -62,7 +63,7 @@ class ModeSystem {
   // The transpose of solve(), for a sum with derivatives g by x and -y by the multipliers. On entry
   // w = F^-T g; results: its derivatives -y by `rate`, and w = F^-T z with z those by -force.
   void solve_transposed(double* w, double* y) const {
-    double left[room(capacity)], own[room(n)];
+    double left[array_size(capacity)], own[array_size(n)];
     for (int k = 0; k < n; ++k) own[k] = w[k];
     soften(own);
     for (int a = 0; a < n_rows; ++a) left[a] = y[a] + along(B[a], own);
@@ -78,7 +79,7 @@ class ModeSystem {
   // w <- (1 + Z Z^T)^-1 w = w - Z (1 + Z^T Z)^-1 Z^T w, both sides of which have n numbers.
   template <class Real>
   void soften(Real* w) const {
-    Real turned[room(turning)];
+    Real turned[array_size(turning)];
     for (int j = 0; j < n_turning; ++j) turned[j] = along(Z[j], w);
     for (int j = 0; j < n_turning; ++j)
       for (int k = 0; k < n; ++k) w[k] -= soft_Z_[j][k] * turned[j];
@@ -131,7 +132,7 @@ class ModeSystem {
     }
   }
 
-  double soft_B_[room(capacity)][room(n)], soft_Z_[room(turning)][room(n)];
+  double soft_B_[array_size(capacity)][array_size(n)], soft_Z_[array_size(turning)][array_size(n)];
   PseudoInverse<capacity> inverse_, rank_;
   PseudoInverse<turning> turn_;
 };

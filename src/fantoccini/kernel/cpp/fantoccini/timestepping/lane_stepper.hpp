@@ -111,7 +111,7 @@ class LaneStepper {
     auto& bundle = worker.bundle;
     bundle.set(0.0, in.options, in.winches);
     auto& inputs = bundle.inputs();
-    Real acc_K[room(NK)];
+    Real acc_K[array_size(NK)];
     for (int l = 0; l < width; ++l) {
       const long long index = first + (l < n ? l : n - 1);
       put_lane(in.q_D + index * NQ, NQ, l, bundle.q_D());
@@ -144,11 +144,11 @@ class LaneStepper {
       }
       take_lane(bundle.tension(), M, l, in.tension + index * M);
       take_lane(bundle.taut(), M, l, in.taut + index * M);
-      take_lane(energy_terms, 5, l, in.books + index * 5);
+      take_lane(energy_terms, 5, l, in.energy_terms + index * 5);
       in.violation[index] = lane_of(bundle.worst_violation, l);
       in.advanced[index] = lane_of(bundle.t, l);
       in.status[index] = verdict(bundle, l);
-      write_attribution(bundle, Status(in.status[index]), l, in.blame + index * (M + D));
+      write_attribution(bundle, Status(in.status[index]), l, in.attribution + index * (M + D));
     }
   }
 

@@ -23,7 +23,7 @@ class SingleLanes {
   using Mask = typename Traits<Real>::Mask;
 
   // Rows that pulled in a lane's first step and closed faster than its forces move them.
-  Mask fast[room(M)];
+  Mask fast[array_size(M)];
 
   FAN_FN void ready(const Options& options) {
     single_.ready(options);
@@ -128,11 +128,13 @@ class SingleLanes {
   }
 
   One single_;
-  Real acc_[2][room(N)], tension_[room(M)], slip_[room(S)];
-  Mask taut_[room(M)], pulled_[room(M)], held_[room(M)], steady_, steadier_, stirred_;
+  Real acc_[2][array_size(N)], tension_[array_size(M)], slip_[array_size(S)];
+  Mask taut_[array_size(M)], pulled_[array_size(M)], held_[array_size(M)], steady_, steadier_,
+      stirred_;
   // Of one lane.
-  double q_D_[room(NQ)], v_D_[room(N)], q_K_[room(QK)], v_K_[room(NK)], acc_K_[room(NK)];
-  double u_D_[room(N)], p_[room(P)], q_next_[room(NQ)], v_next_[room(N)];
+  double q_D_[array_size(NQ)], v_D_[array_size(N)], q_K_[array_size(QK)], v_K_[array_size(NK)],
+      acc_K_[array_size(NK)];
+  double u_D_[array_size(N)], p_[array_size(P)], q_next_[array_size(NQ)], v_next_[array_size(N)];
 };
 
 }  // namespace fan

@@ -10,7 +10,7 @@ namespace fan {
 // Reciprocal of the largest move of each coordinate in a step.
 template <class Model>
 struct SpeedShares {
-  double of[room(Model::n_vD)] = {};
+  double of[array_size(Model::n_vD)] = {};
   constexpr SpeedShares() {
     using Tolerance = TimeSteppingTolerances;
     for (int k = 0; k < Model::n_vD; ++k)

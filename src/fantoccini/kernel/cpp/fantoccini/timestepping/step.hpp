@@ -57,12 +57,12 @@ struct TimeStep {
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
   // Whether the next step may extrapolate the last one, and whether the last one did.
   Mask steady = Real(0.0) > Real(1.0), was_steady = steady;
-  Real tension[room(M)];  // Lambda / dt
-  Mask taut[room(M)];     // rows that pulled in the last step; to be set by set_row()
-  Mask pulled[room(M)];   // the same, except for rows that the first step of a run catches
-  Mask held[room(M)];     // rows that pulled in the last two steps
-  Real slip[room(S)];     // m, >= 0
-  Mask slips[room(S)];    // in the last step
+  Real tension[array_size(M)];  // Lambda / dt
+  Mask taut[array_size(M)];     // rows that pulled in the last step; to be set by set_row()
+  Mask pulled[array_size(M)];   // the same, except for rows that the first step of a run catches
+  Mask held[array_size(M)];     // rows that pulled in the last two steps
+  Real slip[array_size(S)];     // m, >= 0
+  Mask slips[array_size(S)];    // in the last step
   Real work, impact, slip_loss, friction, violation;
   Real speed_bound;                   // at least |v|^2 after the last step
   Mask settled;                       // whether the last step's complementarity was solved
@@ -189,7 +189,7 @@ struct TimeStep {
   FAN_OUT_OF_LINE void evaluate(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, const Real* p) {
-    Real v_ahead[room(N)];
+    Real v_ahead[array_size(N)];
     const Real *a = acc(), *before = accs_[1 - acc_at_];
     const Real half = select(steady, Real(0.5 * dt), Real(0.0));
     const Real quarter = select(steady && was_steady, Real(0.25 * dt), Real(0.0));
@@ -203,7 +203,7 @@ struct TimeStep {
   FAN_OUT_OF_LINE bool respond(
       const Real* v_D, const Real* v_K, const Real* u_D, double dt, double recovery_speed,
       double cap, const Winches<S>& winches, bool may_part, Real* v_next) {
-    Real change[room(N)];  // v+ - v
+    Real change[array_size(N)];  // v+ - v
     watch_first(v_D, dt);
     rows.gather_leading(eval);
     if constexpr (touches)
@@ -269,7 +269,7 @@ struct TimeStep {
   FAN_FN void watch_first(const Real* v_D, double dt) {
     const Mask here = !away();
     for (int r = 0; r < S; ++r) near_[r] = here;
-    Real rate[room(M - S)];
+    Real rate[array_size(M - S)];
     eval.limit_rates(v_D, rate);
     const auto ahead = [&](int i) FAN_INLINE { return Real(eval.h_limit[i] + dt * rate[i]); };
     if (!limits_pull_ && !limits_near_ &&
@@ -286,7 +286,7 @@ struct TimeStep {
   // any.
   FAN_FN bool watch_more(
       const Real* v_D, const Real* change, double dt, double recovery_speed, Real* v) {
-    Real rate[room(M - S)];
+    Real rate[array_size(M - S)];
     each<N>([&](int k) FAN_INLINE { v[k] = v_D[k] + change[k]; });
     eval.limit_rates(v, rate);
     const PositionTerm<Real> term(dt, whole, recovery_speed);
@@ -315,7 +315,7 @@ struct TimeStep {
   }
 
   FAN_FN void gather(const Real* v_D) {
-    int list[room(M)];
+    int list[array_size(M)];
     rows.gather_others(eval, v_D, list, list_rows(list));
   }
 
@@ -360,12 +360,12 @@ struct TimeStep {
     for (int a = 0; all && a < rows.n; ++a) problem.x[a] = problem.s[a] = Real(0.0);
     if constexpr (touches)
       if (solids) touch(dt, cap);
-    Real w[room(N)];
+    Real w[array_size(N)];
     for (int a = 0; a < rows.n; ++a) pull_[a] = -problem.bounded(a);
     rows.push(eval, dt, pull_, w);
     if constexpr (touches)
       if (solids) contacts.add(w);
-    eval.back(w, change);
+    eval.solve_factor(w, change);
   }
 
   // Whether contacts take part in every lane that is not away: the rows' problem is then part of
@@ -377,7 +377,7 @@ struct TimeStep {
 
   // Solves for the impulses of contacts, with those of the rows.
   FAN_FN void touch(double dt, double cap) {
-    Real guess[room(M)];
+    Real guess[array_size(M)];
     for (int r = 0; r < M; ++r) guess[r] = tension[r] * dt;
     if constexpr (separate_lanes) contacts.settle(eval, rows, near_, guess, dt * cap, settled);
     else contacts.settle(eval, rows, near_, guess, before_, dt * cap, settled);
@@ -386,7 +386,7 @@ struct TimeStep {
   // Tensions, the active set and the step's entries of the ledger. Returns the lanes in which a row
   // was caught.
   FAN_FN Mask account(const Real* v_D, const Real* change, const Real* u_D, double dt) {
-    Mask fresh[room(M)], some_caught = Real(0.0) > Real(1.0);
+    Mask fresh[array_size(M)], some_caught = Real(0.0) > Real(1.0);
     // Limits that pull neither now nor in the last two steps need no change.
     const bool limits = limits_pull_ || limits_pulled_ || rows.n > S;
     limits_pulled_ = limits_pull_;
@@ -440,15 +440,15 @@ struct TimeStep {
   }
 
   std::conditional_t<separate_lanes, SingleLanes<Model, Real>, NoContacts> singles_;
-  Real accs_[2][room(N)] = {};                      // of the last two steps
+  Real accs_[2][array_size(N)] = {};                // of the last two steps
   int acc_at_ = 0;                                  // index of that of the last one
   bool may_slip_ = false;                           // whether a string slips in some lane, or may
   bool limits_near_ = true;                         // whether a limit may take part in some lane
   bool limits_pull_ = true, limits_pulled_ = true;  // in the last two steps
-  Real winding_[room(S)], slip_rate_[room(S)];
-  Mask near_[room(M)];    // lanes in which the row takes part in this step
-  Real pull_[room(M)];    // -Lambda, by gathered row
-  Real before_[room(M)];  // hdot at the end of the step without impulses, likewise
+  Real winding_[array_size(S)], slip_rate_[array_size(S)];
+  Mask near_[array_size(M)];    // lanes in which the row takes part in this step
+  Real pull_[array_size(M)];    // -Lambda, by gathered row
+  Real before_[array_size(M)];  // hdot at the end of the step without impulses, likewise
 };
 
 }  // namespace fan

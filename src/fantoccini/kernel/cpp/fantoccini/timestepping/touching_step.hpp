@@ -109,7 +109,7 @@ class TouchingStep {
     const auto closes = [&](int r, double h, double hdot) {
       return !at.taut[r] && hdot > 0.0 && h + t * hdot > Tolerance::closed_gap;
     };
-    double rate[room(M - S)];
+    double rate[array_size(M - S)];
     at.eval.limit_rates(v_, rate);
     for (int i = 0; i < S; ++i)
       if (closes(i, at.eval.h[i], at.eval.hdot[i])) return true;
@@ -187,13 +187,13 @@ class TouchingStep {
     at.steady = false;
   }
 
-  double q_[room(NQ)], v_[room(N)], q_K_[room(QK)];  // at the start of a part
-  double q_touch_[room(NQ)], q_K_touch_[room(QK)];   // at its touch
+  double q_[array_size(NQ)], v_[array_size(N)], q_K_[array_size(QK)];  // at the start of a part
+  double q_touch_[array_size(NQ)], q_K_touch_[array_size(QK)];         // at its touch
   // Of the completed parts.
   Totals totals_;
-  double impulse_[room(M)], violation_, residual_, loss_;
-  bool slips_[room(S)], settled_;
-  ContactPush pushed_[room(C)];
+  double impulse_[array_size(M)], violation_, residual_, loss_;
+  bool slips_[array_size(S)], settled_;
+  ContactPush pushed_[array_size(C)];
   int n_pushed_;
 };
 

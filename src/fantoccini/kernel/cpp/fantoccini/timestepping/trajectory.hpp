@@ -22,10 +22,11 @@ struct TimeSteppingTrajectory {
   static constexpr bool makes_parts = false;  // a step is made as a whole, or not at all
 
   struct State {
-    Real q_D[room(NQ)], v_D[room(N)];
+    Real q_D[array_size(NQ)], v_D[array_size(N)];
   };
   struct Inputs {
-    Real q_K[room(Model::n_qK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)] = {};
+    Real q_K[array_size(Model::n_qK)], v_K[array_size(NK)], acc_K[array_size(NK)],
+        u_D[array_size(N)] = {};
     // Nonzero if nothing moves and no force acts: inputs with the same number are then equal.
     long long still = 0;
   };
@@ -36,8 +37,8 @@ struct TimeSteppingTrajectory {
   Options opt;
   Real t;  // s
   Real work, damping, impact, slip_loss, friction, worst_violation;
-  Real status;                   // a Status: RUNNING, or the reason for the trajectory's stop
-  double blame[width][room(M)];  // of the rows for the status, 0 to 1
+  Real status;  // a Status: RUNNING, or the reason for the trajectory's stop
+  double attribution[width][array_size(M)];  // of the rows for the status, 0 to 1
 
   // Sets the time and options of all lanes; states and parameters are set afterwards.
   FAN_FN void set(double start, const Options& options, const double* table) {
@@ -118,10 +119,10 @@ struct TimeSteppingTrajectory {
     at.was_violated = at.idle = no;
     at.ready(opt);
     for (int l = 0; l < width; ++l)
-      for (int r = 0; r < M; ++r) blame[l][r] = 0.0;
+      for (int r = 0; r < M; ++r) attribution[l][r] = 0.0;
     at.clear_acc();
     at.forget(!no);
-    Real slip[room(S)];
+    Real slip[array_size(S)];
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
     step(inputs().v_K, inputs().acc_K, opt.dt, true);
     for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
@@ -142,7 +143,7 @@ struct TimeSteppingTrajectory {
     memory.keep(
         work, damping, impact, slip_loss, friction, worst_violation, status, lost_, last_loss_,
         last_root_, last_dt_);
-    memory.keep_of_lanes(blame);
+    memory.keep_of_lanes(attribution);
   }
 
   // Makes a step of length dt to the time `next` and the inputs there. A trajectory for which it
@@ -162,12 +163,12 @@ struct TimeSteppingTrajectory {
 
   // A step to the coming inputs.
   FAN_FN void advance(double dt) {
-    Real slip[room(S)];
+    Real slip[array_size(S)];
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
     if (inputs().still != 0 && inputs().still == next_inputs().still) {
       step(inputs().v_K, inputs().acc_K, dt, false);
     } else {
-      Real rate[room(NK)], mean[room(NK)];
+      Real rate[array_size(NK)], mean[array_size(NK)];
       increment<Space>(inputs().q_K, next_inputs().q_K, dt, rate);
       const Real *v_K = inputs().v_K, *v_K_next = next_inputs().v_K;
       each<NK>([&](int j) FAN_INLINE { mean[j] = (v_K_next[j] - v_K[j]) * (1.0 / dt); });
@@ -193,7 +194,7 @@ struct TimeSteppingTrajectory {
     at.idle = !goes;
     take_inputs();
     const auto& in = inputs();
-    motors.look(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p_, goes);
+    motors.observe(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p_, goes);
   }
 
   // Holds rows that pull at the start, except those that close faster than the forces of a step
@@ -258,7 +259,7 @@ struct TimeSteppingTrajectory {
     }
     stop(overflow, NOT_FINITE);
     const Mask runs_out = empty && runs();
-    if (any(runs_out)) accuse_empty(runs_out);
+    if (any(runs_out)) attribute_to_empty(runs_out);
     stop(runs_out, LENGTH_NOT_POSITIVE);
   }
 
@@ -270,18 +271,20 @@ struct TimeSteppingTrajectory {
         Real(LengthTolerances::min_length));
   }
 
-  void accuse_empty(const Mask& lanes) {
+  void attribute_to_empty(const Mask& lanes) {
     for (int i = 0; i < S; ++i) {
       const Mask empty = lanes && is_empty(i);
-      for (int l = 0; l < width; ++l) blame[l][i] = lane_of(empty, l) ? 1.0 : blame[l][i];
+      for (int l = 0; l < width; ++l)
+        attribution[l][i] = lane_of(empty, l) ? 1.0 : attribution[l][i];
     }
   }
 
   // J: lost before the last step, and in the previous step; sqrt(P) at the start of the last step.
   Real lost_, last_loss_, last_root_ = Real(0.0);
-  Real last_dt_ = Real(0.0);              // s: its length, 0 before the first one
-  Mask was_[room(M)], slipped_[room(S)];  // before the last step: taut rows, slipping winches
-  Real p_[room(Model::n_p)];
+  Real last_dt_ = Real(0.0);  // s: its length, 0 before the first one
+  Mask was_[array_size(M)],
+      slipped_[array_size(S)];  // before the last step: taut rows, slipping winches
+  Real p_[array_size(Model::n_p)];
   State states_[2];
   Inputs inputs_[2];
   int state_ = 0, inputs_at_ = 0;

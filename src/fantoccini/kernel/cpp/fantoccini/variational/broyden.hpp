@@ -46,7 +46,7 @@ struct Broyden {
   }
 
   int n_steps_ = 0;
-  Real steps_[max_stored][room(n)];
+  Real steps_[max_stored][array_size(n)];
 };
 
 }  // namespace fan

@@ -77,10 +77,10 @@ class Extrapolation {
   static constexpr double same_step = 1e-6;  // relative difference of steps that count as equal
   static constexpr double weights[n_past][n_past] = {
       {1.0, 0.0, 0.0}, {2.0, -1.0, 0.0}, {3.0, -3.0, 1.0}};
-  Real past_[n_past][room(n)];  // the latest first
-  Real n_;                      // number of valid ones
-  Real best_;                   // number of those used by the next guess
-  Real dt_;                     // s
+  Real past_[n_past][array_size(n)];  // the latest first
+  Real n_;                            // number of valid ones
+  Real best_;                         // number of those used by the next guess
+  Real dt_;                           // s
 };
 
 }  // namespace fan

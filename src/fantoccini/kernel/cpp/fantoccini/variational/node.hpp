@@ -34,7 +34,7 @@ struct VariationalNode {
   using Problem = decltype(Rows::problem);
 
   struct Inputs {
-    Real q_K[room(NQK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)];
+    Real q_K[array_size(NQK)], v_K[array_size(NK)], acc_K[array_size(NK)], u_D[array_size(N)];
     long long still = 0;  // of the drive's (runs/drive.hpp); not read here
 
     FAN_FN void keep(const Inputs& other, const Mask& lanes) {
@@ -49,40 +49,40 @@ struct VariationalNode {
 
   double cap;  // N: largest tension of a string on a winch that does not slip
   Winches<S> winches;
-  Real p[room(Model::n_p)];
+  Real p[array_size(Model::n_p)];
   Inputs now;
-  Real q_D[room(NQ)], v_D[room(N)], slip[room(S)];
-  Real momentum[room(N)];  // p_k
-  Real guess[room(N)];     // of v_D, from the step that ended here
-  Real lambda[room(M)];    // impulses of that step, by row
-  Real since;              // its length; 0 at the start
-  Real ahead;              // s: length of the next step for which `firm` is computed
-  Real moving[room(N)];    // F v_D, with the F of `exact`
-  Real mu[room(M)];
-  Mask near[room(M)];  // rows that take part
-  bool joined;         // whether `exact` lacks some of them
-  Mask taut[room(M)];
+  Real q_D[array_size(NQ)], v_D[array_size(N)], slip[array_size(S)];
+  Real momentum[array_size(N)];  // p_k
+  Real guess[array_size(N)];     // of v_D, from the step that ended here
+  Real lambda[array_size(M)];    // impulses of that step, by row
+  Real since;                    // its length; 0 at the start
+  Real ahead;                    // s: length of the next step for which `firm` is computed
+  Real moving[array_size(N)];    // F v_D, with the F of `exact`
+  Real mu[array_size(M)];
+  Mask near[array_size(M)];  // rows that take part
+  bool joined;               // whether `exact` lacks some of them
+  Mask taut[array_size(M)];
   Mask settled;  // whether mu was found
   NodeFactor<Model, Real> exact, firm;
 
   // Computes velocities and mu from momenta, and the factors for the next step. Unchanged lanes get
   // the same results again.
   FAN_FN void settle() {
-    Real p_own[room(N)];
+    Real p_own[array_size(N)];
     exact.eval.at_node(q_D, guess, now.q_K, now.v_K, now.acc_K, now.u_D, 0.5 * ahead, p, firm.eval);
     for (int k = 0; k < N; ++k)
       p_own[k] = Model::coupled ? Real(momentum[k] - exact.eval.M_DK_v_K[k]) : momentum[k];
-    exact.forth(p_own, moving);
+    exact.solve_factor_transposed(p_own, moving);
     watch();
     joined = false;
-    int list[room(M)];
+    int list[array_size(M)];
     const int n = rows_in_some_lane<Model>(near, list);
     exact.rows.gather(exact.eval, guess, list, n);
     firm.rows.gather(firm.eval, guess, list, n);
     hold();
-    exact.eval.back(moving, v_D);
-    firm.forth(momentum, firm.y);
-    Real pull[room(M)];
+    exact.eval.solve_factor(moving, v_D);
+    firm.solve_factor_transposed(momentum, firm.y);
+    Real pull[array_size(M)];
     for (int a = 0; a < n; ++a) pull[a] = -mu[list[a]];
     firm.rows.add(pull, firm.y);
   }
@@ -145,7 +145,7 @@ struct VariationalNode {
   // energy each removes. `made`: they have already acted on the velocities.
   FAN_FN void account(const Real* x, bool made, Real& work, Real* lost) const {
     const auto& rows = exact.rows;
-    Real rate[room(M)];
+    Real rate[array_size(M)];
     rows.along(moving, rate);
     constexpr int stride = Problem::N;
     for (int a = 0; a < rows.n; ++a) {
@@ -163,7 +163,7 @@ struct VariationalNode {
   // limits afterwards.
   FAN_FN void watch() {
     using std::abs;
-    Real rate[room(M - S)];
+    Real rate[array_size(M - S)];
     exact.eval.limit_rates(guess, rate);
     for (int r = 0; r < S; ++r) near[r] = Real(0.0) < Real(1.0);
     for (int r = S; r < M; ++r)
@@ -175,8 +175,8 @@ struct VariationalNode {
     auto& rows = exact.rows;
     auto& problem = rows.problem;
     const Mask no = Real(0.0) > Real(1.0);
-    Mask at_bound[room(M)];
-    Real rate[room(M)], pull[room(M)];
+    Mask at_bound[array_size(M)];
+    Real rate[array_size(M)], pull[array_size(M)];
     rows.along(moving, rate);
     bound(exact, since);
     for (int a = 0; a < rows.n; ++a) {

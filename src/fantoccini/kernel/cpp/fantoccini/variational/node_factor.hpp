@@ -10,10 +10,12 @@ template <class Model, class Real>
 struct NodeFactor {
   Evaluation<Model, Real> eval;
   RowSystem<Model, Real> rows;
-  Real y[room(Model::n_vD)];
+  Real y[array_size(Model::n_vD)];
 
   // F^-T x.
-  FAN_FN void forth(const Real* x, Real* out) const { Call<Model, Real>::forth(eval.L, x, out); }
+  FAN_FN void solve_factor_transposed(const Real* x, Real* out) const {
+    Call<Model, Real>::solve_factor_transposed(eval.L, x, out);
+  }
 };
 
 // Current iterate of a step.
@@ -23,15 +25,15 @@ struct TrialStep {
   static constexpr int M = Model::n_rows;
   using Mask = typename Traits<Real>::Mask;
 
-  Real xi[room(N)];         // the tangent vector
-  Real before[room(N)];     // p_k(xi)
-  Real after[room(N)];      // p_k+1
-  Real q_next[room(NQ)];    // q_k+1
-  Real h[room(M)];          // at the end
-  Real work_M;              // of the motors
-  Real lambda[room(M)];     // impulses
-  Real slip_next[room(S)];  // m: slips at the end
-  Mask slips[room(S)];      // winches that slip in the step
+  Real xi[array_size(N)];         // the tangent vector
+  Real before[array_size(N)];     // p_k(xi)
+  Real after[array_size(N)];      // p_k+1
+  Real q_next[array_size(NQ)];    // q_k+1
+  Real h[array_size(M)];          // at the end
+  Real work_M;                    // of the motors
+  Real lambda[array_size(M)];     // impulses
+  Real slip_next[array_size(S)];  // m: slips at the end
+  Mask slips[array_size(S)];      // winches that slip in the step
 };
 
 }  // namespace fan

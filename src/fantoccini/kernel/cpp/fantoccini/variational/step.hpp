@@ -56,7 +56,7 @@ struct VariationalStep {
 
   // The inputs at the middle of a step.
   struct Lead {
-    Real q_mid[room(NQK)], v_mid[room(NK)], acc_mid[room(NK)], u_D[room(N)];
+    Real q_mid[array_size(NQK)], v_mid[array_size(NK)], acc_mid[array_size(NK)], u_D[array_size(N)];
   };
 
   Node here;
@@ -64,9 +64,9 @@ struct VariationalStep {
   Lead lead;
   Inputs next_inputs;  // at the end of the step
   // Of the last step, in the lanes that made it.
-  Real acc[room(N)];      // (v+ - v) / dt
-  Real impulse[room(M)];  // Lambda + mu
-  Mask caught[room(M)], slips[room(S)];
+  Real acc[array_size(N)];      // (v+ - v) / dt
+  Real impulse[array_size(M)];  // Lambda + mu
+  Mask caught[array_size(M)], slips[array_size(S)];
   Real work, loss, impact, slip_loss;
   long long n_corrections = 0;
 
@@ -107,7 +107,7 @@ struct VariationalStep {
     auto& problem = rows.problem;
     const Mask no = Real(0.0) > Real(1.0);
     const Real rate = 1.0 / dt;
-    Real z[room(N)], moved[room(N)], along[room(M)], pull[room(M)];
+    Real z[array_size(N)], moved[array_size(N)], along[array_size(M)], pull[array_size(M)];
     for (int i = 0; i < S; ++i) trial_.slip_next[i] = here.slip[i] + dt * here.winding(i, dt);
     here.bound(here.firm, dt);
     for (int a = 0; a < rows.n; ++a) {
@@ -128,10 +128,10 @@ struct VariationalStep {
     for (int round = 0; round < Tolerance::max_corrections; ++round) {
       ++n_corrections;
       evaluate(dt);
-      here.firm.forth(trial_.before, z);
+      here.firm.solve_factor_transposed(trial_.before, z);
       for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
       rows.along(z, along);
-      Mask was[room(M)], changed = no;
+      Mask was[array_size(M)], changed = no;
       for (int a = 0; a < rows.n; ++a) {
         const int r = rows.row[a];
         was[a] = problem.active[a];
@@ -163,7 +163,7 @@ struct VariationalStep {
       }
       quick_.forget(changed);
       quick_.correct(z);
-      here.firm.eval.back(z, moved);
+      here.firm.eval.solve_factor(z, moved);
       for (int k = 0; k < N; ++k)
         trial_.xi[k] += select(solved || lost, Real(0.0), Real(dt * moved[k]));
     }
@@ -198,11 +198,11 @@ struct VariationalStep {
   FAN_FN void demand(const Real& dt, Real* b) {
     const TrialStep<Model, Real> solved_trial = trial_;
     auto& rows = here.firm.rows;
-    Real z[room(N)], guess_error[room(N)];
+    Real z[array_size(N)], guess_error[array_size(N)];
     for (int k = 0; k < N; ++k) guess_error[k] = guess_error_[k];
     first_guess(dt);
     evaluate(dt);
-    here.firm.forth(trial_.before, z);
+    here.firm.solve_factor_transposed(trial_.before, z);
     for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
     rows.along(z, b);
     for (int a = 0; a < rows.n; ++a) b[a] += trial_.h[rows.row[a]] / dt;
@@ -212,8 +212,8 @@ struct VariationalStep {
 
   // Makes the solved step of length dt, in the lanes `goes`.
   FAN_FN void accept(const Real& dt, const Mask& goes) {
-    Real before[room(N)], coupled[room(N)], lost[room(M)];
-    Mask was_taut[room(M)];
+    Real before[array_size(N)], coupled[array_size(N)], lost[array_size(M)];
+    Mask was_taut[array_size(M)];
     const Real rate = 1.0 / dt;
     if (here.joined) look_again();
     work = 0.5 * dt * here.exact.eval.power0 + trial_.work_M;
@@ -235,7 +235,7 @@ struct VariationalStep {
     }
     for (int i = 0; i < NQ; ++i) here.q_D[i] = select(goes, trial_.q_next[i], here.q_D[i]);
     for (int r = 0; r < M; ++r) here.lambda[r] = select(goes, trial_.lambda[r], here.lambda[r]);
-    Real slip_rate[room(S)];
+    Real slip_rate[array_size(S)];
     for (int i = 0; i < S; ++i) {
       slip_rate[i] = (trial_.slip_next[i] - here.slip[i]) * rate;
       here.slip[i] = select(goes, trial_.slip_next[i], here.slip[i]);
@@ -269,8 +269,8 @@ struct VariationalStep {
   // Adds the residual of the momenta at the node to those at the end, so that conserved momenta are
   // kept to rounding whatever the residual of the iteration.
   FAN_FN void balance() {
-    Real v[room(N)], still[room(NK)], lacks[room(N)];
-    here.firm.eval.back(left_, v);
+    Real v[array_size(N)], still[array_size(NK)], lacks[array_size(N)];
+    here.firm.eval.solve_factor(left_, v);
     for (int j = 0; j < NK; ++j) still[j] = Real(0.0);
     Call<Model, Real>::momenta(here.q_D, v, here.now.q_K, still, here.p, lacks);
     for (int k = 0; k < N; ++k) trial_.after[k] += lacks[k];
@@ -297,11 +297,11 @@ struct VariationalStep {
   // corrected by the extrapolated errors of such guesses.
   FAN_FN void first_guess(const Real& dt) {
     const auto& on = here.exact;
-    Real w[room(N)], pull[room(M)];
+    Real w[array_size(N)], pull[array_size(M)];
     for (int k = 0; k < N; ++k) w[k] = here.moving[k] + (0.5 * dt) * on.eval.w0[k];
     for (int a = 0; a < on.rows.n; ++a) pull[a] = -here.mu[on.rows.row[a]];
     on.rows.add(pull, w);
-    on.eval.back(w, trial_.xi);
+    on.eval.solve_factor(w, trial_.xi);
     for (int k = 0; k < N; ++k) guess_error_[k] = trial_.xi[k] *= dt;
     extrapolation_.add(dt, trial_.xi);
   }
@@ -342,13 +342,13 @@ struct VariationalStep {
     here.joined = true;
     auto& rows = here.firm.rows;
     auto& problem = rows.problem;
-    Mask active[room(M)], high[room(M)];
+    Mask active[array_size(M)], high[array_size(M)];
     for (int r = 0; r < M; ++r) active[r] = high[r] = Real(0.0) > Real(1.0);
     for (int a = 0; a < rows.n; ++a) {
       active[rows.row[a]] = problem.active[a];
       high[rows.row[a]] = problem.high[a];
     }
-    int list[room(M)];
+    int list[array_size(M)];
     rows.gather_more(here.firm.eval, here.guess, list, rows_in_some_lane<Model>(here.near, list));
     for (int a = 0; a < rows.n; ++a) {
       problem.active[a] = active[rows.row[a]];
@@ -360,7 +360,7 @@ struct VariationalStep {
   // Adds the limits that have joined to the rows of `exact`.
   FAN_FN void look_again() {
     here.joined = false;
-    int list[room(M)];
+    int list[array_size(M)];
     const int n = rows_in_some_lane<Model>(here.near, list);
     here.exact.rows.gather_more(here.exact.eval, here.guess, list, n);
   }
@@ -382,8 +382,9 @@ struct VariationalStep {
   }
 
   TrialStep<Model, Real> trial_;
-  Real left_[room(N)];         // z of the solved step
-  Real guess_error_[room(N)];  // the guess of xi without extrapolation; in accept(), its error
+  Real left_[array_size(N)];  // z of the solved step
+  Real
+      guess_error_[array_size(N)];  // the guess of xi without extrapolation; in accept(), its error
   Extrapolation<N, Real> extrapolation_;
   Broyden<N, Real> quick_;
 };

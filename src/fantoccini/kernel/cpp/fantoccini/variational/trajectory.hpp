@@ -41,9 +41,9 @@ struct VariationalTrajectory {
   Real t;  // s
   Real work, damping, impact, slip_loss, worst_violation;
   Real status;  // a Status: RUNNING, or the reason for the trajectory's stop
-  double blame[width][room(M)];
+  double attribution[width][array_size(M)];
   // Of the last whole step.
-  Real pull[room(M)];  // N or N m: mean tensions
+  Real pull[array_size(M)];  // N or N m: mean tensions
 
   // Sets the time and options of all lanes; states and parameters are set afterwards.
   void set(double start, const Options& options, const double* winches) {
@@ -84,7 +84,7 @@ struct VariationalTrajectory {
     work = damping = impact = slip_loss = worst_violation = Real(0.0);
     for (int r = 0; r < M; ++r) {
       pull[r] = catch_impulse_[r] = Real(0.0);
-      for (int l = 0; l < width; ++l) blame[l][r] = 0.0;
+      for (int l = 0; l < width; ++l) attribution[l][r] = 0.0;
     }
     for (int i = 0; i < S; ++i) slips_[i] = slipped_[i] = !all;
     drive.start(t, node().now);
@@ -119,7 +119,7 @@ struct VariationalTrajectory {
   void advance(Drive& drive, double next, double whole) {
     const Mask no = Real(0.0) > Real(1.0);
     const Real start = t;
-    Real part = Real(whole), impulse[room(M)];
+    Real part = Real(whole), impulse[array_size(M)];
     for (int r = 0; r < M; ++r) {
       was_[r] = node().taut[r];
       impulse[r] = catch_impulse_[r] = Real(0.0);
@@ -154,7 +154,7 @@ struct VariationalTrajectory {
     }
     for (int i = 0; i < S; ++i) slips_[i] = (ends && slips_[i]) || (!ends && slipped_[i]);
     const Inputs& in = inputs();
-    motors.look(q_D(), v_D(), in.q_K, in.v_K, in.acc_K, p(), ends);
+    motors.observe(q_D(), v_D(), in.q_K, in.v_K, in.acc_K, p(), ends);
     stop(ends && motors.gone, RUNAWAY);
   }
 
@@ -218,13 +218,13 @@ struct VariationalTrajectory {
     stop(lanes && !node().settled, NOT_SETTLED);
     const Mask empty = lanes && is_empty(node().now) && runs();
     for (int l = 0; any(empty) && l < width; ++l)
-      if (lane_of(empty, l)) accuse_empty(l, node().now);
+      if (lane_of(empty, l)) attribute_to_empty(l, node().now);
     stop(empty, LENGTH_NOT_POSITIVE);
     const Mask capped = lanes && most > node().cap * span && runs();
     for (int l = 0; any(capped) && l < width; ++l)
       for (int r = 0; lane_of(capped, l) && r < M; ++r) {
         const double share = fabs(lane_of(at.impulse[r], l)) / lane_of(most, l);
-        blame[l][r] = lane_of(at.caught[r], l) ? 0.0 : share;
+        attribution[l][r] = lane_of(at.caught[r], l) ? 0.0 : share;
       }
     stop(capped, TENSION_CAP);
   }
@@ -244,8 +244,8 @@ struct VariationalTrajectory {
     return !(length > Real(varies ? LengthTolerances::min_length : -1.0));
   }
 
-  void accuse_empty(int lane, const Inputs& in) {
-    for (int i = 0; i < S; ++i) blame[lane][i] = lane_of(is_empty(i, in), lane) ? 1.0 : 0.0;
+  void attribute_to_empty(int lane, const Inputs& in) {
+    for (int i = 0; i < S; ++i) attribution[lane][i] = lane_of(is_empty(i, in), lane) ? 1.0 : 0.0;
   }
 
   // The status of a lane for which even the shortest part has no solution; sets its rows'
@@ -254,15 +254,15 @@ struct VariationalTrajectory {
     for (int j = 0; j < NK; ++j)
       if (!(fabs(lane_of(at.next_inputs.v_K[j], lane)) < max_state_norm)) return NOT_FINITE;
     if (lane_of(is_empty(at.next_inputs), lane)) {
-      accuse_empty(lane, at.next_inputs);
+      attribute_to_empty(lane, at.next_inputs);
       return LENGTH_NOT_POSITIVE;
     }
     const auto& rows = node().firm.rows;
     const double dt = lane_of(parts, lane);
     ActiveSet<M, N> set;
-    double columns[room(M)][room(N)];
-    int row[room(M)];
-    Real b[room(M)];
+    double columns[array_size(M)][array_size(N)];
+    int row[array_size(M)];
+    Real b[array_size(M)];
     at.demand(parts, b);
     node().bound(node().firm, parts);
     set.n = 0;
@@ -287,15 +287,16 @@ struct VariationalTrajectory {
       if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = Tolerance::catch_time;
       most = fmax(most, fabs(share[a]));
     }
-    for (int a = 0; a < set.n && most > 0.0; ++a) blame[lane][row[a]] = fabs(share[a]) / most;
+    for (int a = 0; a < set.n && most > 0.0; ++a) attribution[lane][row[a]] = fabs(share[a]) / most;
     if (solved == Solved::INFEASIBLE) return IMPOSSIBLE_INPUT;
     return most > node().cap * span ? TENSION_CAP : NOT_SETTLED;
   }
 
   // Of the last whole step.
-  Real catch_impulse_[room(M)];             // N s or N m s: impulses of caught rows
-  Mask was_[room(M)];                       // rows that were taut before it
-  Mask slips_[room(S)], slipped_[room(S)];  // winches that slip in it, and in the previous one
+  Real catch_impulse_[array_size(M)];  // N s or N m s: impulses of caught rows
+  Mask was_[array_size(M)];            // rows that were taut before it
+  Mask slips_[array_size(S)],
+      slipped_[array_size(S)];  // winches that slip in it, and in the previous one
 };
 
 }  // namespace fan

@@ -1,4 +1,4 @@
-"""Funnels: feedback laws that bring a puppet to an equilibrium from a region around it."""
+"""LQR laws, which bring a puppet to an equilibrium from a region around it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fantoccini.control.problems.derivatives import segment_derivatives, taut_pr
 from fantoccini.control.problems.rollouts import RolloutOptions
 from fantoccini.control.tasks import StateArrays
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.kernel.runtime import Funnel, RunOptions
+from fantoccini.kernel.runtime import LqrLaw, RunOptions
 
 SPEED_WEIGHT = 0.1
 """Weight of velocities relative to positions, in all regulators [s]."""
@@ -20,7 +20,7 @@ SPEED_WEIGHT = 0.1
 
 @dataclass(frozen=True)
 class _Weights:
-    """Weights and horizon of the regulators of funnels."""
+    """Weights and horizon of the LQR laws."""
 
     doublings: int = 7
     """Number of doublings: the horizon is 2^7 segments."""
@@ -31,14 +31,14 @@ class _Weights:
 _WEIGHTS = _Weights()
 
 
-def funnels(
+def lqr_laws(
     marionette: Marionette,
     q_D: ConfigD,
     q_K: ConfigK,
     moves: MaskRows,
     run_options: RunOptions,
     options: RolloutOptions,
-) -> list[Funnel]:
+) -> list[LqrLaw]:
     """Linear-quadratic regulators about an equilibrium, with one step per segment.
 
         min sum |dq_D|^2 + w^2 (|v_D|^2 + |dq_K|^2 + |v_K|^2) + r |acc_K|^2
@@ -65,7 +65,7 @@ def funnels(
             state,
             np.zeros((1, k)),
             run_options,
-            options.looks,
+            options.n_checks,
             options.threads,
             onto=projection,
         )
@@ -77,12 +77,12 @@ def funnels(
     gains[:, moves] = riccati.stationary_gain(
         A, B[:, moves], np.diag(weight), accelerations, _WEIGHTS.doublings
     )
-    return [Funnel(q_D, q_K, K) for K in gains]
+    return [LqrLaw(q_D, q_K, K) for K in gains]
 
 
 def servo(
     marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows, segment: float
-) -> Funnel:
+) -> LqrLaw:
     """The regulator of the driven coordinates alone, independent of the puppet's motion.
 
     Args:
@@ -100,4 +100,4 @@ def servo(
     gains = np.zeros((k, 2 * (n + k)))
     for v in np.flatnonzero(moves):
         gains[v, [2 * n + v, 2 * n + k + v]] = gain
-    return Funnel(q_D, q_K, gains)
+    return LqrLaw(q_D, q_K, gains)
