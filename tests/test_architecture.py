@@ -65,6 +65,7 @@ KINDS = {
     "base.errors.FantocciniError": "an error",
     "base.errors.Outcome": "a status with its message",
     "base.errors.StateError": "an error",
+    "base.short_repr.ShortRepr": "a dataclass with arrays, whose representation is one line",
     "control.optimal.shooting.EventRuns": "runs, by the method of their derivatives",
     "control.tasks.answer.Answer": "an answer to a problem of control, and its truth",
     "control.tasks.control_file.ControlFile": "a file with a puppet and its start",

@@ -142,9 +142,8 @@ class ContactStep {
   // Whether a point rebounds, of one trajectory.
   FAN_FN bool has_rebound() const { return state_.points.most > 0 && state_.bounces[0]; }
 
-  // Time until the first of the rebounding points touches (negative if it overlaps), and until the
-  // next one, later than both that and the step's start by more than `same` [s]; unbounded if there
-  // is none.
+  // Time until the first rebounding point touches (negative if it overlaps), and until the next one,
+  // by more than `same` after that and the step's start [s]; unbounded if there is none.
   struct Touches {
     double first, second;
   };
@@ -175,8 +174,7 @@ class ContactStep {
   // accelerated [s]; unbounded if there is none.
   FAN_FN double next_strike() const { return next_strike_; }
 
-  // Adds points that pushed in earlier parts of a step to those that push at its end; of one
-  // trajectory.
+  // Adds points that pushed in earlier parts of a step, of one trajectory.
   void join(const Push* earlier, int n_earlier) {
     for (int k = 0; k < n_earlier; ++k) {
       int place = 0;
