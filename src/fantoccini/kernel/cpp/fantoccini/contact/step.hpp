@@ -142,8 +142,8 @@ class ContactStep {
   // Whether a point rebounds, of one trajectory.
   FAN_FN bool has_rebound() const { return state_.points.most > 0 && state_.bounces[0]; }
 
-  // Time until the first rebounding point touches (negative if it overlaps), and until the next one,
-  // by more than `same` after that and the step's start [s]; unbounded if there is none.
+  // Time until the first rebounding point touches (negative if it overlaps), and until the next
+  // one, by more than `same` after that and the step's start [s]; unbounded if there is none.
   struct Touches {
     double first, second;
   };
