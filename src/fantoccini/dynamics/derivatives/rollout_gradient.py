@@ -168,10 +168,10 @@ class Rollout(ShortRepr):
 
     def _refuse_edges(self) -> None:
         """Raises StateError if contact leaves a step without derivative."""
-        if self.edges.max(initial=0) < StepEdge.LEAVES_LAW:
+        if self.edges.max(initial=0) < StepEdge.LAW_CHANGED:
             return
-        i = int(np.flatnonzero(self.edges >= StepEdge.LEAVES_LAW.value)[-1])
-        why = StepEdge.meanings(int(self.edges[i]) & -StepEdge.LEAVES_LAW.value)
+        i = int(np.flatnonzero(self.edges >= StepEdge.LAW_CHANGED.value)[-1])
+        why = StepEdge.meanings(int(self.edges[i]) & -StepEdge.LAW_CHANGED.value)
         raise StateError(
             f"step {i}, at {self.start + i * self.dt:.6g} s, has no derivative, and so the rollout "
             f"no gradient: {self._pairs[self._run.touches['pairs'][i]]}: {'; '.join(why)}"

@@ -225,8 +225,8 @@ def _refuse(
 ) -> None:
     """Raises StateError for a step that has no derivative."""
     names = ", ".join(dict.fromkeys(point.name for point in points))
-    if touches is not None and marionette.contacts is not None and edges & StepEdge.LEAVES_LAW:
-        pairs = np.flatnonzero(touches.pair_edges[0] & StepEdge.LEAVES_LAW)
+    if touches is not None and marionette.contacts is not None and edges & StepEdge.LAW_CHANGED:
+        pairs = np.flatnonzero(touches.pair_edges[0] & StepEdge.LAW_CHANGED)
         wedged = dict.fromkeys(pair_name(marionette.contacts.names[pair]) for pair in pairs)
         raise StateError(
             f"{', '.join(wedged)} moves after this step in a way that the contact law does not "

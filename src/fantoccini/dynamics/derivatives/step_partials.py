@@ -328,7 +328,7 @@ def linearised(
         held=held,
         motion=derivatives.motion,
         pull=derivatives.pull,
-        settled=ended & (edges < StepEdge.LEAVES_LAW.value),
+        settled=ended & (edges < StepEdge.LAW_CHANGED.value),
         edges=edges,
         n_contacts=n_points,
         dt=dt,

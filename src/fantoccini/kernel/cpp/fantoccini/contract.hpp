@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x0f7d603171d9ae45;
+constexpr long long contract_digest = 0x340afadae198d071;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -127,19 +127,20 @@ enum class ReachEnd : int {
   TIPS = 4,  // nearer poses are not stable equilibria
 };
 
-// Reasons, as bits, why a step is not smooth; from LEAVES_LAW on it has no derivative.
+// Reasons, as bits, why a step is not smooth; from LAW_CHANGED on it has no derivative.
 enum StepEdge : int {
   WITHOUT_FORCE = 1,  // a point touches without force
   STRAINED = 2,  // a point sticks at the edge of its cone
-  MAY_REBOUND = 4,  // a point springs back if any faster, or is not the only one that touches first
+  // a point springs back if any faster, or is not the only one that touches first
+  REBOUND_BEGINS = 4,
   NOT_SMOOTH = 8,  // the place of a point has no derivative
-  ASKEW = 16,  // a point touches without force, and slides askew of those that push
+  SLIDES_ELSEWHERE = 16,  // a point touches without force, and slides askew of those that push
   // bodies are wedged in, restitution is scaled down to add no energy, or points spring back
   // one after the other
-  LEAVES_LAW = 32,
+  LAW_CHANGED = 32,
   JAMS = 64,  // friction jams: no forces keep the modes
   OPEN_SHARES = 128,  // solids slide on so many points that their forces are not unique
-  CROWDED = 256,  // there are more points with force than a step allows
+  TOO_MANY_POINTS = 256,  // there are more points with force than a step allows
 };
 
 // An input: arrays in C order.

@@ -70,7 +70,7 @@ class RolloutGradient {
       Call<Model, double>::solve_factor_transposed(eval_.L, l_a[0], w);
       if (take_contacts(in, k)) {
         in.edges[k] |= fault(in, k);
-        if (in.edges[k] >= LEAVES_LAW) return;
+        if (in.edges[k] >= LAW_CHANGED) return;
         for (int a = 0; a < rows; ++a)
           y[a] = in.l_tension && a < rows_.n ? -in.l_tension[k * M + rows_.row[a]] : 0.0;
         solve_contacts(w, y);
