@@ -137,7 +137,7 @@ SEARCHES: tuple[Structure, ...] = (
             Field("pairs", "int*", "(n,) contact pair of the edge; -1 for none"),
             Field("slip", "double", "largest slip of a winch [m]"),
             Field("shortened", MANY, "first shortened step; n for none"),
-            Field("made", MANY, "number of steps before the rollout ended"),
+            Field("n_steps", MANY, "number of steps before the rollout ended"),
             Field("status", "int", "Status"),
             Field("held", "const unsigned char*", "(n, n_rows) rows that the steps hold"),
             Field("l_q", IN, "(n + 1, n_vD) partial derivatives of the cost by tangents of q_D"),

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x340afadae198d071;
+constexpr long long contract_digest = 0x2c0569b515efb927;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -542,7 +542,7 @@ struct GradientArrays {
   int* pairs;  // (n,) contact pair of the edge; -1 for none
   double slip;  // largest slip of a winch [m]
   long long shortened;  // first shortened step; n for none
-  long long made;  // number of steps before the rollout ended
+  long long n_steps;  // number of steps before the rollout ended
   int status;  // Status
   const unsigned char* held;  // (n, n_rows) rows that the steps hold
   const double* l_q;  // (n + 1, n_vD) partial derivatives of the cost by tangents of q_D

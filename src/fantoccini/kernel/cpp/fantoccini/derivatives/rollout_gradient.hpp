@@ -47,7 +47,7 @@ class RolloutGradient {
     run_.begin(nodes);
     if constexpr (touches) run_.at.contacts.looks_ahead = false;
     make_steps(run_, nodes, EvenSteps{in.options.dt, in.n}, count, tape);
-    in.made = count.made;
+    in.n_steps = count.n_total;
     in.status = verdict(run_, 0);
   }
 
@@ -142,7 +142,7 @@ class RolloutGradient {
     GradientArrays& in;
 
     bool ready(const StepCount& count) {
-      const long long k = count.made;
+      const long long k = count.n_total;
       const bool steady = all.run_.at.steady, was_steady = all.run_.at.was_steady;
       in.ahead[2 * k] = steady ? 0.5 * in.options.dt : 0.0;
       in.ahead[2 * k + 1] = steady && was_steady ? 0.25 * in.options.dt : 0.0;
@@ -150,7 +150,7 @@ class RolloutGradient {
     }
 
     void record(const StepCount& count, bool moved) {
-      if (moved) all.keep(in, count.made - 1);
+      if (moved) all.keep(in, count.n_total - 1);
     }
   };
 
