@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x2c0569b515efb927;
+constexpr long long contract_digest = 0x23b6ae229beea656;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -33,7 +33,7 @@ struct Constants {
   // or rad/s]
   static constexpr double rest_speed = 1e-05;
   // lower bound of the length by which a string's gap is divided [m]
-  static constexpr double min_length = 0.001;
+  static constexpr double min_scale_length = 0.001;
   // deceleration of a rewinding winch before it stops [m/s^2]
   static constexpr double winch_deceleration = 1.0;
   // largest number of vertices of a polytope in contact
