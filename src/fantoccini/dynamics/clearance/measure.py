@@ -229,7 +229,7 @@ class Clearance:
 
         def criterion(at: Places, distance: Array, lower: Array) -> Indices:
             selected = (distance < within) | (at.s == 0.0)
-            measured.append((at.some(selected), distance[selected]))
+            measured.append((at.subset(selected), distance[selected]))
             beyond = distance >= within
             return np.flatnonzero(beyond & (lower < np.minimum(within, distance - _MAX_UNDERCUT)))
 
@@ -237,7 +237,7 @@ class Clearance:
         at = Places(*map(np.concatenate, zip(*(places for places, _ in measured), strict=True)))
         order = np.argsort(at.t, kind="stable")
         distance = np.concatenate([distance for _, distance in measured])
-        return at.some(order), distance[order]
+        return at.subset(order), distance[order]
 
     def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
         """The nearest pair in the worst configuration; for runs, also between samples.
