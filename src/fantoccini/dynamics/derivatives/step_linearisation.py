@@ -91,7 +91,7 @@ def linearise_step(
     step_inputs = StepInputs.of(marionette, motion, acc_K, u_D, None, dt, slip)
     options = StepOptions(forces=True, pull=True, threads=1)
     linearised_step = linearised(marionette, step_inputs, options, shares=True)
-    steps, results = linearised_step.steps, linearised_step.made
+    steps, results = linearised_step.steps, linearised_step.record
     _check_arrived(marionette, x, results, acc_K, dt)
     touches = results if isinstance(results, StepTouches) else None
     points = () if touches is None else _held_points(marionette, touches)
