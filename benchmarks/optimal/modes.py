@@ -27,7 +27,7 @@ from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.optimal.sqp import Iterate, Search
 from fantoccini.control.optimal.through_modes import HOLDS
 from fantoccini.control.optimal.tightening import Tightening
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.nodes import Nodes
 
 LIMITS = Limits(tolerance=1e-6, cost_tolerance=1e-6, iterations=100)
@@ -64,7 +64,7 @@ def by_seed(task: fan.Task, seeds: int) -> None:
 
 def by_method(task: fan.Task, seeds: int) -> None:
     """Prints searches after one exploration."""
-    marionette, chosen = task.marionette, Chosen(task.marionette, task.x0, {})
+    marionette, chosen = task.marionette, ChosenParameters(task.marionette, task.x0, {})
     first = Nodes.still(marionette, task.x0, task.durations[1], task.n_intervals)
     costs: dict[str, list[float]] = {name: [] for name in METHODS}
     seconds = dict.fromkeys(METHODS, 0.0)

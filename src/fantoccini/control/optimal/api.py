@@ -44,7 +44,7 @@ from fantoccini.control.optimal.through_modes import HOLDS, ThroughModes
 from fantoccini.control.tasks import (
     AnswerStatus,
     Bounds,
-    Chosen,
+    ChosenParameters,
     Clip,
     Nodes,
     Smooth,
@@ -119,7 +119,7 @@ def optimise(
     rotates = bool(marionette.coordinates.rotations)
     if exact and rotates:
         raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
-    chosen = Chosen(marionette, task.x0, task.parameters)
+    chosen = ChosenParameters(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension or task.bounds.force)
     pulls = pulls or any(track.kind == "tension" for track in task.tracks)
     has_contact = marionette.contacts is not None
@@ -351,7 +351,7 @@ def _check(task: Task) -> None:
         task.bounds.check_end(marionette, task.x0, task.goal)
 
 
-def first_nodes(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> Nodes:
+def first_nodes(task: Task, chosen: ChosenParameters, guess: Input | Optimum | None) -> Nodes:
     """The nodes of the first motion, with the accelerations of a guess clipped to their bounds."""
     N, (shortest, longest) = task.n_intervals, task.durations
     nodes = Nodes.still(task.marionette, task.x0, longest, N)

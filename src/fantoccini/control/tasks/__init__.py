@@ -2,7 +2,7 @@
 
 from fantoccini.control.tasks.answer import Answer, AnswerStatus
 from fantoccini.control.tasks.bounds import Bounds, Interval, Most
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.control_file import (
     ControlFile,
@@ -41,7 +41,7 @@ __all__ = [
     "Answer",
     "AnswerStatus",
     "Bounds",
-    "Chosen",
+    "ChosenParameters",
     "Clip",
     "ContactLike",
     "ControlFile",
