@@ -29,7 +29,7 @@ class OutOfTime(Exception):
 
 
 @dataclass
-class Kept:
+class ResultCache:
     """Results by key, for use from several threads.
 
     Attributes:
