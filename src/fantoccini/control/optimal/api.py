@@ -35,12 +35,12 @@ from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.finishing import confirmed, iterate, search_minimum
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.control.optimal.iterations import Limits
+from fantoccini.control.optimal.multi_start import HOLDS, MultiStartSearch
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.outlook import out_of_reach
 from fantoccini.control.optimal.result import Optimum
 from fantoccini.control.optimal.shooting import EventRuns, StepRuns
 from fantoccini.control.optimal.sqp import Iterate, Search
-from fantoccini.control.optimal.through_modes import HOLDS, ThroughModes
 from fantoccini.control.tasks import (
     AnswerStatus,
     Bounds,
@@ -84,7 +84,7 @@ def optimise(
     it raises.
 
     A task that explores is searched through modes: see
-    :mod:`fantoccini.control.optimal.through_modes`.
+    :mod:`fantoccini.control.optimal.multi_start`.
 
     For puppets with contact, the first iterates are runs of time steps, whose derivatives hold for
     the points that stick, slide or are open there. The answer is simulated event-driven, and is
@@ -153,9 +153,9 @@ def optimise(
 
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)
-    search: Search | ThroughModes = Search(at, runs, objective, limits)
+    search: Search | MultiStartSearch = Search(at, runs, objective, limits)
     if task.explore and isinstance(runs, HybridRuns):
-        search = ThroughModes(at, runs, objective, limits, seed)
+        search = MultiStartSearch(at, runs, objective, limits, seed)
     status = None
     try:
         if has_contact:

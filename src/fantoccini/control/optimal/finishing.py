@@ -11,10 +11,10 @@ from fantoccini.base import OnProgress
 from fantoccini.control.optimal.attribution import passed_bound
 from fantoccini.control.optimal.hybrid import ExactRuns
 from fantoccini.control.optimal.iterations import Limits
+from fantoccini.control.optimal.multi_start import HOLDS
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.optimal.sqp import SETTINGS, Iterate, Search, merit
-from fantoccini.control.optimal.through_modes import HOLDS
 from fantoccini.control.tasks import Driven, Nodes
 
 COARSE = 0.02

@@ -36,7 +36,7 @@ from fantoccini.control.tasks import Driven, Nodes
 
 
 @dataclass(frozen=True)
-class TighteningSettings:
+class TrustRegionSettings:
     """Parameters of the search."""
 
     radius: float = 0.07
@@ -64,7 +64,7 @@ class TighteningSettings:
     """Error at the end, or violation of bounds, above which it is far."""
 
 
-SETTINGS = TighteningSettings()
+SETTINGS = TrustRegionSettings()
 _MIN_SIZE = 1e-300
 
 
@@ -89,7 +89,7 @@ class _Step:
     stationarity: float
 
 
-class Tightening:
+class TrustRegionSearch:
     """A search that improves a motion step by step, through slack and catches.
 
     Args:

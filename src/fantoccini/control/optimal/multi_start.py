@@ -14,7 +14,7 @@ from fantoccini.control.optimal.hybrid import HybridRuns
 from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.optimal.tightening import Tightening
+from fantoccini.control.optimal.trust_region import TrustRegionSearch
 from fantoccini.dynamics.compiled import refuse_contact
 
 HOLDS = 1e-3
@@ -24,7 +24,7 @@ _MAX_REPETITIONS = 2
 """Number of repetitions of an exploration near a tightened motion that does not hold."""
 
 
-class ThroughModes:
+class MultiStartSearch:
     """A search for the best of the motions from several explorations.
 
     It makes ``task.explore`` explorations, and more until one of their motions holds, each with its
@@ -103,7 +103,7 @@ class ThroughModes:
                 return False
             ends = self._runs.ends(*nodes_and_run)
             at = Iterate(nodes_and_run[0], ends, objective.cost(nodes_and_run[0], ends))
-            tightened = Tightening(at, self._runs, objective, limits).run(count)
+            tightened = TrustRegionSearch(at, self._runs, objective, limits).run(count)
             keep(tightened)
             if not self._rank(tightened)[0]:
                 return True
