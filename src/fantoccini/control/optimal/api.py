@@ -141,7 +141,7 @@ def optimise(
         )
     curve, best = [(time.perf_counter() - began, at.cost)], at
 
-    # Two searches for each exploration: the exploration itself and its tightening.
+    # Two searches for each exploration: the exploration itself and its refinement.
     total = float(iterations * max(1, 2 * task.explore))
 
     def note(report: Progress) -> None:
