@@ -13,7 +13,7 @@ from fantoccini.control.optimal import exploring
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.hybrid import HybridRuns
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
-from fantoccini.control.tasks.drawn_inputs import Driven
+from fantoccini.control.tasks.drawn_inputs import DrivenConditions
 from fantoccini.control.tasks.nodes import Nodes
 
 pytestmark = pytest.mark.slow
@@ -236,7 +236,7 @@ def test_ctrl_c_while_it_explores_keeps_the_best_so_far():
 def test_random_inputs_stay_within_their_bounds(arm: fan.Marionette):
     """They can also stop there: unlimited motions come to rest at the bound."""
     task = fan.control.load_task("swing_up")
-    driven, h = Driven.of(task), 0.03
+    driven, h = DrivenConditions.of(task), 0.03
     rng = np.random.default_rng(0)
     wild = 60.0 * rng.standard_normal((50, 80, 2))
     pushed = np.full((2, 80, 2), 40.0)

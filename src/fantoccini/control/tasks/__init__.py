@@ -11,7 +11,7 @@ from fantoccini.control.tasks.control_file import (
     read_control_file,
 )
 from fantoccini.control.tasks.costs import Smooth, Track
-from fantoccini.control.tasks.drawn_inputs import Driven, hats
+from fantoccini.control.tasks.drawn_inputs import DrivenConditions, hats
 from fantoccini.control.tasks.goals import Goal, GoalLike
 from fantoccini.control.tasks.nodes import Nodes, number_names
 from fantoccini.control.tasks.residuals import (
@@ -45,7 +45,7 @@ __all__ = [
     "Clip",
     "ContactLike",
     "ControlFile",
-    "Driven",
+    "DrivenConditions",
     "Goal",
     "GoalLike",
     "Interval",
