@@ -65,8 +65,8 @@ class DrivenConditions:
     def within(self, acc: Array, h: float) -> Array:
         """(n, N, n_vK) accelerations clipped to the bounds.
 
-        The coordinate can stop within v^2 / (2 a) + |v| h / 2 by accelerations that are constant
-        over intervals, so a velocity v+ after an interval may be as large as
+        With a bound a, the coordinate can stop within v^2 / (2 a) + |v| h / 2 by accelerations that
+        are constant over intervals, so a velocity v+ after an interval may be as large as
 
             v+^2 / (2 a) + v+ h <= high - q - v h / 2
         """
