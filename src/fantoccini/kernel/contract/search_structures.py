@@ -170,7 +170,9 @@ SEARCHES: tuple[Structure, ...] = (
                 "places", IN, "(n, n_targets, 3) targets; NaN is free; coordinates use the first"
             ),
             Field("weights", IN, "(n_targets,) weights of squared distances"),
-            Field("once", "int", "whether poses that are not reached are searched once only"),
+            Field(
+                "single_pass", "int", "whether poses that are not reached are searched once only"
+            ),
             Field("q_D", IN, "(n_qD,) start of the search for the first pose"),
             Field("q_K", IN, "(n_qK,)"),
             Field("p", IN, "(n_p,)"),

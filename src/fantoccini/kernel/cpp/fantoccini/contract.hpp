@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x23b6ae229beea656;
+constexpr long long contract_digest = 0x77b2933a9a585e2b;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -567,7 +567,7 @@ struct ReachArrays {
   const unsigned char* moves;  // (n_targets, n_vD + n_vK) velocities that move the link
   const double* places;  // (n, n_targets, 3) targets; NaN is free; coordinates use the first
   const double* weights;  // (n_targets,) weights of squared distances
-  int once;  // whether poses that are not reached are searched once only
+  int single_pass;  // whether poses that are not reached are searched once only
   const double* q_D;  // (n_qD,) start of the search for the first pose
   const double* q_K;  // (n_qK,)
   const double* p;  // (n_p,)
