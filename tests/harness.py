@@ -60,7 +60,7 @@ class Model:
             outputs[key] = value[:, 0] if value.shape[1] == 1 else value
         return outputs
 
-    def one(self, name: str, state: State, **more) -> np.ndarray:
+    def first_output(self, name: str, state: State, **more) -> np.ndarray:
         """The first output of a function; matrices keep their shape."""
         function = self.equations[name]
         more = {"p": self.p} | more

@@ -144,7 +144,7 @@ def test_one_outer_loop_iterates_quadratic_programs():
     assert methods == {
         "optimal/iterations.py",
         "optimal/sqp.py",
-        "optimal/tightening.py",
+        "optimal/trust_region.py",
         "planning/descent.py",
     }
     programs = {
@@ -169,7 +169,7 @@ def test_steps_are_judged_by_one_set_of_ratios():
         if node.id.upper() in ratios | {"TAKEN", "DECREASE"}
     }
     assert assigned == {"control/optimal/iterations.py"}
-    for method in ("sqp", "tightening"):
+    for method in ("sqp", "trust_region"):
         text = (PACKAGE / "control" / "optimal" / f"{method}.py").read_text(encoding="utf-8")
         assert all(ratio in text for ratio in ratios)
 

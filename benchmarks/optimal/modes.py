@@ -22,19 +22,19 @@ from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.exploring import Exploration
 from fantoccini.control.optimal.hybrid import HybridRuns
 from fantoccini.control.optimal.iterations import Limits
+from fantoccini.control.optimal.multi_start import HOLDS
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.optimal.sqp import Iterate, Search
-from fantoccini.control.optimal.through_modes import HOLDS
-from fantoccini.control.optimal.tightening import Tightening
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.optimal.trust_region import TrustRegionSearch
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.nodes import Nodes
 
 LIMITS = Limits(tolerance=1e-6, cost_tolerance=1e-6, iterations=100)
-METHODS: dict[str, tuple[type[EventRuns], Callable[..., Search | Tightening]]] = {
+METHODS: dict[str, tuple[type[EventRuns], Callable[..., Search | TrustRegionSearch]]] = {
     "filter, time steps": (EventRuns, Search),
     "filter, exact": (HybridRuns, Search),
-    "trust region, exact": (HybridRuns, Tightening),
+    "trust region, exact": (HybridRuns, TrustRegionSearch),
 }
 
 
@@ -64,7 +64,7 @@ def by_seed(task: fan.Task, seeds: int) -> None:
 
 def by_method(task: fan.Task, seeds: int) -> None:
     """Prints searches after one exploration."""
-    marionette, chosen = task.marionette, Chosen(task.marionette, task.x0, {})
+    marionette, chosen = task.marionette, ChosenParameters(task.marionette, task.x0, {})
     first = Nodes.still(marionette, task.x0, task.durations[1], task.n_intervals)
     costs: dict[str, list[float]] = {name: [] for name in METHODS}
     seconds = dict.fromkeys(METHODS, 0.0)

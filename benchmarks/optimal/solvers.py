@@ -24,7 +24,7 @@ from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.quadratic import StageProgram, StageSolver
 from fantoccini.control.optimal.shooting import EventRuns
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.nodes import Nodes
 
 from .casadi_stages import CasadiSolver
@@ -39,7 +39,7 @@ INPUT_TOLERANCE = 1e-4
 def first_program(task: fan.Task) -> tuple[StageProgram, float]:
     """The program of a task's first step, and its unit."""
     steps = TimeSteps(task.marionette, task.dt, 1)
-    runs = EventRuns(steps, Chosen(task.marionette, task.x0, {}))
+    runs = EventRuns(steps, ChosenParameters(task.marionette, task.x0, {}))
     motion = runs.run(Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals))
     assert motion is not None
     objective, linear = Objective(task), runs.linearise(motion[0], runs.ends(*motion))

@@ -34,14 +34,14 @@ int main() {
     if (n > kCapacity) return 1;
     problem.resize(n_single, n_contacts);
     take(problem.mu, problem.n_contacts);
-    bool slides[kCapacity], some = false;
+    bool slides[kCapacity], any_slides = false;
     double along[2 * kCapacity];
     for (int c = 0; c < n_contacts; ++c) {
       slides[c] = take() != 0.0;
-      some = some || slides[c];
+      any_slides = any_slides || slides[c];
       take(along + 2 * c, 2);
     }
-    problem.slides = some ? slides : nullptr;
+    problem.slides = any_slides ? slides : nullptr;
     problem.along = along;
     for (double* part : {problem.lower, problem.upper, problem.b, problem.x}) take(part, n);
     for (int i = 0; i < n; ++i) take(problem.G + i * problem.stride, n);

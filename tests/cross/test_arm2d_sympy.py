@@ -86,15 +86,15 @@ def test_matrices_equal_the_papers(arm):
         state = State(q_D, v_D, q_K, v_K, np.zeros(2))
         at = (q_D, v_D, q_K, v_K, constants.numbers())
         pairs = {
-            "M": ours.one("mass_matrix", state),
-            "C": ours.one("coriolis", state)[:2, :2],
-            "g": ours.one("gravity", state)[:, 0],
-            "h": ours.one("constraint", state)[0, 0],
-            "A_D": ours.one("A_D", state)[0],
-            "A_K": ours.one("A_K", state)[0],
-            "Adot_v": ours.one("Adot_v", state)[0, 0],
-            "T": ours.one("kinetic", state)[0, 0],
-            "V": ours.one("potential", state)[0, 0],
+            "M": ours.first_output("mass_matrix", state),
+            "C": ours.first_output("coriolis", state)[:2, :2],
+            "g": ours.first_output("gravity", state)[:, 0],
+            "h": ours.first_output("constraint", state)[0, 0],
+            "A_D": ours.first_output("A_D", state)[0],
+            "A_K": ours.first_output("A_K", state)[0],
+            "Adot_v": ours.first_output("Adot_v", state)[0, 0],
+            "T": ours.first_output("kinetic", state)[0, 0],
+            "V": ours.first_output("potential", state)[0, 0],
         }
         rates = {k: v[0] for k, v in ours.call("A_rate", state).items()}
         for name, value in (pairs | rates).items():

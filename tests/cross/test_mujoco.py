@@ -70,10 +70,10 @@ def test_energies_and_poses_equal_mujocos(seed):
     rates = dict(zip(t.v_D + t.v_K, [*state.v_D, *state.v_K], strict=True))
     twin.set(values, rates, rates)
     potential, kinetic = twin.energy()
-    assert model.one("kinetic", state)[0, 0] == pytest.approx(kinetic, rel=1e-11)
-    ours = model.one("potential", state)[0, 0]
+    assert model.first_output("kinetic", state)[0, 0] == pytest.approx(kinetic, rel=1e-11)
+    ours = model.first_output("potential", state)[0, 0]
     assert ours == pytest.approx(potential, rel=1e-11, abs=1e-9)
-    poses = model.one("poses", state).reshape(-1, 12)
+    poses = model.first_output("poses", state).reshape(-1, 12)
     for link, pose in zip(model.tree.links, poses, strict=True):
         theirs = twin.body_pose(link.name)
         np.testing.assert_allclose(pose[:9].reshape(3, 3).T, theirs[:, :3], atol=1e-12)

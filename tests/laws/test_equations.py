@@ -56,7 +56,7 @@ def test_mass_matrix_is_symmetric_positive_definite_and_gives_the_kinetic_energy
     close(M, M.T, 1e-15)
     assert np.linalg.eigvalsh(M[: model.table.n_vD, : model.table.n_vD]).min() > 0
     v = np.concatenate([state.v_D, state.v_K])
-    close(model.one("kinetic", state), v @ M @ v / 2, 1e-12)
+    close(model.first_output("kinetic", state), v @ M @ v / 2, 1e-12)
 
 
 @pytest.mark.parametrize("kinds", [tuple(random_trees.DOF), SCALAR])
@@ -64,7 +64,7 @@ def test_mass_matrix_is_symmetric_positive_definite_and_gives_the_kinetic_energy
 def test_rate_of_M_minus_twice_C_is_skew(seed, kinds):
     model = tree(seed, kinds=kinds)
     state = model.random(seed)
-    C = model.one("coriolis", state)
+    C = model.first_output("coriolis", state)
     rate = model.rate(lambda x: whole_mass(model, x), state)
     N = rate - 2 * C
     close(N, -N.T, 1e-8)
@@ -76,8 +76,8 @@ def test_C_times_v_is_the_velocity_part_of_the_bias(seed):
     model = tree(seed)
     state, n = model.random(seed), model.table.n_vD
     v = np.concatenate([state.v_D, state.v_K])
-    velocity = model.one("bias", state)[:, 0] - model.one("gravity", state)[:, 0]
-    close((model.one("coriolis", state) @ v)[:n], velocity, 1e-12)
+    velocity = model.first_output("bias", state)[:, 0] - model.first_output("gravity", state)[:, 0]
+    close((model.first_output("coriolis", state) @ v)[:n], velocity, 1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -93,7 +93,7 @@ def test_christoffel_symbols_where_joints_are_scalar(seed):
         along = State(state.q_D, unit[: t.n_vD], state.q_K, unit[t.n_vD :], np.zeros(t.n_vK))
         slope[:, :, k] = model.rate(lambda x: whole_mass(model, x), along)
     C = np.einsum("ijk,k->ij", slope + slope.transpose(0, 2, 1) - slope.transpose(2, 1, 0), v) / 2
-    close(model.one("coriolis", state), C, 1e-8)
+    close(model.first_output("coriolis", state), C, 1e-8)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -109,7 +109,9 @@ def test_lagranges_equations_with_moving_inputs(seed):
             ahead, behind = (
                 State(x.q_D, x.v_D + s * unit, x.q_K, x.v_K, x.acc_K) for s in (0.5, -0.5)
             )
-            p[i] = (model.one("lagrangian", ahead) - model.one("lagrangian", behind))[0, 0]
+            p[i] = (
+                model.first_output("lagrangian", ahead) - model.first_output("lagrangian", behind)
+            )[0, 0]
         return p
 
     force = np.zeros(t.n_vD)
@@ -117,7 +119,7 @@ def test_lagranges_equations_with_moving_inputs(seed):
 
         def at(x: State) -> float:
             here = State(x.q_D, state.v_D, x.q_K, state.v_K, state.acc_K)
-            return model.one("lagrangian", here)[0, 0]
+            return model.first_output("lagrangian", here)[0, 0]
 
         along = State(state.q_D, unit, state.q_K, np.zeros(t.n_vK), np.zeros(t.n_vK))
         force[i] = model.rate(at, along)
@@ -131,8 +133,8 @@ def test_gravity_is_the_slope_of_the_potential(seed):
     slope = np.zeros(t.n_vD)
     for i, unit in enumerate(np.eye(t.n_vD)):
         along = State(state.q_D, unit, state.q_K, np.zeros(t.n_vK), np.zeros(t.n_vK))
-        slope[i] = model.rate(lambda x: model.one("potential", x)[0, 0], along)
-    close(model.one("gravity", state)[:, 0], slope, 1e-8)
+        slope[i] = model.rate(lambda x: model.first_output("potential", x)[0, 0], along)
+    close(model.first_output("gravity", state)[:, 0], slope, 1e-8)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -143,16 +145,16 @@ def test_power_balance(seed):
     rng = np.random.default_rng(seed)
     lam, u_D = -rng.uniform(0.0, 5.0, 3), rng.normal(size=t.n_vD)
     result = model.call("dynamics", state, u_D=u_D)
-    A_D, A_K = model.one("A_D", state), model.one("A_K", state)
+    A_D, A_K = model.first_output("A_D", state), model.first_output("A_K", state)
     M = whole_mass(model, state)[: t.n_vD, : t.n_vD]
     free = np.array(model.equations["solve_factor"](result["L"], result["w0"])).ravel()
     acc_D = free + np.linalg.solve(M, A_D.T @ lam)
-    effort = model.one("effort", state, acc_D=acc_D, lam=lam)[:, 0]
+    effort = model.first_output("effort", state, acc_D=acc_D, lam=lam)[:, 0]
     hdot = A_D @ state.v_D + A_K @ state.v_K
     close(result["hdot"], hdot, 1e-12)
 
     def energy(x: State) -> float:
-        return (model.one("kinetic", x) + model.one("potential", x))[0, 0]
+        return (model.first_output("kinetic", x) + model.first_output("potential", x))[0, 0]
 
     power = state.v_K @ effort + lam @ hdot + u_D @ state.v_D - float(result["loss"][0])
     close(model.rate(energy, state, acc_D), power, 1e-8)
@@ -164,9 +166,9 @@ def test_damping_takes_power_and_nothing_else(seed):
     model = tree(seed, drag=True)
     state, t = model.random(seed, moving_inputs=False), model.table
     result = model.call("dynamics", state)
-    force = model.one("damping", state)[:, 0]
+    force = model.first_output("damping", state)[:, 0]
     M = whole_mass(model, state)[: t.n_vD, : t.n_vD]
-    bias = model.one("bias", state)[:, 0]
+    bias = model.first_output("bias", state)[:, 0]
     close(M @ model.acceleration(state), -bias - force, 1e-11)
     close(force @ state.v_D, float(result["loss"][0]), 1e-12)
     assert result["loss"][0] >= 0
@@ -182,10 +184,10 @@ def test_A_D_and_A_K_are_the_slopes_of_h(seed):
     model = constrained(seed)
     state, t = model.random(seed), model.table
     n, k = t.n_vD, t.n_vK
-    A = np.hstack([model.one("A_D", state), model.one("A_K", state)])
+    A = np.hstack([model.first_output("A_D", state), model.first_output("A_K", state)])
     for i, unit in enumerate(np.eye(n + k)):
         along = State(state.q_D, unit[:n], state.q_K, unit[n:], np.zeros(k))
-        slope = model.rate(lambda x: model.one("constraint", x)[:, 0], along)
+        slope = model.rate(lambda x: model.first_output("constraint", x)[:, 0], along)
         close(A[:, i], slope, 1e-8)
 
 
@@ -195,9 +197,9 @@ def test_Adot_v_is_the_rate_of_hdot_at_constant_velocity(seed):
     model = constrained(seed)
     state, t = model.random(seed), model.table
     state = State(state.q_D, state.v_D, state.q_K, state.v_K, np.zeros(t.n_vK))
-    A_D, A_K = (lambda x: model.one("A_D", x)), (lambda x: model.one("A_K", x))
+    A_D, A_K = (lambda x: model.first_output("A_D", x)), (lambda x: model.first_output("A_K", x))
     rate = model.rate(lambda x: A_D(x) @ x.v_D + A_K(x) @ x.v_K, state)
-    close(model.one("Adot_v", state)[:, 0], rate, 1e-8)
+    close(model.first_output("Adot_v", state)[:, 0], rate, 1e-8)
     rates = model.equations["A_rate"](
         q_D=state.q_D, v_D=state.v_D, q_K=state.q_K, v_K=state.v_K, p=model.p
     )
@@ -213,20 +215,20 @@ def test_compiled_rows_agree_with_the_papers_objects(seed):
     m = len(model.tree.strings)
     result = model.call("dynamics", state)
     M = whole_mass(model, state)[: t.n_vD, : t.n_vD]
-    A_D, A_K = model.one("A_D", state)[:m], model.one("A_K", state)[:m]
+    A_D, A_K = model.first_output("A_D", state)[:m], model.first_output("A_K", state)[:m]
     close(result["G"], A_D @ np.linalg.solve(M, A_D.T), 1e-11)
     close(result["a0"], A_D @ model.acceleration(state), 1e-11)
-    gamma = model.one("Adot_v", state)[:m, 0] + A_K @ state.acc_K
+    gamma = model.first_output("Adot_v", state)[:m, 0] + A_K @ state.acc_K
     close(result["gamma"], gamma, 1e-11)
     close(result["hdot_K"], A_K @ state.v_K, 1e-12)
-    close(result["h"], model.one("constraint", state)[:m, 0], 1e-14)
+    close(result["h"], model.first_output("constraint", state)[:m, 0], 1e-14)
     force = np.random.default_rng(seed).normal(size=t.n_vD)
     half = model.equations["solve_factor_transposed"](result["L"], force)
     solved = np.array(model.equations["solve_factor"](result["L"], half)).ravel()
     close(solved, np.linalg.solve(M, force), 1e-11)
     close(result["M_DK_v_K"], whole_mass(model, state)[: t.n_vD, t.n_vD :] @ state.v_K, 1e-12)
     none = np.zeros(t.n_vD)
-    effort = model.one("effort", state, acc_D=none, lam=np.zeros(m))[:, 0]
+    effort = model.first_output("effort", state, acc_D=none, lam=np.zeros(m))[:, 0]
     close(result["power0"][0], state.v_K @ effort, 1e-12)
 
 
@@ -238,14 +240,14 @@ def test_body_velocity_is_the_rate_of_the_pose(seed):
     n = len(model.tree.links)
 
     def frames(x: State) -> np.ndarray:
-        flat = model.one("poses", x).reshape(n, 12)
+        flat = model.first_output("poses", x).reshape(n, 12)
         g = np.tile(np.eye(4), (n, 1, 1))
         g[:, :3, :3] = flat[:, :9].reshape(n, 3, 3).transpose(0, 2, 1)
         g[:, :3, 3] = flat[:, 9:]
         return g
 
     twist = np.linalg.inv(frames(state)) @ model.rate(frames, state)
-    V = model.one("body_velocity", state)
+    V = model.first_output("body_velocity", state)
     close(V[:3].T, twist[:, :3, 3], 1e-8)
     close(V[3:].T, np.stack([twist[:, 2, 1], twist[:, 0, 2], twist[:, 1, 0]], axis=1), 1e-8)
 
@@ -259,8 +261,8 @@ def test_weights_as_wrenches_are_gravity(seed):
     for i, link in enumerate(model.tree.links):
         mass = twin.model.body(link.name).mass[0]
         wrench[:3, i] = mass * np.array(model.tree.gravity)
-    u_D = model.one("wrench_forces", state, wrench=wrench)[:, 0]
-    close(u_D, -model.one("gravity", state)[:, 0], 1e-12)
+    u_D = model.first_output("wrench_forces", state, wrench=wrench)[:, 0]
+    close(u_D, -model.first_output("gravity", state)[:, 0], 1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -372,4 +374,4 @@ def test_mass_times_is_a_product_with_M(seed):
     state, n = model.random(seed), model.table.n_vD
     x = np.random.default_rng(seed).normal(size=n)
     product = whole_mass(model, state)[:n, :n] @ x
-    close(model.one("mass_times", state, acc_D=x)[:, 0], product, 1e-13)
+    close(model.first_output("mass_times", state, acc_D=x)[:, 0], product, 1e-13)

@@ -102,11 +102,13 @@ def test_reflected_motion_is_the_motion_of_the_reflection(seed, plane):
     np.testing.assert_allclose(
         model.acceleration(y), reflected(t.v_D, acc, plane), atol=1e-11 * size
     )
-    assert model.one("lagrangian", y)[0, 0] == pytest.approx(model.one("lagrangian", x)[0, 0])
+    assert model.first_output("lagrangian", y)[0, 0] == pytest.approx(
+        model.first_output("lagrangian", x)[0, 0]
+    )
 
     rows = model.tree.row_names
-    h = dict(zip(rows, model.one("constraint", x)[:, 0], strict=True))
-    image = dict(zip(rows, model.one("constraint", y)[:, 0], strict=True))
+    h = dict(zip(rows, model.first_output("constraint", x)[:, 0], strict=True))
+    image = dict(zip(rows, model.first_output("constraint", y)[:, 0], strict=True))
     for name, value in h.items():
         # A twist has the opposite sense in the mirror: its lower bound is its twin's upper bound.
         other = twin(name)
@@ -118,7 +120,7 @@ def test_reflected_motion_is_the_motion_of_the_reflection(seed, plane):
     places = {link.name: i for i, link in enumerate(model.tree.links)}
     S = np.eye(3)
     S[NORMAL[plane], NORMAL[plane]] = -1.0
-    here, there = (model.one("poses", s).reshape(-1, 12) for s in (x, y))
+    here, there = (model.first_output("poses", s).reshape(-1, 12) for s in (x, y))
     for name, i in places.items():
         j = places[twin(name)]
         R, Q = (p[:9].reshape(3, 3).T for p in (here[i], there[j]))

@@ -17,7 +17,7 @@ def test_momentum_is_the_sum_over_the_bodies(seed):
     model = Model(description(seed, 12, driven=0.3))
     x = model.random(seed)
     poses = link_poses(model.tree.links, x.q_D[None], x.q_K[None], float)[0]
-    V = model.one("body_velocity", x).T
+    V = model.first_output("body_velocity", x).T
     parts = []
     for link, (v, w), pose in zip(model.tree.links, V.reshape(-1, 2, 3), poses, strict=True):
         m, com, inertia = link_inertia(link, float)
@@ -26,7 +26,7 @@ def test_momentum_is_the_sum_over_the_bodies(seed):
     centre = sum(m * c for m, c, _, _ in parts) / sum(m for m, *_ in parts)
     linear = sum(p for _, _, p, _ in parts)
     angular = sum(np.cross(c - centre, p) + own for _, c, p, own in parts)
-    momenta = model.one("momentum", x)[:, 0]
+    momenta = model.first_output("momentum", x)[:, 0]
     np.testing.assert_allclose(momenta, [*linear, *angular], rtol=1e-11, atol=1e-11)
 
 

@@ -146,7 +146,7 @@ def test_catch_is_eqs_13_to_15(arm, performance):
             continue
         before, after = np.flatnonzero(run.t == event.t)[[0, -1]]
         x = State(run.q_D[after], run.v_D[after], run.q_K[after], run.v_K[after], np.zeros(2))
-        M, A_D, A_K = (model.one(name, x) for name in ("mass_matrix", "A_D", "A_K"))
+        M, A_D, A_K = (model.first_output(name, x) for name in ("mass_matrix", "A_D", "A_K"))
         dv = run.v_D[after] - run.v_D[before]
         np.testing.assert_allclose(M @ dv, -A_D[0] * event.impulse, atol=1e-12)
         assert abs(A_D[0] @ x.v_D + A_K[0] @ x.v_K) < 1e-12
@@ -180,7 +180,7 @@ def test_strings_only_pull_and_never_stretch(arm, cradle, performance):
         assert run.tension.values.min() >= 0
         for i in range(len(run.t)):
             x = State(run.q_D[i], run.v_D[i], run.q_K[i], run.v_K[i], np.zeros(run.v_K.shape[1]))
-            h = model.one("constraint", x)[:, 0]
+            h = model.first_output("constraint", x)[:, 0]
             assert h.max() < 1e-10
             assert np.abs(h[run.taut.values[i]]).max(initial=0.0) < 1e-10
             assert np.all(run.tension.values[i][~run.taut.values[i]] == 0)
@@ -197,13 +197,13 @@ def test_at_rest_the_strings_carry_the_weight(name, cradle, request):
     tau = np.zeros(model.tree.n_rows)
     tau[: len(model.tree.strings)] = run.tension.values[0]
     tau[len(model.tree.strings) :] = run.limit_force.values[0]
-    balance = model.one("gravity", x)[:, 0] + model.one("A_D", x).T @ tau
-    weight = np.abs(model.one("gravity", x)).max()
+    balance = model.first_output("gravity", x)[:, 0] + model.first_output("A_D", x).T @ tau
+    weight = np.abs(model.first_output("gravity", x)).max()
     np.testing.assert_allclose(balance, 0.0, atol=1e-9 * max(1.0, weight))
     assert np.abs(run.v_D).max() < 1e-8
     if name == "arm2d":
         return
-    total = model.one("gravity", x)[
+    total = model.first_output("gravity", x)[
         model.table.v_D.index({"cradle": "rod.z", "marionette": "torso.z"}[name]), 0
     ]
     pull = 0.0

@@ -107,11 +107,11 @@ def test_an_answer_with_an_incomplete_event_driven_run_is_not_confirmed(
 def test_the_derivatives_are_those_of_the_time_steps_of_the_search(block: fan.Marionette):
     """A step of the inputs changes the run by A and B, through sticking and sliding."""
     from fantoccini.control.optimal.dynamics import TimeSteps
-    from fantoccini.control.tasks.chosen import Chosen
+    from fantoccini.control.tasks.chosen_parameters import ChosenParameters
     from fantoccini.control.tasks.nodes import Nodes
 
     task = pulled(block, 0.01)
-    chosen = Chosen(block, task.x0, {})
+    chosen = ChosenParameters(block, task.x0, {})
     runs = shooting.StepRuns(TimeSteps(block, 0.01, 1, chosen, True), chosen)
     nodes, run = runs.run(Nodes.of_input(block, task.x0, task.guess, T, N))
     linear = runs.linearise(nodes, runs.ends(nodes, run))

@@ -9,7 +9,7 @@ import fantoccini as fan
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.hybrid import ExactRuns
 from fantoccini.control.optimal.shooting import EventRuns
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.costs import Track
 from fantoccini.control.tasks.nodes import Nodes
 from fantoccini.control.tasks.residuals import NodeKinematics, residual_of
@@ -64,7 +64,7 @@ def test_a_search_keeps_its_number_of_steps_where_a_free_duration_gets_shorter(c
 
 
 def test_extrapolated_derivatives_are_off_by_the_square_of_the_step(crane, nodes: Nodes):
-    runs = EventRuns(TimeSteps(crane, 0.05), Chosen(crane, crane.rest(), {}))
+    runs = EventRuns(TimeSteps(crane, 0.05), ChosenParameters(crane, crane.rest(), {}))
     runs_made = runs.run(nodes)
     assert runs_made is not None
     exact = ExactRuns(runs.steps, runs.chosen).linearise(runs_made[0], runs.ends(*runs_made))
@@ -109,7 +109,7 @@ def test_ends_by_the_length_of_intervals(crane: fan.Marionette):
     x0 = crane.rest()
     acc = np.array([[0.4, 0.0], [-0.3, 0.1], [0.2, -0.1]])
     swing = Nodes.still(crane, x0, 0.9, 3).moved(np.zeros((4, 16)), acc)
-    runs = EventRuns(TimeSteps(crane, 0.0005), Chosen(crane, x0, {}))
+    runs = EventRuns(TimeSteps(crane, 0.0005), ChosenParameters(crane, x0, {}))
     at = runs.run(swing)
     assert at is not None
     nodes, run = at

@@ -14,7 +14,7 @@ from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.tasks.bounds import Interval
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.nodes import Nodes
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
@@ -67,7 +67,7 @@ def test_the_cost_changes_with_parameters_as_in_its_program(lever: fan.Marionett
     task = lifting(lever, parameters={"tie": TIE, "load": (0.1, 2.0), "hinge": (-0.1, 0.1)})
     bob = fan.control.Track.point("bob", (0.4, 0, -0.8), at=(0, 0, -0.2), weight=10.0)
     task = replace(task, tracks=[*task.tracks, bob], dt=dt)
-    chosen = Chosen(lever, task.x0, task.parameters)
+    chosen = ChosenParameters(lever, task.x0, task.parameters)
     runs, objective = EventRuns(TimeSteps(lever, task.dt, 1, chosen), chosen), Objective(task)
     acc = 0.3 * np.random.default_rng(0).normal(size=(20, 1))
     first = replace(

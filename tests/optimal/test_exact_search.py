@@ -11,7 +11,7 @@ import fantoccini as fan
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.hybrid import ExactRuns
 from fantoccini.control.optimal.objective import Objective
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.nodes import Nodes
 
 pytestmark = pytest.mark.slow
@@ -37,7 +37,7 @@ def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette
     task = reaching(arm, x0)
     pull = fan.control.Track.tension("hand", 2.0, weight=0.01)
     task = replace(task, duration=(0.6, 1.0), tracks=[*task.tracks, pull])
-    chosen = Chosen(arm, x0, {})
+    chosen = ChosenParameters(arm, x0, {})
     runs, objective = ExactRuns(TimeSteps(arm, 0.005, 1, chosen), chosen), Objective(task)
     acc = np.zeros((16, 2))
     acc[:, arm.coordinates.v_K.index("hand.length")] = [-5] * 5 + [6] * 8 + [0] * 3
@@ -83,7 +83,7 @@ def test_it_ends_at_the_optimum_of_the_run_itself(arm: fan.Marionette):
     assert best.cost < steps.cost
     # At the optimum of the run, its cost rises with the square of any change.
     random = np.random.default_rng(0)
-    chosen = Chosen(arm, task.x0, {})
+    chosen = ChosenParameters(arm, task.x0, {})
     runs, objective = ExactRuns(TimeSteps(arm, 0.005, 1, chosen), chosen), Objective(task)
     for _ in range(5):
         u = random.normal(size=best.nodes.acc_K.shape)

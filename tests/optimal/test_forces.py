@@ -12,7 +12,7 @@ from fantoccini.control.optimal.api import first_nodes
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.hybrid import ExactRuns
 from fantoccini.control.optimal.objective import Objective
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 
 pytestmark = pytest.mark.slow
 
@@ -125,7 +125,7 @@ def test_forces_change_with_motions_as_in_their_rows(cart: fan.Marionette):
         dt=0.001,
         parameters={"load": (0.2, 0.8)},
     )
-    chosen, rng = Chosen(cart, x0, task.parameters), np.random.default_rng(5)
+    chosen, rng = ChosenParameters(cart, x0, task.parameters), np.random.default_rng(5)
     runs = ExactRuns(TimeSteps(cart, task.dt, 1, chosen), chosen)
     objective = Objective(task)
     first = first_nodes(task, chosen, None)

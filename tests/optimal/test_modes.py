@@ -12,8 +12,8 @@ import fantoccini as fan
 from fantoccini.control.optimal import exploring
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.hybrid import HybridRuns
-from fantoccini.control.tasks.chosen import Chosen
-from fantoccini.control.tasks.drawn_inputs import Driven
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
+from fantoccini.control.tasks.drawn_inputs import DrivenConditions
 from fantoccini.control.tasks.nodes import Nodes
 
 pytestmark = pytest.mark.slow
@@ -26,7 +26,7 @@ TUGS = -30.0 * np.cos(5.0 * np.pi * (0.04 * np.arange(25) + 0.02))
 def thrown(arm: fan.Marionette) -> tuple[HybridRuns, Nodes]:
     """A motion with releases and catches, by prescribed accelerations."""
     x0 = arm.rest({"hand.x": 0.3, "hand.length": 0.8})
-    chosen = Chosen(arm, x0, {})
+    chosen = ChosenParameters(arm, x0, {})
     runs = HybridRuns(TimeSteps(arm, 0.005, 1, chosen), chosen)
     acc = np.stack([2.0 * np.sin(np.arange(25.0)), TUGS - np.mean(TUGS)], axis=1)
     nodes = replace(Nodes.still(arm, x0, 1.0, len(acc)), acc_K=acc)
@@ -236,7 +236,7 @@ def test_ctrl_c_while_it_explores_keeps_the_best_so_far():
 def test_random_inputs_stay_within_their_bounds(arm: fan.Marionette):
     """They can also stop there: unlimited motions come to rest at the bound."""
     task = fan.control.load_task("swing_up")
-    driven, h = Driven.of(task), 0.03
+    driven, h = DrivenConditions.of(task), 0.03
     rng = np.random.default_rng(0)
     wild = 60.0 * rng.standard_normal((50, 80, 2))
     pushed = np.full((2, 80, 2), 40.0)

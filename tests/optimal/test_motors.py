@@ -16,7 +16,7 @@ from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.hybrid import ExactRuns
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.tasks import task_schema
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 
 pytestmark = pytest.mark.slow
 
@@ -263,7 +263,7 @@ def test_voltages_change_with_motions_as_in_their_rows(cart: fan.Marionette):
         interval=0.1,
         parameters=spans,
     )
-    chosen, rng = Chosen(cart, x0, spans), np.random.default_rng(7)
+    chosen, rng = ChosenParameters(cart, x0, spans), np.random.default_rng(7)
     runs = ExactRuns(TimeSteps(cart, task.dt, 1, chosen, False), chosen)
     rows = Objective(task).rows
     first = first_nodes(task, chosen, None)

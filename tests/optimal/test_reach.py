@@ -136,8 +136,8 @@ def test_a_target_without_weight_is_not_reached():
     tip = ("rod", (0.0, 0.0, -1.0))
     held = fan.control.Bounds(joint={"pin": (0.5, 0.8)})
     place = [np.sin(0.85), 0.0, -np.cos(0.85)]
-    for once in (False, True):
-        poses = fan.reach(rod, {tip: place}, bounds=held, once=once, tolerance=0.06)
+    for single_pass in (False, True):
+        poses = fan.reach(rod, {tip: place}, bounds=held, single_pass=single_pass, tolerance=0.06)
         assert not poses or poses.q_D[0, 0] <= 0.8 + 1e-6
 
 
@@ -145,13 +145,13 @@ def test_a_path_is_followed_pose_by_pose(marionette):
     """Each pose starts from the previous one only: the poses equal those of a repeated search."""
     x = marionette.rest()
     places = hand_of(marionette, x) + np.linspace(0, 1, 30)[:, None] * [0.03, -0.04, 0.08]
-    once = fan.reach(marionette, {HAND: places}, x, once=True)
+    once = fan.reach(marionette, {HAND: places}, x, single_pass=True)
     assert once and once.distance.max() < 1e-6
     for pose in (once[7], once[29]):
         assert np.abs(marionette.forward_dynamics(pose.state).acc_D).max() < 1e-6
     rod = fan.loads(ROD)
     distant = np.linspace([0.6, 0.0, -0.8], [1.2, 0.0, -1.6], 20)
-    lost = fan.reach(rod, {("rod", (0, 0, -1.0)): distant}, once=True)
+    lost = fan.reach(rod, {("rod", (0, 0, -1.0)): distant}, single_pass=True)
     np.testing.assert_allclose(lost.distance, np.linspace(0.0, 1.0, 20), atol=1e-5)
     assert lost[0] and not lost[19]
 

@@ -12,7 +12,7 @@ import fantoccini as fan
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 
 pytestmark = pytest.mark.slow
 
@@ -33,7 +33,7 @@ def test_it_is_solved_with_its_catches(followed):
 def test_no_direction_lowers_the_cost(followed):
     """Slopes of the cost along random changes, by separate runs, compared with the curvature."""
     task, nodes, J = followed.task, followed.nodes, followed.cost
-    chosen, objective = Chosen(task.marionette, task.x0, {}), Objective(task)
+    chosen, objective = ChosenParameters(task.marionette, task.x0, {}), Objective(task)
     runs = EventRuns(TimeSteps(task.marionette, task.dt, 1, chosen), chosen)
     rng = np.random.default_rng(0)
 

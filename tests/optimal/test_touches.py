@@ -11,7 +11,7 @@ from scipy.optimize import minimize, minimize_scalar
 import fantoccini as fan
 from fantoccini.control.optimal import out_of_reach
 from fantoccini.control.optimal.touch_terms import Touches
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.nodes import Nodes
 
 pytestmark = pytest.mark.slow
@@ -289,7 +289,7 @@ pose: {hand.x: 0.1, hand.z: -0.31}
     task = fan.Task(
         puppet, x0, (0.2, 0.4), [], interval=0.1, touches=[touch], parameters={"height": (0, 1)}
     )
-    chosen = Chosen(puppet, x0, task.parameters)
+    chosen = ChosenParameters(puppet, x0, task.parameters)
     touches, rng = Touches(task, chosen), np.random.default_rng(3)
     nodes = replace(Nodes.still(puppet, x0, 0.4, 4), parameters=np.array([0.25]))
     nodes = nodes.moved(0.3 * rng.normal(size=(5, nodes.n_z)), np.zeros((4, 3)))

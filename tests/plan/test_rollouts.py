@@ -85,8 +85,8 @@ def test_no_rollout_follows_the_first_that_arrives():
     rolled = near.rollouts.simulate(near.root, np.zeros(64), acceleration)
     there = (rolled.n_checks > 0) & (rolled.distance <= near.rollouts.stop_distance)
     arrived = np.flatnonzero(there.any(axis=1))
-    assert len(arrived) == 1 and rolled.n_made == arrived[0] + 1 < 64
-    assert not rolled.n_checks[rolled.n_made :].any()
+    assert len(arrived) == 1 and rolled.n_simulated == arrived[0] + 1 < 64
+    assert not rolled.n_checks[rolled.n_simulated :].any()
 
 
 def test_motions_end_at_obstacles_bounds_and_slackness():

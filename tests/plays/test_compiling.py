@@ -177,13 +177,13 @@ def test_the_same_play_is_the_same_to_the_bit(plays: Plays):
 
 def test_a_changed_play_uses_the_cache_and_equals_a_new_one(plays: Plays):
     first = plays.compiled(CUES)
-    n_computed = first.kept.made
+    n_computed = first.cache.n_computed
     changed = CUES.replace("how: timidly", "how: smaller")
     again = plays.compiled(changed, before=first)
     anew = plays.compiled(changed)
     assert np.array_equal(again.score.gesture.coef, anew.score.gesture.coef)
-    assert again.kept is first.kept
-    assert again.kept.made - n_computed < 0.6 * anew.kept.made
+    assert again.cache is first.cache
+    assert again.cache.n_computed - n_computed < 0.6 * anew.cache.n_computed
 
 
 def beside(run: fan.Trajectory, y: float, x: float = 0.0) -> fan.Trajectory:

@@ -11,7 +11,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.base import Progress
-from fantoccini.theatre.cast.kept import Kept, OutOfTime
+from fantoccini.theatre.cast.result_cache import OutOfTime, ResultCache
 from fantoccini.theatre.plays import check_play, compiling, runs
 from plays.conftest import Plays
 from plays.tiny import TOUCHES, write_play
@@ -81,7 +81,7 @@ def test_an_error_at_the_start_is_reported_with_player_and_line(tmp_path, monkey
 
 def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_path, monkeypatch):
     play = fan.load_play(write_play(tmp_path, TWICE))
-    play = dataclasses.replace(play, kept=Kept())
+    play = dataclasses.replace(play, cache=ResultCache())
     failing(monkeypatch, lambda x, inputs, _: moves_again(x, inputs), ERRORS[0])
     verification = fan.theatre.verify_play(play)
     assert not verification
@@ -89,7 +89,7 @@ def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_pa
     assert fault.startswith("line 15: one: hop.yaml: one's run stops in First <act>, beat 3.0")
     assert verification.run.status is not fan.Status.DONE
     failing(monkeypatch, lambda x, inputs, _: x["hold.y"] < 0.0, ERRORS[0])
-    play = dataclasses.replace(play, kept=Kept())
+    play = dataclasses.replace(play, cache=ResultCache())
     with pytest.raises(
         fan.errors.FileError, match=r"tiny\.yaml:9: cast\.one: line 14: one: hop\.yaml: "
     ):
@@ -118,7 +118,7 @@ def test_a_play_out_of_time_is_that_of_its_last_complete_round(tmp_path, monkeyp
     assert "compiling was stopped after 1 round" in str(remark)
     assert play.counts.startswith("2 of 2 cues can be done, ")
     assert play.duration > 0.0 and not play
-    assert play.kept.until == np.inf
+    assert play.cache.until == np.inf
 
 
 def test_a_verification_out_of_time_measures_its_partial_run(tmp_path, monkeypatch):
@@ -140,7 +140,7 @@ def test_a_verification_out_of_time_measures_its_partial_run(tmp_path, monkeypat
 
 
 def test_nothing_is_computed_after_the_time_limit():
-    cache = Kept()
+    cache = ResultCache()
     assert cache.get("a", lambda: 1) == 1
     with cache.limited(time.monotonic() - 1.0):
         assert cache.get("a", lambda: 2) == 1

@@ -74,11 +74,11 @@ class ContactPoints:
             if part not in known:
                 raise UnknownNameError("part that may touch", part, sorted(known))
         matches = np.array([set(parts) <= set(pair) for pair in self.names], dtype=bool)
-        return self.some(matches[self.pair])
+        return self.subset(matches[self.pair])
 
     def at(self, sample: int) -> ContactPoints:
         """The points of one sample."""
-        return self.some(self.sample == sample)
+        return self.subset(self.sample == sample)
 
     def force_on(self, part: str, n_samples: int) -> Array:
         """(n_samples, 3) sum of the forces on a body over time, in the world [N]."""
@@ -88,7 +88,7 @@ class ContactPoints:
         np.add.at(out, points.sample, sign[:, None] * points.force)
         return out
 
-    def some(self, which: np.ndarray) -> ContactPoints:
+    def subset(self, which: np.ndarray) -> ContactPoints:
         """The points that a mask or indices select."""
         own = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         return ContactPoints(**{n: x if n == "names" else x[which] for n, x in own.items()})
@@ -99,4 +99,4 @@ class ContactPoints:
         last = np.searchsorted(self.sample, left, side="right")
         which = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)])
         sample = np.repeat(np.arange(len(left)), last - first)
-        return dataclasses.replace(self.some(which.astype(int)), sample=sample)
+        return dataclasses.replace(self.subset(which.astype(int)), sample=sample)

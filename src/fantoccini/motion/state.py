@@ -237,7 +237,7 @@ class States(ShortRepr):
         parts = {name: getattr(self, name) for name in (*_MOTION, "taut", "slip")}
         return States(self.t, **{k: np.repeat(x, n, axis=0) for k, x in parts.items()})
 
-    def some(self, lanes: slice) -> States:
+    def subset(self, lanes: slice) -> States:
         """The states of a slice."""
         parts = {name: getattr(self, name)[lanes] for name in (*_MOTION, "taut", "slip")}
         return States(self.t, **parts)

@@ -37,16 +37,16 @@ from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.finishing import confirmed, iterate, search_minimum
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.control.optimal.iterations import Limits
+from fantoccini.control.optimal.multi_start import HOLDS, MultiStartSearch
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.outlook import out_of_reach
 from fantoccini.control.optimal.result import Optimum
 from fantoccini.control.optimal.shooting import EventRuns, StepRuns
 from fantoccini.control.optimal.sqp import Search
-from fantoccini.control.optimal.through_modes import HOLDS, ThroughModes
 from fantoccini.control.tasks import (
     AnswerStatus,
     Bounds,
-    Chosen,
+    ChosenParameters,
     Clip,
     Nodes,
     Smooth,
@@ -86,7 +86,7 @@ def optimise(
     it raises.
 
     A task that explores is searched through modes: see
-    :mod:`fantoccini.control.optimal.through_modes`.
+    :mod:`fantoccini.control.optimal.multi_start`.
 
     For puppets with contact, the first iterates are runs of time steps, whose derivatives hold for
     the points that stick, slide or are open there. The answer is simulated event-driven, and is
@@ -121,7 +121,7 @@ def optimise(
     rotates = bool(marionette.coordinates.rotations)
     if exact and rotates:
         raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
-    chosen = Chosen(marionette, task.x0, task.parameters)
+    chosen = ChosenParameters(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension or task.bounds.force)
     pulls = pulls or any(track.kind == "tension" for track in task.tracks)
     has_contact = marionette.contacts is not None
@@ -143,7 +143,7 @@ def optimise(
         )
     curve, best = [(time.perf_counter() - began, at.cost)], at
 
-    # Two searches for each exploration: the exploration itself and its tightening.
+    # Two searches for each exploration: the exploration itself and its refinement.
     total = float(iterations * max(1, 2 * task.explore))
 
     def note(report: Progress) -> None:
@@ -155,9 +155,9 @@ def optimise(
 
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)
-    search: Search | ThroughModes = Search(at, runs, objective, limits)
+    search: Search | MultiStartSearch = Search(at, runs, objective, limits)
     if task.explore and isinstance(runs, HybridRuns):
-        search = ThroughModes(at, runs, objective, limits, seed)
+        search = MultiStartSearch(at, runs, objective, limits, seed)
     status = None
     try:
         if has_contact:
@@ -353,7 +353,7 @@ def _check(task: Task) -> None:
         task.bounds.check_end(marionette, task.x0, task.goal)
 
 
-def first_nodes(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> Nodes:
+def first_nodes(task: Task, chosen: ChosenParameters, guess: Input | Optimum | None) -> Nodes:
     """The nodes of the first motion, with the accelerations of a guess clipped to their bounds."""
     N, (shortest, longest) = task.n_intervals, task.durations
     nodes = Nodes.still(task.marionette, task.x0, longest, N)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.base import Array, Indices, Mask, MaskRows
-from fantoccini.control.tasks import Chosen, Nodes
+from fantoccini.control.tasks import ChosenParameters, Nodes
 from fantoccini.dynamics.marionette import Marionette
 
 
@@ -91,7 +91,7 @@ class TimeSteps:
     marionette: Marionette
     dt: float
     threads: int | None = None
-    chosen: Chosen | None = None
+    chosen: ChosenParameters | None = None
     pulls: bool = True
     longest: float | None = None
 

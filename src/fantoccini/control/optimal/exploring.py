@@ -22,7 +22,7 @@ from fantoccini.base import ARRIVED, N_COEF, Array, Indices, OnProgress, Progres
 from fantoccini.control.optimal.dynamics import Ends
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.tasks import Driven, Nodes, hats
+from fantoccini.control.tasks import DrivenConditions, Nodes, hats
 from fantoccini.dynamics.simulation import simulate_batch
 from fantoccini.motion import Inputs
 
@@ -111,7 +111,7 @@ class Exploration:
     ):
         self._near = near
         self._first, self._objective, self._rng, self._until = first, objective, rng, until
-        self._threads, self._driven = threads, Driven.of(objective.task)
+        self._threads, self._driven = threads, DrivenConditions.of(objective.task)
         n, k, T = first.table.n_vD, first.table.n_vK, first.interval * len(first)
         self._gap_scale = np.repeat([1.0, SETTINGS.moment * T] * 2, [n, n, k, k])
         self._hats = hats(len(first), min(SETTINGS.knots, len(first)))

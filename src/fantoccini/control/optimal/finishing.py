@@ -11,11 +11,11 @@ from fantoccini.base import OnProgress
 from fantoccini.control.optimal.attribution import passed_bound
 from fantoccini.control.optimal.hybrid import ExactRuns
 from fantoccini.control.optimal.iterations import Limits
+from fantoccini.control.optimal.multi_start import HOLDS
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.optimal.sqp import SETTINGS, Iterate, Search, merit
-from fantoccini.control.optimal.through_modes import HOLDS
-from fantoccini.control.tasks import Driven, Nodes
+from fantoccini.control.tasks import DrivenConditions, Nodes
 
 COARSE = 0.02
 """Cost tolerance of the first of two searches, which gets half of the iterations."""
@@ -124,9 +124,9 @@ def restart_from_perturbed(
     The conditions of optimality also hold at saddles, for instance if everything hangs still and
     changes have no first-order effect. Costs include the error of the end by its multipliers.
     """
-    nodes, driven = at.nodes, Driven.of(objective.task)
+    nodes, driven = at.nodes, DrivenConditions.of(objective.task)
     noise = np.random.default_rng(0).uniform(-_PERTURBATION, _PERTURBATION, nodes.acc_K.shape)
-    noise[:, driven.most == 0.0] = 0.0
+    noise[:, driven.max_acceleration == 0.0] = 0.0
     perturbed = driven.within((nodes.acc_K + driven.scale * noise)[None], nodes.interval)[0]
     limited_runs = EventRuns(runs.steps, runs.chosen, until)
     start = iterate(limited_runs, replace(nodes, acc_K=perturbed, run=None), objective)

@@ -13,7 +13,7 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, StateError
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
-from fantoccini.control.tasks import Chosen, Nodes, Task
+from fantoccini.control.tasks import ChosenParameters, Nodes, Task
 from fantoccini.dynamics.marionette import Marionette
 
 _DIFFERENCE = 1e-6
@@ -35,7 +35,7 @@ class ForceRows:
         c: indices of the motion's constants that programs have.
     """
 
-    def __init__(self, task: Task, chosen: Chosen, c: Indices):
+    def __init__(self, task: Task, chosen: ChosenParameters, c: Indices):
         self._columns, self.low, self.high = task.bounds.forces(task.marionette)
         self.names = tuple(task.bounds.force)
         self._chosen, self._c = chosen, c

@@ -2,7 +2,7 @@
 
 A method computes a step from the best motion so far and takes as much of it as improves the motion;
 the loop decides when to end. Methods differ in their programs and in their measure of improvement:
-a filter (:mod:`.sqp`), a merit in a trust region (:mod:`.tightening`), or a line search to a goal
+a filter (:mod:`.sqp`), a merit in a trust region (:mod:`.trust_region`), or a line search to a goal
 (:mod:`fantoccini.control.planning.descent`), whose lanes try all lengths of a step at once.
 
 No acceptance rule serves all: with the merit instead of the filter, the bundled task ``crane`` is

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.base import Array, Indices
-from fantoccini.control.tasks import Chosen, Nodes, Task
+from fantoccini.control.tasks import ChosenParameters, Nodes, Task
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import DirectCurrent
 from fantoccini.model.tree import DriveRow
@@ -39,7 +39,7 @@ class MotorRows:
         c: indices of the motion's constants that programs have.
     """
 
-    def __init__(self, task: Task, chosen: Chosen, c: Indices):
+    def __init__(self, task: Task, chosen: ChosenParameters, c: Indices):
         voltages, volts = task.bounds.motors(task.marionette, "voltage")
         currents, amperes = task.bounds.motors(task.marionette, "current")
         self._drives, self._n_voltages = [*voltages, *currents], len(voltages)

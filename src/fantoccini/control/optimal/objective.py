@@ -13,7 +13,7 @@ from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram, StageS
 from fantoccini.control.optimal.rows import Rows
 from fantoccini.control.optimal.touch_terms import Touches
 from fantoccini.control.tasks import (
-    Chosen,
+    ChosenParameters,
     NodeKinematics,
     Nodes,
     NumberResidual,
@@ -101,7 +101,7 @@ class Objective:
             (0.0, 0.0, 0),
             [],
         )
-        self._chosen = Chosen(marionette, task.x0, task.parameters)
+        self._chosen = ChosenParameters(marionette, task.x0, task.parameters)
         self.touches = Touches(task, self._chosen)
         self._c = np.arange(0 if task.is_free else 1, 1 + len(self._chosen))
         """Indices into the constants of a motion: length of intervals, parameters."""

@@ -40,7 +40,7 @@ def reach(
     tolerance: float = 1e-6,
     iterations: int = 200,
     weights: Mapping[What, float] | None = None,
-    once: bool = False,
+    single_pass: bool = False,
 ) -> ReachedPoses:
     """The hanging poses nearest to targets, of least sum_i w_i |place_i(q_D, q_K) - target_i|^2.
 
@@ -67,7 +67,7 @@ def reach(
         iterations: largest number of iterations for one pose.
         weights: weights w_i of targets; 1 by default. Small weights of driven coordinates speed up
             the search for many places that contradict one another.
-        once: whether to search each pose from the last one only, without repetition from the start:
+        single_pass: whether to search each pose from the last one only, never again from the start:
             faster on paths.
 
     Raises:
@@ -114,7 +114,7 @@ def reach(
         weight=marionette.weight or 1.0,
         tolerance=tolerance,
         max_iterations=iterations,
-        once=once,
+        single_pass=single_pass,
     )
     poses = ReachedPoses(problem, result)
     if poses.is_lost:

@@ -12,7 +12,7 @@ from fantoccini.control.optimal.clear_rows import ClearRows
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.force_rows import ForceRows
 from fantoccini.control.optimal.motor_rows import MotorRows
-from fantoccini.control.tasks import Chosen, Nodes, Task, number_names
+from fantoccini.control.tasks import ChosenParameters, Nodes, Task, number_names
 
 _BOUND_TOLERANCE = 1e-3
 """Distance of a tension, force or voltage at its bound, relative to the largest such value."""
@@ -34,7 +34,7 @@ class Rows:
         c: indices of the motion's constants that programs have.
     """
 
-    def __init__(self, task: Task, chosen: Chosen, c: Indices):
+    def __init__(self, task: Task, chosen: ChosenParameters, c: Indices):
         marionette = task.marionette
         self._table, self._row_names = marionette.coordinates, marionette.tree.row_names
         n = marionette.coordinates.n_vD

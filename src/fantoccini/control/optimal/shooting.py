@@ -10,7 +10,7 @@ import numpy as np
 
 from fantoccini.base import ARRIVED, Array, Progress, SimulationError, StateError, Status
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds, TimeSteps
-from fantoccini.control.tasks import Chosen, Nodes
+from fantoccini.control.tasks import ChosenParameters, Nodes
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
@@ -45,7 +45,7 @@ class EventRuns:
     """
 
     steps: TimeSteps
-    chosen: Chosen
+    chosen: ChosenParameters
     until: float = np.inf
 
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:

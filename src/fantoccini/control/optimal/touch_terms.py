@@ -35,7 +35,7 @@ import numpy as np
 from fantoccini.base import Array, Indices, Times, rotation, tangent
 from fantoccini.control.optimal.dynamics import LinearEnds
 from fantoccini.control.optimal.moments import Off, Window, nearest
-from fantoccini.control.tasks import Chosen, Nodes, Task, Touched
+from fantoccini.control.tasks import ChosenParameters, Nodes, Task, Touched
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 
@@ -139,7 +139,7 @@ class Touches:
         chosen: the parameters chosen along with the motion.
     """
 
-    def __init__(self, task: Task, chosen: Chosen):
+    def __init__(self, task: Task, chosen: ChosenParameters):
         marionette = task.marionette
         self._touches, self._chosen = task.touches, chosen
         self._links = [marionette.link_index(touch.body) for touch in task.touches]

@@ -82,7 +82,9 @@ class EST2007:
         interval = rollouts.options.interval
         acceleration = towards(velocity, tree.v_K[start_nodes], 1, n_checks * interval, rollouts)
         segments = rollouts.simulate(tree.states, start_nodes, acceleration, n_checks=n_checks)
-        return PlannerRound(segments.n_made, tree.add_segments(segments, start_nodes, interval))
+        return PlannerRound(
+            segments.n_simulated, tree.add_segments(segments, start_nodes, interval)
+        )
 
 
 class Explore:
@@ -148,7 +150,8 @@ class Explore:
             lead_time=rng.uniform(*self.lead_time, n),
         )
         return PlannerRound(
-            segments.n_made, tree.add_segments(segments, start_nodes, rollouts.options.interval)
+            segments.n_simulated,
+            tree.add_segments(segments, start_nodes, rollouts.options.interval),
         )
 
     def _sparse_nodes(

@@ -2,7 +2,7 @@
 
 from fantoccini.control.tasks.answer import Answer, AnswerStatus
 from fantoccini.control.tasks.bounds import Bounds, Interval, Most
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.control_file import (
     ControlFile,
@@ -11,7 +11,7 @@ from fantoccini.control.tasks.control_file import (
     read_control_file,
 )
 from fantoccini.control.tasks.costs import Smooth, Track
-from fantoccini.control.tasks.drawn_inputs import Driven, hats
+from fantoccini.control.tasks.drawn_inputs import DrivenConditions, hats
 from fantoccini.control.tasks.goals import Goal, GoalLike
 from fantoccini.control.tasks.nodes import Nodes, number_names
 from fantoccini.control.tasks.residuals import (
@@ -41,11 +41,11 @@ __all__ = [
     "Answer",
     "AnswerStatus",
     "Bounds",
-    "Chosen",
+    "ChosenParameters",
     "Clip",
     "ContactLike",
     "ControlFile",
-    "Driven",
+    "DrivenConditions",
     "Goal",
     "GoalLike",
     "Interval",

@@ -21,26 +21,26 @@ _DEFAULT_ACCELERATION = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Driven:
+class DrivenConditions:
     """The driven coordinates that move, their start, bounds and end.
 
     Attributes:
         moves: (k,) indices of the driven coordinates that are not held.
         start: (2, n_vK) numbers and velocities at the start.
-        most: (n_vK,) largest accelerations.
+        max_acceleration: (n_vK,) largest accelerations.
         low, high: (2, n_vK) bounds of numbers and velocities.
         end: (2, n_vK) required numbers and velocities at the end; NaN where they are free.
     """
 
     moves: Indices
     start: Array
-    most: Array
+    max_acceleration: Array
     low: Array
     high: Array
     end: Array
 
     @classmethod
-    def of(cls, task: Task) -> Driven:
+    def of(cls, task: Task) -> DrivenConditions:
         """The driven coordinates of a task."""
         marionette = task.marionette
         table = marionette.coordinates
@@ -58,15 +58,17 @@ class Driven:
     @property
     def scale(self) -> Array:
         """(n_vK,) the largest accelerations; :data:`_DEFAULT_ACCELERATION` without a bound."""
-        return np.where(np.isfinite(self.most), self.most, _DEFAULT_ACCELERATION)
+        return np.where(
+            np.isfinite(self.max_acceleration), self.max_acceleration, _DEFAULT_ACCELERATION
+        )
 
     def within(self, acc: Array, h: float) -> Array:
         """(n, N, n_vK) accelerations clipped to the bounds.
 
-        The coordinate can stop within v^2 / (2 most) + |v| h / 2 by accelerations that are constant
-        over intervals, so a velocity v+ after an interval may be as large as
+        With a bound a, the coordinate can stop within v^2 / (2 a) + |v| h / 2 by accelerations that
+        are constant over intervals, so a velocity v+ after an interval may be as large as
 
-            v+^2 / (2 most) + v+ h <= high - q - v h / 2
+            v+^2 / (2 a) + v+ h <= high - q - v h / 2
         """
         out, h2 = np.empty_like(acc), 0.5 * h
         q, v = (np.broadcast_to(a, (len(acc), acc.shape[2])).copy() for a in self.start)
@@ -74,15 +76,15 @@ class Driven:
             upper = np.minimum(self.high[1], self._stops(self.high[0] - q - h2 * v, h))
             lower = np.maximum(self.low[1], -self._stops(q + h2 * v - self.low[0], h))
             velocity = np.clip(v + h * acc[:, i], np.minimum(lower, upper), upper)
-            out[:, i] = np.clip((velocity - v) / h, -self.most, self.most)
+            out[:, i] = np.clip((velocity - v) / h, -self.max_acceleration, self.max_acceleration)
             v_next = v + h * out[:, i]
             q, v = q + h2 * (v + v_next), v_next
         return out
 
     def _stops(self, distance: Array, h: float) -> Array:
         """The largest velocity after an interval from which a coordinate stops in a distance."""
-        free = ~np.isfinite(self.most)
-        braking = np.where(free | (self.most == 0.0), 1.0, self.most)
+        free = ~np.isfinite(self.max_acceleration)
+        braking = np.where(free | (self.max_acceleration == 0.0), 1.0, self.max_acceleration)
         distance = np.maximum(distance, 0.0)
         bounded = braking * (np.sqrt(h * h + 2.0 * distance / braking) - h)
         bounded[:, free] = distance[:, free] / h
@@ -91,7 +93,7 @@ class Driven:
     def ending(self, acc: Array, h: float) -> Array:
         """(n, N, n_vK) the nearest accelerations that reach the required end, ignoring bounds."""
         N = acc.shape[1]
-        columns = np.flatnonzero(np.isfinite(self.end[0]) & (self.most > 0.0))
+        columns = np.flatnonzero(np.isfinite(self.end[0]) & (self.max_acceleration > 0.0))
         if not len(columns):
             return acc
         G = np.stack([h * h * (N - 0.5 - np.arange(N)), np.full(N, h)])

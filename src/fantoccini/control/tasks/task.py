@@ -78,7 +78,7 @@ class Task:
         dt: longest time step [s].
         name: name of the task, for pictures and reports.
         parameters: name -> lowest and highest value of parameters that are chosen along with the
-            motion; see :class:`fantoccini.control.tasks.chosen.Chosen`.
+            motion; see :class:`fantoccini.control.tasks.chosen_parameters.ChosenParameters`.
         explore: number of random explorations for motions through strings that go slack and are
             caught, with more of them until one holds; with 0 the initial guess is improved.
         touches: places that points of bodies pass, at times that the search finds.

@@ -19,7 +19,7 @@ from fantoccini.base.documents import (
     shown,
 )
 from fantoccini.control.tasks.bounds import Bounds, Interval, Most
-from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.control_file import Reading, read_control_file
 from fantoccini.control.tasks.costs import Smooth, Track
@@ -74,7 +74,10 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
     x0 = reading.start
     check(("bounds",), lambda: bounds.check_state(marionette, x0, "at the start"))
     for name, span in file.parameters.items():
-        check(("parameters", name), lambda interval={name: span}: Chosen(marionette, x0, interval))
+        check(
+            ("parameters", name),
+            lambda interval={name: span}: ChosenParameters(marionette, x0, interval),
+        )
     reader = _Reader(reading, x0)
     tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
     touches = [reader.touch(touch, ("touches", i)) for i, touch in enumerate(file.touches)]

@@ -133,13 +133,13 @@ class Touches:
         if self.contacts is None or not self.asked:
             return None
         selected = self.touch_of >= 0
-        return self.contacts.some(selected), self.touch_of[selected]
+        return self.contacts.subset(selected), self.touch_of[selected]
 
     def broken(self, q_D: Array, q_K: Array) -> tuple[str, str] | None:
         """Two parts that touch at a configuration although they must not; None without any."""
         if self.contacts is None or np.all(self.may):
             return None
-        forbidden, marionette = self.contacts.some(~self.may), self.marionette
+        forbidden, marionette = self.contacts.subset(~self.may), self.marionette
         gaps = marionette.library.gaps(forbidden, q_D, q_K, marionette.p)
         nearest = int(np.argmin(gaps))
         return forbidden.names[nearest] if gaps[nearest] <= _MAX_TOUCHING_GAP else None
@@ -196,7 +196,7 @@ class Touches:
         assert self.contacts is not None  # or nothing touches
         last = int(np.searchsorted(run.t, t))
         steps = np.arange(max(0, last - _SPEED_STEPS), last + 1)
-        contacts = self.contacts.some(np.array([frozenset(n) == names for n in self.names]))
+        contacts = self.contacts.subset(np.array([frozenset(n) == names for n in self.names]))
         q_D, q_K, marionette = run.q_D[steps], run.q_K[steps], self.marionette
         gaps = np.min(marionette.library.gaps(contacts, q_D, q_K, marionette.p, _MAX_GAP), axis=-1)
         return float(np.max(-np.diff(gaps) / np.diff(run.t[steps]), initial=0.0))

@@ -1,6 +1,6 @@
 """Distances of a puppet from obstacles, from other puppets and from itself."""
 
-from fantoccini.dynamics.clearance.measure import Clearance, Least, Nearest
+from fantoccini.dynamics.clearance.measure import Clearance, LeastDistance, Nearest
 from fantoccini.dynamics.clearance.obstacles import HalfSpace, Standing, standing
 from fantoccini.dynamics.clearance.path import Path
 from fantoccini.dynamics.clearance.strings_apart import (
@@ -17,7 +17,7 @@ __all__ = [
     "Clearance",
     "Crossing",
     "HalfSpace",
-    "Least",
+    "LeastDistance",
     "Nearest",
     "Path",
     "Standing",

@@ -45,7 +45,7 @@ class Places(NamedTuple):
     q_D: Array
     q_K: Array
 
-    def some(self, which: Indices | Mask) -> Places:
+    def subset(self, which: Indices | Mask) -> Places:
         """The places selected by a mask or indices."""
         piece, s, t, q_D, q_K = self
         return Places(piece[which], s[which], t[which], q_D[which], q_K[which])

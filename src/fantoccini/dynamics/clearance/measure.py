@@ -51,7 +51,7 @@ class Nearest:
 
 
 @dataclass(frozen=True)
-class Least:
+class LeastDistance:
     """The least distance on a path, with its time and configuration.
 
     Attributes:
@@ -193,19 +193,19 @@ class Clearance:
         """
         return self.at(*_configurations(motion), threads=default_threads())
 
-    def least(self, motion: Trajectory | Path) -> Least:
+    def least(self, motion: Trajectory | Path) -> LeastDistance:
         """The least distance along a motion, also between its samples.
 
         The error is at most 1 %. Solids nearer than a micrometre count as touching.
         """
         path = motion if isinstance(motion, Path) else Path.of(self.marionette, motion)
-        best = Least(np.inf, float(path.t[0]), path.q_D[0], path.q_K[0])
+        best = LeastDistance(np.inf, float(path.t[0]), path.q_D[0], path.q_K[0])
 
         def criterion(at: Places, distance: Array, lower: Array) -> Indices:
             nonlocal best
             k = int(np.argmin(np.nan_to_num(distance, nan=np.inf)))
             if distance[k] < best.distance:
-                best = Least(float(distance[k]), float(at.t[k]), at.q_D[k], at.q_K[k])
+                best = LeastDistance(float(distance[k]), float(at.t[k]), at.q_D[k], at.q_K[k])
             # Depths of overlaps are not refined: any overlap is a collision.
             tolerance = max(_REL_ACCURACY * best.distance, _MAX_TOUCH)
             return np.flatnonzero((best.distance >= 0.0) & (lower < best.distance - tolerance))
@@ -229,7 +229,7 @@ class Clearance:
 
         def criterion(at: Places, distance: Array, lower: Array) -> Indices:
             selected = (distance < within) | (at.s == 0.0)
-            measured.append((at.some(selected), distance[selected]))
+            measured.append((at.subset(selected), distance[selected]))
             beyond = distance >= within
             return np.flatnonzero(beyond & (lower < np.minimum(within, distance - _MAX_UNDERCUT)))
 
@@ -237,7 +237,7 @@ class Clearance:
         at = Places(*map(np.concatenate, zip(*(places for places, _ in measured), strict=True)))
         order = np.argsort(at.t, kind="stable")
         distance = np.concatenate([distance for _, distance in measured])
-        return at.some(order), distance[order]
+        return at.subset(order), distance[order]
 
     def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
         """The nearest pair in the worst configuration; for runs, also between samples.

@@ -84,7 +84,7 @@ def check_steps(
         check_step(marionette.with_p(p[0]), method, states.q_D, states.q_K, dt)
         return
     for i in map(int, np.sort(first)):
-        chunk = states.some(slice(i, i + 1) if len(states) > 1 else slice(None))
+        chunk = states.subset(slice(i, i + 1) if len(states) > 1 else slice(None))
         check_step(marionette.with_p(p[i]), method, chunk.q_D, chunk.q_K, dt)
 
 
@@ -168,7 +168,7 @@ def check_starts(
     if len(states) == 1 and len(p) > 1:
         states = states.repeated(len(p))
     for first in range(0, len(states), _CHUNK_SIZE):
-        chunk = states.some(slice(first, first + _CHUNK_SIZE))
+        chunk = states.subset(slice(first, first + _CHUNK_SIZE))
         own = p if len(p) == 1 else p[first : first + _CHUNK_SIZE]
         h, hdot = _rows_of(marionette, chunk, own)
         scale = marionette.row_scales(chunk.q_D, chunk.q_K)

@@ -25,7 +25,7 @@ from fantoccini.dynamics.compiled.touching import contacts_of, overlaps
 from fantoccini.dynamics.compiled.winches import checked_winches, winches_of
 from fantoccini.kernel.contract import (
     FUNCTIONS,
-    MIN_LENGTH,
+    MIN_SCALE_LENGTH,
     TENSION_CAP,
     WINCH_AT,
     WINCH_DECELERATION,
@@ -298,7 +298,7 @@ class CompiledPuppet:
 
     def row_scales(self, q_D: Array, q_K: Array) -> Array:
         """Scales (..., n_rows) of the rows' gaps h: string lengths [m], 1 for limits."""
-        lengths = np.maximum(self.string_lengths(q_D, q_K), MIN_LENGTH)
+        lengths = np.maximum(self.string_lengths(q_D, q_K), MIN_SCALE_LENGTH)
         limits = np.ones((*lengths.shape[:-1], len(self.tree.limits)))
         return np.concatenate([lengths, limits], axis=-1)
 

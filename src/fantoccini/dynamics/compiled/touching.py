@@ -119,7 +119,7 @@ def contacts_of(
     selected = np.array([k not in excluded for k in which], dtype=np.bool_)
     sides = [(parts[meet[k][0]].link, parts[meet[k][1]].link) for k in which]
     dynamic = np.array([_moves(tree, a, b, Role.DYNAMIC) for a, b in sides], dtype=np.bool_)
-    return table.some(selected & dynamic), table.some(selected & ~dynamic)
+    return table.subset(selected & dynamic), table.subset(selected & ~dynamic)
 
 
 def _parts(puppet: Puppet, tree: Tree) -> tuple[list[_Part], list[_Part]]:

@@ -145,7 +145,7 @@ def _contacts(
     for pair in geometries(marionette, screws, x, sorted(set(touching_points.pair.tolist()))):
         name, own = (
             pair_name(marionette.contacts.names[pair.pair]),
-            touching_points.some(touching_points.pair == pair.pair),
+            touching_points.subset(touching_points.pair == pair.pair),
         )
         mu, taken = float(marionette.contacts.friction[pair.pair]), set()
         for k in range(len(own)):

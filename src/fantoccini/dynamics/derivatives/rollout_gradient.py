@@ -168,10 +168,10 @@ class Rollout(ShortRepr):
 
     def _refuse_edges(self) -> None:
         """Raises StateError if contact leaves a step without derivative."""
-        if self.edges.max(initial=0) < StepEdge.LEAVES_LAW:
+        if self.edges.max(initial=0) < StepEdge.LAW_CHANGED:
             return
-        i = int(np.flatnonzero(self.edges >= StepEdge.LEAVES_LAW.value)[-1])
-        why = StepEdge.meanings(int(self.edges[i]) & -StepEdge.LEAVES_LAW.value)
+        i = int(np.flatnonzero(self.edges >= StepEdge.LAW_CHANGED.value)[-1])
+        why = StepEdge.meanings(int(self.edges[i]) & -StepEdge.LAW_CHANGED.value)
         raise StateError(
             f"step {i}, at {self.start + i * self.dt:.6g} s, has no derivative, and so the rollout "
             f"no gradient: {self._pairs[self._run.touches['pairs'][i]]}: {'; '.join(why)}"
@@ -249,24 +249,24 @@ def rollout(
         x0.v_D,
         values,
     )
-    status, n_made = Status(run.numbers.status), run.numbers.made
+    status, n_done = Status(run.numbers.status), run.numbers.n_steps
     if throw and status is not Status.DONE:
         raise SimulationError(
             status,
-            f"at step {n_made} of {n}, t = {x0.t + n_made * dt:.6g} s; throw=False keeps the "
+            f"at step {n_done} of {n}, t = {x0.t + n_done * dt:.6g} s; throw=False keeps the "
             "steps before it",
         )
-    tension = run.arrays["tension"][:n_made]
+    tension = run.arrays["tension"][:n_done]
     return Rollout(
-        **{name: run.arrays[name][: n_made + 1] for name in ("q_D", "v_D", "q_K", "v_K")},
+        **{name: run.arrays[name][: n_done + 1] for name in ("q_D", "v_D", "q_K", "v_K")},
         tension=tension,
         held=held_rows(marionette, tension),
         dt=dt,
         status=status,
-        steps=n_made,
-        n_contacts=run.touches["n_points"][:n_made],
-        n_sliding=run.touches["n_sliding"][:n_made],
-        edges=run.touches["edges"][:n_made],
+        steps=n_done,
+        n_contacts=run.touches["n_points"][:n_done],
+        n_sliding=run.touches["n_sliding"][:n_done],
+        edges=run.touches["edges"][:n_done],
         start=x0.t,
         coordinates=t,
         _run=run,

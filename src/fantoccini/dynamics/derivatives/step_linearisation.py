@@ -91,7 +91,7 @@ def linearise_step(
     step_inputs = StepInputs.of(marionette, motion, acc_K, u_D, None, dt, slip)
     options = StepOptions(forces=True, pull=True, threads=1)
     linearised_step = linearised(marionette, step_inputs, options, shares=True)
-    steps, results = linearised_step.steps, linearised_step.made
+    steps, results = linearised_step.steps, linearised_step.record
     _check_arrived(marionette, x, results, acc_K, dt)
     touches = results if isinstance(results, StepTouches) else None
     points = () if touches is None else _held_points(marionette, touches)
@@ -225,8 +225,8 @@ def _refuse(
 ) -> None:
     """Raises StateError for a step that has no derivative."""
     names = ", ".join(dict.fromkeys(point.name for point in points))
-    if touches is not None and marionette.contacts is not None and edges & StepEdge.LEAVES_LAW:
-        pairs = np.flatnonzero(touches.pair_edges[0] & StepEdge.LEAVES_LAW)
+    if touches is not None and marionette.contacts is not None and edges & StepEdge.LAW_CHANGED:
+        pairs = np.flatnonzero(touches.pair_edges[0] & StepEdge.LAW_CHANGED)
         wedged = dict.fromkeys(pair_name(marionette.contacts.names[pair]) for pair in pairs)
         raise StateError(
             f"{', '.join(wedged)} moves after this step in a way that the contact law does not "

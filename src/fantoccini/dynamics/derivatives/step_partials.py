@@ -250,7 +250,7 @@ class Linearised(NamedTuple):
 
     Attributes:
         steps: the linearisations.
-        made: record of the steps, of a puppet without or with contact.
+        record: record of the steps, of a puppet without or with contact.
         shortened: (n,) bool, steps that were cut short.
         shares: (n, 3 capacity, m) derivatives of the contacts' multipliers, if requested.
         moved: (n, n_vD + n_vK, m) derivatives of the configuration at which rebounding contacts
@@ -258,7 +258,7 @@ class Linearised(NamedTuple):
     """
 
     steps: StepLinearisations
-    made: LaneRecord | StepTouches
+    record: LaneRecord | StepTouches
     shortened: MaskRows
     shares: Array | None
     moved: Array | None
@@ -328,7 +328,7 @@ def linearised(
         held=held,
         motion=derivatives.motion,
         pull=derivatives.pull,
-        settled=ended & (edges < StepEdge.LEAVES_LAW.value),
+        settled=ended & (edges < StepEdge.LAW_CHANGED.value),
         edges=edges,
         n_contacts=n_points,
         dt=dt,

@@ -104,7 +104,7 @@ def chatter(t: Times, contact: ContactPoints | None, events: Iterable[EventRecor
         frequent = counts.most_common(LIMITS.names)
         text += ", with events of " + ", ".join(f"{name} ({n})" for name, n in frequent)
     if contact is not None:
-        pushing = contact.some(contact.sample >= first)
+        pushing = contact.subset(contact.sample >= first)
         pairs = Counter(pair_name(contact.names[k]) for k in pushing.pair.tolist())
         names = [name for name, _ in pairs.most_common(LIMITS.names) if name not in counts]
         if names:

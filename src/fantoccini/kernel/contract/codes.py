@@ -83,14 +83,17 @@ class ReachEnd(Code):
 
 
 class StepEdge(Code):
-    """Reasons, as bits, why a step is not smooth; from LEAVES_LAW on it has no derivative."""
+    """Reasons, as bits, why a step is not smooth; from LAW_CHANGED on it has no derivative."""
 
     WITHOUT_FORCE = 1, "a point touches without force"
     STRAINED = 2, "a point sticks at the edge of its cone"
-    MAY_REBOUND = 4, "a point springs back if any faster, or is not the only one that touches first"
+    REBOUND_BEGINS = (
+        4,
+        "a point springs back if any faster, or is not the only one that touches first",
+    )
     NOT_SMOOTH = 8, "the place of a point has no derivative"
-    ASKEW = 16, "a point touches without force, and slides askew of those that push"
-    LEAVES_LAW = (
+    SLIDES_ELSEWHERE = 16, "a point touches without force, and slides askew of those that push"
+    LAW_CHANGED = (
         32,
         (
             "bodies are wedged in, restitution is scaled down to add no energy, or points spring "
@@ -99,7 +102,7 @@ class StepEdge(Code):
     )
     JAMS = 64, "friction jams: no forces keep the modes"
     OPEN_SHARES = 128, "solids slide on so many points that their forces are not unique"
-    CROWDED = 256, "there are more points with force than a step allows"
+    TOO_MANY_POINTS = 256, "there are more points with force than a step allows"
 
     @classmethod
     def meanings(cls, bits: int) -> tuple[str, ...]:

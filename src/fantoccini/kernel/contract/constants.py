@@ -28,7 +28,9 @@ REST_SPEED = Constant(
     "m/s or rad/s",
     "largest hdot of a closed row at rest, times the largest velocity if that is above 1",
 )
-MIN_LENGTH = Constant(1e-3, "m", "lower bound of the length by which a string's gap is divided")
+MIN_SCALE_LENGTH = Constant(
+    1e-3, "m", "lower bound of the length by which a string's gap is divided"
+)
 WINCH_DECELERATION = Constant(1.0, "m/s^2", "deceleration of a rewinding winch before it stops")
 HULL_VERTICES = Constant(128.0, "1", "largest number of vertices of a polytope in contact")
 
@@ -37,7 +39,7 @@ CONSTANTS: dict[str, Constant] = {
     "closed_gap": CLOSED_GAP,
     "start_gap": START_GAP,
     "rest_speed": REST_SPEED,
-    "min_length": MIN_LENGTH,
+    "min_scale_length": MIN_SCALE_LENGTH,
     "winch_deceleration": WINCH_DECELERATION,
     "hull_vertices": HULL_VERTICES,
 }

@@ -137,7 +137,7 @@ SEARCHES: tuple[Structure, ...] = (
             Field("pairs", "int*", "(n,) contact pair of the edge; -1 for none"),
             Field("slip", "double", "largest slip of a winch [m]"),
             Field("shortened", MANY, "first shortened step; n for none"),
-            Field("made", MANY, "number of steps before the rollout ended"),
+            Field("n_steps", MANY, "number of steps before the rollout ended"),
             Field("status", "int", "Status"),
             Field("held", "const unsigned char*", "(n, n_rows) rows that the steps hold"),
             Field("l_q", IN, "(n + 1, n_vD) partial derivatives of the cost by tangents of q_D"),
@@ -170,7 +170,9 @@ SEARCHES: tuple[Structure, ...] = (
                 "places", IN, "(n, n_targets, 3) targets; NaN is free; coordinates use the first"
             ),
             Field("weights", IN, "(n_targets,) weights of squared distances"),
-            Field("once", "int", "whether poses that are not reached are searched once only"),
+            Field(
+                "single_pass", "int", "whether poses that are not reached are searched once only"
+            ),
             Field("q_D", IN, "(n_qD,) start of the search for the first pose"),
             Field("q_K", IN, "(n_qK,)"),
             Field("p", IN, "(n_p,)"),

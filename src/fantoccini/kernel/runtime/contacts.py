@@ -38,7 +38,7 @@ class Contacts:
     names: tuple[tuple[str, str], ...]
     hulls: tuple[Hull, ...] = ()
 
-    def some(self, which: NDArray[np.bool_]) -> Contacts:
+    def subset(self, which: NDArray[np.bool_]) -> Contacts:
         """The pairs that ``which`` (m,) marks."""
         names = tuple(name for name, marked in zip(self.names, which, strict=True) if marked)
         arrays = (self.pairs[which], self.friction[which], self.restitution[which])

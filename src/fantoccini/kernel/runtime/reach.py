@@ -59,7 +59,7 @@ class ReachLibrary(Loaded):
         weight: float,
         tolerance: float,
         max_iterations: int,
-        once: bool = False,
+        single_pass: bool = False,
     ) -> Reached:
         """The poses nearest to n places of each target.
 
@@ -69,7 +69,7 @@ class ReachLibrary(Loaded):
             weight: typical force [N].
             tolerance: tolerance of the distance [m or rad].
             max_iterations: largest number of iterations for one pose.
-            once: whether each search starts only from the last pose.
+            single_pass: whether each search starts only from the last pose.
 
         Raises:
             MemoryError: no memory for the poses.
@@ -87,7 +87,7 @@ class ReachLibrary(Loaded):
             weight=weight,
             tolerance=tolerance,
             max_iterations=max_iterations,
-            once=once,
+            single_pass=single_pass,
             **fields,
             **out,
         )

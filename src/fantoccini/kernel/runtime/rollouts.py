@@ -124,7 +124,7 @@ class Segments:
         n_checks: (n, segments) duration of a segment in checks; 0 if not completed.
         distance: (n, segments) distance from the goal at its end.
         catches: (n, segments) number of strings and limits caught.
-        n_made: number of rollouts simulated: all up to the first that reached the goal.
+        n_simulated: number of rollouts simulated: all up to the first that reached the goal.
     """
 
     states: dict[str, Array]
@@ -132,7 +132,7 @@ class Segments:
     n_checks: Indices
     distance: Array
     catches: Indices
-    n_made: int
+    n_simulated: int
 
 
 class RolloutLibrary(Loaded):

@@ -110,7 +110,7 @@ def step_touches(
         )
         in_parts(library.dll.fan_step_touches, arrays, n, threads)
         out = StepTouches(**{results[name]: a for name, a in out_arrays.items()})
-        if capacity == sizes["n_contacts"] or not np.any(out.edges & StepEdge.CROWDED):
+        if capacity == sizes["n_contacts"] or not np.any(out.edges & StepEdge.TOO_MANY_POINTS):
             return out
         capacity = sizes["n_contacts"]
 

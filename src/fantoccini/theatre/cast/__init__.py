@@ -27,7 +27,6 @@ from fantoccini.theatre.cast.contacts import (
 from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_timeline
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
-from fantoccini.theatre.cast.kept import Kept, OutOfTime, digest
 from fantoccini.theatre.cast.prop_gestures import (
     CARRIED,
     Waypoints,
@@ -39,6 +38,7 @@ from fantoccini.theatre.cast.prop_gestures import (
     summed,
 )
 from fantoccini.theatre.cast.props import PlayProp, PropState, top_of
+from fantoccini.theatre.cast.result_cache import OutOfTime, ResultCache, digest
 from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
 
@@ -56,7 +56,6 @@ __all__ = [
     "Corrections",
     "Footing",
     "Hindrance",
-    "Kept",
     "Meeting",
     "NoWay",
     "OutOfTime",
@@ -65,6 +64,7 @@ __all__ = [
     "PlayProp",
     "Player",
     "PropState",
+    "ResultCache",
     "Span",
     "Staged",
     "Stop",

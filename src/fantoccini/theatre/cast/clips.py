@@ -12,7 +12,7 @@ from pathlib import Path
 from fantoccini.base import FileError, Mistake, StateError
 from fantoccini.base.documents import has_key
 from fantoccini.theatre.cast.casting import Player
-from fantoccini.theatre.cast.kept import Kept
+from fantoccini.theatre.cast.result_cache import ResultCache
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.retarget import (
     BEGINS,
@@ -60,7 +60,7 @@ class Clip:
         lasts: float | None,
         stage: StageFile,
         beat: float,
-        kept: Kept,
+        cache: ResultCache,
     ) -> Gesture:
         """Motion of the hands that follows the clip, before it is scaled.
 
@@ -70,7 +70,7 @@ class Clip:
             lasts: duration instead of the clip's [s].
             stage: stage with the bounds.
             beat: duration of a beat [s], for messages.
-            kept: cache of gestures.
+            cache: cached gestures.
 
         Raises:
             StateError: the player cannot follow it; the message gives a possible speed.
@@ -83,7 +83,7 @@ class Clip:
             job = partial(
                 clip_gesture, self.placed, faster, lasts, speed=bounds[0], acceleration=bounds[1]
             )
-            return kept.get(key, job)
+            return cache.get(key, job)
 
         first = follow(faster, lasts)
         why = _lacks(first)

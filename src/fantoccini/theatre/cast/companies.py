@@ -21,8 +21,8 @@ from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pieces
 from fantoccini.theatre.cast.casting import Cast, all_together, placed
 from fantoccini.theatre.cast.contacts import Pair, hanging, rules_of
-from fantoccini.theatre.cast.kept import Kept
 from fantoccini.theatre.cast.props import PropState
+from fantoccini.theatre.cast.result_cache import ResultCache
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.script import MeetingKind, Spot
 
@@ -206,13 +206,13 @@ class Staged:
         return name if name == FLOOR or not only else f"{only}.{name}"
 
 
-def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
+def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
     """Scene of a company.
 
     Args:
         cast: cast of the play.
         company: the company.
-        kept: cache of scenes.
+        cache: cached scenes.
     """
     players = [cast.players[name] for name in company.players]
     if len(players) == 1 and not company.props and not company.pairs:
@@ -256,11 +256,11 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
         )
         return Marionette(scene)
 
-    marionette = kept.get(f"company {content}", build)
+    marionette = cache.get(f"company {content}", build)
     return Staged(company, marionette, prefixes, props, names, content)
 
 
-def settled(cast: Cast, kept: Kept) -> Cast:
+def settled(cast: Cast, cache: ResultCache) -> Cast:
     """A cast whose props on forearms hang there in equilibrium at the start.
 
     Raises:
@@ -273,7 +273,7 @@ def settled(cast: Cast, kept: Kept) -> Cast:
             continue
         pairs = frozenset(hanging(who, prop.side, prop.name) for prop in held)
         company = Company((who,), tuple(prop.name for prop in held), pairs)
-        stage = staged(cast, company, kept)
+        stage = staged(cast, company, cache)
         # A handle's place is given on the arm of the puppet as its file has it.
         as_written = placed(player.alone, player.alone.state(), player.start)
         x = stage.marionette.rest(stage.state({who: as_written}, lie))

@@ -2,7 +2,7 @@
 
 from fantoccini.theatre.plays.compiling import load_play
 from fantoccini.theatre.plays.from_above import Overhead, overhead
-from fantoccini.theatre.plays.least import Least, clearances
+from fantoccini.theatre.plays.owner_clearances import OwnerClearance, clearances
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.reading import check_play, play_names
 from fantoccini.theatre.plays.stage_run import together
@@ -12,8 +12,8 @@ from fantoccini.theatre.plays.verifying import CueTime, Verification, verify_pla
 __all__ = [
     "CueOfPlay",
     "CueTime",
-    "Least",
     "Overhead",
+    "OwnerClearance",
     "Play",
     "Touch",
     "Verification",

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from fantoccini.base import OnProgress, Progress, StateError
-from fantoccini.theatre.cast import Kept, OutOfTime, settled
+from fantoccini.theatre.cast import OutOfTime, ResultCache, settled
 from fantoccini.theatre.gestures import Part, Placed
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
@@ -83,7 +83,7 @@ def load_play(
     until = math.inf if within is None else time.monotonic() + within
     tell = progress or (lambda progress: None)
     tell(Progress("casting", 0.0, 1.0))
-    cache = before.kept if before is not None else Kept()
+    cache = before.cache if before is not None else ResultCache()
     script = read_play(path, cache)
     try:
         script = replace(script, cast=settled(script.cast, cache))
@@ -152,7 +152,7 @@ def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Resul
             )
             if not moved:
                 break
-        stage.kept.check()
+        stage.cache.check()
         tell(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
         rounds.append(make_round(stage, results))
     if results.touching and not touching:
@@ -322,7 +322,7 @@ def _play(
         placement.ways,
         results.settled,
         count,
-        stage.kept,
+        stage.cache,
     )
 
 

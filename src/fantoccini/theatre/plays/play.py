@@ -9,7 +9,7 @@ from fantoccini.base import Mistake, Times
 from fantoccini.base.documents import Located
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.theatre.cast import Cast, Kept, Meeting, Way
+from fantoccini.theatre.cast import Cast, Meeting, ResultCache, Way
 from fantoccini.theatre.gestures import Gesture, Score
 from fantoccini.theatre.plays.runs import Runs, runs_of
 
@@ -98,7 +98,7 @@ class Play:
         settled: number of a cue -> its pause [s], and the trunk's speeds after it without the pause
             and with it [m/s].
         rounds: number of rounds in which cues were placed.
-        kept: cache of runs and ways, for the next version.
+        cache: cached runs and ways, for the next version.
     """
 
     name: str
@@ -115,7 +115,7 @@ class Play:
     ways: Mapping[str, tuple[Way, ...]]
     settled: Mapping[int, tuple[float, float, float]]
     rounds: int
-    kept: Kept = field(repr=False)
+    cache: ResultCache = field(repr=False)
 
     def __bool__(self) -> bool:
         return not self.changes
@@ -146,7 +146,7 @@ class Play:
             exact: whether companies that touch are simulated event-driven, instead of in time
                 steps.
         """
-        return runs_of(self.cast, self.motions, self.starts, self.meetings, self.kept, exact=exact)
+        return runs_of(self.cast, self.motions, self.starts, self.meetings, self.cache, exact=exact)
 
     @property
     def duration(self) -> float:

@@ -16,8 +16,8 @@ from fantoccini.theatre.cast import (
     Cast,
     Clip,
     Footing,
-    Kept,
     Player,
+    ResultCache,
     is_clip,
     prop_gestures,
     read_clip,
@@ -56,16 +56,16 @@ class PlayerGestures:
 
     Attributes:
         cast: cast of the play.
-        kept: cache of clips as gestures, for the next version.
+        cache: cached gestures of clips, for the next version.
 
     Args:
         cast: cast of the play.
         log: collects mistakes.
-        kept: cache of clips as gestures, for the next version.
+        cache: cached gestures of clips, for the next version.
     """
 
-    def __init__(self, cast: Cast, log: ScriptLog, kept: Kept):
-        self.cast, self.kept, self._log = cast, kept, log
+    def __init__(self, cast: Cast, log: ScriptLog, cache: ResultCache):
+        self.cast, self.cache, self._log = cast, cache, log
         self._files: dict[tuple[Marionette, str], Gesture | Clip | str] = {}
         self._cache: dict[tuple[Any, ...], Gesture | str] = {}
         self._wrong: set[tuple[str, str]] = set()
@@ -219,7 +219,7 @@ class PlayerGestures:
         try:
             if isinstance(loaded, Clip):
                 larger, faster, lasts = style.larger, style.faster, style.lasts
-                loaded = loaded.gesture(larger, faster, lasts, stage, self._log.beat, self.kept)
+                loaded = loaded.gesture(larger, faster, lasts, stage, self._log.beat, self.cache)
                 style = replace(style, faster=1.0, lasts=None)  # which are those of the clip
             _, whole = style.varied(
                 loaded, heading, speed=stage.speed, acceleration=stage.acceleration

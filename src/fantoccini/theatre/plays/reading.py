@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fantoccini.base import FileError, Mistake, nearest
-from fantoccini.theatre.cast import Cast, Kept, Places, play_timeline, read_cast
+from fantoccini.theatre.cast import Cast, Places, ResultCache, play_timeline, read_cast
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.plays.whole import sounds_of
@@ -51,12 +51,12 @@ class Script:
     log: ScriptLog
 
 
-def read_play(path: str | os.PathLike[str], kept: Kept) -> Script:
+def read_play(path: str | os.PathLike[str], cache: ResultCache) -> Script:
     """Script of a play file.
 
     Args:
         path: path of the file, or the name of a bundled play.
-        kept: cache with results of earlier versions of the play.
+        cache: results of earlier versions of the play.
 
     Raises:
         FileError: the file has mistakes; all of them are listed, with their lines.
@@ -71,7 +71,7 @@ def read_play(path: str | os.PathLike[str], kept: Kept) -> Script:
     places = Places(file, log)
     _check_names(file, places, log)
     cast = read_cast(file, places, log)
-    gestures = PlayerGestures(cast, log, kept)
+    gestures = PlayerGestures(cast, log, cache)
     timeline = play_timeline(file, gestures.marks, log)
     sounds_of(file, log)
     log.mistakes.refuse()
@@ -127,7 +127,7 @@ def check_play(path: str | os.PathLike[str]) -> PlayFile:
     Raises:
         FileError: the file has mistakes; all of them are listed, with their lines.
     """
-    script = read_play(path, Kept())
+    script = read_play(path, ResultCache())
     _check_abilities(script)
     script.log.mistakes.refuse()
     return script.cast.file

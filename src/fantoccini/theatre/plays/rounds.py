@@ -19,7 +19,7 @@ from fantoccini.theatre.cast import (
     CannotBegin,
     Corrections,
     Footing,
-    Kept,
+    ResultCache,
     act_time_in_words,
     digest,
 )
@@ -99,12 +99,12 @@ class Stage:
     Attributes:
         script: script of the play; props hang in equilibrium.
         walks: stage seen from above.
-        kept: cache of results.
+        cache: cached results.
     """
 
     script: Script
     walks: Walks
-    kept: Kept
+    cache: ResultCache
 
     @property
     def beat(self) -> float:
@@ -160,7 +160,7 @@ def make_round(stage: Stage, results: Results) -> Round:
         )
         try:
             runs = runs_of(
-                script.cast, placement.motions, placement.starts, placement.meetings, stage.kept
+                script.cast, placement.motions, placement.starts, placement.meetings, stage.cache
             )
         except CannotBegin as error:
             first = _cue_during(placement.cues, 0.0, {*error.stop.players})
@@ -272,10 +272,10 @@ def _calm(stage: Stage, results: Results, this_round: Round) -> Rule:
         x, label = run.at(start), f"calm {spot} {name}"
         key = digest(x, calm_gesture(player.alone, NONE), "calm", player.content)
         job = partial(_or, NONE, partial(calming, player.alone, x))
-        jobs[label] = partial(stage.kept.get, key, job)
+        jobs[label] = partial(stage.cache.get, key, job)
         keys[label] = spot, name
     changed = False
-    for label, offsets in stage.kept.side_by_side(jobs, default_threads()).items():
+    for label, offsets in stage.cache.side_by_side(jobs, default_threads()).items():
         who = keys[label]
         before = results.corrections.calms.get(who, NONE)
         moved = not np.allclose(before, offsets, rtol=0.0, atol=_MAX_PLACE_ERROR)
@@ -305,9 +305,9 @@ def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
         x, alone = run.at(begun), player.alone
         key = digest(x, Gesture(alone.coordinates, *own), longest, "pause", player.content)
         job = partial(_or, (0.0, 0.0, 0.0), partial(pause, alone, x, own, longest))
-        jobs[f"{number}"] = partial(stage.kept.get, key, job)
+        jobs[f"{number}"] = partial(stage.cache.get, key, job)
         cues[f"{number}"] = number, cue
-    pauses = stage.kept.side_by_side(jobs, default_threads())
+    pauses = stage.cache.side_by_side(jobs, default_threads())
     for label, (number, cue) in cues.items():
         settled = {**results.settled, number: pauses[label]}
         corrections = results.corrections.setting("pauses", cue.spot, pauses[label][0])

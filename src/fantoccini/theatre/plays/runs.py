@@ -27,9 +27,9 @@ from fantoccini.theatre.cast import (
     CannotBegin,
     Cast,
     Company,
-    Kept,
     Meeting,
     PropState,
+    ResultCache,
     Span,
     Staged,
     Stop,
@@ -142,7 +142,7 @@ def runs_of(
     motions: Mapping[str, Gesture],
     starts: Mapping[str, Sequence[float]],
     meetings: Sequence[Meeting],
-    kept: Kept,
+    cache: ResultCache,
     *,
     exact: bool = False,
 ) -> Runs:
@@ -158,14 +158,14 @@ def runs_of(
         motions: player -> motion of its hands.
         starts: player -> times at which its cues begin [s].
         meetings: players and props that may touch, with times.
-        kept: cache of parts.
+        cache: cached parts.
         exact: whether companies that touch are simulated as exactly as possible.
 
     Raises:
         CannotBegin: a player's run cannot begin.
     """
     end = max(motion.duration for motion in motions.values())
-    work = _Work(cast, motions, starts, kept, exact)
+    work = _Work(cast, motions, starts, cache, exact)
     with ThreadPoolExecutor(default_threads()) as pool:
         # Each waits only for earlier ones, which have begun when it does.
         futures: list[tuple[Span, Future[Run | Stop | None]]] = []
@@ -197,7 +197,7 @@ class _Work:
     cast: Cast
     motions: Mapping[str, Gesture]
     starts: Mapping[str, Sequence[float]]
-    kept: Kept
+    cache: ResultCache
     exact: bool
 
     def run(
@@ -222,7 +222,7 @@ class _Work:
                 players[name] = run.of_player(name, cast.players[name].x0).state(-1)
             else:
                 props[name] = prop_states(run, name, still=earlier < span.begin)
-        stage = staged(cast, company, self.kept)
+        stage = staged(cast, company, self.cache)
         x = stage.state(players, props)
         motion = stage.motion(
             {
@@ -276,9 +276,9 @@ class _Work:
         """Part by a method, and the reason why it stops: a status, or an error of the simulator."""
         bounds = self.cast.file.stage
         key = digest(x, motion, "part", stage.content, bounds.speed, bounds.acceleration, method)
-        job = partial(_part, stage, x, motion, bounds, method, self.kept.check)
+        job = partial(_part, stage, x, motion, bounds, method, self.cache.check)
         try:
-            run = self.kept.get(key, job)
+            run = self.cache.get(key, job)
         except ERRORS as error:
             return None, str(error)
         return run, "" if run.status is Status.DONE else str(run.status)

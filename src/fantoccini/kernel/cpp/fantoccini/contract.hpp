@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x0f7d603171d9ae45;
+constexpr long long contract_digest = 0x77b2933a9a585e2b;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -33,7 +33,7 @@ struct Constants {
   // or rad/s]
   static constexpr double rest_speed = 1e-05;
   // lower bound of the length by which a string's gap is divided [m]
-  static constexpr double min_length = 0.001;
+  static constexpr double min_scale_length = 0.001;
   // deceleration of a rewinding winch before it stops [m/s^2]
   static constexpr double winch_deceleration = 1.0;
   // largest number of vertices of a polytope in contact
@@ -127,19 +127,20 @@ enum class ReachEnd : int {
   TIPS = 4,  // nearer poses are not stable equilibria
 };
 
-// Reasons, as bits, why a step is not smooth; from LEAVES_LAW on it has no derivative.
+// Reasons, as bits, why a step is not smooth; from LAW_CHANGED on it has no derivative.
 enum StepEdge : int {
   WITHOUT_FORCE = 1,  // a point touches without force
   STRAINED = 2,  // a point sticks at the edge of its cone
-  MAY_REBOUND = 4,  // a point springs back if any faster, or is not the only one that touches first
+  // a point springs back if any faster, or is not the only one that touches first
+  REBOUND_BEGINS = 4,
   NOT_SMOOTH = 8,  // the place of a point has no derivative
-  ASKEW = 16,  // a point touches without force, and slides askew of those that push
+  SLIDES_ELSEWHERE = 16,  // a point touches without force, and slides askew of those that push
   // bodies are wedged in, restitution is scaled down to add no energy, or points spring back
   // one after the other
-  LEAVES_LAW = 32,
+  LAW_CHANGED = 32,
   JAMS = 64,  // friction jams: no forces keep the modes
   OPEN_SHARES = 128,  // solids slide on so many points that their forces are not unique
-  CROWDED = 256,  // there are more points with force than a step allows
+  TOO_MANY_POINTS = 256,  // there are more points with force than a step allows
 };
 
 // An input: arrays in C order.
@@ -541,7 +542,7 @@ struct GradientArrays {
   int* pairs;  // (n,) contact pair of the edge; -1 for none
   double slip;  // largest slip of a winch [m]
   long long shortened;  // first shortened step; n for none
-  long long made;  // number of steps before the rollout ended
+  long long n_steps;  // number of steps before the rollout ended
   int status;  // Status
   const unsigned char* held;  // (n, n_rows) rows that the steps hold
   const double* l_q;  // (n + 1, n_vD) partial derivatives of the cost by tangents of q_D
@@ -566,7 +567,7 @@ struct ReachArrays {
   const unsigned char* moves;  // (n_targets, n_vD + n_vK) velocities that move the link
   const double* places;  // (n, n_targets, 3) targets; NaN is free; coordinates use the first
   const double* weights;  // (n_targets,) weights of squared distances
-  int once;  // whether poses that are not reached are searched once only
+  int single_pass;  // whether poses that are not reached are searched once only
   const double* q_D;  // (n_qD,) start of the search for the first pose
   const double* q_K;  // (n_qK,)
   const double* p;  // (n_p,)

@@ -59,7 +59,7 @@ class NearestOfClouds {
   PointPair pair{};  // the nearest points
   double normal[3];  // from the second to the first; undefined for clouds that meet
   double distance;   // m; 0 where they meet, `enough` where they are certainly that far apart
-  bool meet = false, far = false;
+  bool meet = false, is_far = false;
 
   FAN_FN NearestOfClouds(const Cloud& x, const Cloud& y, double enough)
       : normal{}, distance(enough), x_(x), y_(y) {
@@ -77,7 +77,7 @@ class NearestOfClouds {
       add(i, j, w);
       const double along = dot3(v_, w);
       if (along > 0.0 && along * along > enough * enough * square) {
-        far = true;
+        is_far = true;
         return;
       }
       if (square - along <= Tol::progress * square) break;

@@ -144,7 +144,7 @@ FAN_FN void touch_hulls(const PlacedHull& x, const PlacedHull& y, Touches& to) {
   using Tol = BoxTolerances;
   const double total_radius = to.x_radius + to.y_radius;
   const NearestOfClouds nearest(cloud_of(x), cloud_of(y), to.margin + total_radius);
-  if (nearest.far || nearest.distance - total_radius >= to.margin) return;
+  if (nearest.is_far || nearest.distance - total_radius >= to.margin) return;
   const HullAxis of_x = widest_facet(x, y, -1.0), of_y = widest_facet(y, x, 1.0);
   const double same = Tol::same_face * fmin(x.hull.outer, y.hull.outer);
   const bool by_x = of_x.gap > of_y.gap + same;

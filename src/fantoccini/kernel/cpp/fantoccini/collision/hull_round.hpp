@@ -203,7 +203,7 @@ FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull,
   const Cloud points{ends, core.length > 0.0 ? 2 : 1, no_turn, no_shift};
   const double total_radius = to.x_radius + to.y_radius;
   const NearestOfClouds nearest(points, cloud_of(local), to.margin + total_radius);
-  if (nearest.far || nearest.distance - total_radius >= to.margin) return;
+  if (nearest.is_far || nearest.distance - total_radius >= to.margin) return;
   if (nearest.meet) {
     double from[3];
     difference3(nearest.pair.p, core.a, from);

@@ -159,9 +159,9 @@ class PlacedLinks {
     near.begin(poses, ball_of);
     for (int g = 0, k = 0; g < in.n_groups; ++g) {
       const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
-      const bool far = b < 0 ? is_far(ball_of[a], in.solids[-1 - b], slack)
-                             : is_far(ball_of[a], ball_of[b], slack);
-      if (far) {
+      const bool distant = b < 0 ? is_far(ball_of[a], in.solids[-1 - b], slack)
+                                 : is_far(ball_of[a], ball_of[b], slack);
+      if (distant) {
         k = end;
         continue;
       }

@@ -23,7 +23,7 @@ struct ContactColumns {
   // Discards the columns of point i, which is another one in some lane.
   FAN_FN void renew(int i) { has_[i] = false; }
 
-  // Computes the columns of the points i < n with some[i], from their rows of A_D.
+  // Computes the columns of the points i < n with needed[i], from their rows of A_D.
   FAN_FN void make(
       const Evaluation<Model, Real>& eval, const Triple<Real> (*row)[array_size(N)],
       const Moved* moved, const bool* needed, int n) {

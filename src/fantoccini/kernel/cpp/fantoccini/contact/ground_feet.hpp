@@ -173,7 +173,7 @@ class GroundFeet {
     kept = lanes;
     for (int j = 0; j < n_known_; ++j) {
       Foot& own = foot[known_[j]];
-      Mask some = Real(0.0) > Real(1.0);
+      Mask pushes = Real(0.0) > Real(1.0);
       for (Point& p : own.point) {
         p.steps = select(p.pushes, p.steps, Real(0.0));
         p.pushes = p.joins && lanes;
@@ -182,9 +182,9 @@ class GroundFeet {
             select(p.steps <= Real(ContactStepTolerances::steps_of_impact), Real(1.0), Real(0.0));
         p.steps = select(closes(p), Real(1.0), p.steps);
         for (int c = 0; c < 3; ++c) p.impulse[c] = p.next_impulse[c];
-        some = some || p.pushes;
+        pushes = pushes || p.pushes;
       }
-      if (any(some)) known_[n_known++] = known_[j];
+      if (any(pushes)) known_[n_known++] = known_[j];
     }
     n_known_ = n_known;
   }

@@ -41,8 +41,8 @@ class GroundLanes {
   // those that cannot be solved here.
   template <class Links>
   FAN_FN void start(
-      const Links& links, const Mask& some, double dt, double whole, double recovery_speed) {
-    lanes = some;
+      const Links& links, const Mask& selected, double dt, double whole, double recovery_speed) {
+    lanes = selected;
     stands = Real(0.0) > Real(1.0);
     depth = residual = exchanged_ = Real(0.0);
     struck_ = stands;
@@ -176,20 +176,20 @@ class GroundLanes {
     }
     Mask held = stands;
     for (int tree = 0; tree < system_.trees(); ++tree)
-      held = held && solve_some(tree, held, links, eval, rows, near, guess, cap);
+      held = held && solve_tree(tree, held, links, eval, rows, near, guess, cap);
     return held;
   }
 
   // Removes points that would have to pull and rows that would have to push in these lanes, and
   // adds rows that close. Returns whether there are any.
-  FAN_FN bool change_modes(const Mask& some) {
+  FAN_FN bool change_modes(const Mask& selected) {
     bool more = false;
-    if (!any(some)) return more;
+    if (!any(selected)) return more;
     for (int j = 0; j < feet.n; ++j) {
       Foot& own = feet.foot[feet.with_points[j]];
       for (int i = 0; i < own.n; ++i) {
         Point& p = own.point[own.listed[i]];
-        const Mask leaves = p.would_pull && p.joins && some;
+        const Mask leaves = p.would_pull && p.joins && selected;
         p.joins = p.joins && !leaves;
         p.dropped = p.dropped || leaves;
         more = more || any(leaves);
@@ -197,8 +197,8 @@ class GroundLanes {
     }
     for (int r = 0; r < M; ++r) {
       Mask &left = system_.leaves[r], &joined = system_.joins[r];
-      const Mask leaves = would_push_[r] && some && !left;
-      const Mask joins = closes_[r] && some && !joined && !left;
+      const Mask leaves = would_push_[r] && selected && !left;
+      const Mask joins = closes_[r] && selected && !joined && !left;
       left = left || leaves;
       joined = joined || joins;
       more = more || any(leaves || joins);
@@ -217,17 +217,17 @@ class GroundLanes {
   // Solves a tree's part of the problem in these lanes: all at once or, where that exceeds the
   // capacity, one after the other. Returns those in which the law holds.
   template <class Links>
-  FAN_FN Mask solve_some(
-      int tree, const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
+  FAN_FN Mask solve_tree(
+      int tree, const Mask& selected, const Links& links, const Evaluation<Model, Real>& eval,
       const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap) {
-    if (!any(some)) return some;
-    if (system_.list(tree, some, feet, rows, near, guess)) {
-      if (system_.n_rows == 0 && system_.n_feet == 0) return some;
-      return solve(some, links, eval, rows, near, guess, cap);
+    if (!any(selected)) return selected;
+    if (system_.list(tree, selected, feet, rows, near, guess)) {
+      if (system_.n_rows == 0 && system_.n_feet == 0) return selected;
+      return solve(selected, links, eval, rows, near, guess, cap);
     }
     Mask held = Real(0.0) > Real(1.0);
     for (int l = 0; l < width; ++l) {
-      if (!lane_of(some, l)) continue;
+      if (!lane_of(selected, l)) continue;
       Mask own = Real(0.0) > Real(1.0);
       own.set(l, true);
       if (system_.list(tree, own, feet, rows, near, guess))
@@ -239,10 +239,10 @@ class GroundLanes {
   // Solves for the listed rows and feet in these lanes. Returns those in which the law holds.
   template <class Links>
   FAN_FN Mask solve(
-      const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
+      const Mask& selected, const Links& links, const Evaluation<Model, Real>& eval,
       const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap) {
     Real share;
-    Mask good = system_.solve_listed(some, links, eval, rows, near, guess, share);
+    Mask good = system_.solve_listed(selected, links, eval, rows, near, guess, share);
     if (!any(good)) return good;
     residual = select(good, maximum(share, residual), residual);
     check(rows, near, cap, good);

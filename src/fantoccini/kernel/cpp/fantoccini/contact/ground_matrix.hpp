@@ -24,13 +24,13 @@ class GroundMatrix {
   // out. Returns the lanes with such rows.
   FAN_FN Mask factorise(int n, double least) {
     const int stride = n + 1;
-    Mask some = Real(0.0) > Real(1.0);
+    Mask left_out = Real(0.0) > Real(1.0);
     Real low[most];
     for (int i = 0; i < n; ++i) low[i] = least * A_[i * stride + i];
     for (int k = 0; k < n; ++k) {
       const Real* top = A_ + k * stride;
       const Mask firm = top[k] > low[k] && top[k] < Real(unbounded);
-      some = some || !firm;
+      left_out = left_out || !firm;
       out_[k] = !firm;
       const Real by = inverse_[k] =
           select(firm, Real(1.0) / select(firm, top[k], Real(1.0)), Real(0.0));
@@ -40,7 +40,7 @@ class GroundMatrix {
         for (int j = i; j <= n; ++j) own[j] -= share * top[j];
       }
     }
-    return some;
+    return left_out;
   }
 
   // r = A^-1 b of the right-hand side beside A; rows left out take the entries of `given`.

@@ -52,13 +52,13 @@ class GroundSystem {
 
   // Lists the rows and feet of a tree that take part in these lanes. Returns whether they fit.
   FAN_FN bool list(
-      int tree, const Mask& some, Feet& feet, const RowSystem<Model, Real>& rows, const Mask* near,
-      const Real* guess) {
+      int tree, const Mask& selected, Feet& feet, const RowSystem<Model, Real>& rows,
+      const Mask* near, const Real* guess) {
     n_rows = n_single = n_feet = 0;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       if (row_tree_[r] != tree) continue;
-      const Mask takes_part = near[r] && some;
+      const Mask takes_part = near[r] && selected;
       const Mask pulled = (guess[r] > Real(0.0) && !leaves[r]) || joins[r];
       const Mask pulling = rows.two_sided[a] ? takes_part : takes_part && pulled;
       row[n_rows++] = a;
@@ -75,7 +75,7 @@ class GroundSystem {
       Foot& own = feet.foot[which];
       Mask takes_part = Real(0.0) > Real(1.0);
       for (int i = 0; i < own.n; ++i) takes_part = takes_part || own.point[own.listed[i]].joins;
-      if (!any(takes_part && some)) continue;
+      if (!any(takes_part && selected)) continue;
       if (size_ + 6 > Matrix::most) return false;
       first[n_feet] = size_;
       flat_[n_feet] = patch[n_feet].make(own, feet.frame);
@@ -88,10 +88,10 @@ class GroundSystem {
   // and in `share` the residual relative to the largest |b|.
   template <class Links>
   FAN_FN Mask solve_listed(
-      const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
+      const Mask& selected, const Links& links, const Evaluation<Model, Real>& eval,
       const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, Real& share) {
     using std::abs;
-    Mask good = some;
+    Mask good = selected;
     const auto& problem = rows.problem;
     for (int i = 0; i < n_rows; ++i) {
       const int a = row[i];
@@ -109,7 +109,7 @@ class GroundSystem {
       worst = maximum(select(patch[p].here, patch[p].misfit, Real(0.0)), worst);
     }
     for (int i = 0; i < size_; ++i) {
-      has[i] = has[i] && some;
+      has[i] = has[i] && selected;
       b_[i] = select(has[i], b_[i], Real(0.0));
       scale = maximum(Real(abs(b_[i])), scale);
     }

@@ -312,9 +312,9 @@ class ContactPoints {
       const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
       const double speed = links_.speed[a] + (b < 0 ? 0.0 : links_.speed[b]);
       const double margin = Tolerance::margin + Tolerance::travel * dt * speed;
-      const bool far = b < 0 ? links_.is_far(links_.ball_of[a], in.solids[-1 - b], margin)
-                             : links_.is_far(links_.ball_of[a], links_.ball_of[b], margin);
-      if (far) {
+      const bool distant = b < 0 ? links_.is_far(links_.ball_of[a], in.solids[-1 - b], margin)
+                                 : links_.is_far(links_.ball_of[a], links_.ball_of[b], margin);
+      if (distant) {
         k = end;
         continue;
       }

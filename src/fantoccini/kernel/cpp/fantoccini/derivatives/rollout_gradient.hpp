@@ -47,7 +47,7 @@ class RolloutGradient {
     run_.begin(nodes);
     if constexpr (touches) run_.at.contacts.looks_ahead = false;
     make_steps(run_, nodes, EvenSteps{in.options.dt, in.n}, count, tape);
-    in.made = count.made;
+    in.n_steps = count.n_total;
     in.status = verdict(run_, 0);
   }
 
@@ -70,7 +70,7 @@ class RolloutGradient {
       Call<Model, double>::solve_factor_transposed(eval_.L, l_a[0], w);
       if (take_contacts(in, k)) {
         in.edges[k] |= fault(in, k);
-        if (in.edges[k] >= LEAVES_LAW) return;
+        if (in.edges[k] >= LAW_CHANGED) return;
         for (int a = 0; a < rows; ++a)
           y[a] = in.l_tension && a < rows_.n ? -in.l_tension[k * M + rows_.row[a]] : 0.0;
         solve_contacts(w, y);
@@ -143,7 +143,7 @@ class RolloutGradient {
     GradientArrays& in;
 
     bool ready(const StepCount& count) {
-      const long long k = count.made;
+      const long long k = count.n_total;
       const bool steady = all.run_.at.steady, was_steady = all.run_.at.was_steady;
       in.ahead[2 * k] = steady ? 0.5 * in.options.dt : 0.0;
       in.ahead[2 * k + 1] = steady && was_steady ? 0.25 * in.options.dt : 0.0;
@@ -151,7 +151,7 @@ class RolloutGradient {
     }
 
     void record(const StepCount& count, bool moved) {
-      if (moved) all.keep(in, count.made - 1);
+      if (moved) all.keep(in, count.n_total - 1);
     }
   };
 

@@ -74,12 +74,12 @@ class StepModes {
       note(hold(push_[k], out[k]), push_[k].pair);
     }
     check_open_points(run.at.contacts.candidates(), n, out);
-    if (run.at.touching.parts && n > 0) note(LEAVES_LAW, out[0].pair);
+    if (run.at.touching.parts && n > 0) note(LAW_CHANGED, out[0].pair);
     int n_first = 0;
     for (int k = 0; k < n; ++k) n_first += out[k].bounces > 0.0 && out[k].gap > -Tolerance::gap;
     // After a small change another one touches first, or before the step.
     const bool is_edge = delay_.time > 0.0 ? n_first > 1 : n_first > 0;
-    if (is_edge) note(MAY_REBOUND, out[first_touch(out, n)].pair);
+    if (is_edge) note(REBOUND_BEGINS, out[first_touch(out, n)].pair);
     return n;
   }
 
@@ -191,9 +191,9 @@ class StepModes {
     if (fabs(u_n - parting) <= rounding) {
       if (parting < recovery_speed_) out.closes = 1.0 / span;
       const double gain = dt_ * along(out.links, out.at, out.normal, free_acc_);
-      return e > 0.0 && fabs(-e * speed - fmax(parting, -gain)) <= rounding ? MAY_REBOUND : 0;
+      return e > 0.0 && fabs(-e * speed - fmax(parting, -gain)) <= rounding ? REBOUND_BEGINS : 0;
     }
-    if (!(e > 0.0) || !(fabs(u_n + e * speed) <= rounding)) return LEAVES_LAW;
+    if (!(e > 0.0) || !(fabs(u_n + e * speed) <= rounding)) return LAW_CHANGED;
     out.bounces = e;
     return 0;
   }
@@ -220,7 +220,7 @@ class StepModes {
       spanned = true;
       make_row(links, own.at, normal, row);
       if (span_.leaves(row)) note(WITHOUT_FORCE, own.pair);
-      else if (slides_askew(u, normal, own.pair, n, held)) note(ASKEW, own.pair);
+      else if (slides_askew(u, normal, own.pair, n, held)) note(SLIDES_ELSEWHERE, own.pair);
     }
   }
 

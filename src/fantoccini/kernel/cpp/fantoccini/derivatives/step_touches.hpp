@@ -25,7 +25,7 @@ class StepTouches {
     if (Status(int(trajectory_.status)) == RUNNING) {
       n = modes_.find(trajectory_, in.reference_force, contacts_);
       edges = modes_.edges;
-      if (n > in.capacity) edges = CROWDED, n = 0;
+      if (n > in.capacity) edges = TOO_MANY_POINTS, n = 0;
     }
     for (int k = 0; k < n; ++k) in.points[i * in.capacity + k] = contacts_[k];
     in.n_points[i] = n;

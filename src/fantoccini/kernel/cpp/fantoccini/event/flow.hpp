@@ -32,7 +32,7 @@ struct FlowTolerances {
   // chosen again among the redundant ones.
   static constexpr double dependent_pivot = 1e-4;
   // m: scale of shorter strings.
-  static constexpr double min_row_scale = Constants::min_length;
+  static constexpr double min_row_scale = Constants::min_scale_length;
   // Largest number of refinements of the held rows' tensions: nearly dependent rows lose digits.
   static constexpr int refinements = 2;
 };

@@ -69,10 +69,10 @@ FAN_FN void sine_cosine(const Real& x, Real* sine, Real* cosine) {
   const Real s_abs = select(swaps, c, s), c_abs = select(swaps, s, c);
   *sine = select(quadrant > Real(1.5), -s_abs, s_abs);
   *cosine = select(quadrant == Real(1.0) || quadrant == Real(2.0), -c_abs, c_abs);
-  const auto far = !(abs(x) < Real(max_reduced_angle));
-  if (!any(far)) return;
-  *sine = select(far, sin(x), *sine);
-  *cosine = select(far, cos(x), *cosine);
+  const auto large = !(abs(x) < Real(max_reduced_angle));
+  if (!any(large)) return;
+  *sine = select(large, sin(x), *sine);
+  *cosine = select(large, cos(x), *cosine);
 }
 
 // The angle in [-pi/2, pi/2] whose tangent is x.

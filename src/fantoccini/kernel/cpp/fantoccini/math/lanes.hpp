@@ -261,9 +261,9 @@ __attribute__((always_inline)) inline bool any(const LaneMask<width>& mask) {
 #if defined(__AVX__)
   if constexpr (width == 4) return any_bit(mask.bits);
 #endif
-  bool some = false;
-  for (int l = 0; l < width; ++l) some |= mask[l];
-  return some;
+  bool any_lane = false;
+  for (int l = 0; l < width; ++l) any_lane |= mask[l];
+  return any_lane;
 }
 
 }  // namespace fan

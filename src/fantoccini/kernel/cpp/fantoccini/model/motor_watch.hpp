@@ -84,9 +84,9 @@ struct MotorWatch {
     for (int d = 0; d < D; ++d) {
       const Mask weak =
           Model::watched_steps[d] ? lost_[d] : share[d] < Real(Tolerance::saturated_share);
-      const Mask far = beyond[d] > Real(Tolerance::gone_distance[Model::watched_turns[d]]);
-      const Mask away = strays[d] && (weak || far);
-      gone = gone || (away && far);
+      const Mask beyond_range = beyond[d] > Real(Tolerance::gone_distance[Model::watched_turns[d]]);
+      const Mask away = strays[d] && (weak || beyond_range);
+      gone = gone || (away && beyond_range);
       strays[d] = away && !astray_[d];
       astray_[d] = astray_[d] || away;
     }

@@ -64,7 +64,7 @@ class GridRun {
     drive_.set(input);
     trajectory_.restart(drive_);
     origin_ = trajectory_.t;
-    count_.here = 0;
+    count_.n_grid = 0;
   }
 
   void remember(Snapshot& memory) {
@@ -75,7 +75,9 @@ class GridRun {
 
   Trajectory& trajectory() { return trajectory_; }
 
-  RunProgress progress() const { return {count_.made, trajectory_.t, trajectory_.worst_violation}; }
+  RunProgress progress() const {
+    return {count_.n_total, trajectory_.t, trajectory_.worst_violation};
+  }
 
   void write_attribution(Status status, double* out) const {
     fan::write_attribution(trajectory_, status, 0, out);
@@ -98,13 +100,13 @@ class GridRun {
 
     bool ready(const StepCount& count) {
       if (budget-- <= 0 || !out.room_for(2, max_events)) ended = RUNNING;
-      else if (count.made >= run.trajectory_.opt.max_steps) ended = TOO_MANY_STEPS;
+      else if (count.n_total >= run.trajectory_.opt.max_steps) ended = TOO_MANY_STEPS;
       return ended == DONE;
     }
 
     void record(const StepCount& count, bool moved) {
       if (moved) run.tell(out);
-      const bool on_time = count.here % run.save_every_ == 0;
+      const bool on_time = count.n_grid % run.save_every_ == 0;
       const bool stopped = !run.trajectory_.runs();
       if (!stopped ? on_time || count.t >= t_end : Trajectory::makes_parts && (moved || !on_time))
         run.emit(out);

@@ -192,8 +192,8 @@ class LaneBatch {
 
     bool ready(const StepCount& count) {
       const BatchArrays& in = pool.arrays;
-      if (count.made >= in.options.max_steps) ended = TOO_MANY_STEPS;
-      if (count.made % steps_per_report == 0 && count.made > 0) {
+      if (count.n_total >= in.options.max_steps) ended = TOO_MANY_STEPS;
+      if (count.n_total % steps_per_report == 0 && count.n_total > 0) {
         pool.advance(batch.n_ * (count.t - reported) / (in.t_end - in.t));
         reported = count.t;
         if (pool.stopped() && ended == DONE) ended = STOPPED;
@@ -204,7 +204,7 @@ class LaneBatch {
     void record(const StepCount& count, bool) {
       const BatchArrays& in = pool.arrays;
       batch.count_changes();
-      if (count.made % in.save_every == 0 || count.t >= in.t_end) batch.write(in, row++);
+      if (count.n_total % in.save_every == 0 || count.t >= in.t_end) batch.write(in, row++);
     }
   };
 

@@ -7,9 +7,9 @@ namespace fan {
 
 // Progress of a run with fixed steps.
 struct StepCount {
-  double t, dt;        // s: reached; length of the last step
-  long long made = 0;  // steps since the run began
-  long long here = 0;  // since its grid began
+  double t, dt;           // s: reached; length of the last step
+  long long n_total = 0;  // steps since the run began
+  long long n_grid = 0;   // since its grid began
 };
 
 // Multiples of dt from the start of a run or of new inputs, then its end.
@@ -26,7 +26,7 @@ struct StepGrid {
     return at.t >= t_end - rounding * fmin(dt, t_end - origin);
   }
   double next(const StepCount& at) const {
-    const double t = origin + double(at.here + 1) * dt;
+    const double t = origin + double(at.n_grid + 1) * dt;
     return t > t_end - sliver * dt ? t_end : t;
   }
   double length(const StepCount& at) const { return next(at) - at.t; }
@@ -37,8 +37,8 @@ struct EvenSteps {
   double dt;  // s
   long long n;
 
-  bool over(const StepCount& at) const { return at.here >= n; }
-  double next(const StepCount& at) const { return dt * double(at.here + 1); }
+  bool over(const StepCount& at) const { return at.n_grid >= n; }
+  double next(const StepCount& at) const { return dt * double(at.n_grid + 1); }
   double length(const StepCount&) const { return dt; }
 };
 

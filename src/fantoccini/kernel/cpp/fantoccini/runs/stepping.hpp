@@ -26,8 +26,8 @@ FAN_FN void make_steps(
     count.dt = grid.length(count);
     trajectory.advance(drive, next, count.dt);
     const bool moved = any(trajectory.t > Real(count.t));
-    count.made += moved;
-    count.here += moved;
+    count.n_total += moved;
+    count.n_grid += moved;
     if (any(trajectory.runs())) count.t = next;
     recorder.record(count, moved);
   }

@@ -62,13 +62,13 @@ class Reach {
         write(i, int(ReachEnd::LOST), 0);
         continue;
       }
-      const long long near = in->once ? i - 1 : poses_.nearest(i);
+      const long long near = in->single_pass ? i - 1 : poses_.nearest(i);
       if (near >= 0 && near != i - 1) {
         poses_.read(near, hang_.at);
         if (!hang_.balance()) hang_at(first);
       }
       int count = 0;
-      if (in->once) {
+      if (in->single_pass) {
         const int end = along(i, count);
         write(i, end, count);
         continue;

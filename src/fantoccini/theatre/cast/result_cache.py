@@ -29,16 +29,16 @@ class OutOfTime(Exception):
 
 
 @dataclass
-class Kept:
+class ResultCache:
     """Results by key, for use from several threads.
 
     Attributes:
-        made: number of results computed because they were not cached.
+        n_computed: number of results computed because they were not cached.
         until: time of the monotonic clock after which no result is computed [s]; see
             :meth:`limited`.
     """
 
-    made: int = 0
+    n_computed: int = 0
     until: float = math.inf
     _results: OrderedDict[str, Any] = field(default_factory=OrderedDict)
     _lock: Lock = field(default_factory=Lock)
@@ -70,7 +70,7 @@ class Kept:
         self.check()
         result = job()
         with self._lock:
-            self.made += 1
+            self.n_computed += 1
             self._results[key] = result
             while len(self._results) > _MAX_RESULTS:
                 self._results.popitem(last=False)

@@ -18,7 +18,7 @@ _RELATIVE_STEP = 1e-5
 """Step of differences with respect to parameters, relative to their intervals."""
 
 
-class Chosen:
+class ChosenParameters:
     """Intervals of chosen parameters, and the start of the puppet for given values.
 
     If the puppet hangs at rest with its own parameters, it also starts at rest with other values,

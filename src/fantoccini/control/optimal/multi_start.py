@@ -1,4 +1,4 @@
-"""Searches through modes: explorations, each followed by tightening, until enough motions hold."""
+"""Searches through modes: explorations, each refined, until enough motions hold."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from fantoccini.control.optimal.hybrid import HybridRuns
 from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.optimal.tightening import Tightening
+from fantoccini.control.optimal.trust_region import TrustRegionSearch
 from fantoccini.dynamics.compiled import refuse_contact
 
 HOLDS = 1e-3
 """Largest violation of bounds, and error at the end, of a motion that holds [SI]."""
 
 _MAX_REPETITIONS = 2
-"""Number of repetitions of an exploration near a tightened motion that does not hold."""
+"""Number of repetitions of an exploration near a refined motion that does not hold."""
 
 
-class ThroughModes:
+class MultiStartSearch:
     """A search for the best of the motions from several explorations.
 
     It makes ``task.explore`` explorations, and more until one of their motions holds, each with its
@@ -38,7 +38,7 @@ class ThroughModes:
         first: start of explorations.
         runs: simulates motions.
         objective: cost and bounds.
-        limits: limits of every tightening, and the time at which the search ends.
+        limits: limits of every refinement, and the time at which the search ends.
         seed: seed of the random numbers.
 
     Raises:
@@ -78,7 +78,7 @@ class ThroughModes:
         return time.perf_counter() > self._limits.until
 
     def _attempt(self, rng: np.random.Generator, progress: OnProgress | None) -> bool:
-        """Whether an exploration with its tightening, repeated if need be, finds a motion."""
+        """Whether an exploration with its refinement, repeated if need be, finds a motion."""
         objective, before = Objective(self.objective.task), (self.best, self.objective)
 
         def keep(motion: Iterate) -> None:
@@ -103,13 +103,13 @@ class ThroughModes:
                 return False
             ends = self._runs.ends(*nodes_and_run)
             at = Iterate(nodes_and_run[0], ends, objective.cost(nodes_and_run[0], ends))
-            tightened = Tightening(at, self._runs, objective, limits).run(count)
-            keep(tightened)
-            if not self._rank(tightened)[0]:
+            refined = TrustRegionSearch(at, self._runs, objective, limits).run(count)
+            keep(refined)
+            if not self._rank(refined)[0]:
                 return True
             if self._is_late:
                 break
-            start = tightened.nodes
+            start = refined.nodes
         return False
 
     def _rank(self, at: Iterate) -> tuple[bool, float]:

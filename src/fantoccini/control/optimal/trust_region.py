@@ -32,11 +32,11 @@ from fantoccini.control.optimal.iterations import (
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram, StageSolution, StageSolver
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.tasks import Driven, Nodes
+from fantoccini.control.tasks import DrivenConditions, Nodes
 
 
 @dataclass(frozen=True)
-class TighteningSettings:
+class TrustRegionSettings:
     """Parameters of the search."""
 
     radius: float = 0.07
@@ -64,7 +64,7 @@ class TighteningSettings:
     """Error at the end, or violation of bounds, above which it is far."""
 
 
-SETTINGS = TighteningSettings()
+SETTINGS = TrustRegionSettings()
 _MIN_SIZE = 1e-300
 
 
@@ -89,7 +89,7 @@ class _Step:
     stationarity: float
 
 
-class Tightening:
+class TrustRegionSearch:
     """A search that improves a motion step by step, through slack and catches.
 
     Args:
@@ -104,7 +104,7 @@ class Tightening:
         self._runs, self._objective, self._limits = runs, objective, limits
         self._free = Objective(replace(objective.task, end=None))  # here the end is a set of rows
         self._u, self._z = objective.kept
-        self._max_acceleration = Driven.of(objective.task).scale[self._u]
+        self._max_acceleration = DrivenConditions.of(objective.task).scale[self._u]
         self._solver, self._radius = StageSolver(), SETTINGS.radius
         self._small_steps, self._decrease_ratio = SmallSteps(), -np.inf
         self._linear: LinearEnds | None = None

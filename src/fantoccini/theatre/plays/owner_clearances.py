@@ -16,7 +16,7 @@ WITHIN = 0.3
 
 
 @dataclass(frozen=True)
-class Least:
+class OwnerClearance:
     """Least distance between two owners: players, obstacles or the floor.
 
     Attributes:
@@ -38,7 +38,7 @@ class Least:
         return self.what.startswith("string ") or self.other.startswith("string ")
 
 
-def clearances(cast: Cast, run: Trajectory) -> tuple[Least, ...]:
+def clearances(cast: Cast, run: Trajectory) -> tuple[OwnerClearance, ...]:
     """Least distance of every two owners over a run: bodies first, then strings.
 
     Bodies are measured at any distance, strings only within :data:`WITHIN`; for strings and
@@ -54,15 +54,15 @@ def clearances(cast: Cast, run: Trajectory) -> tuple[Least, ...]:
     return (*bodies, *strings)
 
 
-def _nearest(found: Iterable[Least]) -> list[Least]:
+def _nearest(found: Iterable[OwnerClearance]) -> list[OwnerClearance]:
     """Least distance of every two owners, in increasing order."""
-    by_owners: dict[frozenset[str], Least] = {}
+    by_owners: dict[frozenset[str], OwnerClearance] = {}
     for distance in sorted(found, key=lambda entry: entry.distance):
         by_owners.setdefault(frozenset(distance.owners), distance)
     return list(by_owners.values())
 
 
-def _of_bodies(cast: Cast, path: Path) -> Iterator[Least]:
+def _of_bodies(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     """Bodies of every two owners, measured separately for each pair of owners."""
     whole = cast.whole
     links = [link.name for link in whole.tree.links]
@@ -79,20 +79,20 @@ def _of_bodies(cast: Cast, path: Path) -> Iterator[Least]:
             continue
         nearest = clearance.least(path)
         pair = clearance.pair_at(nearest.q_D, nearest.q_K)
-        yield Least((a, b), pair.what, pair.other, nearest.distance, nearest.t)
+        yield OwnerClearance((a, b), pair.what, pair.other, nearest.distance, nearest.t)
 
 
-def _of_strings(cast: Cast, path: Path) -> Iterator[Least]:
+def _of_strings(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     """Strings with strings and bodies of other players, and with obstacles."""
     near = StringsApart(cast.whole, own=False).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
     for pair in (*near.strings, *near.bodies):
         owners = cast.owner(pair.what), cast.owner(pair.other)
         other = f"string {pair.other}" if pair in near.strings else pair.other
-        yield Least(owners, f"string {pair.what}", other, pair.distance, pair.t)
+        yield OwnerClearance(owners, f"string {pair.what}", other, pair.distance, pair.t)
     for name, part in Clearance(cast.whole).parts().items():
         if not name.startswith("string "):
             continue
         nearest = part.least(path)
         other = part.pair_at(nearest.q_D, nearest.q_K).other
         owners = cast.owner(name.removeprefix("string ")), other
-        yield Least(owners, name, other, nearest.distance, nearest.t)
+        yield OwnerClearance(owners, name, other, nearest.distance, nearest.t)
