@@ -126,7 +126,7 @@ class ContactPoints {
   // some lanes. Returns whether there are any.
   FAN_FN bool find_more(
       const ContactArrays& in, const Real* v_D, const Real* v_K, double dt, const Mask& lanes) {
-    const int n_before = n_max;
+    const int n_max_before = n_max;
     int n_before[width];
     passing_within_ = dt;
     for (int l = 0; l < width; ++l) {
@@ -138,7 +138,7 @@ class ContactPoints {
       search_all_pairs(in, dt, l);
       if (n[l] > n_max) n_max = n[l];
     }
-    for (int i = n_before; i < n_max; ++i) clear(i);
+    for (int i = n_max_before; i < n_max; ++i) clear(i);
     bool more = false;
     for (int l = 0; l < width; ++l) {
       if (n[l] == n_before[l]) continue;
