@@ -65,7 +65,7 @@ def test_the_header_has_the_constants_of_python():
 def test_no_other_header_repeats_them():
     """The size of forces in the runtime once replaced Python's 1e5 by its own 1e-5."""
     owners = {
-        "event/flow.hpp": ("closed_gap", "min_length", "tension_cap"),
+        "event/flow.hpp": ("closed_gap", "min_scale_length", "tension_cap"),
         "event/instants.hpp": ("start_gap",),
         "event/attempts.hpp": ("rest_speed",),
         "model/winch.hpp": ("winch_deceleration",),

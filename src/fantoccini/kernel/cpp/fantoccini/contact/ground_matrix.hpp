@@ -13,7 +13,7 @@ template <class Real>
 class GroundMatrix {
  public:
   using Mask = typename Traits<Real>::Mask;
-  static constexpr int most = 64;
+  static constexpr int capacity = 64;
 
   FAN_FN void resize(int n) { n_ = n; }
 
@@ -25,7 +25,7 @@ class GroundMatrix {
   FAN_FN Mask factorise(int n, double least) {
     const int stride = n + 1;
     Mask left_out = Real(0.0) > Real(1.0);
-    Real low[most];
+    Real low[capacity];
     for (int i = 0; i < n; ++i) low[i] = least * A_[i * stride + i];
     for (int k = 0; k < n; ++k) {
       const Real* top = A_ + k * stride;
@@ -73,8 +73,8 @@ class GroundMatrix {
   }
 
   int n_ = 0;
-  Mask out_[most];
-  Real A_[most * (most + 1)], inverse_[most];
+  Mask out_[capacity];
+  Real A_[capacity * (capacity + 1)], inverse_[capacity];
 };
 
 }  // namespace fan

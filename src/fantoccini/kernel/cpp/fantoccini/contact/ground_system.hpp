@@ -24,7 +24,7 @@ class GroundSystem {
 
   using Patch = GroundPatch<Model, Real>;
   using Matrix = GroundMatrix<Real>;
-  static constexpr int P = Matrix::most / 3;
+  static constexpr int P = Matrix::capacity / 3;
 
   double dt = 0.0;  // s: of the step
   // Listed: rows, those that pull in some lane, feet.
@@ -35,9 +35,9 @@ class GroundSystem {
   Mask leaves[array_size(M)], joins[array_size(M)];
   Patch patch[P];
   Real at_start[P][6],
-      by_forces[P][6];     // hdot of their rows; changes by the forces of the step
-  Mask has[Matrix::most];  // lanes that have an unknown
-  Real y[Matrix::most];
+      by_forces[P][6];         // hdot of their rows; changes by the forces of the step
+  Mask has[Matrix::capacity];  // lanes that have an unknown
+  Real y[Matrix::capacity];
   Real taken[array_size(N)],
       speed[array_size(M)];  // - W y of the feet; hdot at the end of all gathered rows
 
@@ -64,7 +64,7 @@ class GroundSystem {
       row[n_rows++] = a;
       pulls[a] = pulling;
       if (any(pulling)) {
-        if (n_single == Matrix::most) return false;
+        if (n_single == Matrix::capacity) return false;
         single[n_single++] = a;
       }
     }
@@ -76,7 +76,7 @@ class GroundSystem {
       Mask takes_part = Real(0.0) > Real(1.0);
       for (int i = 0; i < own.n; ++i) takes_part = takes_part || own.point[own.listed[i]].joins;
       if (!any(takes_part && selected)) continue;
-      if (size_ + 6 > Matrix::most) return false;
+      if (size_ + 6 > Matrix::capacity) return false;
       first[n_feet] = size_;
       flat_[n_feet] = patch[n_feet].make(own, feet.frame);
       size_ += patch[n_feet++].rank;
@@ -309,7 +309,7 @@ class GroundSystem {
   int size_ = 0;
   Mask flat_[P];
   Triple<Real> W_[P][2][array_size(N)];
-  Real b_[Matrix::most], left_[Matrix::most], given_[Matrix::most];  // left: b - G y
+  Real b_[Matrix::capacity], left_[Matrix::capacity], given_[Matrix::capacity];  // left: b - G y
   Matrix matrix_;
 };
 

@@ -47,7 +47,7 @@ class ContactPatches {
   FAN_FN void remove_all(State& state) {
     any_held_ = false;
     state.held_residual = 0.0;
-    for (int i = 0; i < state.points.most; ++i) state.held[i] = false;
+    for (int i = 0; i < state.points.n_max; ++i) state.held[i] = false;
     for (int r = 0; r < M; ++r) state.row_held[r] = false;
   }
 

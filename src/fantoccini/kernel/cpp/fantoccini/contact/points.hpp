@@ -48,7 +48,7 @@ class ContactPoints {
     bool carried, slid;  // whether any point of its pair pushed, and, in lanes, slid
   };
 
-  int n[width], most;  // number of points of each lane, and the largest
+  int n[width], n_max;  // number of points of each lane, and the largest
   Point point[width][array_size(C)];
   Triple<Real> row[array_size(C)][array_size(N)];  // of A_D: every point's normal and tangents
   Triple<Real> rate_K[array_size(C)];              // A_K v_K of these rows
@@ -95,7 +95,7 @@ class ContactPoints {
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, double dt, const Mask& idle, const Recall& recall) {
     links_.locate(q_D, q_K, p);
-    most = 0;
+    n_max = 0;
     passing_within_ = 0.0;
     for (int l = 0; l < width; ++l) {
       n[l] = 0;
@@ -106,9 +106,9 @@ class ContactPoints {
       for (int i = 0; i < L; ++i) lane_of(speed_at_start_[i], l) = links_.speed[i];
       search_near_pairs(in, dt, l);
       recall(l);
-      if (n[l] > most) most = n[l];
+      if (n[l] > n_max) n_max = n[l];
     }
-    for (int i = 0; i < most; ++i) clear(i);
+    for (int i = 0; i < n_max; ++i) clear(i);
     for (int l = 0; l < width; ++l) {
       for (int i = 0; i < n[l]; ++i) fill(in, l, i);
     }
@@ -126,7 +126,7 @@ class ContactPoints {
   // some lanes. Returns whether there are any.
   FAN_FN bool find_more(
       const ContactArrays& in, const Real* v_D, const Real* v_K, double dt, const Mask& lanes) {
-    const int most_before = most;
+    const int n_max_before = n_max;
     int n_before[width];
     passing_within_ = dt;
     for (int l = 0; l < width; ++l) {
@@ -136,9 +136,9 @@ class ContactPoints {
       links_.move();
       links_.place();
       search_all_pairs(in, dt, l);
-      if (n[l] > most) most = n[l];
+      if (n[l] > n_max) n_max = n[l];
     }
-    for (int i = most_before; i < most; ++i) clear(i);
+    for (int i = n_max_before; i < n_max; ++i) clear(i);
     bool more = false;
     for (int l = 0; l < width; ++l) {
       if (n[l] == n_before[l]) continue;

@@ -43,7 +43,7 @@ class ContactPointsAt {
       if (links().separation(in, g) >= margin) k = end;
       for (; k < end; ++k) points_.search_pair(in, k, margin, 0);
     }
-    points_.most = points_.n[0];
+    points_.n_max = points_.n[0];
   }
 
   // Likewise those of one pair.

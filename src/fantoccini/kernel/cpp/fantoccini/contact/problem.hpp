@@ -37,14 +37,14 @@ class ContactProblem {
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       const Mask* near, const Real* guess) {
     bool needed[array_size(C)];
-    for (int i = 0; i < state.points.most; ++i) {
+    for (int i = 0; i < state.points.n_max; ++i) {
       needed[i] = false;
       for (int l = 0; l < width; ++l)
         needed[i] = needed[i] || (i < state.points.n[l] && state.takes_part(l, i));
     }
-    for (int i = 0; i < state.points.most; ++i)
+    for (int i = 0; i < state.points.n_max; ++i)
       if (needed[i]) state.points.need_row(*state.in, i);
-    columns_.make(eval, state.points.row, state.points.moved, needed, state.points.most);
+    columns_.make(eval, state.points.row, state.points.moved, needed, state.points.n_max);
     const auto& problem = rows.problem;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];

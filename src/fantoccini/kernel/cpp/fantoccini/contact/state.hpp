@@ -61,7 +61,7 @@ struct ContactState {
     Real dv[array_size(N)];
     unhindered(eval, dv);
     typename Points::Rates free(points, dv);
-    for (int i = 0; i < points.most; ++i) {
+    for (int i = 0; i < points.n_max; ++i) {
       const Triple<Real> by_forces = free.change(i);
       for (int d = 0; d < 3; ++d) before[3 * i + d] = hdot[3 * i + d] + by_forces[d];
     }
@@ -70,7 +70,7 @@ struct ContactState {
 
   // Computes b of all points.
   FAN_FN void compute_required() {
-    for (int i = 0; i < points.most; ++i) {
+    for (int i = 0; i < points.n_max; ++i) {
       b[3 * i] = before[3 * i] + required[i];
       for (int d = 1; d < 3; ++d) b[3 * i + d] = before[3 * i + d] + drift[3 * i + d];
     }

@@ -59,7 +59,7 @@ class ContactStep {
       n[l] = 0;
       state_.points.too_many[l] = false;
     }
-    state_.points.most = 0;
+    state_.points.n_max = 0;
   }
 
   template <class Memory>
@@ -122,8 +122,8 @@ class ContactStep {
       solved_with_[l] = 0;
     }
     patches_.remove_all(state_);
-    if (state_.points.most == 0) return;
-    for (int i = 0; i < state_.points.most; ++i) {
+    if (state_.points.n_max == 0) return;
+    for (int i = 0; i < state_.points.n_max; ++i) {
       const Triple<Real> start = state_.points.rate(i, v_D);
       for (int d = 0; d < 3; ++d) {
         state_.x[3 * i + d] = Real(0.0);
@@ -140,7 +140,7 @@ class ContactStep {
   }
 
   // Whether a point rebounds, of one trajectory.
-  FAN_FN bool has_rebound() const { return state_.points.most > 0 && state_.bounces[0]; }
+  FAN_FN bool has_rebound() const { return state_.points.n_max > 0 && state_.bounces[0]; }
 
   // Time until the first rebounding point touches (negative if it overlaps), and until the next
   // one, by more than `same` after that and the step's start [s]; unbounded if there is none.
@@ -199,11 +199,11 @@ class ContactStep {
     ++n_searches_;
     Real v[array_size(N)];
     int known[width];
-    const int most = state_.points.most;
+    const int most = state_.points.n_max;
     for (int l = 0; l < width; ++l) known[l] = state_.points.n[l];
     for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
     if (!state_.points.find_more(*state_.in, v, v_K, dt, lanes)) return false;
-    for (int i = 3 * most; i < 3 * state_.points.most; ++i) state_.x[i] = Real(0.0);
+    for (int i = 3 * most; i < 3 * state_.points.n_max; ++i) state_.x[i] = Real(0.0);
     state_.need_before(eval);
     Real dv[array_size(N)];
     state_.unhindered(eval, dv);
@@ -239,7 +239,7 @@ class ContactStep {
   FAN_FN bool watch(const Real* v) {
     bool more = false;
     Rates rates(state_.points, v);
-    for (int i = 0; i < state_.points.most; ++i) {
+    for (int i = 0; i < state_.points.n_max; ++i) {
       const Real now = rates(i)[0];
       for (int l = 0; l < width; ++l) {
         if (!state_.points.has(l, i) || state_.near[l][i]) continue;
@@ -300,7 +300,7 @@ class ContactStep {
 
   // w <- w - W x over the points.
   FAN_FN void add(Real* w) const {
-    for (int i = 0; i < state_.points.most; ++i)
+    for (int i = 0; i < state_.points.n_max; ++i)
       if (pushes(i)) problem_.columns().take(i, state_.x + 3 * i, state_.points.moved[i], w);
     patches_.add(w);
   }
@@ -308,7 +308,7 @@ class ContactStep {
   // Reduction of hdot of gathered row a by the impulses.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     Real sum = Real(0.0);
-    for (int i = 0; i < state_.points.most; ++i) {
+    for (int i = 0; i < state_.points.n_max; ++i) {
       if (!pushes(i)) continue;
       const Triple<Real>& by = problem_.columns().across[i][a];
       sum += by[0] * state_.x[3 * i] + by[1] * state_.x[3 * i + 1] + by[2] * state_.x[3 * i + 2];
