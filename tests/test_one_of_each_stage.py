@@ -1,4 +1,4 @@
-"""The theatre has one language: one kind of cue, one table of verbs, one timeline."""
+"""The theatre has one base class of cues, one table of verbs, and one timeline."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ pytestmark = pytest.mark.medium
 
 
 def models() -> Iterator[type[Model]]:
-    """Every part of a file of the theatre."""
+    """Every model class that the theatre defines."""
     for info in pkgutil.walk_packages(theatre.__path__, f"{theatre.__name__}."):
         module = importlib.import_module(info.name)
         own = [part for part in vars(module).values() if isinstance(part, type)]
@@ -54,7 +54,7 @@ def members(annotation: object) -> Iterator[type[CueFile]]:
 
 
 def test_each_verb_is_a_key_of_one_kind_of_cue():
-    """Among other files, only a gesture file has such a key, for its name."""
+    """Of the models that are no cues, only a gesture file has such a key: `gesture`, its name."""
     parts = {key: [part for part in models() if key in part.model_fields] for key in VERBS}
     parts["gesture"] = [part for part in parts["gesture"] if part.__name__ != "GestureFile"]
     assert parts == {key: [verb.cue] for key, verb in VERBS.items()}
@@ -86,7 +86,7 @@ def test_names_of_a_verb_are_keys_of_its_cues(key: str):
 
 
 def sources() -> Iterator[tuple[str, ast.Module]]:
-    """Every file of the theatre, with its path there."""
+    """Path and syntax tree of every source file of the theatre."""
     root = Path(theatre.__path__[0])
     for path in sorted(root.rglob("*.py")):
         yield path.relative_to(root).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
@@ -102,7 +102,7 @@ def calls(tree: ast.AST, name: str) -> list[ast.Call]:
 
 
 def test_scores_and_plays_have_one_reader():
-    """Nothing else reads their files."""
+    """Only `script/reading.py` reads their files."""
     readers = {
         name
         for name, tree in sources()
@@ -122,7 +122,7 @@ def test_there_is_one_timeline_and_one_order_of_placing():
 
 
 def test_scores_and_plays_have_one_performer():
-    """Only the performer places cues one after the other and creates placed cues."""
+    """Only the performer places cues on the timeline; it and its callers create placed cues."""
     used = {name for name, tree in sources() if calls(tree, "Performer")}
     assert used == {"gestures/placing.py", "plays/placing.py"}
     for name in ("Turn", "Placed", "Performed"):
@@ -148,7 +148,7 @@ def test_late_cues_are_judged_by_policies():
 
 
 def test_transitions_are_timed_in_one_place():
-    """The duration of a transition sets the start of a motion: `Line.add`, and free lanes."""
+    """In gestures, casts and plays only the search for a free lane asks for a transition's time."""
     led = {name for name, tree in sources() if calls(tree, "lead_time")}
     assert {name for name in led if name.startswith(("plays/", "cast/", "gestures/"))} == {
         "gestures/performing.py"
@@ -156,7 +156,7 @@ def test_transitions_are_timed_in_one_place():
 
 
 def test_the_other_side_is_named_in_one_place():
-    """Both sides, of players and of props, are named in one module."""
+    """Only one module defines a constant with the words left and right."""
     modules = [
         name
         for name, tree in sources()

@@ -1,4 +1,4 @@
-"""18.7: the site: navigation, links, reference, and its build."""
+"""The documentation site: navigation, links, reference and build."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_the_reference_has_every_public_name_by_a_path_that_imports():
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.stem)
 def test_the_reference_has_the_names_that_the_guide_uses(page):
     paths = {path for page in reference.paths().values() for path in page}
-    if page.stem not in ("equations", "CHANGELOG"):  # these name functions inside of packages
+    if page.stem not in ("equations", "CHANGELOG"):  # these pages name private functions
         used = re.findall(r"`(fantoccini\.[\w.]*\w)(?=[`(])", page.read_text(encoding="utf-8"))
         assert [name for name in used if name not in paths and "hpp" not in name] == []
 
@@ -109,7 +109,7 @@ def test_an_examples_key_follows_its_source(tmp_path):
 
 
 def test_the_architecture_page_is_the_one_that_is_written():
-    """`make architecture` writes both."""
+    """The page and its picture are up to date; `make architecture` writes them."""
     assert architecture.PAGE.read_text(encoding="utf-8") == architecture.page()
     assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.drawing()
 

@@ -1,4 +1,4 @@
-"""The table of chains and massless strings measures the stated figures."""
+"""The benchmark of chains and massless strings measures plausible figures."""
 
 import dataclasses
 
@@ -20,7 +20,7 @@ def both():
 def test_a_chain_brings_fast_motions_and_short_steps(both):
     massless, chain = both
     assert (massless.dof, chain.dof) == (4, 7)
-    # One mass of 0.5 g between two springs of EA / 0.5 m.
+    # One mass of 0.5 g between two springs of stiffness EA / (0.5 m) = 10 kN/m.
     assert chain.fastest == pytest.approx(np.sqrt(2 * 10_000 / 5e-4), rel=0.01)
     assert massless.fastest < 20
     assert 1.4 < chain.largest_step * chain.fastest < 2.2

@@ -1,4 +1,4 @@
-"""Editors know the types of a user's script: results of the public functions are typed."""
+"""The public functions are typed, so that editors can check a user's script."""
 
 from pathlib import Path
 
@@ -83,7 +83,7 @@ def check(script: str, folder: Path) -> list[str]:
 
 @pytest.mark.slow
 def test_an_editor_knows_what_the_public_functions_return(tmp_path, monkeypatch):
-    """18.6: results of simulate and the like are typed, and a strict checker finds mistakes."""
+    """mypy --strict accepts the typed results in one script, and finds the mistakes in another."""
     monkeypatch.chdir(ROOT)
     assert check(SCRIPT, tmp_path) == []
     lines = [int(line.split(":")[1]) for line in check(WRONG, tmp_path)]

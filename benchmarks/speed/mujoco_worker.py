@@ -1,7 +1,7 @@
-"""MuJoCo in a separate process, so that two versions can be timed in turns.
+"""Runs MuJoCo in a separate process, so that two versions can be timed alternately.
 
 It needs only the mujoco wheel. Every line of stdin is a request in JSON, ``{"task": name,
-...}``; every line of stdout its answer. States are given and returned joint by joint:
+...}``; every line of stdout is its answer. States are given and returned joint by joint:
 ``{joint: [numbers]}`` in MuJoCo's own order and axes.
 """
 
@@ -30,19 +30,19 @@ class Bench:
         self.pools: dict[int, rollout.Rollout] = {}
 
     def load(self, name: str, text: str) -> dict:
-        """A model from its MJCF text."""
+        """Loads a model from MJCF text."""
         self.models[name] = model = mujoco.MjModel.from_xml_string(text)
         return {"version": mujoco.__version__, "nv": model.nv, "nq": model.nq}
 
     def accelerate(self, model: str, q: dict, v: dict) -> dict:
-        """Accelerations without constraints."""
+        """Computes the accelerations without constraints."""
         m, d = self._put(model, {}, q, v)
         m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         mujoco.mj_forward(m, d)
         return {"acc": {name: d.joint(name).qacc.tolist() for name in q}}
 
     def step(self, model: str, settings: dict, q: dict, v: dict, steps: int) -> dict:
-        """Time of a step [s], the final state, and the tension of every tendon there."""
+        """Measures the time of a step [s]; also returns the final state and every tendon's tension in it."""
         m, d = self._put(model, settings, q, v)
         mujoco.mj_step(m, d, WARM_UP)
         self._place(m, d, q, v)
@@ -58,7 +58,7 @@ class Bench:
         return {"seconds": took / steps, "q": end, "v": speed, "tension": tension}
 
     def rollout(self, model: str, settings: dict, states: list, steps: int, threads: int) -> dict:
-        """Time of all trajectories from several states [s], on a pool of threads."""
+        """Measures the time [s] to simulate trajectories from several states on a pool of threads."""
         m, d = self._put(model, settings, *states[0])
         full = mujoco.mjtState.mjSTATE_FULLPHYSICS
         start = np.empty((len(states), mujoco.mj_stateSize(m, full)))

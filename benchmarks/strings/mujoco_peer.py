@@ -1,8 +1,8 @@
-"""The same mechanisms in MuJoCo: strings are spatial tendons with a limited length.
+"""The mechanisms of scenarios.py in MuJoCo: strings are spatial tendons of limited length.
 
-Its limits are soft. ``default`` keeps MuJoCo's `solreflimit` and `solimplimit`; ``stiffest``
-is the shortest time constant that its safeguard allows, two steps, with the highest impedance;
-``overdamped`` is the same with twice the damping. Resetting after a NaN is switched off.
+MuJoCo's limits are soft. ``default`` keeps its `solreflimit` and `solimplimit`; ``stiffest``
+has the shortest time constant that `refsafe` allows, two steps, and the highest impedance;
+``overdamped`` is ``stiffest`` with twice the damping. Resetting after a NaN is switched off.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Peer:
 
         Args:
             body: MJCF of bodies and sites.
-            tendon: ``range`` attribute's upper end, then the sites.
+            tendon: the tendon's greatest length [m], then the names of its sites.
             dt: step [s].
             setting: one of DAMPING.
             integrator: ``Euler`` or ``RK4``.
@@ -72,10 +72,10 @@ class Peer:
         return self.data.qpos.copy(), self.data.qvel.copy()
 
     def course(self, steps: int) -> tuple[Array, Array, Array]:
-        """Step by step: (n, nq) positions, (n, nv) velocities, (n,) tension [N] at each."""
+        """Before each step: (n, nq) positions, (n, nv) velocities and (n,) tension [N]."""
         q, v, pull = [], [], []
         for _ in range(steps):
-            # After a step the forces may be those of its last stage.
+            # After an RK4 step the forces are those of its last stage: evaluate them again.
             mujoco.mj_forward(self.model, self.data)
             q.append(self.data.qpos.copy())
             v.append(self.data.qvel.copy())

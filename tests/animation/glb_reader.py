@@ -1,4 +1,4 @@
-"""A player of glTF, written from its specification; `pygltflib` parses the file."""
+"""Evaluates glTF animations, written from the specification; `pygltflib` parses the file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Sampler:
         t: (K,) [s].
         values: (K, n), or (K, 3, n) for cubic splines.
         interpolation: ``LINEAR`` or ``CUBICSPLINE``.
-        quaternion: the values are normalised.
+        quaternion: whether the values are quaternions, which are normalised.
     """
 
     t: np.ndarray
@@ -31,7 +31,7 @@ class Sampler:
     quaternion: bool
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """(T, n) values, by appendix C of the specification."""
+        """(T, n) values at times (T,), computed as in appendix C of the specification."""
         times = np.clip(times, self.t[0], self.t[-1])
         k = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)
         d = (self.t[k + 1] - self.t[k])[:, None]

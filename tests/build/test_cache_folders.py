@@ -1,4 +1,4 @@
-"""Folders of the cache: private, and replaced by a private folder if they are not writable."""
+"""Cache folders are private; a private temporary folder replaces one that cannot be written."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def refuge_of(entry: Path, key: str) -> Path:
 
 
 def test_a_cache_that_cannot_be_made_has_a_private_stand_in(tmp_path, key, source, monkeypatch):
-    """The chosen folder lies below a regular file, which stops the superuser too."""
+    """The chosen folder would lie inside a regular file, so not even root can create it."""
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path / "file" / "cache"))
     with pytest.warns(RuntimeWarning, match="the cache folder is not used") as warned:
@@ -62,7 +62,7 @@ def test_a_read_only_or_full_disk_has_a_private_stand_in(
 def test_a_disk_that_fills_while_compiling_has_a_private_stand_in(
     cache, key, source, monkeypatch, program
 ):
-    """The compiler itself meets the full disk, only in the cache folder."""
+    """The compiler itself finds the disk full, but only in the cache folder."""
     full = program(
         "full",
         f'case "$PWD" in {cache}*) [ "$1" = --version ] || '
@@ -115,7 +115,7 @@ def test_a_folder_of_another_user_is_refused(cache, key, source, monkeypatch):
 
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o1777])
 def test_a_group_that_others_can_write_is_refused(cache, key, source, mode):
-    """17.33: this holds even if its entries exist already and nothing would be written."""
+    """17.33: the folder is refused even if its entries exist already and nothing would be written."""
     build.obtain(key, source)
     (cache / key[:2]).chmod(mode)
     with pytest.warns(RuntimeWarning, match="written by other users"):
@@ -128,7 +128,7 @@ def test_a_group_that_others_can_write_is_refused(cache, key, source, mode):
 def test_an_entry_that_others_may_have_written_is_compiled_again(
     tmp_path, cache, key, source, what, trouble
 ):
-    """17.33: an entry, or one of its files, that another user may have written."""
+    """17.33: an entry is compiled again if another user may have written it or one of its files."""
     path = build.obtain(key, lambda: source(1)) / what
     match trouble:
         case "writable":
@@ -154,7 +154,7 @@ def test_an_entry_that_others_may_have_written_is_compiled_again(
 
 
 def test_files_of_an_entry_are_private_whatever_the_umask(key, source):
-    """17.33: a umask of 002 makes files that a group can write."""
+    """17.33: files are private even with a umask of 0, which lets everybody write."""
     old = os.umask(0)
     try:
         entry = build.obtain(key, source)
@@ -167,7 +167,7 @@ def test_files_of_an_entry_are_private_whatever_the_umask(key, source):
 
 @pytest.mark.parametrize("what", ["link", "pipe"])
 def test_a_lock_is_a_file_and_no_link(tmp_path, cache, key, source, what):
-    """17.33: the target of a link is not emptied; a pipe is not waited for."""
+    """17.33: if the lock is a link, its target is not emptied; if it is a pipe, nothing waits for it."""
     lock = cache / key[:2] / f"{key}.lock"
     cache.mkdir(mode=0o700)
     lock.parent.mkdir(mode=0o700)
@@ -182,7 +182,7 @@ def test_a_lock_is_a_file_and_no_link(tmp_path, cache, key, source, what):
 
 @pytest.mark.parametrize("squatter", ["open folder", "link", "file"])
 def test_a_stand_in_prepared_by_another_user_is_refused(tmp_path, squatter):
-    """Anybody may create a folder of the known name; then a fresh one is created."""
+    """The name of the private folder is known, so anybody may create it first; then a fresh one is used."""
     place = tmp_path / "temporary" / f"fantoccini-{os.geteuid()}"
     match squatter:
         case "open folder":

@@ -1,4 +1,4 @@
-"""fantoccini perform: a page and messages, until Ctrl-C."""
+"""`fantoccini perform` serves a page and exchanges OSC messages until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_show_is_directed_by_messages_until_ctrl_c(tmp_path):
 
 
 def test_messages_are_not_sent_to_port_0(tmp_path):
-    """Port 0 means any free port for incoming messages."""
+    """Port 0 means any free port for incoming messages, so it cannot be a destination."""
     (tmp_path / "short.yaml").write_text(PLAY, encoding="utf-8")
     done = fantoccini("perform", tmp_path / "short.yaml", "--osc-in", "0", "--osc-out", "::1:0")
     assert done.exit_code == 2

@@ -1,4 +1,4 @@
-"""linearise_step with contact: differences of steps in every mode, and missing derivatives."""
+"""linearise_step with contact: finite differences in every mode, and missing derivatives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DT = 0.002
 
 @dataclass(frozen=True)
 class Steps:
-    """Steps of differences by configurations, velocities, and accelerations and forces."""
+    """Sizes of finite differences in configurations, velocities, and accelerations and forces."""
 
     q: float = 1e-7
     v: float = 1e-6
@@ -46,7 +46,7 @@ def check_step(
     seed: int | None = None,
     dt: float = DT,
 ):
-    """A, B, B_u, B_p and the derivatives of forces are differences of steps."""
+    """A, B, B_u, B_p and derivatives of contact forces agree with finite differences."""
     t = puppet.coordinates
     n, k, n_p = t.n_vD, t.n_vK, len(puppet.p)
     acc_K, u_D = np.zeros(k), np.zeros(n)
@@ -104,7 +104,7 @@ def check_step(
 def check_compiled(
     puppet: fan.Marionette, lin: fan.dynamics.StepLinearisation, acc_K: np.ndarray, u_D: np.ndarray
 ):
-    """The compiled derivatives equal those of single steps; steps that fail are not settled."""
+    """The compiled linearise_steps gives the derivatives of linearise_step; all steps settle."""
     x, t = lin.x, puppet.coordinates
     many = puppet.linearise_steps(
         x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, dt=lin.dt, forces=True, pull=True
@@ -140,7 +140,7 @@ def balls() -> fan.Marionette:
 
 
 def test_a_ball_rests_slides_and_lands(ball):
-    """Its shape is away from its frame's origin."""
+    """The centre of the ball is not the origin of its frame."""
     low = {"body.z": 0.07}
     check_step(ball, ball.state(low), ["stick"])
     slides = {"body.x": 1.0, "body.y": 0.2, "body.wx": 0.3, "body.wy": 0.2, "body.wz": 0.1}
@@ -149,7 +149,7 @@ def test_a_ball_rests_slides_and_lands(ball):
 
 
 def test_a_sliding_ball_slows_by_the_friction_of_the_closed_form():
-    """dv+/dv = 1 in all directions, except for the rotation of friction: 1/(1 + 7/2 mu g dt/
+    """dv+/dv = 1 along the motion and 1 - mu g dt/(norm(u+) + 7/2 mu g dt) across it: friction
 
     u
 
@@ -186,7 +186,7 @@ def test_a_box_on_one_edge(box):
 
 
 def test_a_box_that_slides_aside_has_no_derivative(box):
-    """Its rotation would depend on the shares of its four corners in its weight."""
+    """Its rotation would depend on how its four corners share its weight."""
     x = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.5})
     with pytest.raises(
         fan.errors.StateError, match=r"body\|floor slide on more points than the law"
@@ -206,7 +206,7 @@ def test_a_capsule_lies_and_slides():
 
 
 def test_boxes_stacked_and_logs_that_lie_on_one_another():
-    """Flat on flat: points are smooth only for small tilts."""
+    """The points of flat faces move smoothly only for small tilts, so differences are small."""
     flat = Steps(q=1e-8, v=1e-5, a=1e-3)
     stack = fan.loads(STACK)
     check_step(stack, stack.state({"a.z": 0.05, "b.z": 0.15}), ["stick"] * 8, steps=flat)
@@ -239,9 +239,9 @@ def test_an_egg_rolls_on_a_floor_and_slides_on_a_dome():
 
 
 def test_balls_that_strike_one_another(balls):
-    """Restitution, in the air and on the floor, shortly after the step begins.
+    """Balls bounce shortly after the step begins, in the air and on the floor.
 
-    Bodies that touch at its start do so within it or before it for neighbouring states.
+    Balls that touch at its very start have no derivative: neighbours touch earlier or later.
     """
     above = {"b.x": 0.17 * 0.6 + 1e-4}
     speed = {"b.x": 0.5, "b.y": 0.3, "b.z": -1.0}
@@ -253,7 +253,7 @@ def test_balls_that_strike_one_another(balls):
 
 
 def test_separating_overlaps(balls):
-    """They separate at gap/dt, and at the recovery speed, which does not depend on the depth."""
+    """They separate at depth/dt, at most at the recovery speed, which does not depend on depth."""
     for dt, speed in ((DT, 0.25), (0.2 * DT, 1.0)):
         x = thrown(balls, {"a.z": 0.0995, "b.z": 5.0}, {"a.x": 0.3})
         lin = check_step(balls, x, ["stick"], dt=dt)
@@ -284,7 +284,7 @@ def test_the_bundled_marionette_stands_on_one_foot():
 
 
 def test_edges_are_named(ball, box, balls):
-    """A touch without force, sticking at the edge of the cone, a bounce that is about to begin."""
+    """A touch without force, sticking at the edge of the cone, and the onset of a rebound."""
     lift = np.zeros(6)
     lift[2] = 9.81
     lin = ball.linearise_step(ball.state({"body.z": 0.07}), u_D=lift)
@@ -313,7 +313,7 @@ def test_edges_are_named(ball, box, balls):
 
 
 def test_a_decelerated_landing_closes_its_gap():
-    """Without restitution u_n+ = -gap/dt."""
+    """It closes exactly within the step: without restitution, u_n+ = -gap/dt."""
     ball = fan.loads(BALL + "gravity: [0, 0, 9.81]\n")
     x = thrown(ball, {"body.z": 0.0705}, {"body.x": 0.5, "body.z": -1.0, "body.wy": 2.0})
     lin = check_step(ball, x, ["stick"])

@@ -91,7 +91,7 @@ def test_mistakes(drive, key, message):
 
 @pytest.mark.parametrize("first, second", [("left", "right"), ("right", "left")])
 def test_a_twin_has_one_drive(first, second):
-    """The drive may belong to either half; both names may stand in one drive."""
+    """A drive on either twin drives both; one drive may list both names."""
     first_drive, second_drive = (
         f"on: wire_{side}.length, mass: 1, {PD}" for side in (first, second)
     )
@@ -127,7 +127,7 @@ def test_twins_have_their_drives():
     assert set(table.commands) == {
         f"wire_{side}.{what}" for side in ("left", "right") for what in ("length", "y")
     }
-    # Only one axis of this end has a drive: x by hand, y by motor.
+    # Only one axis of this end has a drive: x is moved by hand, y by a motor.
     assert {"wire_right.x", "wire_right.command.y"} <= set(table.q_K)
     assert "wire_right.y" in table.q_D
     places = dict(zip(table.q_K, table.start_K, strict=True))
@@ -136,7 +136,7 @@ def test_twins_have_their_drives():
 
 
 def test_a_free_joint_with_a_drive_is_split():
-    """bar.z by motor: x and y by hand carry z, and z carries the driven rotation."""
+    """A motor moves bar.z, on a carriage that hands move along x and y; the driven rotation sits on z."""
     puppet = loads(rig(f"on: bar.z, mass: 1, {PD}"))
     tree = grow(puppet)
     links = {link.name: link for link in tree.links}

@@ -1,4 +1,4 @@
-"""Gestures: moved coordinates, changes, and sequences."""
+"""Gestures: the coordinates that they move, changed copies of them, and sequences."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def twins() -> fan.Marionette:
 
 
 def offset(gesture: fan.theatre.Gesture, name: str, t: float) -> float:
-    """d(t) of a coordinate."""
+    """Displacement d(t) of a coordinate from the start of the gesture."""
     i = gesture.coordinates.v_K.index(name)
     k = int(np.clip(np.searchsorted(gesture.breaks, t, "right") - 1, 0, len(gesture.coef) - 1))
     return float(np.polyval(gesture.coef[k, i, ::-1], t - gesture.breaks[k]))
@@ -277,7 +277,7 @@ def test_a_thousand_gestures_in_any_order_never_jump_nor_break_bounds(marionette
     speed, acceleration, x0 = 1.2, 11.0, marionette.rest()
     library = [fan.theatre.load_gesture(marionette, name) for name in gesture_names()]
     library += [gesture.mirrored() for gesture in library]
-    # Parts of pieces begin and end in motion.
+    # Gestures cut from the middle of a piece, so that they begin and end in motion.
     for gesture in library[:10]:
         k = int(np.argmax(gesture.peaks_of_pieces[:, 0].max(axis=1)))
         h = 0.25 * (gesture.breaks[k + 1] - gesture.breaks[k])

@@ -1,4 +1,4 @@
-"""Rehearsed scores are on their beats in the event-driven simulation."""
+"""In the event-driven simulation, the motion of a rehearsed score is on its beats."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def hand(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
 
 
 def outermost(t: np.ndarray, y: np.ndarray, mark: float) -> float:
-    """Time at which the right hand is farthest out near a mark."""
+    """Time, within 0.3 s of a mark, at which the right hand is farthest to the right."""
     near = np.flatnonzero(np.abs(t - mark) < 0.3)
     return float(t[near[np.argmin(y[near])]])
 

@@ -1,6 +1,6 @@
 """Estimates from synthetic records agree with the truth, and their errors are as predicted.
 
-Records come from event-driven runs at a tight tolerance; the fit uses time steps. They may differ
+Records come from event-driven runs at a tight tolerance; the fit uses time steps. Both may differ
 by the noise, 2 mm for every marker.
 """
 
@@ -50,7 +50,7 @@ def test_an_arm_is_estimated_within_the_tolerances(case):
 
 
 def test_intervals_contain_the_truth_at_their_rate(case):
-    """95 % of 95 % intervals contain the truth: 12 records, 9 numbers each, at least 88 % (3
+    """Of 108 intervals of 95 % (12 records of 9), at least 88 % contain the truth (95 % less 3
     deviations).
     """
     inside = []
@@ -63,8 +63,8 @@ def test_intervals_contain_the_truth_at_their_rate(case):
 
 
 def test_derivatives_agree_with_differences_of_event_driven_runs(case):
-    """Derivatives of predictions by parameters, an offset and the delay; steps are of first
-    order, so two sizes.
+    """Derivatives of predictions with respect to parameters, offset and delay; time steps are of
+    first order, so the fit uses small ones (0.5 ms).
     """
     data = record(case, 3.0, 1)
     fit = fit_of(data, 0.25, 0.0005, 1)
@@ -113,8 +113,8 @@ def _moved(inputs, offset):
 
 
 def test_derivatives_of_the_steps_are_exact(case):
-    """Derivatives of predictions agree with central differences: to 5e-5 by the unknowns, since
-    rotations are interpolated within steps ((omega dt)^2/8 at 4 rad/s), and to 1e-4 by the first
+    """Derivatives of predictions agree with central differences: to 5e-5 for the unknowns, since
+    rotations are interpolated within steps ((omega dt)^2/8 at 4 rad/s), and to 1e-4 for the first
     states, whose smaller steps have more rounding.
     """
     data = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
@@ -157,7 +157,7 @@ pose: {pin: 40 deg}
 
 
 def swing(rng, seconds=12.0, noise=0.01):
-    """A freely swinging pendulum: SciPy's motion, the angle with noise."""
+    """A freely swinging pendulum, simulated by SciPy: times, noisy angles, true parameters."""
     mass, centre, damping, inertia = 0.4, -0.3, 0.03, 0.01
     whole = inertia + mass * centre**2
     t = np.arange(0.0, seconds, 0.02)
@@ -226,11 +226,11 @@ def test_undetermined_combinations_of_a_pendulum_are_named():
     assert len(estimate.combinations) == 1
     parts = estimate.combinations[0].parts
     assert set(parts) == {"mass", "damping"}
-    # Shares are relative to the larger of first and estimated values, the factor to the estimates.
+    # Parts are relative to the larger of first and estimated value; made relative to estimates.
     sizes = data.sizes(estimate.values)
     mass, damping = (parts[n] * sizes[i] / estimate[n] for i, n in enumerate(("mass", "damping")))
     assert abs(mass / damping - 1.0) < 0.02
-    centre = (0.01 + 0.4 * 0.3**2) / (0.4 * 0.3)  # of a point mass that swings as the rod does
+    centre = (0.01 + 0.4 * 0.3**2) / (0.4 * 0.3)  # of a point mass that swings like the rod
     ratio = (0.01 + 0.4 * 0.3**2) / (0.03 * centre**2)
     assert abs(estimate["centre"] + centre) < 5e-3
     assert abs(estimate["mass"] / estimate["damping"] / ratio - 1.0) < 0.05
@@ -315,7 +315,7 @@ drives:
 
 
 def test_larger_motions_are_more_informative(case):
-    """A candidate at rest informs least; the predicted errors of the best one are met."""
+    """A motionless candidate ranks last; for the best one, errors are as predicted."""
     data = record(case, 10.0, 4)
     still = fan.Input.hold(case.puppet, 10.0)
     best = fan.lab.suggest_motion(data, {"still": still, "moving": data.inputs})
@@ -338,7 +338,7 @@ def test_random_motions_are_tried_and_written(case, tmp_path):
 
 
 def test_a_length_between_joints_is_found():
-    """A parameter that moves markers at a fixed configuration, too."""
+    """The parameter also moves markers when the configuration does not change."""
     text = PENDULUM.replace(
         "  - name: cart",
         """  - name: tail
@@ -390,7 +390,7 @@ def free(about, **options):
 
 
 def test_a_small_first_guess_hides_nothing():
-    """The damping is found to a fifth of itself, from a guess of a thirtieth as from a good one."""
+    """A first guess of a thirtieth of the damping leads to the same estimate as a good guess."""
     distant_guess, near = (fan.identify(free(about)) for about in (0.001, 0.03))
     assert not near.combinations and not distant_guess.combinations
     assert 0.001 < near.deviation("damping") < 0.5 * near["damping"]
@@ -399,7 +399,7 @@ def test_a_small_first_guess_hides_nothing():
 
 
 def test_a_delay_is_found_near_its_guess_and_its_bound_is_reported(case):
-    """A clock 1 s ahead, with a first guess; and one 0.4 s ahead, with a bound of 0.25 s."""
+    """A delay of 1 s is found from a guess of 1 s; one of 0.4 s stops at the bound of 0.25 s."""
     data = record(case, 5.0, 3)
     ahead = fan.identify(replace(data, t=data.t + 1.0, delay=1.0))
     apart = abs(ahead["delay"] - 1.0 - case.truth["delay"])

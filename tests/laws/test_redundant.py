@@ -1,7 +1,7 @@
 """Redundant strings: the motion is unique, and the tensions have least norm.
 
-A bob on strings from points of one line swings about that line; two strings hold it, and any others
-hold with them. The total pull follows from the bob's acceleration; the result is the shortest
+A bob on strings from points of one line swings about that line. Two strings suffice; any others
+share the load. The total pull follows from the bob's acceleration; the result is the shortest
 vector of non-negative tensions with this pull, found by trying every set of strings.
 """
 
@@ -83,7 +83,7 @@ def table(places: np.ndarray, length: float = 1.0) -> Marionette:
 
 def least_norm(U: np.ndarray, f: np.ndarray, upper: np.ndarray | None = None) -> np.ndarray:
     """The shortest x with U x = f and 0 <= x <= upper, by trying every set of columns within their
-    bounds, the others at 0 or at upper.
+    bounds; each other entry of x is 0 or its upper bound.
     """
     upper = np.full(U.shape[1], np.inf) if upper is None else upper
     places = [(0, 1, 2) if np.isfinite(bound) else (0, 1) for bound in upper]
@@ -133,7 +133,7 @@ def test_a_swinging_bob_has_the_tensions_of_least_norm(anchors):
     assert worst <= 1e-9, f"{worst:.2e} of the strings' force apart"
     assert (left_out > 0) == (anchors == ANCHORS["one string best left out"])
     assert np.max(run.violation.values) <= 1e-13
-    # The pendulum on two of the strings.
+    # The motion is that of the pendulum on two of the strings.
     two = swing(bob([anchors[0], anchors[-1]]), 0.5, 4.0)
     apart = np.max(np.abs(run.q_D[-1] - two.q_D[-1]))
     assert apart <= 1e-7, f"{apart:.2e} m from the motion on two strings"
@@ -167,7 +167,7 @@ TABLES = {
 
 @pytest.mark.parametrize("places", TABLES.values(), ids=TABLES)
 def test_a_table_stands_still_on_its_strings(places):
-    """Three strings would suffice; all pull, with the least norm for weight and moments."""
+    """Three strings suffice; all pull, with tensions of least norm that balance the weight."""
     marionette = table(places)
     x0 = marionette.project(marionette.state())
     run = fan.simulate(marionette, x0, t_end=5.0, effort=False)

@@ -1,4 +1,4 @@
-"""17.5: derivatives of inputs by values of waypoints, compared with differences."""
+"""17.5: derivatives of inputs with respect to waypoint values, compared with finite differences."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def sided(table, points: dict, name: str, k: int, d: float) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_derivatives_by_random_waypoints(table, seed):
-    """17.5: turning points, bounded slopes, mean slopes, several coordinates on one clock."""
+    """17.5: covers turning points, bounded slopes, mean slopes, and several coordinates with shared break times."""
     rng = np.random.default_rng(seed)
     points = {}
     for name, at in (("hand.length", 0.8), ("knee.length", 0.7), ("crank", 0.1)):
@@ -73,7 +73,7 @@ def test_derivatives_by_random_waypoints(table, seed):
 KINKS = {
     "two equal values": [(0, 0.8), (1, 0.8), (2, 0.7)],
     "three equal values": [(0, 0.8), (0.8, 0.8), (2, 0.8)],
-    # Gaps 1 and 4 with secants whose mean is exactly twice the smaller one.
+    # Intervals of 1 s and 4 s, whose mean slope at the middle point is exactly twice the smaller secant slope.
     "the bound begins to act": [(0, 0.0), (1, 6.0), (5, 10.0)],
 }
 
@@ -81,7 +81,7 @@ KINKS = {
 @pytest.mark.parametrize("what", KINKS)
 @pytest.mark.parametrize("side", ["above", "below"])
 def test_where_the_sides_differ(table, what, side):
-    """17.5: at a kink each side has its own derivative, which is not smooth."""
+    """17.5: at a kink the derivatives from above and below differ, and are marked as not smooth."""
     points = {"crank": KINKS[what]}
     derivatives = InputDerivative.of_waypoints(table, points, side=side)
     sign = 1.0 if side == "above" else -1.0
@@ -92,7 +92,7 @@ def test_where_the_sides_differ(table, what, side):
 
 
 def test_mistakes_are_refused(table):
-    """17.5: rotations, unknown names and sides are refused."""
+    """17.5: rotations, unknown names and unknown sides are refused."""
     points = {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 1])], "crank": [(0, 0.0), (1, 1.0)]}
     assert len(InputDerivative.of_waypoints(table, points, only=["crank"])) == 2
     with pytest.raises(fan.errors.InputError, match="rotation"):

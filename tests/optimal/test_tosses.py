@@ -1,4 +1,4 @@
-"""Ten seconds with ten tosses: a complete search through every catch."""
+"""Ten seconds with ten tosses are optimised to the end, with every catch kept."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_it_is_solved_with_its_catches(followed):
 
 
 def test_no_direction_lowers_the_cost(followed):
-    """Slopes of the cost along random changes, by separate runs, compared with the curvature."""
+    """Along random changes of the accelerations, finite differences of the cost give a minimum."""
     task, nodes, J = followed.task, followed.nodes, followed.cost
     chosen, objective = ChosenParameters(task.marionette, task.x0, {}), Objective(task)
     runs = EventRuns(TimeSteps(task.marionette, task.dt, 1, chosen), chosen)

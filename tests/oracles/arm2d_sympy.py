@@ -1,12 +1,12 @@
-"""The paper's planar arm (Fig. 2), Eqs. 1-9, word for word in SymPy.
+"""The paper's planar arm (Fig. 2): Eqs. 1-9 and 11, transcribed to SymPy.
 
 The arm lies in the x-z plane; theta_1 is measured from +x towards +z and theta_2 is relative.
 The string runs from the tip to the point S = (x, height) and has the length L, so that
-q_K = (x, L). These slips of the paper are corrected:
+q_K = (x, L). These errors of the paper are corrected:
 
-* Eq. 6 gains the gravitational acceleration, and gravity acts along z;
-* in the Euler-Lagrange line the first partial is by velocity, the second by configuration;
-* A_D depends on q_K too, so its rate in Eq. 11 takes both.
+* Eq. 6 lacks the gravitational acceleration, and its gravity acts along y, here along z;
+* in the Euler-Lagrange equation the first derivative is with respect to v, the second to q;
+* A_D also depends on q_K, so its rate in Eq. 11 has a term with v_K.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _unhat(twist):
 
 @functools.cache
 def model() -> dict[str, object]:
-    """Functions of (q_D, v_D, q_K, v_K, numbers), each of shape-(2,) arrays, by the paper's names.
+    """The paper's name -> function of (q_D, v_D, q_K, v_K, numbers); q and v have shape (2,).
 
     Keys: M (2, 2), C (2, 2), g (2,), h (), A_D (2,), A_K (2,), Adot_D (2,), Adot_K (2,),
     Adot_v () = Adot_D v_D + Adot_K v_K, T (), V (), g_1 and g_2 (3, 3), V_1 and V_2 (3,),
@@ -112,7 +112,7 @@ def model() -> dict[str, object]:
                 ) / 2
                 C[i, j] += gamma * v_D[k]
     g = sp.Matrix([sp.diff(potential, q) for q in q_D])
-    # Eq. 8 is d/dt dL/dv - dL/dq = 0 with the accelerations left out of both sides
+    # without the accelerations, d/dt dL/dv - dL/dq must equal the C v + g of Eq. 8
     rest = momentum.jacobian(q_D) * v_D - sp.Matrix([sp.diff(lagrangian, q) for q in q_D])
     assert (rest - C * v_D - g).applyfunc(lambda e: sp.trigsimp(sp.expand(e))) == sp.zeros(2, 1)
 

@@ -1,6 +1,6 @@
-"""A rod in the plane on two strings, slack and taut in all combinations, in NumPy and SciPy.
+"""A rod in a plane, hung on two strings that are slack or taut in all combinations, simulated with NumPy and SciPy.
 
-The equations are Newton's for (x, z, beta), written by hand. The rule for one string does not
+The equations are Newton's for (x, z, beta), written by hand. The rule that decides whether one string pulls does not
 suffice for two: the strings that pull, and those that share an impulse, are found by trying all
 subsets of the closed rows,
 
@@ -21,7 +21,7 @@ from .arm2d_events import ARMED, Run, root
 
 @dataclass(frozen=True)
 class Rod:
-    """Numbers, and the motion of the strings' upper ends and lengths.
+    """Parameters of the rod, its strings' upper ends, and the motion of their lengths.
 
     Attributes:
         mass: [kg].
@@ -30,7 +30,7 @@ class Rod:
         gravity: [m/s^2].
         tops: (2, 2) x and z of the upper ends [m].
         breaks: (n + 1,) [s].
-        lengths: (n, 2, 6) ascending powers of the time since the piece began [m].
+        lengths: (n, 2, 6) coefficients of each string length, in ascending powers of the time since the piece began [m].
     """
 
     mass: float
@@ -77,7 +77,7 @@ class Rod:
         return acc, tension, gamma + A @ acc, h, hdot
 
     def mode(self, piece: int, t: float, y: np.ndarray, candidates) -> tuple[bool, ...]:
-        """The candidates that pull."""
+        """For each string, whether it pulls; only candidates may."""
         for taut in itertools.product((True, False), repeat=2):
             if any(on and not able for on, able in zip(taut, candidates, strict=True)):
                 continue
@@ -109,7 +109,7 @@ def simulate(rod: Rod, q, v, t_end: float, *, tolerance: float = 1e-13) -> Run:
 
     Args:
         rod: numbers of the rod.
-        q, v: (3,) start, with both strings slack.
+        q, v: (3,) configuration and velocity at the start, with both strings slack.
         t_end: [s].
         tolerance: relative tolerance of DOP853; the absolute one is a tenth of it.
     """

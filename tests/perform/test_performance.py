@@ -1,4 +1,4 @@
-"""Gentle motions of hands: targets are reached exactly and without steps."""
+"""Gentle motions of hands: targets are reached exactly, and velocities do not jump."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def bridge_crane():
 
 
 def test_methods_have_their_arguments_and_documentation():
-    """This includes the methods of targets."""
+    """The public methods include those that set targets."""
     public = {name: f for name, f in vars(fan.Performance).items() if not name.startswith("_")}
     assert all(f.__doc__ for f in public.values())
     move = inspect.signature(fan.Performance.move)
@@ -124,7 +124,7 @@ def test_handles_of_every_joint_go_where_their_joint_lets_them(bridge_crane):
     live.move("head", None, tilted)
     live.advance(4.0)
     assert np.allclose(live.place("bridge")[0], [0.0, 0.4, 3.0], atol=1e-13)
-    # It moves with the bridge.
+    # The trolley moves with the bridge.
     assert np.allclose(live.place("trolley")[0], [0.3, 0.4, 3.0], atol=1e-13)
     assert turn_between(live.place("arm")[1], half) < 2e-3
     assert np.allclose(live.place("arm")[0], [2.0, 0.0, 3.0], atol=1e-15)
@@ -151,7 +151,7 @@ def test_driven_velocity_is_continuous_and_bounded(bar):
     assert np.max(np.abs(v_1 - v_0)) < 1e-11
     assert np.max(np.abs(q_1 - q_0)) < 1e-11
     run = recording.trajectory
-    # The simulated input is the same.
+    # The run followed the recorded input.
     assert np.max(np.abs(run.v_K[1:-1] - v_1)) < 1e-11
     for v, acc in zip(run.v_K, recording.acc_K, strict=False):
         assert np.all(reach.lengths(v, hands.group, 2) <= hands.speed * (1 + 1e-12))

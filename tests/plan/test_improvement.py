@@ -1,4 +1,4 @@
-"""Improved plans: shorter ones, closer to the goal, and continued searches."""
+"""Plans become shorter, end closer to the goal, and searches are continued."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_plans_become_shorter(problem):
 
 
 def test_what_a_plan_costs(problem):
-    """Sums along the paths of a tree, for any size of its chunks."""
+    """The cost of a node is summed along its path in the tree."""
     search = Search(problem, SearchOptions(seed=3, objective="acceleration"))
     search.find_first(60.0)
     tree, interval = search.tree, problem.rollouts.options.interval
@@ -117,7 +117,7 @@ def test_saving_effort_does_not_shorten_the_plan(problem):
 
 
 def test_a_search_continues_from_a_polished_plan(problem):
-    """Its next plan costs less, and Ctrl-C leaves the previous one."""
+    """Its next plan does not cost more than the polished one."""
     search = first_plan(problem, near, lambda plan: plan.polish(1e-3, 10.0)).search
     cost = float(search.tree.cost[search.best])
     search.find_better(60.0, iterations=2000)
@@ -142,7 +142,7 @@ def test_ctrl_c_keeps_the_polished_plan(problem, monkeypatch):
 
 
 def test_puppets_without_constraints_are_polished():
-    """No limits, no obstacles, strings that may go slack; and a plan of one segment."""
+    """A puppet without limits and obstacles whose string may go slack; and a one-segment plan."""
     arm = fan.puppets.arm2d()
     start = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
     result = first_plan(Problem(arm, start, {"elbow": start.q_D[1] + 0.3}), near, polished)
@@ -216,7 +216,7 @@ def test_inputs_end_at_rest_on_request():
 
 
 def test_a_plan_is_improved_and_polished_at_once(problem):
-    """The time may end before the polish on a slow machine: then the plan reports it."""
+    """On a slow machine the time may run out before the polish ends; the plan then reports it."""
     result = solve(problem, seed=0, improve=2.0)
     assert result and result.replay() and result.polished is not None
     if result.polished.reached:

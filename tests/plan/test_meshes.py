@@ -23,11 +23,11 @@ from fantoccini.kernel.runtime import ClearanceLibrary
 pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 THICK = 0.1
-"""Thickness of the legs of the L, which are 0.4 long and lie along x and z; 0.2 across."""
+"""Thickness of the legs of the L. They lie along x and z, and are 0.4 long and 0.2 wide along y."""
 
 
 def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) -> trimesh.Trimesh:
-    """Prism over an outline in x and z, counter-clockwise seen against y, from y = -0.1 to 0.1."""
+    """Prism from y = -0.1 to 0.1 over an outline in x and z, counter-clockwise as seen from y = -0.1."""
     n, flat = len(outline), np.array(outline)
     front = np.column_stack([flat[:, 0], np.full(n, -0.1), flat[:, 1]])
     corners = np.vstack([front, front + np.array([0.0, 0.2, 0.0])])
@@ -46,7 +46,7 @@ def angle() -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Meshes: an L, a tetrahedron, boxes convex and in two pieces, a hollow one, an open one."""
+    """Folder with meshes: an L, a tetrahedron, and boxes that are convex, in two pieces, hollow or open."""
     path = tmp_path_factory.mktemp("meshes")
     ell, box = angle().subdivide(), trimesh.creation.box((0.2, 0.3, 0.4))
     small = box.copy().apply_scale(0.1)
@@ -81,7 +81,7 @@ def there(folder, monkeypatch):
 
 
 def flying(*shapes: dict) -> fan.Marionette:
-    """A free body for every shape; shapes are not compiled, so that one library suffices."""
+    """A puppet with a free body for every shape; shapes are not compiled, so that one library suffices."""
     bodies = [body | {"shapes": [s]} for body, s in zip(free(len(shapes)), shapes, strict=True)]
     puppet = fan.loads(str({"puppet": "flying", "bodies": bodies}))
     puppet.__dict__["clearances"] = clearances(len(shapes))
@@ -107,13 +107,13 @@ def mesh(file: str, **more) -> dict:
 
 
 def posed(puppet: fan.Marionette, *poses: tuple[np.ndarray, Rotation]) -> fan.State:
-    """Bodies at places, turned."""
+    """A state in which each body has a given position and orientation."""
     numbers = [[*place, *np.roll(turn.as_quat(), 1)] for place, turn in poses]
     return puppet.state().replace(q_D=np.ravel(numbers))
 
 
 def distances(puppet: fan.Marionette, still: dict, places: np.ndarray) -> np.ndarray:
-    """Distances of one body, not turned, at places (n, 3), from an obstacle."""
+    """Distances of an obstacle from a body that is at places (n, 3), without rotation."""
     q_D = np.column_stack([places, np.tile([1.0, 0, 0, 0], (len(places), 1))])
     return Clearance(puppet, [still | {"name": "it"}]).at(q_D, np.zeros((len(places), 0)))
 
@@ -173,7 +173,7 @@ def test_a_moving_tetrahedron_has_the_distance_of_geometry(at, gap):
 
 
 def test_a_notch_is_free():
-    """The box around the L is entered, and its legs are 0.1 away minus the radius."""
+    """The rod is inside the box around the L, at a distance of 0.1 minus its radius from the legs."""
     rod = flying({"type": "capsule", "from": [0, -0.3, 0], "to": [0, 0.3, 0], "radius": 0.02})
     x = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.identity()))
     ell = mesh("ell", name="ell")
@@ -230,7 +230,7 @@ def test_solids_within_one_another_overlap_either_way():
 
 
 def test_meshes_of_one_puppet_keep_clear_of_one_another():
-    """Two Ls, one turned by half a turn, a leg of each in the other's notch."""
+    """Two Ls; one is turned by half a turn, so that a leg of each is in the notch of the other."""
     puppet = flying(mesh("ell"), mesh("ell"))
     own = Clearance(puppet, self_collision=True)
     still, turn = (np.zeros(3), Rotation.identity()), Rotation.from_euler("y", 180, degrees=True)
@@ -257,12 +257,12 @@ ARM = fan.puppets.arm3d()
 HANGING = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
 RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
 SHELF = mesh("ell", name="shelf", scale=[-1.25, 1.0, 1.25], at=[0.6, 0.0, -0.75])
-"""It lies beside the hand with a leg upright in front of the arm; the string hangs in its notch."""
+"""The shelf is an L beside the hand: one leg is upright in front of the arm, and the string hangs in its notch."""
 LEGS = [
     {"name": "low", "type": "box", "size": [0.5, 0.2, 0.125], "at": [0.35, 0.0, -0.6875]},
     {"name": "up", "type": "box", "size": [0.125, 0.2, 0.5], "at": [0.5375, 0.0, -0.5]},
 ]
-"""The same as boxes."""
+"""The legs of the shelf as boxes."""
 
 
 def test_slack_strings_keep_clear_of_meshes_as_of_boxes():
@@ -326,7 +326,7 @@ def test_errors_during_measurements_of_meshes_are_raised(monkeypatch, threads):
 
 
 def test_an_interrupt_is_not_lost_while_meshes_are_measured():
-    """Python delivers it where compiled code calls back."""
+    """Python delivers the interrupt when compiled code calls Python."""
 
     class Stopped(Exception):
         pass

@@ -1,4 +1,4 @@
-"""Plans on disk: the same plan, continued searches, and damaged files."""
+"""Plans on disk: loaded plans equal the saved ones, searches continue, and damaged files are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mistakes of play files, each at its line, and their JSON Schema."""
+"""Mistakes in play files are reported with their lines; the JSON Schema of play files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ACT = "acts:\n  - act: one\n    cues:\n      - {cue}\n"
 
 
 def mistakes(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
-    """Mistakes of a cue, at its line in the file."""
+    """Messages for the mistakes in a cue; each must name the cue's line."""
     path = plays.written(ACT.format(cue=cue), head)
     with pytest.raises(fan.errors.FileError) as caught:
         fan.load_play(path)

@@ -1,4 +1,4 @@
-"""The bundled puppets agree with the paper and with their comments."""
+"""The bundled puppets have the stated sizes, the paper's names and a description."""
 
 from __future__ import annotations
 

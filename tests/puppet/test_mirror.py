@@ -21,7 +21,7 @@ planes = st.sampled_from(sorted(SIGNS))
 
 
 def reflection(plane: str) -> np.ndarray:
-    """S (3, 3)."""
+    """Reflection matrix S (3, 3) of a plane."""
     return np.diag([float(s) for s in SIGNS[plane]])
 
 
@@ -51,7 +51,7 @@ def test_twins_start_as_mirror_images(data: dict, draw) -> None:
 
 
 def motion(joint: Joint, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and place (3,) of a body by its joint, in the parent's frame."""
+    """Rotation (3, 3) and position (3,) that a joint gives its body, in the parent's frame."""
     R = np.eye(3) if joint.orientation is None else joint.orientation.matrix
     turn, move = np.eye(3), np.zeros(3)
     match joint.type:
@@ -96,7 +96,7 @@ def test_cones_and_twists_are_mirrored(joint: dict, plane: str, quaternion: list
         swing = np.dot(joint.cone.axis, R @ np.array(joint.cone.of)) - np.cos(joint.cone.max)
         return [swing, twist - joint.twist.lower, joint.twist.upper - twist]
 
-    quaternion[0] = abs(quaternion[0]) + 0.1  # away from half a turn, where a twist changes sign
+    quaternion[0] = abs(quaternion[0]) + 0.1  # avoids half a turn, at which the twist would change its sign
     swing, above_lower, below_upper = limits(original, quaternion)
     values = limits(twin, image.rotation(quaternion))
     np.testing.assert_allclose(values, [swing, below_upper, above_lower], atol=1e-12)

@@ -1,7 +1,7 @@
 """Side panel: numbers, plots, and the buttons that all pages have.
 
 Texts from puppet files become HTML only through elements, which escape them. They are never used as
-markdown, in which a page would run code.
+markdown, because a page would run code in it.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ def note(words: str) -> str:
 
 
 def dotted(name: str, colour: str) -> list[Content]:
-    """A name after a dot in its colour."""
+    """A dot in a colour, followed by a name."""
     return [element("span", "\N{BLACK CIRCLE}", style=f"color:{colour}"), f" {name}"]
 
 
 def bars(names: Sequence[str], scene: SceneState, nodes: SceneNodes) -> str:
-    """Names of the strings in their colours, with tensions as bars and numbers, as HTML."""
+    """HTML table of the strings: name with a coloured dot, and tension as a bar and a number."""
     cells = []
     for s, name in enumerate(names):
         tension = None if scene.tension is None else float(scene.tension[s])
@@ -63,10 +63,10 @@ def bars(names: Sequence[str], scene: SceneState, nodes: SceneNodes) -> str:
 
 
 class Views:
-    """Buttons for the camera, and boxes for the parts of the world to show.
+    """Buttons for the camera, and checkboxes for the parts of the world that are shown.
 
     Attributes:
-        shadows_box, forces_box: boxes for shadows and for forces of contacts.
+        shadows_box, forces_box: checkboxes for shadows and for contact forces.
 
     Args:
         gui: controls of the server.
@@ -118,7 +118,7 @@ class Plot:
         label: unit of the values.
         span: first and last time [s].
         scale: lower and upper end of the values.
-        mark: mark the current time.
+        mark: whether to mark the current time.
         height: height of the plot [px].
     """
 
@@ -174,7 +174,7 @@ class Plot:
 
 
 def _spike(t: np.ndarray, values: np.ndarray, now: float) -> np.ndarray:
-    """(n,) NaN except at two neighbours of the current time: an almost vertical line."""
+    """(n,) an almost vertical line at the current time: NaN except at two neighbouring times."""
     mark = np.full(len(t), np.nan)
     k = int(np.clip(np.searchsorted(t, now), 1, len(t) - 1))
     finite = values[np.isfinite(values)]

@@ -18,7 +18,7 @@ _POWERS = np.arange(N_COEF)
 
 @dataclass(frozen=True, eq=False)
 class InputVariation:
-    """Changes of inputs and parameters at one time, a column for each.
+    """Changes of inputs and parameters at one time; each change is a column.
 
     Attributes:
         q_K: (n_vK, m) tangent vectors of the driven configuration.
@@ -55,8 +55,8 @@ class InputPiece:
     Attributes:
         start, end: start and end of the piece, in which no input has a break [s].
         inputs: inputs of this piece alone.
-        powers: (6, 3 n_vK + n_vD, changes) changes of q_K, v_K, acc_K and u_D, as coefficients of
-            powers of the time since the start over the duration.
+        powers: (6, 3 n_vK + n_vD, changes) changes of q_K, v_K, acc_K, u_D: coefficients of powers
+            of (t - start)/(end - start).
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class InputPiece:
     def variation(self, t: float) -> InputVariation:
         """The changes at a time of the piece [s], valid until the next call.
 
-        The columns are derivatives by the state at the start (all 0), by the parameters, towards
+        The columns are derivatives with respect to the start state (all 0) and parameters, towards
         the other inputs, and along the derivatives.
         """
         out, n, m = self._variation, len(self._variation.q_K), self.powers.shape[2]
@@ -93,7 +93,7 @@ class InputChanges:
         marionette: the puppet.
         inputs: bound inputs.
         toward: other bound inputs; a change goes from ``inputs`` towards each.
-        along: derivatives of the inputs, each a change of its own.
+        along: derivatives of the inputs; each one is a change with its own column.
 
     Attributes:
         inputs: inputs of the run.
@@ -111,7 +111,7 @@ class InputChanges:
         table, n_p = marionette.coordinates, len(marionette.p)
         self.inputs, self._own = inputs, Inputs.of([inputs])
         self._toward = toward
-        # Derivatives with the same breaks are moved together.
+        # Neighbouring derivatives with the same breaks are evaluated together.
         alike = groupby(along, key=lambda item: item.breaks.tobytes())
         groups = [list(group) for _, group in alike]
         self._along = [(g[0].breaks[None], np.array([item.coef for item in g])) for g in groups]
@@ -125,7 +125,7 @@ class InputChanges:
         self._variation.p[:, first - n_p : first] = np.eye(n_p)
 
     def piece(self, start: float, end: float) -> InputPiece:
-        """Piece between two times without a break between them [s]."""
+        """Piece between two times [s]; there must be no break between them."""
         n_v, n = len(self._variation.v_K), len(self._variation.u_D)
         moved, pushed = [np.zeros((0, n_v, N_COEF))], [np.zeros((0, n, N_COEF))]
         if self._toward is not None:
@@ -156,7 +156,7 @@ def in_powers(moved: Array, pushed: Array, whole: float) -> Array:
 
 
 def _about(inputs: Inputs, start: float, end: float) -> tuple[Array, Array]:
-    """Polynomials of n inputs between two times, about the first: (n, n_vK or n_vD, 6)."""
+    """Polynomials of n inputs between two times, in powers of t - start: (n, n_vK or n_vD, 6)."""
     moved = _moved(inputs.breaks, inputs.coef, start, end)
     if inputs.force is None:
         return moved, np.zeros((1, inputs.coordinates.n_vD, N_COEF))
@@ -167,7 +167,7 @@ def _about(inputs: Inputs, start: float, end: float) -> tuple[Array, Array]:
 
 
 def _moved(breaks: Array, coef: Array, start: float, end: float) -> Array:
-    """Polynomials (n, n_seg, k, 6) between two times, about the first: (n, k, 6).
+    """Pieces of polynomials (n, n_seg, k, 6) between two times, in t - start: (n, k, 6).
 
     Before the first break and after the last one they are constant.
     """
@@ -186,7 +186,7 @@ def _moved(breaks: Array, coef: Array, start: float, end: float) -> Array:
 
 
 def one_piece(inputs: Input, start: float, end: float) -> Input:
-    """Piece of inputs between two times; after their end, one that holds still."""
+    """Piece of inputs between two times; outside of the inputs, a constant piece."""
     middle = 0.5 * (start + end)
     if not inputs.start <= middle <= inputs.end:
         q_K = inputs.evaluate(min(max(middle, inputs.start), inputs.end))[0]

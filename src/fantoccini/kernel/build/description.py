@@ -16,7 +16,7 @@ from fantoccini.kernel.build.key import casadi_version, processor
 def describe() -> dict[str, str]:
     """Label -> text about the compiler, its flags, the processor and the cache.
 
-    Never raises: faults are under the key ``problem``; without this key, the machine can compile
+    Faults are under the key ``problem``, never raised; if it is absent, the machine can compile
     puppets.
     """
     facts: dict[str, str] = {}

@@ -1,7 +1,7 @@
 """Checks of a puppet as a whole.
 
-A puppet with other mistakes is checked, too, so that all mistakes are reported together. Its
-invalid parts are ``UNCLEAR``, and no mistakes are reported for them.
+A puppet with invalid parts is checked too, so that all mistakes are reported together. Those
+parts have the value ``UNCLEAR``, for which these checks report nothing.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def twins(
     if puppet.mirror is None:
         return mistakes
     token = puppet.mirror.from_
-    # Twins of shapes are valid, since the originals are; reading meshes is slow.
+    # Shapes are left out: their twins are as valid as they are, and reading meshes is slow.
     bodies = [{k: v for k, v in body.items() if k != "shapes"} for body in out["bodies"]]
     whole = valid_parts(out | {"bodies": bodies, "obstacles": []})
     for path, text in findings(whole, out):

@@ -40,15 +40,15 @@ def placed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """A configuration with the masses of chains placed between the strings' ends.
 
-    They lie on a straight line; if the string is longer than the distance of its ends, on a V that
-    hangs down, with relaxed springs.
+    The masses lie on the line between the ends; if the string is longer, they lie on a V that
+    hangs down. The springs of the V are unstretched.
 
     Args:
         tree: tree with the chains.
         q_D: (n_qD,) configuration; entries of the chains' masses are ignored.
-        q_K: (n_qK,) configuration; a driven length that is nan becomes the distance of the ends.
-        number: value of a number of the puppet.
-        given: names of coordinates that are not changed.
+        q_K: (n_qK,) configuration; a driven length of nan becomes the distance between its ends.
+        number: function that evaluates a Number of the puppet (a constant or a parameter).
+        given: names of coordinates set by the user; masses with any of them keep their position.
 
     Returns:
         q_D (n_qD,), q_K (n_qK,).

@@ -31,8 +31,8 @@ _MAX_STEP = 1e-3
 def euler(q: Quaternion) -> tuple[str, Array]:
     """Order of axes, and the angles about them at all frames.
 
-    The order is :data:`USUAL`, unless its angles change much more from frame to frame than the
-    orientation, because the motion passes close to gimbal lock; then the order with the smallest
+    The order is :data:`USUAL`. If its angles change much more from frame to frame than the
+    orientation, because the motion passes close to gimbal lock, it is the order with the smallest
     steps.
 
     Args:
@@ -67,7 +67,7 @@ def angles_of(q: Quaternion, order: str) -> Array:
             alpha = math.atan2(sign * y[k], y[j])
         first = _near((alpha, beta, gamma), last)
         second = _near((alpha + math.pi, math.pi - beta, gamma + math.pi), last)
-        # The first frame has no predecessor: `first` has beta within 90 deg.
+        # At the first frame take `first`, whose beta is within 90 deg.
         last = second if t and math.dist(second, last) < math.dist(first, last) else first
         angles.append(last)
     return np.array(angles).reshape(-1, 3)

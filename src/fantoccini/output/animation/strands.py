@@ -1,9 +1,9 @@
 """Strings in a glTF document: thin tubes, skinned to the bodies that they connect.
 
-Each span has two joints, nodes at its two points, with weights 1 - s and s for a vertex at the
-share s of the span: a straight span follows its two bodies without keys. The joints are turned
-roughly along the span, so that the tube is not flattened. A slack string sags by morph targets:
-the principal shapes of its curve in the run, eigenvectors of its second moments.
+A span is the part of a string between two of its points. It has two joints, nodes at these
+points. A vertex at the share s of the span has weights 1 - s and s, so that a straight span
+needs no keyframes. The joints are turned roughly along the span, which keeps the tube round. A
+slack string sags by morph targets, the principal components of its curves in the run.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class Strands:
         return joints
 
     def _tube(self, line: Line, spans: int, rings: int) -> dict[str, Any]:
-        """Primitive of rings about the origin, which the joints pull apart."""
+        """Primitive of a tube: all its rings lie at the origin, and the joints pull them apart."""
         angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
         ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)])
         normals = np.tile(ring, (rings * spans, 1))
@@ -117,7 +117,7 @@ class Strands:
         owner = np.repeat(np.arange(spans), rings * _SIDES)
         weights = np.column_stack([1.0 - share, share, np.zeros((len(share), 2))])
         joints = np.column_stack([2 * owner, 2 * owner + 1, np.zeros((len(share), 2))])
-        # A joint without weight must be the first.
+        # Where the weight is 0, glTF requires joint 0.
         joints[:, :2][weights[:, :2] == 0.0] = 0.0
         corner = np.arange(_SIDES)
         next_corner = (corner + 1) % _SIDES

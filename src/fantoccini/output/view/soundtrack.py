@@ -28,17 +28,17 @@ def soundtrack(
     keep their pitch.
 
     Args:
-        sounds: sounds with their times, in the motion's time.
+        sounds: sounds, with their starts in the time of the motion.
         start: time of the motion at which the film begins [s].
         seconds: duration of the film [s].
         speed: seconds of motion per second of film, from 0.25 to 4.
 
     Returns:
-        Arguments for the inputs and for the output, which are ``-an`` without sounds.
+        Arguments for the inputs and for the output; without sounds none and ``-an``.
 
     Raises:
         ValueError: the speed is out of range.
-        MediaError: the ending is not that of a sound file.
+        MediaError: the name of a file does not end like that of a sound file.
     """
     end = start + speed * seconds
     audible = [s for s in sounds if s.start + s.duration > start and s.start < end]

@@ -25,7 +25,7 @@ RENDERERS = ("matplotlib", "pyvista")
 """Renderers of solids and strings."""
 
 _LIGHTS = (((-0.8, 0.9, 0.7), 0.85), ((0.9, 0.2, 0.6), 0.25), ((0.2, -0.7, 0.4), 0.12))
-"""Direction to each light in camera axes (right, up, back), and intensity: key, fill, floor."""
+"""Key, fill and floor light: its direction in camera axes (right, up, back), its intensity."""
 
 _OVERSAMPLING = 2
 """Number of rendered pixels along each side of a pixel of the picture."""
@@ -51,8 +51,8 @@ class Studio:
     Args:
         geometry: geometry to show.
         layout: camera, theme and viewport.
-        size: width and height of the sheet [px].
-        scale: pixels of the rendering per pixel of the sheet.
+        size: width and height of the sheet that contains the viewport [px].
+        scale: pixels of the picture per pixel of the sheet.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class Studio:
             )
 
     def aim(self, layout: Layout, size: tuple[int, int]) -> None:
-        """Adopts a layout's camera, widened from its viewport to the whole sheet."""
+        """Sets a layout's camera, with its view widened from the viewport to the sheet."""
         self.layout = layout
         source, viewport, (width, height) = self.layout.camera, self.layout.viewport, size
         camera = self._plotter.camera

@@ -62,13 +62,13 @@ from fantoccini.theatre.script import (
 )
 
 IN_TIME = 1.0 / 60.0
-"""Lateness up to which a cue counts as in time [s]."""
+"""Lateness up to which a cue counts as on time [s]."""
 _POLICY = Policy(IN_TIME, (CannotBe, UnknownNameError, *ERRORS))
-"""Late cues of a play, and those that cannot be done, are refused."""
+"""Policy of plays: cues that are late or cannot be done are refused."""
 _SAME_HEADING = 1e-3
 """Change of a heading that a gesture tolerates [rad]."""
 _SETTLING_TIME = 1.0
-"""Time simulated after the last cue, in which the puppets swing out [s]."""
+"""Time simulated after the last cue, in which the puppets stop swinging [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Placement:
         starts: player -> times at which its cues begin [s].
         ways: player -> its walks.
         meetings: players and props that may touch, with times.
-        calmed: (cue, player) -> time at which it begins to damp its swing [s].
+        calmed: (cue, player) -> time from which the player's swing is damped [s].
     """
 
     cues: tuple[Placed[PlayCue], ...]
@@ -110,7 +110,7 @@ def place_cues(
     Args:
         cast, timeline, gestures, places, walks: parts of the play.
         corrections: corrections from earlier rounds.
-        log: collects mistakes; has the file and the beat.
+        log: collects mistakes; also gives the file and the length of a beat.
     """
     bounds = cast.file.stage
     actors = {
@@ -147,7 +147,7 @@ def place_cues(
 
 
 class _Verbs:
-    """Verbs of a play's cues, each from one state of the stage to the next."""
+    """Carries out the verbs of cues: each method maps a state of the stage to the next."""
 
     def __init__(
         self,
@@ -211,7 +211,7 @@ class _Verbs:
         return stage, moments
 
     def _check_begin(self, turn: Turn[PlayCue]) -> None:
-        """Refuses a cue whose time is before its act, or before a GO for which its act waits."""
+        """Refuses a cue whose time is before its act, or before a GO that its act waits for."""
         t, start, go = turn.wanted, turn.start, self._timeline.gos.get(turn.spot)
         if t < start - LATE:
             begins = self._in_words(turn, start)
@@ -225,7 +225,7 @@ class _Verbs:
     def _act(
         self, stage: OnStage, turn: Turn[PlayCue], name: str, asked: float, begin: float
     ) -> OnStage:
-        """Stage after a gesture in a lane, in the heading that the player then has.
+        """Stage after a gesture in a free lane, turned to the player's heading at that time.
 
         Its wanted beginning is ``asked``; it begins at ``begin`` or later [s].
         """
@@ -292,7 +292,7 @@ class _Verbs:
         return stage.part(actor, 0, gesture, starts, marks, way.end)
 
     def _turns_under(self, actor: Actor, way: Way) -> float | None:
-        """Latest end of the gestures during which a walk would turn [s]; None without any."""
+        """Latest end of the gestures during which the walk would turn [s], or None."""
         ends = []
         for gesture in actor.hands.busy:
             since, until = max(gesture.start, way.begin), min(gesture.end, way.end)
@@ -336,7 +336,7 @@ class _Verbs:
             spot, called = (*turn.spot, spelled(entry.verb)), VERBS[entry.verb].called
             place = self._aims.place_of(stage, entry.verb_value, spot, t)
             gesture = self._gestures.aimed(player, called, place, stands)
-            # Player and target may move until then.
+            # Aim again from where player and target are when the gesture points.
             then = t + min(gesture.marks.values())
             place, stands = (
                 self._aims.place_of(stage, entry.verb_value, spot, then),

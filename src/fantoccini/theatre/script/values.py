@@ -131,14 +131,14 @@ When = Annotated[
     tuple[Time, ...], BeforeValidator(_times, json_schema_input_type=Time | tuple[Time, ...])
 ]
 Where = Annotated[str | tuple[Real, Real] | tuple[Real, Real, Real], BeforeValidator(_where), SIZED]
-"""A mark, a player or an obstacle, or a place: x towards the audience, y to its right [m]."""
+"""A mark, player or obstacle, or a place: x towards the audience, y to the audience's right [m]."""
 Facing = Annotated[
     float | str,
     BeforeValidator(_facing),
     SIZED,
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
 ]
-"""Angle from the audience to the left, or `audience`, `left`, `right`, `back`, or a name."""
+"""Angle from the audience to the left, or `audience`, `left`, `right`, `back`, or what to face."""
 Names = Annotated[
     tuple[Name, ...],
     BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...]),

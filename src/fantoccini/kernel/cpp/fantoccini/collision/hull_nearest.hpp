@@ -1,7 +1,7 @@
 // Nearest points of the convex hulls of two sets of points, by the algorithm of Gilbert, Johnson
-// and Keerthi (IEEE J. Robotics and Automation 4(2), 1988): the point v of their difference nearest
-// to the origin, among the points, edges and triangles of a simplex that grows by the difference's
-// farthest point in the direction -v.
+// and Keerthi (IEEE J. Robotics and Automation 4(2), 1988). It seeks v, the point of the difference
+// of the hulls that is nearest to the origin: v is the nearest point of a simplex, to which every
+// round adds the farthest point of the difference in the direction -v.
 #pragma once
 
 #include "fantoccini/collision/hull.hpp"
@@ -29,7 +29,7 @@ struct Cloud {
     return best;
   }
 
-  // A point relative to an origin.
+  // Writes point i, in world axes, relative to an origin.
   FAN_FN void point(int i, const double* origin, double* out) const {
     double away[3];
     out_of_axes(R, points + 3 * i, out);
@@ -38,14 +38,14 @@ struct Cloud {
   }
 };
 
-// Feature on which a point of a hull's surface lies, and its number; for a segment, an end or the
-// middle.
+// The vertex, edge or facet of a hull on which a point of its surface lies, and its number.
+(delete this line)
 struct HullFeature {
   enum Kind { VERTEX, EDGE, FACET, NONE };
   Kind kind = NONE;
   int number = -1;
 
-  // A unique number among all features of a hull with so many vertices, facets and edges, from 0.
+  // A number that is unique among the features of a hull; 3 if there is none.
   FAN_FN int code() const { return 4 * (number + 1) + kind; }
 };
 
@@ -116,7 +116,7 @@ class NearestOfClouds {
     return out;
   }
 
-  // For a cloud of one or two points: its first, its second, or the segment between them.
+  // If the first cloud has one or two points: which of them is nearest; MIDDLE means between them.
   FAN_FN CorePart part_of_first() const {
     bool used[2] = {};
     for (int k = 0; k < n_; ++k) used[i_[k] == 0 ? 0 : 1] = true;
@@ -156,7 +156,7 @@ class NearestOfClouds {
     best.square = square;
   }
 
-  // Inside the edge.
+  // Tries the interior of an edge.
   FAN_FN void try_edge(int a, int b, Part& best) const {
     double along[3], v[3];
     difference3(w_[b], w_[a], along);
@@ -174,7 +174,7 @@ class NearestOfClouds {
     best.square = square;
   }
 
-  // Inside the triangle.
+  // Tries the interior of a triangle.
   FAN_FN void try_triangle(int a, int b, int c, Part& best) const {
     double ab[3], ac[3], normal[3], across[3];
     difference3(w_[b], w_[a], ab);
@@ -218,7 +218,7 @@ class NearestOfClouds {
     return true;
   }
 
-  // Takes the nearest part that contains the last point of the simplex. Returns whether the
+  // Reduces the simplex to the nearest of its parts with its last point. Returns whether the
   // distance shrinks.
   FAN_FN bool shrink(double square) {
     const int last = n_;

@@ -1,6 +1,6 @@
-// math/dense_ldl.hpp for a bundle of lanes: A = U^T D U of symmetric positive definite matrices,
-// without pivoting, with a right-hand side beside A. A row that depends on earlier ones in a lane
-// is left out there.
+// The factorisation of math/dense_ldl.hpp for a bundle of lanes: A = U^T D U, without pivoting, of
+// symmetric positive definite matrices. The right-hand side is the column after A. A row that, in
+// a lane, depends on earlier rows is left out in that lane.
 #pragma once
 
 #include "fantoccini/math/lanes.hpp"
@@ -20,8 +20,8 @@ class GroundMatrix {
   // Entry (i, j) of A, j >= i; the right-hand side at j = n.
   FAN_FN Real& at(int i, int j) { return A_[i * (n_ + 1) + j]; }
 
-  // Replaces A by D U. Rows whose pivot falls to the share `least` of their diagonal entry are left
-  // out. Returns the lanes with such rows.
+  // Replaces A by D U. A row is left out if its pivot is at most `least` times its diagonal, or
+  // not finite. Returns the lanes with such rows.
   FAN_FN Mask factorise(int n, double least) {
     const int stride = n + 1;
     Mask left_out = Real(0.0) > Real(1.0);
@@ -43,7 +43,7 @@ class GroundMatrix {
     return left_out;
   }
 
-  // r = A^-1 b of the right-hand side beside A; rows left out take the entries of `given`.
+  // r = A^-1 b for the right-hand side b after A; for rows left out, r is the entry of `given`.
   FAN_FN void take_column(Real* r, const Real* given) const {
     for (int i = 0; i < n_; ++i) r[i] = A_[i * (n_ + 1) + n_];
     back_substitute(r, given);

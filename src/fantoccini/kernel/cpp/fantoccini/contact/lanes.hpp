@@ -1,4 +1,4 @@
-// Contacts of a time step of a bundle of lanes, with the interface of step.hpp. Lanes that only
+// Contacts of one time step for a bundle of lanes, with the interface of step.hpp. Lanes that only
 // stand on the ground are solved here, all at once (ground_lanes.hpp). Other lanes are `apart`:
 // they make their steps one by one (timestepping/single_lanes.hpp).
 #pragma once
@@ -17,8 +17,8 @@ class ContactLanes {
   using Mask = typename Traits<Real>::Mask;
   using Push = ContactPush;
 
-  Real violation, work, impact, friction;  // depth; energies of the step
-  Real residual = Real(0.0);               // of the law, in the last step
+  Real violation, work, impact, friction;  // penetration depth [m]; energies of the step [J]
+  Real residual = Real(0.0);               // residual of the contact law after the last step
   Mask apart = Real(0.0) > Real(1.0);      // lanes that are not solved here
 
   // Starts without any contact.
@@ -63,7 +63,7 @@ class ContactLanes {
     leave(!idle && !ground_.lanes);
   }
 
-  // Gives up lanes in which impulses have accelerated links beyond the margins of find(). Returns
+  // Sets apart lanes in which impulses have accelerated links beyond the margins of find(). Returns
   // whether there are any.
   FAN_FN bool look_again(const Real* acc, double dt) {
     const Mask fast = ground_.lanes && links_.outruns(acc, dt);
@@ -71,10 +71,10 @@ class ContactLanes {
     return any(fast);
   }
 
-  // Whether points take part in all lanes but these.
+  // Whether contact points take part in every lane except those in `idle`.
   FAN_FN bool take_part(const Mask& idle) const { return !any(!(ground_.stands || idle)); }
 
-  // Adds the points that would be passed at the velocity v. Returns whether there are any.
+  // Adds the points that would penetrate at the velocity v. Returns whether there are any.
   FAN_FN bool watch(const Real* v) {
     Mask failed = Real(0.0) > Real(1.0);
     const bool more = ground_.watch(links_, v, failed);
@@ -82,7 +82,7 @@ class ContactLanes {
     return more;
   }
 
-  // As ContactStep's.
+  // As ContactStep::settle(), for the lanes on the ground.
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, double cap, Mask& settled) {
@@ -102,7 +102,7 @@ class ContactLanes {
   // w <- w - W x over the points.
   FAN_FN void add(Real* w) const { ground_.add(w); }
 
-  // Reduction of hdot of gathered row a by the impulses.
+  // How much the impulses reduce hdot of the gathered row a.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     return ground_.rate_by_impulses(rows, a);
   }
@@ -128,7 +128,7 @@ class ContactLanes {
     }
   }
 
-  // Hands the contacts of a lane that is apart to a step of its own, and takes them back.
+  // Hands the contacts of a lane that is apart to its own ContactStep; take() brings them back.
   FAN_FN void hand_over(int l, ContactStep<Model, double>& to) {
     to.take(push_[l], n_[l], links_.near(l));
   }
@@ -149,7 +149,7 @@ class ContactLanes {
     apart = apart || lanes;
   }
 
-  // Lists the points that push in lanes on the ground as in the other lanes.
+  // Copies the pushing points of lanes on the ground into push_, where those of other lanes are.
   FAN_FN void list_pushes() {
     auto& feet = ground_.feet;
     for (int l = 0; l < width; ++l)
@@ -160,7 +160,7 @@ class ContactLanes {
   NearLanes<Model, Real> links_;
   GroundLanes<Model, Real> ground_;
   Mask fresh_;  // lanes that the feet had not stored at the start of the step
-  // Their points that push.
+  // The pushing points of each lane: how many, and the points.
   int n_[width];
   Push push_[width][array_size(C)];
   bool too_many_[width];

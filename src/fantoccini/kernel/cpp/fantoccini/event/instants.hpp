@@ -1,5 +1,5 @@
-// The instants of an event-driven run: catches strike, the active set is chosen again, and the
-// events and the state after them are written (writer.hpp).
+// Handles the instants of an event-driven run: applies impulses, chooses the active set again, and
+// writes the events and the state after them (writer.hpp).
 #pragma once
 
 #include "fantoccini/event/accumulation.hpp"
@@ -9,27 +9,27 @@
 namespace fan {
 
 struct EventTolerances {
-  // -h up to which a row counts as closed at the start of a run, relative to its scale: starts come
+  // Largest -h of a row that counts as closed at the start of a run, relative to its scale. It is loose because starts come
   // from files and solvers. The held rows are then brought to h = 0.
   static constexpr double start_gap = Constants::start_gap;
-  // s: a row whose tension fell to zero more recently than this has just lost it.
+  // A row has just lost its tension if that fell to zero less than this time ago [s].
   static constexpr double same_instant = 1e-10;
-  // s: shorter steps count as standstill; this number in a row ends the run.
+  // Steps shorter than this [s] count as standstill; the run ends after max_standstill_steps of them in succession.
   static constexpr double standstill = 1e-12;
   static constexpr int max_standstill_steps = 200;
-  // s: a step shorter than this that fails ends the run instead of being shortened.
+  // If a step shorter than this [s] fails, the run ends; longer ones are shortened and tried again.
   static constexpr double min_failing_step = 1e-10;
   // Step control (Hairer): order of the error, safety factor, least and largest factor of a step.
   static constexpr double order = 8.0, safety = 0.9, min_factor = 0.2, max_factor = 8.0;
-  static constexpr double overflow_factor = 0.1;  // of a step whose error is not finite
-  // Relative to the time left to the target: a step of at least `whole` takes all of it, one of
-  // more than `sliver` takes exactly that share, so that the last step is not tiny.
+  static constexpr double overflow_factor = 0.1;  // factor for a step whose error is not finite
+  // Shares of the time left to the target: a step of at least `whole` is stretched to all of it; one of
+  // more than `sliver` is shortened to that share, so that the last step is not tiny.
   static constexpr double whole = 1 - 1e-12, sliver = 0.5;
   // Change of an acceleration or a force that counts as a jump at a break, relative to 1 + |before|
   // + |after|.
   static constexpr double jump = 1e-9;
   static constexpr int max_saves_per_step = 64;  // capacity of the record
-  // m: gap below which contact points touch; likewise at the start of a run.
+  // Gap [m] below which contact points touch: during a run, and at its start.
   static constexpr double touching = 1e-12, touching_at_start = 1e-6;
 };
 
@@ -47,14 +47,14 @@ struct EventInstants {
   typename Writer::Instants contact_instants;
   Writer writer{flow, closed_rows, contact_instants};
   Accumulation accumulation;
-  double attribution[array_size(M)] = {};  // by row, its share in the cause of the status, 0 to 1
-  double until = unbounded;                // s: the end of the run, beyond which no event lies
+  double attribution[array_size(M)] = {};  // each row's share in the cause of the status, 0 to 1
+  double until = unbounded;                // the end of the run [s]; events after it are not reported
   double loosened[array_size(M)];          // s: last time at which each row lost its tension
 
   EventInstants(F& flow, Guards<Model>& guards) : flow(flow), guards(guards) {}
   EventInstants(const EventInstants&) = delete;
 
-  // The evaluation, k[0] and accelerations at (t, y).
+  // Computes the evaluation, k[0] and the accelerations at (t, y) again.
   void refresh() { flow.evaluate(flow.t, flow.y, flow.k[0]); }
 
   void set_active_set(const Hold* mode) {
@@ -65,7 +65,7 @@ struct EventInstants {
     for (int r = 0; r < M; ++r) attribution[r] = rows[r];
   }
 
-  // Whether solids touch, or points are followed, at (t, y), the flow's latest evaluation.
+  // Whether solids touch, or contact points are tracked, at (t, y), where the flow was last evaluated.
   bool in_contact(double most = Tolerance::touching) const {
     if constexpr (F::touches) {
       const auto& points = flow.contacts.points;
@@ -74,7 +74,7 @@ struct EventInstants {
     return false;
   }
 
-  // An event at (t, y): catches strike, then the next active set is chosen.
+  // Handles an event at (t, y): applies the impulses of catches, then chooses the next active set.
   Status instant(Record<Model>& out) {
     if (in_contact()) return contact_instant(out, Tolerance::touching);
     Situation s;
@@ -84,7 +84,7 @@ struct EventInstants {
       const bool held = s.before[r] == HELD || s.before[r] == PINNED;
       const double none = -flow.tension[r] / flow.weight();
       if (held && none > -GuardTolerances::negligible_tension) loosened[r] = flow.t;
-      // A redundant row that has just lost its tension must not alternate with another.
+      // A redundant row that has just lost its tension must not be exchanged with another again and again.
       s.loose[r] =
           s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened[r] <= Tolerance::same_instant;
       s.strained[r] = is_strained(r);
@@ -133,20 +133,20 @@ struct EventInstants {
   // Chooses again which of the redundant rows are held: the present ones are nearly dependent.
   Status another_basis(Record<Model>& out) { return settle_active_set(present(), out); }
 
-  // An instant with contacts: impacts of strings, limits and solids strike together, then all modes
-  // are chosen. Points up to `most` apart touch; at the start of a run they have touched before.
+  // Handles an instant with contacts: the impulses of strings, limits and solids are solved together, then all modes
+  // are chosen. Points touch if they are at most `most` apart; at the start of a run (`starts`) the touch is not new.
   Status contact_instant(Record<Model>& out, double most, bool starts = false) {
     if constexpr (!F::touches) return RUNNING;
     else {
       auto& held = flow.contacts;
-      // Counted even without an event, so that the run ends.
+      // This call is counted even if it writes no event, so that an endless series of them ends the run.
       writer.event_rate.note(flow.t, -1, EventRateTolerances::of_contact);
       held.points.take_closed(flow, flow.y, flow.y + NQ, most);
       if (held.points.too_many) return TOO_MANY_CONTACTS;
       Situation s = present();
       bool loose[array_size(C)], strained[array_size(C)], struck[array_size(C)],
           touched[array_size(C)], strikes[array_size(M)];
-      bool any_struck = false, any_hit = false;  // by a catch; by one that takes impulses
+      bool any_struck = false, any_hit = false;  // any catch or impact; any that exchanges an impulse
       for (int r = 0; r < M; ++r) {
         const double none = -flow.tension[r] / flow.weight();
         if (s.before[r] == HELD && none > -GuardTolerances::negligible_tension)
@@ -206,7 +206,7 @@ struct EventInstants {
       refresh();
       held.bring_to_rest(flow, flow.y + NQ, true);
       refresh();
-      // The corrections of the start are not the run's.
+      // Energy changed by correcting the start does not count as a loss of the run.
       if (!starts) writer.impact += energy - (flow.total_energy() - given());
       for (int r = 0; r < M; ++r)
         if (next[r] == SLIPPING) guards.armed[r] = flow.violation(r) < -GuardTolerances::min_speed;
@@ -231,7 +231,7 @@ struct EventInstants {
     }
   }
 
-  // Follows the directions of sliding points, and writes events of pairs that have begun to slide.
+  // Updates the directions of sliding points, and writes an event for each pair that has begun to slide.
   void update_directions(Record<Model>& out) {
     if constexpr (F::touches) {
       auto& held = flow.contacts;
@@ -263,7 +263,7 @@ struct EventInstants {
                flow.winches.max_tension[r] - GuardTolerances::negligible_tension * flow.weight();
   }
 
-  // The rows in the absence of an event.
+  // The situation of the rows if there is no event.
   Situation present() const {
     Situation s;
     for (int r = 0; r < M; ++r) {
@@ -292,8 +292,8 @@ struct EventInstants {
     Status held = RUNNING;
     for (const Attempt& how : Attempts::list) {
       if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
-      // Repeated, since rows brought to rest by the hold take part in the choice. A refused hold
-      // has left velocities and energies unchanged. It has brought closed rows from up to
+      // This is repeated, because rows that the hold brings to rest take part in the next choice. A hold that fails
+      // leaves velocities and energies unchanged, but it has moved closed rows from up to
       // max_length_error to h = 0, which helps any further attempt.
       for (int round = 0; round <= M; ++round) {
         held = closed_rows.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
@@ -318,7 +318,7 @@ struct EventInstants {
       writer.write_changes(s, r, out);
       changed = changed || next[r] != s.before[r] || s.caught[r];
       if (next[r] == SLIPPING) guards.armed[r] = flow.violation(r) < -GuardTolerances::min_speed;
-      // A string that rebounds will soon be open; one that has lost its tension may stay at its
+      // A string that rebounds will soon be slack; one that has only lost its tension may stay at its
       // bound.
       if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
     }
@@ -331,7 +331,7 @@ struct EventInstants {
     return RUNNING;
   }
 
-  // Redundant forces: those of least norm, if admissible, else those of the choice.
+  // Distributes redundant contact forces: the forces of least norm if they are admissible, else the forces chosen before.
   void share_forces() {
     auto& held = flow.contacts;
     const auto chosen = held.points.forces();

@@ -28,7 +28,7 @@ struct Triple {
     FAN_UNROLL for (int d = 0; d < 3; ++d) of[d][lane] += by * x[d];
   }
 
-  // Operators for generated functions of several vectors.
+  // Operators for generated functions that are evaluated for three vectors at once.
   FAN_ALWAYS_INLINE friend Triple operator+(const Triple& a, const Triple& b) {
     return {{a.of[0] + b.of[0], a.of[1] + b.of[1], a.of[2] + b.of[2]}};
   }
