@@ -54,7 +54,7 @@ def members(annotation: object) -> Iterator[type[CueFile]]:
 
 
 def test_each_verb_is_a_key_of_one_kind_of_cue():
-    """Of the models that are no cues, only a gesture file has such a key: `gesture`, its name."""
+    """Only one model that is no cue has such a key: the gesture file, for its name `gesture`."""
     parts = {key: [part for part in models() if key in part.model_fields] for key in VERBS}
     parts["gesture"] = [part for part in parts["gesture"] if part.__name__ != "GestureFile"]
     assert parts == {key: [verb.cue] for key, verb in VERBS.items()}
@@ -148,7 +148,7 @@ def test_late_cues_are_judged_by_policies():
 
 
 def test_transitions_are_timed_in_one_place():
-    """In gestures, casts and plays only the search for a free lane asks for a transition's time."""
+    """Only the search for a free lane asks for a transition's time in gestures, casts and plays."""
     led = {name for name, tree in sources() if calls(tree, "lead_time")}
     assert {name for name in led if name.startswith(("plays/", "cast/", "gestures/"))} == {
         "gestures/performing.py"

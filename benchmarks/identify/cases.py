@@ -1,4 +1,4 @@
-"""Synthetic records: noisy marker positions from event-driven runs of a puppet whose true parameters differ from the guess."""
+"""Synthetic records: noisy marker positions from event-driven runs with other parameters."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ class Case:
         markers: markers with guessed positions.
         signed: parameters that may be negative.
         tensions: strings whose tension is recorded.
-        beat, reach: interval between the waypoints of the motion [s], and their largest distance from the start [m].
+        beat, reach: interval between the waypoints of the motion [s], and their largest distance
+            from the start [m].
     """
 
     puppet: fan.Marionette
@@ -65,7 +66,7 @@ def record(
         duration: [s].
         seed: seed of motion and noise.
         noise, force_noise: standard deviations [m], [N].
-        gaps: share of the time during which each marker is hidden, without interruption.
+        gaps: largest share of the time during which each marker is hidden, in one interval.
         outliers: share of the samples with errors of some centimetres.
         known: parameter -> standard deviation of its prior.
     """
@@ -176,7 +177,7 @@ _ARM_TRUTH = {
 
 
 def arm() -> Case:
-    """The arm of the paper, with 4 dynamic and 3 driven coordinates; the mass of the lower arm is given."""
+    """The paper's arm, with 4 dynamic and 3 driven coordinates; the lower arm's mass is given."""
     puppet = fan.loads(ARM).with_parameters({"lower_mass": 0.1})
     return Case(puppet, _ARM_TRUTH, _ARM_MARKERS, ("tie",))
 

@@ -42,7 +42,7 @@ class Bench:
         return {"acc": {name: d.joint(name).qacc.tolist() for name in q}}
 
     def step(self, model: str, settings: dict, q: dict, v: dict, steps: int) -> dict:
-        """Measures the time of a step [s]; also returns the final state and every tendon's tension in it."""
+        """Measures the time of a step [s]; also returns the final state and tendon tensions."""
         m, d = self._put(model, settings, q, v)
         mujoco.mj_step(m, d, WARM_UP)
         self._place(m, d, q, v)
@@ -58,7 +58,7 @@ class Bench:
         return {"seconds": took / steps, "q": end, "v": speed, "tension": tension}
 
     def rollout(self, model: str, settings: dict, states: list, steps: int, threads: int) -> dict:
-        """Measures the time [s] to simulate trajectories from several states on a pool of threads."""
+        """Measures the time [s] of trajectories from several states on a pool of threads."""
         m, d = self._put(model, settings, *states[0])
         full = mujoco.mjtState.mjSTATE_FULLPHYSICS
         start = np.empty((len(states), mujoco.mj_stateSize(m, full)))

@@ -23,7 +23,7 @@ class Subject:
         taken: duration of the moves [s].
         t_end: end of the motion [s].
         string: string whose lower end is compared.
-        pieces: numbers of pieces in each chain that are compared.
+        pieces: compared numbers of pieces of each chain.
     """
 
     name: str

@@ -115,7 +115,7 @@ def test_a_folder_of_another_user_is_refused(cache, key, source, monkeypatch):
 
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o1777])
 def test_a_group_that_others_can_write_is_refused(cache, key, source, mode):
-    """17.33: the folder is refused even if its entries exist already and nothing would be written."""
+    """17.33: the folder is refused even if its entries exist and nothing would be written."""
     build.obtain(key, source)
     (cache / key[:2]).chmod(mode)
     with pytest.warns(RuntimeWarning, match="written by other users"):
@@ -167,7 +167,7 @@ def test_files_of_an_entry_are_private_whatever_the_umask(key, source):
 
 @pytest.mark.parametrize("what", ["link", "pipe"])
 def test_a_lock_is_a_file_and_no_link(tmp_path, cache, key, source, what):
-    """17.33: if the lock is a link, its target is not emptied; if it is a pipe, nothing waits for it."""
+    """17.33: the target of a lock that is a link is not emptied; a pipe is not waited for."""
     lock = cache / key[:2] / f"{key}.lock"
     cache.mkdir(mode=0o700)
     lock.parent.mkdir(mode=0o700)
@@ -182,7 +182,7 @@ def test_a_lock_is_a_file_and_no_link(tmp_path, cache, key, source, what):
 
 @pytest.mark.parametrize("squatter", ["open folder", "link", "file"])
 def test_a_stand_in_prepared_by_another_user_is_refused(tmp_path, squatter):
-    """The name of the private folder is known, so anybody may create it first; then a fresh one is used."""
+    """Anybody may create a folder of the private folder's known name; then a fresh one is used."""
     place = tmp_path / "temporary" / f"fantoccini-{os.geteuid()}"
     match squatter:
         case "open folder":

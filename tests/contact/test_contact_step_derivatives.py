@@ -150,10 +150,7 @@ def test_a_ball_rests_slides_and_lands(ball):
 
 def test_a_sliding_ball_slows_by_the_friction_of_the_closed_form():
     """dv+/dv = 1 along the motion and 1 - mu g dt/(norm(u+) + 7/2 mu g dt) across it: friction
-
-    u
-
-    ).
+    turns with the slip u of the contact point.
     """
     puppet = fan.loads(BALL.replace("at: [0.02, 0.01, 0.03], ", ""))
     lin = puppet.linearise_step(thrown(puppet, {"body.z": 0.1}, {"body.x": 2.0}), dt=DT)

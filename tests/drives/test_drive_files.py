@@ -136,7 +136,7 @@ def test_twins_have_their_drives():
 
 
 def test_a_free_joint_with_a_drive_is_split():
-    """A motor moves bar.z, on a carriage that hands move along x and y; the driven rotation sits on z."""
+    """A motor moves bar.z, on x and y, which hands move; z carries the driven rotation."""
     puppet = loads(rig(f"on: bar.z, mass: 1, {PD}"))
     tree = grow(puppet)
     links = {link.name: link for link in tree.links}

@@ -1,4 +1,4 @@
-"""In the event-driven simulation, the motion of a rehearsed score is on its beats."""
+"""The motion of a rehearsed score is on its beats in the event-driven simulation."""
 
 from __future__ import annotations
 

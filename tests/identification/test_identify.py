@@ -50,8 +50,8 @@ def test_an_arm_is_estimated_within_the_tolerances(case):
 
 
 def test_intervals_contain_the_truth_at_their_rate(case):
-    """Of 108 intervals of 95 % (12 records of 9), at least 88 % contain the truth (95 % less 3
-    deviations).
+    """At least 88 % (95 % less 3 deviations) of 108 intervals of 95 % contain the truth: 9 in each
+    of 12 records.
     """
     inside = []
     for seed in range(12):
@@ -226,7 +226,8 @@ def test_undetermined_combinations_of_a_pendulum_are_named():
     assert len(estimate.combinations) == 1
     parts = estimate.combinations[0].parts
     assert set(parts) == {"mass", "damping"}
-    # Parts are relative to the larger of first and estimated value; made relative to estimates.
+    # Parts are relative to the larger of the first and the estimated value, their ratio to the
+    # estimates.
     sizes = data.sizes(estimate.values)
     mass, damping = (parts[n] * sizes[i] / estimate[n] for i, n in enumerate(("mass", "damping")))
     assert abs(mass / damping - 1.0) < 0.02

@@ -12,7 +12,7 @@ TIMES = np.linspace(-0.2, 3.0, 161)
 
 
 def motion(table, points: dict) -> np.ndarray:
-    """(3, T, n_vK) q_K, v_K and acc_K of named coordinates; 0 for others and for rotations."""
+    """(3, T, n_vK) q_K, v_K and acc_K; q_K is 0 for rotations and coordinates without a name."""
     inputs = Input.waypoints(table, points)
     q, v, acc = inputs.evaluate(TIMES)
     motion_values = np.zeros((3, *v.shape))
@@ -49,7 +49,7 @@ def sided(table, points: dict, name: str, k: int, d: float) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_derivatives_by_random_waypoints(table, seed):
-    """17.5: covers turning points, bounded slopes, mean slopes, and several coordinates with shared break times."""
+    """17.5: turning points, bounded slopes, mean slopes, several coordinates with common breaks."""
     rng = np.random.default_rng(seed)
     points = {}
     for name, at in (("hand.length", 0.8), ("knee.length", 0.7), ("crank", 0.1)):
@@ -73,7 +73,8 @@ def test_derivatives_by_random_waypoints(table, seed):
 KINKS = {
     "two equal values": [(0, 0.8), (1, 0.8), (2, 0.7)],
     "three equal values": [(0, 0.8), (0.8, 0.8), (2, 0.8)],
-    # Intervals of 1 s and 4 s, whose mean slope at the middle point is exactly twice the smaller secant slope.
+    # In intervals of 1 s and 4 s, the mean slope at the middle point is exactly twice the smaller
+    # slope of the secants.
     "the bound begins to act": [(0, 0.0), (1, 6.0), (5, 10.0)],
 }
 

@@ -1,6 +1,6 @@
-"""A rod in a plane, hung on two strings that are slack or taut in all combinations, simulated with NumPy and SciPy.
+"""A rod in a plane on two strings, slack and taut in all combinations, in NumPy and SciPy.
 
-The equations are Newton's for (x, z, beta), written by hand. The rule that decides whether one string pulls does not
+The equations are Newton's for (x, z, beta), written by hand. The rule for a single string does not
 suffice for two: the strings that pull, and those that share an impulse, are found by trying all
 subsets of the closed rows,
 
@@ -30,7 +30,8 @@ class Rod:
         gravity: [m/s^2].
         tops: (2, 2) x and z of the upper ends [m].
         breaks: (n + 1,) [s].
-        lengths: (n, 2, 6) coefficients of each string length, in ascending powers of the time since the piece began [m].
+        lengths: (n, 2, 6) coefficients of the strings' lengths [m], in ascending powers of the time
+            since the start of the piece.
     """
 
     mass: float

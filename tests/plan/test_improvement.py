@@ -216,7 +216,7 @@ def test_inputs_end_at_rest_on_request():
 
 
 def test_a_plan_is_improved_and_polished_at_once(problem):
-    """On a slow machine the time may run out before the polish ends; the plan then reports it."""
+    """The time may run out before the polish ends, on a slow machine; the plan then reports it."""
     result = solve(problem, seed=0, improve=2.0)
     assert result and result.replay() and result.polished is not None
     if result.polished.reached:

@@ -27,7 +27,7 @@ THICK = 0.1
 
 
 def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) -> trimesh.Trimesh:
-    """Prism from y = -0.1 to 0.1 over an outline in x and z, counter-clockwise as seen from y = -0.1."""
+    """Prism from y = -0.1 to 0.1; its outline in x and z is counter-clockwise from y = -0.1."""
     n, flat = len(outline), np.array(outline)
     front = np.column_stack([flat[:, 0], np.full(n, -0.1), flat[:, 1]])
     corners = np.vstack([front, front + np.array([0.0, 0.2, 0.0])])
@@ -46,7 +46,7 @@ def angle() -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Folder with meshes: an L, a tetrahedron, and boxes that are convex, in two pieces, hollow or open."""
+    """Folder of meshes: an L, a tetrahedron, a sheet; boxes, also small, in pieces, hollow, open."""
     path = tmp_path_factory.mktemp("meshes")
     ell, box = angle().subdivide(), trimesh.creation.box((0.2, 0.3, 0.4))
     small = box.copy().apply_scale(0.1)
@@ -81,7 +81,7 @@ def there(folder, monkeypatch):
 
 
 def flying(*shapes: dict) -> fan.Marionette:
-    """A puppet with a free body for every shape; shapes are not compiled, so that one library suffices."""
+    """A free body for every shape; shapes are not compiled, so that one library suffices."""
     bodies = [body | {"shapes": [s]} for body, s in zip(free(len(shapes)), shapes, strict=True)]
     puppet = fan.loads(str({"puppet": "flying", "bodies": bodies}))
     puppet.__dict__["clearances"] = clearances(len(shapes))
@@ -173,7 +173,7 @@ def test_a_moving_tetrahedron_has_the_distance_of_geometry(at, gap):
 
 
 def test_a_notch_is_free():
-    """The rod is inside the box around the L, at a distance of 0.1 minus its radius from the legs."""
+    """The rod is inside the box around the L; its axis is 0.1 away from the legs."""
     rod = flying({"type": "capsule", "from": [0, -0.3, 0], "to": [0, 0.3, 0], "radius": 0.02})
     x = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.identity()))
     ell = mesh("ell", name="ell")
@@ -257,7 +257,7 @@ ARM = fan.puppets.arm3d()
 HANGING = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
 RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
 SHELF = mesh("ell", name="shelf", scale=[-1.25, 1.0, 1.25], at=[0.6, 0.0, -0.75])
-"""The shelf is an L beside the hand: one leg is upright in front of the arm, and the string hangs in its notch."""
+"""An L beside the hand, with a leg upright in front of the arm; the string is in its notch."""
 LEGS = [
     {"name": "low", "type": "box", "size": [0.5, 0.2, 0.125], "at": [0.35, 0.0, -0.6875]},
     {"name": "up", "type": "box", "size": [0.125, 0.2, 0.5], "at": [0.5375, 0.0, -0.5]},

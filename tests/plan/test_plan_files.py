@@ -1,4 +1,4 @@
-"""Plans on disk: loaded plans equal the saved ones, searches continue, and damaged files are refused."""
+"""Plans on disk equal the saved ones, searches continue, and damaged files are refused."""
 
 from __future__ import annotations
 

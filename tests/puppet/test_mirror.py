@@ -96,7 +96,7 @@ def test_cones_and_twists_are_mirrored(joint: dict, plane: str, quaternion: list
         swing = np.dot(joint.cone.axis, R @ np.array(joint.cone.of)) - np.cos(joint.cone.max)
         return [swing, twist - joint.twist.lower, joint.twist.upper - twist]
 
-    quaternion[0] = abs(quaternion[0]) + 0.1  # avoids half a turn, at which the twist would change its sign
+    quaternion[0] = abs(quaternion[0]) + 0.1  # not half a turn, where the twist changes its sign
     swing, above_lower, below_upper = limits(original, quaternion)
     values = limits(twin, image.rotation(quaternion))
     np.testing.assert_allclose(values, [swing, below_upper, above_lower], atol=1e-12)

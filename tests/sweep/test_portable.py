@@ -1,4 +1,4 @@
-"""Marionettes are pickled as text; the copy is the same puppet, with its library from the cache if it is there."""
+"""Marionettes are pickled as text; the copy is the same puppet, compiled if the cache has it."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def without_input(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
 
 
 def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str:
-    """Why an iterate is not optimal: the error at the end, a violated bound, or the next step."""
+    """Reason why an iterate is not optimal: error at the end, violated bound, or next step."""
     bound, end = passed_bound(objective, at.nodes, at.ends), end_residual(objective, at.nodes)
     worst = max(bound, end, key=lambda residual: residual.rank)
     if worst.size > max(tolerance, at.stationarity) or not np.isfinite(at.stationarity):

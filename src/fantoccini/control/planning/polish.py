@@ -104,7 +104,8 @@ class Polisher:
     """Polishes plans of a problem: makes them shorter, and brings their end to the goal.
 
     Attributes:
-        nearest: the rollout with the least merit (the best one) among those that miss the goal; None if there is none.
+        nearest: the rollout with the least merit among those that miss the goal, which is the best
+            of them; None if there is none.
         late: whether the time ended before a plan reached the goal.
 
     Args:
@@ -141,7 +142,8 @@ class Polisher:
             n_checks: (m,) numbers of checks in the segments.
             distance: required distance from the goal.
             seconds: time to search for shorter plans [s].
-            limit: time after which polishing is abandoned if no plan has come within `distance` of the goal [s].
+            limit: time after which polishing is abandoned if no plan has come within `distance` of
+                the goal [s].
             shorter: whether to search for shorter plans.
         """
         began = time.perf_counter()
@@ -183,7 +185,7 @@ class Polisher:
     def _at_goal(
         self, V: Array, distance: float, until: float, late: bool = False
     ) -> Candidates | None:
-        """A candidate with velocities near V (m, n_vK) that ends at the goal without a collision; None if none is found."""
+        """A candidate with velocities near V (m, n_vK) that reaches the goal without a collision."""
         result = approach(
             self._shooting, V, lambda candidate: self._arrives(candidate, distance), until, late
         )

@@ -16,8 +16,8 @@ from fantoccini.kernel.build.key import casadi_version, processor
 def describe() -> dict[str, str]:
     """Label -> text about the compiler, its flags, the processor and the cache.
 
-    Faults are under the key ``problem``, never raised; if it is absent, the machine can compile
-    puppets.
+    Faults of the compiler and of the cache folder are under the key ``problem``; without it, the
+    machine can compile puppets.
     """
     facts: dict[str, str] = {}
     problems: list[str] = []
@@ -42,7 +42,7 @@ def describe() -> dict[str, str]:
 
 
 def _features() -> str:
-    """The processor's vector extensions, widest last."""
+    """The processor's vector extensions."""
     have = processor().split()
     known = ("asimd", "neon", "sve", "sse2", "sse4_2", "avx", "avx2", "fma", "avx512f")
     return " ".join(name for name in known if name in have) or "unknown"

@@ -98,7 +98,7 @@ class GestureFile(Document):
     about: str = ""
     """Description for the audience."""
     moves: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
-    """What moves -> list of [time s, offset]: a driven coordinate, or a string and a direction
+    """Moved name -> list of [time s, offset]: a driven coordinate, or a string and a direction
     (`hand_right.up`); offsets in m or rad, or with a unit (`12 cm`, `30 deg`)."""
     poses: KeyPoses | None = None
     """Key poses, in addition to the moves."""
@@ -157,6 +157,7 @@ def load_gesture(
         FileError: the file has mistakes; all of them are listed, with their lines.
         InputError: the arguments have mistakes.
         UnknownNameError: the scene has no such member.
+        TypeError: a table for a gesture that needs a Marionette.
     """
     name = os.fspath(path)
     parameters = Parameters(steps, step, turn, to)

@@ -85,7 +85,7 @@ class Retargeted:
 
     @property
     def settled(self) -> int:
-        """Number of poses that no small change improves; for the other poses the search ended too early."""
+        """Number of poses that no small change improves; for others the search ended too early."""
         sure = (AnswerStatus.REACHED, AnswerStatus.OUT_OF_REACH)
         return sum(status in sure for status in self.reach.status)
 
@@ -97,7 +97,7 @@ class Retargeted:
 
     @cached_property
     def errors(self) -> dict[str, Array]:
-        """Part -> (T,) distance of the hanging pose from the clip [m]; it is a local minimum in settled poses."""
+        """Part -> (T,) distance of the hanging pose from the clip [m]; a local minimum if settled."""
         return {
             part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
             for part in WEIGHTS
@@ -196,11 +196,14 @@ def retarget_clip(
             not clear, the main direction of the trunks.
         turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
             keeps its heading.
-        of: name of the puppet in a scene that follows the clip; by default the only one with the parts of a person.
+        of: name of the puppet in a scene that follows the clip; by default the only one with the
+            parts of a person.
 
     Raises:
         FileError: the files have mistakes, or joints are missing.
-        StateError: the puppet does not have the bodies of a person, or has contact.
+        StateError: the puppet does not have the bodies of a person, or has contact; or the vertical
+            axis of the clip is unclear.
+        ValueError: a negative share.
     """
     if not isinstance(clip, Placed):
         clip = place_clip(marionette, clip, mapping, start, travel, up, turning, of)
@@ -302,14 +305,16 @@ def hangers(figure: Figure, start: State) -> list[Hanger]:
 def straight_up(
     figure: Figure, frames: Mapping[str, Array], start: State, lean: float = 0.0
 ) -> dict[str, Array]:
-    """Driven scalar -> (T,) values that make the strings vertical; coordinates without a string keep their value in the state.
+    """Driven scalar -> (T,) values that make the strings vertical.
+
+    Coordinates without a string keep their value in the state.
 
     Args:
         figure: figure of the puppet.
         frames: part -> (T, 3, 4) orientation and origin of its body.
         start: state.
-        lean: multiple of the strings' lean in that state, turned with the trunk; the strings of the head
-            stay vertical.
+        lean: multiple of the strings' lean in that state, turned with the trunk; the strings of
+            the head stay vertical.
     """
     table, n = figure.marionette.coordinates, len(frames["trunk"])
     values = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}

@@ -39,7 +39,6 @@ struct Cloud {
 };
 
 // The vertex, edge or facet of a hull on which a point of its surface lies, and its number.
-(delete this line)
 struct HullFeature {
   enum Kind { VERTEX, EDGE, FACET, NONE };
   Kind kind = NONE;
@@ -58,7 +57,7 @@ class NearestOfClouds {
   using Tol = HullTolerances;
   PointPair pair{};  // the nearest points
   double normal[3];  // from the second to the first; undefined for clouds that meet
-  double distance;   // m; 0 where they meet, `enough` where they are certainly that far apart
+  double distance;   // m; 0 if they meet, `enough` if they are shown to be at least that far apart
   bool meet = false, is_far = false;
 
   FAN_FN NearestOfClouds(const Cloud& x, const Cloud& y, double enough)

@@ -18,7 +18,7 @@ class ContactLanes {
   using Push = ContactPush;
 
   Real violation, work, impact, friction;  // penetration depth [m]; energies of the step [J]
-  Real residual = Real(0.0);               // residual of the contact law after the last step
+  Real residual = Real(0.0);               // of the contact law, after the last step
   Mask apart = Real(0.0) > Real(1.0);      // lanes that are not solved here
 
   // Starts without any contact.

@@ -9,12 +9,13 @@
 namespace fan {
 
 struct EventTolerances {
-  // Largest -h of a row that counts as closed at the start of a run, relative to its scale. It is loose because starts come
-  // from files and solvers. The held rows are then brought to h = 0.
+  // Largest -h of a row that counts as closed at the start of a run, relative to its scale. It
+  // allows for the errors of files and solvers. The held rows are then brought to h = 0.
   static constexpr double start_gap = Constants::start_gap;
   // A row has just lost its tension if that fell to zero less than this time ago [s].
   static constexpr double same_instant = 1e-10;
-  // Steps shorter than this [s] count as standstill; the run ends after max_standstill_steps of them in succession.
+  // Steps shorter than this [s] count as standstill; the run ends after max_standstill_steps of
+  // them in succession.
   static constexpr double standstill = 1e-12;
   static constexpr int max_standstill_steps = 200;
   // If a step shorter than this [s] fails, the run ends; longer ones are shortened and tried again.
@@ -22,8 +23,8 @@ struct EventTolerances {
   // Step control (Hairer): order of the error, safety factor, least and largest factor of a step.
   static constexpr double order = 8.0, safety = 0.9, min_factor = 0.2, max_factor = 8.0;
   static constexpr double overflow_factor = 0.1;  // factor for a step whose error is not finite
-  // Shares of the time left to the target: a step of at least `whole` is stretched to all of it; one of
-  // more than `sliver` is shortened to that share, so that the last step is not tiny.
+  // Shares of the time left to the target: a step of at least `whole` is stretched to all of it;
+  // one of more than `sliver` is shortened to that share, so that the last step is not tiny.
   static constexpr double whole = 1 - 1e-12, sliver = 0.5;
   // Change of an acceleration or a force that counts as a jump at a break, relative to 1 + |before|
   // + |after|.
@@ -65,7 +66,8 @@ struct EventInstants {
     for (int r = 0; r < M; ++r) attribution[r] = rows[r];
   }
 
-  // Whether solids touch, or contact points are tracked, at (t, y), where the flow was last evaluated.
+  // Whether solids touch, or contact points are tracked, at (t, y), where the flow was last
+  // evaluated.
   bool in_contact(double most = Tolerance::touching) const {
     if constexpr (F::touches) {
       const auto& points = flow.contacts.points;
@@ -84,7 +86,8 @@ struct EventInstants {
       const bool held = s.before[r] == HELD || s.before[r] == PINNED;
       const double none = -flow.tension[r] / flow.weight();
       if (held && none > -GuardTolerances::negligible_tension) loosened[r] = flow.t;
-      // A redundant row that has just lost its tension must not be exchanged with another again and again.
+      // A redundant row that has just lost its tension must not be exchanged with another again
+      // and again.
       s.loose[r] =
           s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened[r] <= Tolerance::same_instant;
       s.strained[r] = is_strained(r);
@@ -133,13 +136,14 @@ struct EventInstants {
   // Chooses again which of the redundant rows are held: the present ones are nearly dependent.
   Status another_basis(Record<Model>& out) { return settle_active_set(present(), out); }
 
-  // Handles an instant with contacts: the impulses of strings, limits and solids are solved together, then all modes
-  // are chosen. Points touch if they are at most `most` apart; at the start of a run (`starts`) the touch is not new.
+  // Handles an instant with contacts: the impulses of strings, limits and solids are solved
+  // together, then all modes are chosen. Points touch if they are at most `most` apart; at the
+  // start of a run (`starts`) the touch is not new.
   Status contact_instant(Record<Model>& out, double most, bool starts = false) {
     if constexpr (!F::touches) return RUNNING;
     else {
       auto& held = flow.contacts;
-      // This call is counted even if it writes no event, so that an endless series of them ends the run.
+      // This call is counted even if it writes no event, so that an endless series ends the run.
       writer.event_rate.note(flow.t, -1, EventRateTolerances::of_contact);
       held.points.take_closed(flow, flow.y, flow.y + NQ, most);
       if (held.points.too_many) return TOO_MANY_CONTACTS;
@@ -231,7 +235,8 @@ struct EventInstants {
     }
   }
 
-  // Updates the directions of sliding points, and writes an event for each pair that has begun to slide.
+  // Updates the directions of sliding points, and writes an event for each pair that has begun to
+  // slide.
   void update_directions(Record<Model>& out) {
     if constexpr (F::touches) {
       auto& held = flow.contacts;
@@ -292,9 +297,9 @@ struct EventInstants {
     Status held = RUNNING;
     for (const Attempt& how : Attempts::list) {
       if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
-      // This is repeated, because rows that the hold brings to rest take part in the next choice. A hold that fails
-      // leaves velocities and energies unchanged, but it has moved closed rows from up to
-      // max_length_error to h = 0, which helps any further attempt.
+      // This is repeated, because rows that the hold brings to rest take part in the next choice. A
+      // hold that fails leaves velocities and energies unchanged, but it has moved closed rows from
+      // up to max_length_error to h = 0, which helps any further attempt.
       for (int round = 0; round <= M; ++round) {
         held = closed_rows.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
         if (held != RUNNING) {
@@ -331,7 +336,8 @@ struct EventInstants {
     return RUNNING;
   }
 
-  // Distributes redundant contact forces: the forces of least norm if they are admissible, else the forces chosen before.
+  // Distributes redundant contact forces: those of least norm if they are admissible, else those
+  // chosen before.
   void share_forces() {
     auto& held = flow.contacts;
     const auto chosen = held.points.forces();

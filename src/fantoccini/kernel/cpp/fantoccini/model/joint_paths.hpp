@@ -16,7 +16,7 @@ namespace fan {
 struct JointPathTolerances {
   static constexpr double arcsine = 0.5708;  // asin(x) <= x + 0.5708 x^3 for 0 <= x <= 1
   static constexpr double parabola =
-      0.375;  // (sag of a string)^2 per length and excess of the length
+      0.375;  // sag^2 / (length * excess) of a shallow string
 };
 
 template <class Model, class Real>
