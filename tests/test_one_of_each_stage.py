@@ -125,8 +125,9 @@ def test_scores_and_plays_have_one_performer():
     """Only the performer places cues on the timeline; it and its callers create placed cues."""
     used = {name for name, tree in sources() if calls(tree, "Performer")}
     assert used == {"gestures/placing.py", "plays/placing.py"}
-    for name in ("Turn", "Placed", "Performed"):
-        callers = {name for name, tree in sources() if calls(tree, name)}
+    for kind in ("Turn", "Placed", "Performed"):
+        callers = {name for name, tree in sources() if calls(tree, kind)}
+        assert callers, kind
         assert callers <= {"gestures/performing.py", "gestures/placing.py", "plays/placing.py"}
     placing = [
         (name, call)

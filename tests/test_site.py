@@ -62,7 +62,7 @@ def test_links_lead_to_files_and_anchors(page):
 def test_a_page_opens_with_a_title_and_a_sentence(page):
     title, text = page.read_text(encoding="utf-8").split("\n\n")[:2]
     assert re.fullmatch(r"# [^\n]+", title)
-    assert re.match(r"[\w`]", text), "a sentence says first what the page is for"
+    assert re.match(r"[\w`]", text), "the first sentence must say what the page is for"
 
 
 def test_links_are_rewritten_for_the_site():
@@ -139,7 +139,7 @@ def test_the_architecture_page_fits_on_two_screens():
 @pytest.mark.slow
 @pytest.mark.skipif(
     not all(map(importlib.util.find_spec, ("mkdocs", "mkdocstrings"))),
-    reason="the extra docs is not installed",
+    reason="the docs extra is not installed",
 )
 def test_the_site_builds_without_warnings(tmp_path):
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]

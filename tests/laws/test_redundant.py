@@ -216,4 +216,4 @@ def test_a_winch_at_its_largest_tension_leaves_the_rest_to_other_strings(anchors
         worst = max(worst, np.max(np.abs(tension - expected)) / np.linalg.norm(f))
         at_most += np.any(tension >= upper)
     assert worst <= 1e-9, f"{worst:.2e} of the strings' force apart"
-    assert at_most >= 10, f"a winch is at its largest in {at_most} rows of {len(run.t)}"
+    assert at_most >= 10, f"a winch has its largest tension in {at_most} of {len(run.t)} samples"

@@ -46,7 +46,7 @@ def angle() -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Folder of meshes: an L, a tetrahedron, a sheet; boxes, also small, in pieces, hollow, open."""
+    """Meshes: an L, a tetrahedron, a sheet; boxes, also small, fine, in pieces, hollow or open."""
     path = tmp_path_factory.mktemp("meshes")
     ell, box = angle().subdivide(), trimesh.creation.box((0.2, 0.3, 0.4))
     small = box.copy().apply_scale(0.1)

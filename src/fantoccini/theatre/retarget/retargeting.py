@@ -97,7 +97,7 @@ class Retargeted:
 
     @cached_property
     def errors(self) -> dict[str, Array]:
-        """Part -> (T,) distance of the hanging pose from the clip [m]; a local minimum if settled."""
+        """Part -> (T,) distance of the hanging pose from the clip, a local minimum if settled [m]."""
         return {
             part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
             for part in WEIGHTS
@@ -124,7 +124,7 @@ class Retargeted:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedClip:
     """A clip, with the targets of a puppet's parts.
 
     Attributes:
@@ -151,7 +151,7 @@ def place_clip(
     up: str | None = None,
     turning: float = 1.0,
     of: str = "",
-) -> Placed:
+) -> PlacedClip:
     """Targets of a puppet's parts in captured motion; arguments as in :func:`retarget_clip`.
 
     It does not search, so mistakes in a clip are reported at once.
@@ -170,12 +170,12 @@ def place_clip(
     clip = clip.upright(_up(clip, joints) if up is None else up)
     start = marionette.rest() if start is None else start
     figure = figure_of(marionette, start, mapping.puppet, of)
-    return Placed(figure, start, clip, place(figure, clip, joints, travel, turning))
+    return PlacedClip(figure, start, clip, place(figure, clip, joints, travel, turning))
 
 
 def retarget_clip(
     marionette: Marionette,
-    clip: Capture | Placed | str | os.PathLike[str],
+    clip: Capture | PlacedClip | str | os.PathLike[str],
     mapping: MappingFile | str | os.PathLike[str] | None = None,
     start: State | None = None,
     travel: float = 1.0,
@@ -205,7 +205,7 @@ def retarget_clip(
             axis of the clip is unclear.
         ValueError: a negative share.
     """
-    if not isinstance(clip, Placed):
+    if not isinstance(clip, PlacedClip):
         clip = place_clip(marionette, clip, mapping, start, travel, up, turning, of)
     figure, start, placing = clip.figure, clip.start, clip.places
     targets: dict[What, Any] = {figure.points[part]: placing.parts[part] for part in WEIGHTS}

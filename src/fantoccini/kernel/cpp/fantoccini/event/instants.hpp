@@ -49,8 +49,8 @@ struct EventInstants {
   Writer writer{flow, closed_rows, contact_instants};
   Accumulation accumulation;
   double attribution[array_size(M)] = {};  // each row's share in the cause of the status, 0 to 1
-  double until = unbounded;                // the end of the run [s]; events after it are not reported
-  double loosened[array_size(M)];          // s: last time at which each row lost its tension
+  double until = unbounded;        // the end of the run [s]; events after it are not reported
+  double loosened[array_size(M)];  // s: last time at which each row lost its tension
 
   EventInstants(F& flow, Guards<Model>& guards) : flow(flow), guards(guards) {}
   EventInstants(const EventInstants&) = delete;
@@ -150,7 +150,8 @@ struct EventInstants {
       Situation s = present();
       bool loose[array_size(C)], strained[array_size(C)], struck[array_size(C)],
           touched[array_size(C)], strikes[array_size(M)];
-      bool any_struck = false, any_hit = false;  // any catch or impact; any that exchanges an impulse
+      bool any_struck = false,
+           any_hit = false;  // any catch or impact; any that exchanges an impulse
       for (int r = 0; r < M; ++r) {
         const double none = -flow.tension[r] / flow.weight();
         if (s.before[r] == HELD && none > -GuardTolerances::negligible_tension)
@@ -323,8 +324,8 @@ struct EventInstants {
       writer.write_changes(s, r, out);
       changed = changed || next[r] != s.before[r] || s.caught[r];
       if (next[r] == SLIPPING) guards.armed[r] = flow.violation(r) < -GuardTolerances::min_speed;
-      // A string that rebounds will soon be slack; one that has only lost its tension may stay at its
-      // bound.
+      // A string that rebounds will soon be slack; one that has only lost its tension may stay at
+      // its bound.
       if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
     }
     if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {

@@ -15,8 +15,7 @@ namespace fan {
 
 struct JointPathTolerances {
   static constexpr double arcsine = 0.5708;  // asin(x) <= x + 0.5708 x^3 for 0 <= x <= 1
-  static constexpr double parabola =
-      0.375;  // sag^2 / (length * excess) of a shallow string
+  static constexpr double parabola = 0.375;  // sag^2 / (length * excess) of a shallow string
 };
 
 template <class Model, class Real>
