@@ -212,7 +212,7 @@ def test_inputs_end_at_rest_on_request():
     assert np.linalg.norm(result.trajectory.v_K[-1]) <= 2e-3
     end = result.trajectory.state(-1)
     held = ARM.rest(end.replace(v_D=np.zeros(4), v_K=np.zeros(3)))
-    assert abs(held.q_D[4] - RAISED["elbow"]) < 0.1, "it hangs near where it is"
+    assert abs(held.q_D[4] - RAISED["elbow"]) < 0.1, "it hangs at rest near its final pose"
 
 
 def test_a_plan_is_improved_and_polished_at_once(problem):
