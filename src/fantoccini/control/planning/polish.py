@@ -185,7 +185,7 @@ class Polisher:
     def _at_goal(
         self, V: Array, distance: float, until: float, late: bool = False
     ) -> Candidates | None:
-        """A candidate near V (m, n_vK) that ends at the goal without a collision, if there is one."""
+        """A candidate near V (m, n_vK) that ends at the goal without collision; None if none."""
         result = approach(
             self._shooting, V, lambda candidate: self._arrives(candidate, distance), until, late
         )

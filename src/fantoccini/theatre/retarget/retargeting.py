@@ -97,7 +97,7 @@ class Retargeted:
 
     @cached_property
     def errors(self) -> dict[str, Array]:
-        """Part -> (T,) distance [m] of the hanging pose from the clip; a local minimum if settled."""
+        """Part -> (T,) distance [m] of the pose from the clip; a local minimum if settled."""
         return {
             part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
             for part in WEIGHTS
