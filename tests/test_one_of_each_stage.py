@@ -38,9 +38,11 @@ def models() -> Iterator[type[Model]]:
     """Every model class that the theatre defines."""
     for info in pkgutil.walk_packages(theatre.__path__, f"{theatre.__name__}."):
         module = importlib.import_module(info.name)
-        own = [part for part in vars(module).values() if isinstance(part, type)]
+        classes = [part for part in vars(module).values() if isinstance(part, type)]
         yield from (
-            part for part in own if issubclass(part, Model) and part.__module__ == module.__name__
+            part
+            for part in classes
+            if issubclass(part, Model) and part.__module__ == module.__name__
         )
 
 
@@ -115,10 +117,10 @@ def test_scores_and_plays_have_one_reader():
 def test_there_is_one_timeline_and_one_order_of_placing():
     timelines = {name for name, tree in sources() if calls(tree, "Timeline")}
     assert timelines == {"script/timeline.py"}
-    orders = {name for name, tree in sources() if calls(tree, "TopologicalSorter")}
-    assert orders <= {"script/times.py"}
-    placed = {name for name, tree in sources() if calls(tree, "heappop")}
-    assert {name for name in placed if not name.startswith("ways/")} == {"script/timeline.py"}
+    sorting_modules = {name for name, tree in sources() if calls(tree, "TopologicalSorter")}
+    assert sorting_modules <= {"script/times.py"}
+    heap_modules = {name for name, tree in sources() if calls(tree, "heappop")}
+    assert {name for name in heap_modules if not name.startswith("ways/")} == {"script/timeline.py"}
 
 
 def test_scores_and_plays_have_one_performer():
@@ -150,8 +152,8 @@ def test_late_cues_are_judged_by_policies():
 
 def test_transitions_are_timed_in_one_place():
     """Only the search for a free lane asks for a transition's time in gestures, casts and plays."""
-    led = {name for name, tree in sources() if calls(tree, "lead_time")}
-    assert {name for name in led if name.startswith(("plays/", "cast/", "gestures/"))} == {
+    callers = {name for name, tree in sources() if calls(tree, "lead_time")}
+    assert {name for name in callers if name.startswith(("plays/", "cast/", "gestures/"))} == {
         "gestures/performing.py"
     }
 
@@ -170,10 +172,21 @@ def test_the_other_side_is_named_in_one_place():
     assert modules == ["cast/contacts.py"]
 
 
-VALUES = (Actor, Hands, Results, Line, OnStage, Part, Performed, Performer, Placed, Placement)
+PLACING_VALUES = (
+    Actor,
+    Hands,
+    Results,
+    Line,
+    OnStage,
+    Part,
+    Performed,
+    Performer,
+    Placed,
+    Placement,
+)
 
 
-@pytest.mark.parametrize("kind", [*VALUES, Policy, Round, Timeline, Turn, Corrections])
+@pytest.mark.parametrize("kind", [*PLACING_VALUES, Policy, Round, Timeline, Turn, Corrections])
 def test_values_of_placing_are_immutable(kind: type):
     assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen
     for field in dataclasses.fields(kind):
@@ -192,10 +205,10 @@ def test_gestures_are_varied_in_one_place():
         if isinstance(call.func, ast.Attribute)
     }
     assert varied == {"gestures/styling.py"}
-    words = {
+    modules = {
         name
         for name, tree in sources()
         for node in ast.walk(tree)
         if isinstance(node, ast.Subscript) and getattr(node.value, "id", "") == "HOW"
     }
-    assert words == {"gestures/styling.py"}
+    assert modules == {"gestures/styling.py"}

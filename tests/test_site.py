@@ -18,7 +18,7 @@ from docs.site.links import LINK, PAGES, for_site
 from ruamel.yaml import YAML
 
 ROOT = Path(__file__).resolve().parents[1]
-WRITTEN = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+WRITTEN_PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 
 
 def navigation(entries: list | dict | str) -> Iterator[str]:
@@ -48,7 +48,7 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[\s-]+", "-", heading) for heading in plain}
 
 
-@pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.stem)
+@pytest.mark.parametrize("page", WRITTEN_PAGES, ids=lambda p: p.stem)
 def test_links_lead_to_files_and_anchors(page):
     for _, _, file, anchor in LINK.findall(page.read_text(encoding="utf-8")):
         if "://" in file:
@@ -58,7 +58,7 @@ def test_links_lead_to_files_and_anchors(page):
         assert not anchor or anchor[1:] in anchors(target), (file, anchor)
 
 
-@pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.stem)
+@pytest.mark.parametrize("page", WRITTEN_PAGES, ids=lambda p: p.stem)
 def test_a_page_opens_with_a_title_and_a_sentence(page):
     title, text = page.read_text(encoding="utf-8").split("\n\n")[:2]
     assert re.fullmatch(r"# [^\n]+", title)
@@ -85,7 +85,7 @@ def test_the_reference_has_every_public_name_by_a_path_that_imports():
     assert public <= set(paths)
 
 
-@pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.stem)
+@pytest.mark.parametrize("page", WRITTEN_PAGES, ids=lambda p: p.stem)
 def test_the_reference_has_the_names_that_the_guide_uses(page):
     paths = {path for page in reference.paths().values() for path in page}
     if page.stem not in ("equations", "CHANGELOG"):  # these pages name private functions
@@ -108,7 +108,7 @@ def test_an_examples_key_follows_its_source(tmp_path):
     assert examples.key(first) == examples.key(first) != examples.key(second)
 
 
-def test_the_architecture_page_is_the_one_that_is_written():
+def test_the_architecture_page_is_up_to_date():
     """The page and its picture are up to date; `make architecture` writes them."""
     assert architecture.PAGE.read_text(encoding="utf-8") == architecture.page()
     assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.drawing()

@@ -13,8 +13,8 @@ pytestmark = pytest.mark.medium
 
 @pytest.fixture(scope="module")
 def both():
-    massless, hand = measure(ARM, ARM.massless(), None)
-    return massless, measure(ARM, ARM.chained(pieces=2), hand)[0]
+    massless, hand_path = measure(ARM, ARM.massless(), None)
+    return massless, measure(ARM, ARM.chained(pieces=2), hand_path)[0]
 
 
 def test_a_chain_brings_fast_motions_and_short_steps(both):

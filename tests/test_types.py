@@ -76,9 +76,9 @@ def check(script: str, folder: Path) -> list[str]:
     file.write_text(script, encoding="utf-8")
     config = str(ROOT / "pyproject.toml")
     options = ["--strict", "--config-file", config, "--cache-dir", str(folder / "cache")]
-    said, trouble, _ = api.run([*options, str(file)])
-    assert not trouble
-    return [line for line in said.splitlines() if line.startswith(str(file))]
+    report, failure, _ = api.run([*options, str(file)])
+    assert not failure
+    return [line for line in report.splitlines() if line.startswith(str(file))]
 
 
 @pytest.mark.slow

@@ -72,16 +72,16 @@ def record(
     """
     rng = np.random.default_rng(1000 + seed)
     inputs = motion(case, duration, seed)
-    own = {k: x for k, x in case.truth.items() if k in case.puppet.tree.parameters}
-    true = case.puppet.with_parameters(own)
+    true_parameters = {k: x for k, x in case.truth.items() if k in case.puppet.tree.parameters}
+    true_puppet = case.puppet.with_parameters(true_parameters)
     delay = case.truth.get("delay", 0.0)
     offsets = {k.removesuffix(" offset"): x for k, x in case.truth.items() if k.endswith(" offset")}
-    played = inputs
+    inputs_with_offsets = inputs
     if offsets:
         q_K, _, _ = inputs.evaluate(inputs.breaks)
         table = case.puppet.coordinates
-        played = fan.Input.waypoints(
-            true,
+        inputs_with_offsets = fan.Input.waypoints(
+            true_puppet,
             {
                 name: [
                     (t, x + offsets.get(name, 0.0))
@@ -91,14 +91,19 @@ def record(
             },
         )
     t = np.arange(0.2, duration - 0.2, 1.0 / RATE)
-    x0 = true.rest(played.first_values())
+    x0 = true_puppet.rest(inputs_with_offsets.first_values())
     run = fan.simulate(
-        true, x0, played, duration, method=fan.Event(rtol=1e-9, atol=1e-9), save_at=t - delay
+        true_puppet,
+        x0,
+        inputs_with_offsets,
+        duration,
+        method=fan.Event(rtol=1e-9, atol=1e-9),
+        save_at=t - delay,
     )
     assert run.status is fan.Status.DONE, run.status
     seen = run.resample(t - delay)
-    poses = true.poses(seen.q_D, seen.q_K)
-    links = [link.name for link in true.tree.links]
+    poses = true_puppet.poses(seen.q_D, seen.q_K)
+    links = [link.name for link in true_puppet.tree.links]
     columns = {}
     for marker in case.markers:
         at = [
@@ -118,7 +123,7 @@ def record(
         columns[f"{name}.tension"] = seen.tension[name] + force_noise * rng.standard_normal(len(t))
     unknown = [
         fan.lab.Unknown(name, known=(known or {}).get(name), positive=name not in case.signed)
-        for name in own
+        for name in true_parameters
     ]
     return fan.lab.Record(
         case.puppet,
@@ -182,7 +187,7 @@ def arm() -> Case:
     return Case(puppet, _ARM_TRUTH, _ARM_MARKERS, ("tie",))
 
 
-_MARKED = (
+_PARAMETER_EDITS = (
     ("drag: {linear: 0.15,", "drag: {linear: {parameter: drag, value: 0.15},"),
     (
         "damping: 8.0e-4\n      cone: {max: 105",
@@ -228,7 +233,7 @@ _MARIONETTE_TRUTH = {
 def marionette() -> Case:
     """The marionette, 25 dynamic and 21 driven coordinates, with 13 markers."""
     text = fan.puppets.path("marionette").read_text(encoding="utf-8")
-    for old, new in _MARKED:
+    for old, new in _PARAMETER_EDITS:
         assert old in text, old
         text = text.replace(old, new, 1)
     markers = [

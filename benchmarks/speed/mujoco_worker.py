@@ -51,10 +51,13 @@ class Bench:
         took = time.thread_time() - start
         end, speed = self._joints(m, d, q)
         mujoco.mj_forward(m, d)
-        on = d.efc_type[: d.nefc] == mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON
-        who, force = d.efc_id[: d.nefc][on].tolist(), d.efc_force[: d.nefc][on].tolist()
-        pull = dict(zip(who, force, strict=True))
-        tension = {m.tendon(i).name: pull.get(i, 0.0) for i in range(m.ntendon)}
+        is_tendon_limit = d.efc_type[: d.nefc] == mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON
+        tendon_ids, force = (
+            d.efc_id[: d.nefc][is_tendon_limit].tolist(),
+            d.efc_force[: d.nefc][is_tendon_limit].tolist(),
+        )
+        force_by_tendon = dict(zip(tendon_ids, force, strict=True))
+        tension = {m.tendon(i).name: force_by_tendon.get(i, 0.0) for i in range(m.ntendon)}
         return {"seconds": took / steps, "q": end, "v": speed, "tension": tension}
 
     def rollout(self, model: str, settings: dict, states: list, steps: int, threads: int) -> dict:

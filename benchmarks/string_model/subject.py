@@ -46,7 +46,10 @@ class Subject:
         start = dict(zip(puppet.coordinates.q_K, x.q_K, strict=True))
         return fan.Input.waypoints(
             puppet,
-            {n: [(0, start[n]), (self.taken, start[n] + by)] for n, by in self.moves.items()},
+            {
+                n: [(0, start[n]), (self.taken, start[n] + displacement)]
+                for n, displacement in self.moves.items()
+            },
         )
 
     def hand(self, puppet: Marionette, run: fan.Trajectory) -> np.ndarray:

@@ -46,15 +46,17 @@ class Peer:
             integrator: ``Euler`` or ``RK4``.
         """
         length, *sites = tendon.split()
-        soft, damping = "", DAMPING[setting]
+        limit_attributes, damping = "", DAMPING[setting]
         if damping:
-            soft = f'solreflimit="{2 * dt!r} {damping}" solimplimit="0.9999 0.9999 0.001 0.5 2"'
+            limit_attributes = (
+                f'solreflimit="{2 * dt!r} {damping}" solimplimit="0.9999 0.9999 0.001 0.5 2"'
+            )
         text = (
             f'<mujoco><compiler angle="radian"/><option timestep="{dt!r}" '
             f'integrator="{integrator}" gravity="0 0 {-GRAVITY}" tolerance="1e-14" '
             'iterations="200" jacobian="dense"><flag contact="disable" autoreset="disable"/>'
             f'</option><worldbody>{body}</worldbody><tendon><spatial name="line" limited="true" '
-            f'range="0 {length}" {soft}>'
+            f'range="0 {length}" {limit_attributes}>'
             + "".join(f'<site site="{site}"/>' for site in sites)
             + "</spatial></tendon></mujoco>"
         )
@@ -73,15 +75,15 @@ class Peer:
 
     def course(self, steps: int) -> tuple[Array, Array, Array]:
         """Before each step: (n, nq) positions, (n, nv) velocities and (n,) tension [N]."""
-        q, v, pull = [], [], []
+        q, v, tension = [], [], []
         for _ in range(steps):
             # After an RK4 step the forces are those of its last stage: evaluate them again.
             mujoco.mj_forward(self.model, self.data)
             q.append(self.data.qpos.copy())
             v.append(self.data.qvel.copy())
-            pull.append(float(np.sum(self.data.efc_force)))
+            tension.append(float(np.sum(self.data.efc_force)))
             mujoco.mj_step(self.model, self.data)
-        return np.array(q), np.array(v), np.array(pull)
+        return np.array(q), np.array(v), np.array(tension)
 
 
 def pendulum(dt: float, setting: str, integrator: str = "RK4") -> Peer:

@@ -89,13 +89,13 @@ class Player:
         """(T, 4, 4) of a node in the world."""
         k = self.names.index(name)
         node = self.gltf.nodes[k]
-        own = np.tile(np.eye(4), (len(times), 1, 1))
-        own[:, :3, :3] = _matrices(self._value(name, "rotation", node.rotation, times))
-        own[:, :3, :3] *= self._value(name, "scale", node.scale, times)[:, None]
-        own[:, :3, 3] = self._value(name, "translation", node.translation, times)
+        local_matrices = np.tile(np.eye(4), (len(times), 1, 1))
+        local_matrices[:, :3, :3] = _matrices(self._value(name, "rotation", node.rotation, times))
+        local_matrices[:, :3, :3] *= self._value(name, "scale", node.scale, times)[:, None]
+        local_matrices[:, :3, 3] = self._value(name, "translation", node.translation, times)
         if k in self.parents:
-            own = self.matrices(self.names[self.parents[k]], times) @ own
-        return own
+            local_matrices = self.matrices(self.names[self.parents[k]], times) @ local_matrices
+        return local_matrices
 
     def vertices(self, name: str, times: np.ndarray) -> np.ndarray:
         """(T, n, 3) of a skinned mesh in the world [m]."""
@@ -123,18 +123,18 @@ class Player:
     def _value(self, name: str, path: str, still: list | None, times: np.ndarray) -> np.ndarray:
         if (name, path) in self.samplers:
             return self.samplers[name, path].at(times)
-        none = {"rotation": [0, 0, 0, 1], "scale": [1, 1, 1], "translation": [0, 0, 0]}
-        return np.tile(none[path] if still is None else still, (len(times), 1)).astype(float)
+        identity = {"rotation": [0, 0, 0, 1], "scale": [1, 1, 1], "translation": [0, 0, 0]}
+        return np.tile(identity[path] if still is None else still, (len(times), 1)).astype(float)
 
     def _numbers(self, accessor: int) -> np.ndarray:
-        about = self.gltf.accessors[accessor]
-        view = self.gltf.bufferViews[about.bufferView]
-        width = _WIDTHS[about.type]
-        kind = np.dtype(_TYPES[about.componentType])
+        accessor_entry = self.gltf.accessors[accessor]
+        view = self.gltf.bufferViews[accessor_entry.bufferView]
+        width = _WIDTHS[accessor_entry.type]
+        kind = np.dtype(_TYPES[accessor_entry.componentType])
         assert view.byteStride in (None, width * kind.itemsize)
-        start = view.byteOffset + about.byteOffset
-        count = about.count * width
-        return np.frombuffer(self._blob, kind, count, start).reshape(about.count, width)
+        start = view.byteOffset + accessor_entry.byteOffset
+        count = accessor_entry.count * width
+        return np.frombuffer(self._blob, kind, count, start).reshape(accessor_entry.count, width)
 
 
 def _matrices(xyzw: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from fantoccini.kernel import build
 from fantoccini.kernel.build import folders
 
 
-def refuge_of(entry: Path, key: str) -> Path:
+def stand_in_of(entry: Path, key: str) -> Path:
     assert entry.name == key
     return entry.parent.parent
 
@@ -27,7 +27,7 @@ def test_a_cache_that_cannot_be_made_has_a_private_stand_in(tmp_path, key, sourc
     with pytest.warns(RuntimeWarning, match="the cache folder is not used") as warned:
         entry = build.obtain(key, source)
     assert len(warned) == 1
-    refuge = refuge_of(entry, key)
+    refuge = stand_in_of(entry, key)
     assert refuge == tmp_path / "temporary" / f"fantoccini-{os.geteuid()}"
     assert refuge.stat().st_mode & 0o777 == 0o700
     with pytest.warns(RuntimeWarning):
@@ -114,7 +114,7 @@ def test_a_folder_of_another_user_is_refused(cache, key, source, monkeypatch):
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o1777])
-def test_a_group_that_others_can_write_is_refused(cache, key, source, mode):
+def test_a_subfolder_that_others_can_write_to_is_refused(cache, key, source, mode):
     """17.33: the folder is refused even if its entries exist and nothing would be written."""
     build.obtain(key, source)
     (cache / key[:2]).chmod(mode)
@@ -133,17 +133,17 @@ def test_an_entry_that_others_may_have_written_is_compiled_again(
     match trouble:
         case "writable":
             path.chmod(path.stat().st_mode | 0o022)
-            said = "written by other users"
+            expected_reason = "written by other users"
         case "foreign":
             if os.geteuid() != 0:
                 pytest.skip("only the superuser can give a file away")
             os.chown(path, 12345, -1)
-            said = "belongs to another user"
+            expected_reason = "belongs to another user"
         case "link":
             path.rename(tmp_path / "elsewhere")
             path.symlink_to(tmp_path / "elsewhere")
-            said = "is not a f"
-    with pytest.warns(RuntimeWarning, match=said):
+            expected_reason = "is not a f"
+    with pytest.warns(RuntimeWarning, match=expected_reason):
         entry = build.obtain(key, lambda: source(2))
     assert entry == cache / key[:2] / key
     assert not entry.is_symlink()
@@ -166,7 +166,7 @@ def test_files_of_an_entry_are_private_whatever_the_umask(key, source):
 
 
 @pytest.mark.parametrize("what", ["link", "pipe"])
-def test_a_lock_is_a_file_and_no_link(tmp_path, cache, key, source, what):
+def test_a_lock_is_a_file_and_not_a_link(tmp_path, cache, key, source, what):
     """17.33: the target of a lock that is a link is not emptied; a pipe is not waited for."""
     lock = cache / key[:2] / f"{key}.lock"
     cache.mkdir(mode=0o700)

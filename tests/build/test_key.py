@@ -96,5 +96,5 @@ def test_the_processors_features_are_a_set(tmp_path):
     assert key_module.processor(first) == key_module.processor(second) == "avx2 fma sse2"
 
 
-def test_the_runtime_is_hashed_where_the_package_lies():
+def test_the_runtime_folder_is_inside_the_package():
     assert build.runtime_folder().parent == Path(build.__file__).resolve().parent.parent

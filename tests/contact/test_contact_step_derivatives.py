@@ -61,19 +61,19 @@ def check_step(
     widths = {"q_D": n, "v_D": n, "q_K": k, "v_K": k, "acc_K": k, "u_D": n, "p": n_p}
     places = np.cumsum([0, *widths.values()])
 
-    def reached(d: np.ndarray) -> np.ndarray:
+    def end_for(d: np.ndarray) -> np.ndarray:
         q_D, v_D, q_K, v_K, acc, u, p = np.split(d, places[1:-1])
         changed = puppet
         if np.any(p):
             values = zip(puppet.tree.parameters.items(), p, strict=True)
             changed = puppet.with_parameters({name: value + dp for (name, value), dp in values})
-        there = x.replace(
+        x_changed = x.replace(
             q_D=moved(x.q_D, q_D, t.scalars_D, t.quaternions_D),
             v_D=x.v_D + v_D,
             q_K=moved(x.q_K, q_K, t.scalars_K, t.quaternions_K),
             v_K=x.v_K + v_K,
         )
-        y, force = step(changed, there, acc_K + acc, u_D + u, dt)
+        y, force = step(changed, x_changed, acc_K + acc, u_D + u, dt)
         return np.concatenate(
             [
                 apart(end.q_D, y.q_D, n, t.scalars_D, t.quaternions_D),
@@ -85,15 +85,15 @@ def check_step(
         )
 
     sizes = {"q_D": steps.q, "v_D": steps.v, "q_K": steps.q, "v_K": steps.v, "p": steps.q}
-    of_state = np.concatenate([lin.A, lin.B, lin.B_u, lin.B_p], axis=1)
+    state_derivatives = np.concatenate([lin.A, lin.B, lin.B_u, lin.B_p], axis=1)
     for (name, width), first in zip(widths.items(), places, strict=False):
         if not width:
             continue
         size = sizes.get(name, steps.a)
         columns = np.zeros((places[-1], width))
         columns[first : first + width] = size * np.eye(width)
-        wanted = difference(lambda d, c=columns: reached(c @ d), width, 1.0) / size
-        derivative = of_state[:, first : first + width]
+        wanted = difference(lambda d, c=columns: end_for(c @ d), width, 1.0) / size
+        derivative = state_derivatives[:, first : first + width]
         assert worst(derivative, wanted[: len(derivative)]) < bound, name
         if len(set(modes)) == len(modes):
             # Redundant points may share their forces differently for neighbouring states.
@@ -141,11 +141,11 @@ def balls() -> fan.Marionette:
 
 def test_a_ball_rests_slides_and_lands(ball):
     """The centre of the ball is not the origin of its frame."""
-    low = {"body.z": 0.07}
-    check_step(ball, ball.state(low), ["stick"])
+    on_floor = {"body.z": 0.07}
+    check_step(ball, ball.state(on_floor), ["stick"])
     slides = {"body.x": 1.0, "body.y": 0.2, "body.wx": 0.3, "body.wy": 0.2, "body.wz": 0.1}
-    check_step(ball, thrown(ball, low, slides), ["slide"])
-    check_step(ball, thrown(ball, low, {"body.x": 0.5, "body.z": -1, "body.wy": 4}), ["stick"])
+    check_step(ball, thrown(ball, on_floor, slides), ["slide"])
+    check_step(ball, thrown(ball, on_floor, {"body.x": 0.5, "body.z": -1, "body.wy": 4}), ["stick"])
 
 
 def test_a_sliding_ball_slows_by_the_friction_of_the_closed_form():
@@ -196,10 +196,10 @@ def test_a_box_that_slides_aside_has_no_derivative(box):
 
 def test_a_capsule_lies_and_slides():
     puppet = fan.loads(CAPSULE)
-    low = {"body.z": 0.03}
-    check_step(puppet, puppet.state(low), ["stick"] * 2, steps=Steps(q=1e-8))
+    on_floor = {"body.z": 0.03}
+    check_step(puppet, puppet.state(on_floor), ["stick"] * 2, steps=Steps(q=1e-8))
     speed = {"body.x": 0.3, "body.y": 0.4, "body.wz": 0.3}
-    check_step(puppet, thrown(puppet, low, speed), ["slide"] * 2)
+    check_step(puppet, thrown(puppet, on_floor, speed), ["slide"] * 2)
 
 
 def test_boxes_stacked_and_logs_that_lie_on_one_another():
@@ -297,11 +297,11 @@ def test_edges_are_named(ball, box, balls):
     assert many.edges_of(0) == ("a point touches without force",)
     assert many.edges_of(1) == ("a point sticks at the edge of its cone",)
     assert many.edges_of(2) == ()
-    shoulder = {"a.z": 0.1, "b.z": 0.1 + 0.17 * 0.8, "b.x": 0.17 * 0.6}
-    assert balls.linearise_step(balls.state(shoulder)).edges == (
+    above_right = {"a.z": 0.1, "b.z": 0.1 + 0.17 * 0.8, "b.x": 0.17 * 0.6}
+    assert balls.linearise_step(balls.state(above_right)).edges == (
         "b|a: springs back if any faster, or is not the only one that touches first",
     )
-    x = balls.state(shoulder)
+    x = balls.state(above_right)
     many = balls.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
     assert many.edges_of(0) == (
         "a point springs back if any faster, or is not the only one that touches first",

@@ -23,7 +23,7 @@ def measured(program, x: np.ndarray) -> np.ndarray:
 def test_errors_are_of_the_last_place(flags, tmp_path):
     program = compile_program("elementary.cpp", tmp_path, *flags)
     rng = np.random.default_rng(0)
-    tame = np.concatenate(
+    moderate = np.concatenate(
         [
             rng.uniform(-1.0, 1.0, 5000),
             rng.uniform(-1e4, 1e4, 5000),
@@ -32,7 +32,7 @@ def test_errors_are_of_the_last_place(flags, tmp_path):
             np.tan([np.pi / 8, 3 * np.pi / 8]),
         ]
     )
-    errors = measured(program, tame)
+    errors = measured(program, moderate)
     assert errors[:, 8].all()
     worst = dict(zip(FUNCTIONS * 2, errors[:, :8].max(axis=0), strict=False))
     print(worst)
@@ -41,5 +41,7 @@ def test_errors_are_of_the_last_place(flags, tmp_path):
     # Up to 1e6 the third part of pi/2 is significant; beyond 1e6 the C library is called.
     large_angles = np.concatenate([rng.uniform(1e4, 1e6, 5000), [1e7, 1e22, -1e300]])
     assert measured(program, large_angles)[:, [0, 1, 4, 5]].max() < 1.5
-    nothing = measured(program, np.array([np.nan, np.inf]))
-    assert np.all(nothing[:, [0, 1, 4, 5]] == 0.0), "sine or cosine of NaN or infinity is not NaN"
+    not_finite = measured(program, np.array([np.nan, np.inf]))
+    assert np.all(not_finite[:, [0, 1, 4, 5]] == 0.0), (
+        "sine or cosine of NaN or infinity is not NaN"
+    )

@@ -59,10 +59,10 @@ def test_tendons_have_the_gaps_of_strings_and_limits(seed):
     model, speed = tree(seed), 1e-6
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
     data, parts = evaluated(puppet, x), model.tree
-    h, later = (model.call("rows", at)["h"] for at in (x, model.moved(x, speed)))
-    max_lengths, hdot = puppet.model.tendon_range[:, 1], (later - h) / speed
-    beyond = data.ten_length - max_lengths
-    assert np.allclose(beyond[puppet.strings], h[: len(parts.strings)], atol=1e-10)
+    h, h_later = (model.call("rows", at)["h"] for at in (x, model.moved(x, speed)))
+    max_lengths, hdot = puppet.model.tendon_range[:, 1], (h_later - h) / speed
+    tendon_gaps = data.ten_length - max_lengths
+    assert np.allclose(tendon_gaps[puppet.strings], h[: len(parts.strings)], atol=1e-10)
     for i, limit in enumerate(parts.limits, len(parts.strings)):
         if limit.side == "cone":
             t = puppet.model.tendon(limit.name).id
@@ -73,7 +73,7 @@ def test_tendons_have_the_gaps_of_strings_and_limits(seed):
         puppet.twists.places, puppet.twists.tendons, puppet.twists.scale, strict=True
     ):
         i += len(parts.strings)
-        assert beyond[t] == pytest.approx(scale * h[i], abs=1e-12)
+        assert tendon_gaps[t] == pytest.approx(scale * h[i], abs=1e-12)
         assert data.ten_velocity[t] == pytest.approx(scale * hdot[i], abs=1e-4)
 
 

@@ -34,13 +34,13 @@ def test_an_arm_is_estimated_within_the_tolerances(case):
     """
     estimate = fan.identify(record(case, 20.0, 3, gaps=0.1, outliers=0.01))
     for name, truth in case.truth.items():
-        apart = abs(estimate[name] - truth)
+        error = abs(estimate[name] - truth)
         if name.endswith("mass"):
-            assert apart < 0.02 * truth, name
+            assert error < 0.02 * truth, name
         elif name.endswith("damping"):
-            assert apart < 0.25 * truth if name == "elbow_damping" else apart < 0.1 * truth, name
+            assert error < 0.25 * truth if name == "elbow_damping" else error < 0.1 * truth, name
         else:
-            assert apart < 1.5e-3, name
+            assert error < 1.5e-3, name
     assert estimate.converged and not estimate.combinations
     assert 0.9 < estimate.chi2 < 1.15  # outliers count as 4 deviations
     assert 10 < len(estimate.outliers) < 100  # of some 35 bad triples
@@ -98,9 +98,9 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
 
     for i, name in enumerate(data.labels):
         step = 1e-4 * data.scales[i]
-        by = np.zeros(len(at.theta))
-        by[i] = step
-        slope = (seen(at.theta + by) - seen(at.theta - by)) / (2 * step)
+        change = np.zeros(len(at.theta))
+        change[i] = step
+        slope = (seen(at.theta + change) - seen(at.theta - change)) / (2 * step)
         exact = J[own][:, :, m + i]
         assert np.max(np.abs(slope - exact)) < 0.02 * np.max(np.abs(exact)) + 1e-6, name
 
@@ -125,10 +125,12 @@ def test_derivatives_of_the_steps_are_exact(case):
     m, rng = J.shape[2] - len(at.theta), np.random.default_rng(0)
     _, segments, _ = fit.sample_positions(at.theta, fit.dt)
     for i in range(len(at.theta)):
-        by = np.zeros(len(at.theta))
-        by[i] = 1e-5 * data.scales[i]
-        sides = [fit.predict(fit.moved(at, np.zeros((len(at.q_D), m)), s * by)) for s in (1, -1)]
-        slope = (sides[0].y - sides[1].y) / (2 * by[i])
+        change = np.zeros(len(at.theta))
+        change[i] = 1e-5 * data.scales[i]
+        sides = [
+            fit.predict(fit.moved(at, np.zeros((len(at.q_D), m)), s * change)) for s in (1, -1)
+        ]
+        slope = (sides[0].y - sides[1].y) / (2 * change[i])
         exact = J[:, :, m + i]
         assert np.max(np.abs(slope - exact)) < 5e-5 * np.max(np.abs(exact)), data.labels[i]
     move = 1e-6 * rng.standard_normal((len(at.q_D), m))
@@ -159,17 +161,24 @@ pose: {pin: 40 deg}
 def swing(rng, seconds=12.0, noise=0.01):
     """A freely swinging pendulum, simulated by SciPy: times, noisy angles, true parameters."""
     mass, centre, damping, inertia = 0.4, -0.3, 0.03, 0.01
-    whole = inertia + mass * centre**2
+    inertia_about_pin = inertia + mass * centre**2
     t = np.arange(0.0, seconds, 0.02)
     solution = solve_ivp(
-        lambda t, y: [y[1], (mass * 9.81 * centre * np.sin(y[0]) - damping * y[1]) / whole],
+        lambda t, y: [
+            y[1],
+            (mass * 9.81 * centre * np.sin(y[0]) - damping * y[1]) / inertia_about_pin,
+        ],
         (0.0, seconds),
         [np.radians(40.0), 0.0],
         t_eval=t,
         rtol=1e-10,
         atol=1e-10,
     )
-    return t, solution.y[0] + noise * rng.standard_normal(len(t)), (mass, centre, damping, whole)
+    return (
+        t,
+        solution.y[0] + noise * rng.standard_normal(len(t)),
+        (mass, centre, damping, inertia_about_pin),
+    )
 
 
 def test_a_pendulum_is_found_as_scipy_finds_it():
@@ -183,9 +192,12 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
 
     def misfit(theta):
         own, damping, start, rate = theta
-        whole = 0.01 + mass * own**2
+        inertia_about_pin = 0.01 + mass * own**2
         solution = solve_ivp(
-            lambda t, y: [y[1], (mass * 9.81 * own * np.sin(y[0]) - damping * y[1]) / whole],
+            lambda t, y: [
+                y[1],
+                (mass * 9.81 * own * np.sin(y[0]) - damping * y[1]) / inertia_about_pin,
+            ],
             (0.0, t[-1]),
             [start, rate],
             t_eval=t,
@@ -194,8 +206,8 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
         )
         return (solution.y[0] - angle) / 0.01
 
-    peer = least_squares(misfit, [centre, 0.03, np.radians(40.0), 0.0])
-    errors = np.sqrt(np.diag(np.linalg.inv(peer.jac.T @ peer.jac)))
+    scipy_fit = least_squares(misfit, [centre, 0.03, np.radians(40.0), 0.0])
+    errors = np.sqrt(np.diag(np.linalg.inv(scipy_fit.jac.T @ scipy_fit.jac)))
     data = fan.lab.Record(
         puppet,
         fan.Input.hold(puppet, float(t[-1])),
@@ -206,7 +218,7 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
     )
     estimate = fan.identify(data, drift=(1e-4, 1e-3))
     for i, name in enumerate(("centre", "damping")):
-        assert abs(estimate[name] - peer.x[i]) < 0.2 * errors[i], name
+        assert abs(estimate[name] - scipy_fit.x[i]) < 0.2 * errors[i], name
         assert abs(estimate.deviation(name) / errors[i] - 1.0) < 0.15, name
 
 
@@ -390,7 +402,7 @@ def free(about, **options):
     )
 
 
-def test_a_small_first_guess_hides_nothing():
+def test_a_small_first_guess_gives_the_same_estimate():
     """A first guess of a thirtieth of the damping leads to the same estimate as a good guess."""
     distant_guess, near = (fan.identify(free(about)) for about in (0.001, 0.03))
     assert not near.combinations and not distant_guess.combinations
@@ -403,8 +415,8 @@ def test_a_delay_is_found_near_its_guess_and_its_bound_is_reported(case):
     """A delay of 1 s is found from a guess of 1 s; one of 0.4 s stops at the bound of 0.25 s."""
     data = record(case, 5.0, 3)
     ahead = fan.identify(replace(data, t=data.t + 1.0, delay=1.0))
-    apart = abs(ahead["delay"] - 1.0 - case.truth["delay"])
-    assert apart < 4.0 * ahead.deviation("delay") < 8e-3 and not ahead.at_bound
+    error = abs(ahead["delay"] - 1.0 - case.truth["delay"])
+    assert error < 4.0 * ahead.deviation("delay") < 8e-3 and not ahead.at_bound
     estimate = fan.identify(replace(data, t=data.t + 0.4))
     assert estimate.at_bound and not estimate.converged
     assert abs(estimate["delay"] - 0.25) < 1e-3

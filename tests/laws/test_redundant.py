@@ -36,7 +36,7 @@ def bob(anchors: list[float], limits: dict[int, float] | None = None) -> Marione
     lengths = np.hypot(START[0] - x, np.hypot(START[1], START[2] - HEIGHT))
     named = {f"x{i}": float(at) for i, at in enumerate(x)}
     named |= {f"length{i}": float(length) for i, length in enumerate(lengths)}
-    marionette = on_strings(len(anchors)).with_parameters(named)
+    marionette = bob_on_strings(len(anchors)).with_parameters(named)
     winches = marionette.winches.copy()
     for i, tension in (limits or {}).items():
         winches[i, 0] = tension
@@ -44,7 +44,7 @@ def bob(anchors: list[float], limits: dict[int, float] | None = None) -> Marione
 
 
 @cache
-def on_strings(n: int) -> Marionette:
+def bob_on_strings(n: int) -> Marionette:
     """A bob on n strings with points and lengths as parameters, compiled once for all bobs."""
     strings = [
         {
@@ -166,7 +166,7 @@ TABLES = {
 
 
 @pytest.mark.parametrize("places", TABLES.values(), ids=TABLES)
-def test_a_table_stands_still_on_its_strings(places):
+def test_a_plate_hangs_still_on_its_strings(places):
     """Three strings suffice; all pull, with tensions of least norm that balance the weight."""
     marionette = table(places)
     x0 = marionette.project(marionette.state())
@@ -175,8 +175,8 @@ def test_a_table_stands_still_on_its_strings(places):
     assert np.max(np.abs(run.v_D)) <= 1e-9
     balance = np.vstack([np.ones(len(places)), places.T])
     expected = least_norm(balance, np.array([marionette.weight, 0.0, 0.0]))
-    off = np.max(np.abs(run.tension.values - expected)) / marionette.weight
-    assert off <= 1e-9, f"{off:.2e} of the weight"
+    error = np.max(np.abs(run.tension.values - expected)) / marionette.weight
+    assert error <= 1e-9, f"{error:.2e} of the weight"
 
 
 @pytest.mark.parametrize("places", TABLES.values(), ids=TABLES)
@@ -187,8 +187,8 @@ def test_a_table_swings_on_its_strings_without_chatter(places):
     run = fan.simulate(marionette, x0, t_end=4.0, effort=False)
     assert run.events == ()
     x, z = run.q_D[:, 0], run.q_D[:, 2]
-    off = np.max(np.abs(x**2 + (z - 1.0) ** 2 - 1.0))
-    assert off <= 1e-12, f"{off:.2e} m^2 off the circle"
+    error = np.max(np.abs(x**2 + (z - 1.0) ** 2 - 1.0))
+    assert error <= 1e-12, f"{error:.2e} m^2 off the circle"
     turned = np.max(np.abs(run.q_D[:, 4:7]))
     assert turned <= 1e-9, f"the table turned by {turned:.2e}"
 
@@ -209,11 +209,13 @@ def test_a_winch_at_its_largest_tension_leaves_the_rest_to_other_strings(anchors
     assert run.events == ()
     assert np.max(run.slip.values) == 0.0
     upper = np.array([most.get(i, np.inf) for i in range(len(anchors))])
-    worst, at_most = 0.0, 0
+    worst, n_at_bound = 0.0, 0
     for q, acc, tension in zip(run.q_D, run.acc_D, run.tension.values, strict=True):
         f = MASS * (acc - GRAVITY)
         expected = least_norm(directions(q, anchors), f, upper)
         worst = max(worst, np.max(np.abs(tension - expected)) / np.linalg.norm(f))
-        at_most += np.any(tension >= upper)
+        n_at_bound += np.any(tension >= upper)
     assert worst <= 1e-9, f"{worst:.2e} of the strings' force apart"
-    assert at_most >= 10, f"a winch has its largest tension in {at_most} of {len(run.t)} samples"
+    assert n_at_bound >= 10, (
+        f"a winch has its largest tension in {n_at_bound} of {len(run.t)} samples"
+    )

@@ -48,7 +48,7 @@ def sided(table, points: dict, name: str, k: int, d: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_derivatives_by_random_waypoints(table, seed):
+def test_derivatives_with_respect_to_random_waypoints(table, seed):
     """17.5: turning points, bounded slopes, mean slopes, several coordinates with common breaks."""
     rng = np.random.default_rng(seed)
     points = {}

@@ -38,15 +38,15 @@ def test_no_direction_lowers_the_cost(followed):
     rng = np.random.default_rng(0)
 
     def cost(change: np.ndarray) -> float:
-        run = runs.run(replace(nodes, acc_K=nodes.acc_K + change, run=None))
-        assert run is not None
-        return objective.cost(run[0], runs.ends(*run))
+        nodes_and_run = runs.run(replace(nodes, acc_K=nodes.acc_K + change, run=None))
+        assert nodes_and_run is not None
+        return objective.cost(nodes_and_run[0], runs.ends(*nodes_and_run))
 
     for _ in range(5):
         change = rng.standard_normal(nodes.acc_K.shape)
         change *= 1e-4 / np.max(np.abs(change))
-        up, down = cost(change), cost(-change)
-        curvature = up + down - 2.0 * J
+        cost_plus, cost_minus = cost(change), cost(-change)
+        curvature = cost_plus + cost_minus - 2.0 * J
         assert curvature > 0.0
         # A Newton step along the change would save this amount, a negligible part of the cost.
-        assert (up - down) ** 2 / (8.0 * curvature) < 1e-6 * J
+        assert (cost_plus - cost_minus) ** 2 / (8.0 * curvature) < 1e-6 * J

@@ -82,14 +82,22 @@ def model() -> dict[str, object]:
     """
     q1, q2, x, length = sp.symbols("theta1 theta2 x L", real=True)
     dq1, dq2, dx, dlength = sp.symbols("dtheta1 dtheta2 dx dL", real=True)
-    p = dict(zip(NAMES, sp.symbols(" ".join(NAMES), positive=True), strict=True))
+    parameters = dict(zip(NAMES, sp.symbols(" ".join(NAMES), positive=True), strict=True))
     q_D, v_D = sp.Matrix([q1, q2]), sp.Matrix([dq1, dq2])
     q_K, v_K = sp.Matrix([x, length]), sp.Matrix([dx, dlength])
 
-    inertia = [sp.diag(p[f"m{i}"], p[f"m{i}"], p[f"I{i}"]) for i in (1, 2)]  # Eq. 1
-    base = _translation(p["xs"], p["zs"])
-    g_1 = base * _rotation(q1) * _translation(p["L1"] / 2)  # Eq. 2
-    g_2 = base * _rotation(q1) * _translation(p["L1"]) * _rotation(q2) * _translation(p["L2"] / 2)
+    inertia = [
+        sp.diag(parameters[f"m{i}"], parameters[f"m{i}"], parameters[f"I{i}"]) for i in (1, 2)
+    ]  # Eq. 1
+    base = _translation(parameters["xs"], parameters["zs"])
+    g_1 = base * _rotation(q1) * _translation(parameters["L1"] / 2)  # Eq. 2
+    g_2 = (
+        base
+        * _rotation(q1)
+        * _translation(parameters["L1"])
+        * _rotation(q2)
+        * _translation(parameters["L2"] / 2)
+    )
     frames = [g_1, g_2]
     twists = []
     for g_i in frames:  # Eq. 4
@@ -97,7 +105,7 @@ def model() -> dict[str, object]:
         twists.append(_unhat(_inverse(g_i) * rate).applyfunc(sp.trigsimp))
     kinetic = sum(((V.T * J * V)[0] / 2 for V, J in zip(twists, inertia, strict=True)), sp.S(0))
     potential = sum(
-        (p[f"m{i}"] * p["gravity"] * frames[i - 1][1, 2] for i in (1, 2)), sp.S(0)
+        (parameters[f"m{i}"] * parameters["gravity"] * frames[i - 1][1, 2] for i in (1, 2)), sp.S(0)
     )  # Eq. 6
     lagrangian = kinetic - potential  # Eq. 7
 
@@ -113,11 +121,13 @@ def model() -> dict[str, object]:
                 C[i, j] += gamma * v_D[k]
     g = sp.Matrix([sp.diff(potential, q) for q in q_D])
     # without the accelerations, d/dt dL/dv - dL/dq must equal the C v + g of Eq. 8
-    rest = momentum.jacobian(q_D) * v_D - sp.Matrix([sp.diff(lagrangian, q) for q in q_D])
-    assert (rest - C * v_D - g).applyfunc(lambda e: sp.trigsimp(sp.expand(e))) == sp.zeros(2, 1)
+    velocity_terms = momentum.jacobian(q_D) * v_D - sp.Matrix([sp.diff(lagrangian, q) for q in q_D])
+    assert (velocity_terms - C * v_D - g).applyfunc(
+        lambda e: sp.trigsimp(sp.expand(e))
+    ) == sp.zeros(2, 1)
 
-    tip = (g_2 * _translation(p["L2"] / 2))[:2, 2]
-    to_tip = tip - sp.Matrix([x, p["height"]])
+    tip = (g_2 * _translation(parameters["L2"] / 2))[:2, 2]
+    to_tip = tip - sp.Matrix([x, parameters["height"]])
     h = sp.sqrt(to_tip.dot(to_tip)) - length
     A_D = sp.Matrix([[sp.diff(h, q) for q in q_D]])  # Eq. 9
     A_K = sp.Matrix([[sp.diff(h, q) for q in q_K]])
@@ -150,7 +160,7 @@ def model() -> dict[str, object]:
         "V_1": twists[0],
         "V_2": twists[1],
     }
-    symbols = [*q_D, *v_D, *q_K, *v_K, *p.values()]
+    symbols = [*q_D, *v_D, *q_K, *v_K, *parameters.values()]
     vectors = {"g", "A_D", "A_K", "Adot_D", "Adot_K", "V_1", "V_2"}
     functions = {name: _numeric(symbols, e, name in vectors) for name, e in expressions.items()}
     stacked = sp.Matrix([*M, *(C * v_D + g), h, *A_D, *A_K, expressions["Adot_v"]])

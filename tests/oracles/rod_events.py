@@ -80,10 +80,14 @@ class Rod:
     def mode(self, piece: int, t: float, y: np.ndarray, candidates) -> tuple[bool, ...]:
         """For each string, whether it pulls; only candidates may."""
         for taut in itertools.product((True, False), repeat=2):
-            if any(on and not able for on, able in zip(taut, candidates, strict=True)):
+            if any(
+                on and not is_candidate for on, is_candidate in zip(taut, candidates, strict=True)
+            ):
                 continue
             _, tension, hddot, _, _ = self.solve(piece, t, y, taut)
-            off = [able and not on for on, able in zip(taut, candidates, strict=True)]
+            off = [
+                is_candidate and not on for on, is_candidate in zip(taut, candidates, strict=True)
+            ]
             if tension.min() >= 0 and np.all(hddot[off] <= 0):
                 return taut
         raise AssertionError("no mode")
@@ -93,13 +97,17 @@ class Rod:
         _, hdot, A, _ = self.rows(piece, t, y)
         G = A / self.M @ A.T
         for struck in itertools.product((True, False), repeat=2):
-            if any(on and not able for on, able in zip(struck, closed, strict=True)):
+            if any(
+                on and not is_candidate for on, is_candidate in zip(struck, closed, strict=True)
+            ):
                 continue
             on, impulses = np.flatnonzero(struck), np.zeros(2)
             if len(on):
                 impulses[on] = np.linalg.solve(G[np.ix_(on, on)], hdot[on])
             after = hdot - G @ impulses
-            off = [able and not hit for hit, able in zip(struck, closed, strict=True)]
+            off = [
+                is_candidate and not hit for hit, is_candidate in zip(struck, closed, strict=True)
+            ]
             if impulses.min() >= 0 and np.all(after[off] <= 1e-13):
                 return impulses
         raise AssertionError("no impulse")
@@ -175,8 +183,8 @@ def simulate(rod: Rod, q, v, t_end: float, *, tolerance: float = 1e-13) -> Run:
         t, row = event
         y = state(s.t_old, y, t, piece, taut)
         if taut[row]:
-            rest = tuple(on and r != row for r, on in enumerate(taut))
-            taut = rod.mode(piece, t, y, rest)
+            still_taut = tuple(on and r != row for r, on in enumerate(taut))
+            taut = rod.mode(piece, t, y, still_taut)
             run.events.append((t, "release", row, 0.0, y.copy()))
         else:
             closed = tuple(on or r == row for r, on in enumerate(taut))

@@ -15,7 +15,7 @@ from fantoccini.theatre.perform import reach
 
 pytestmark = pytest.mark.medium
 
-CRANES = """
+CRANES_PUPPET = """
 puppet: bridge
 bodies:
   - {name: bridge, joint: {type: prismatic, axis: [0, 1, 0], at: [0, 0, 3], driven: true}}
@@ -45,7 +45,7 @@ def bar():
 
 @pytest.fixture(scope="module")
 def bridge_crane():
-    return fan.loads(CRANES)
+    return fan.loads(CRANES_PUPPET)
 
 
 def test_methods_have_their_arguments_and_documentation():
@@ -116,17 +116,21 @@ def test_handles_of_every_joint_go_where_their_joint_lets_them(bridge_crane):
         "arm": ("revolute", 0, 1),
         "head": ("ball", 0, 3),
     }
-    half = rotation.exp(np.array([0.0, 0.0, 2.5]))
+    turn_about_z = rotation.exp(np.array([0.0, 0.0, 2.5]))
     tilted = rotation.exp(np.array([0.5, 1.0, -2.0]))
     live.move("bridge", [7.0, 0.4, -2.0])
     live.move("trolley", [0.3, 9.0, 9.0])
-    live.move("arm", [5.0, 5.0, 5.0], rotation.multiply(half, rotation.exp(np.array([1e-3, 0, 0]))))
+    live.move(
+        "arm",
+        [5.0, 5.0, 5.0],
+        rotation.multiply(turn_about_z, rotation.exp(np.array([1e-3, 0, 0]))),
+    )
     live.move("head", None, tilted)
     live.advance(4.0)
     assert np.allclose(live.place("bridge")[0], [0.0, 0.4, 3.0], atol=1e-13)
     # The trolley moves with the bridge.
     assert np.allclose(live.place("trolley")[0], [0.3, 0.4, 3.0], atol=1e-13)
-    assert turn_between(live.place("arm")[1], half) < 2e-3
+    assert turn_between(live.place("arm")[1], turn_about_z) < 2e-3
     assert np.allclose(live.place("arm")[0], [2.0, 0.0, 3.0], atol=1e-15)
     assert turn_between(live.place("head")[1], tilted) < 1e-12
     for name in ("bridge", "trolley", "arm", "head"):
@@ -199,7 +203,7 @@ def test_whole_ticks_are_simulated_and_the_rest_counts_later(marionette):
     assert live.t == pytest.approx(0.04)
 
 
-def test_it_is_set_back_to_its_start(bar):
+def test_reset_restores_the_start(bar):
     live = fan.Performance(bar)
     before = live.state
     live.move("bar", [1.0, 0.0, 1.0])
@@ -236,15 +240,15 @@ def test_a_changed_puppet_continues_where_names_are_the_same(bridge_crane):
     live.move("head", None, rotation.exp(np.array([0.3, 0.0, 0.0])))
     live.advance(0.3)
     before = live.state
-    shorter = CRANES.replace("{name: head, joint", "{name: skull, joint").replace(
+    shorter = CRANES_PUPPET.replace("{name: head, joint", "{name: skull, joint").replace(
         "z: 2.0, hoist.length: 1.0", "z: 2.2, hoist.length: 0.8"
     )
     lost = live.replace(fan.loads(shorter))
     assert "head.qw is gone" in lost and "skull.qw is new" in lost
     names = live.marionette.coordinates.q_K
     places = [names.index(n) for n in ("bridge", "trolley", "hoist.length")]
-    theirs = [bridge_crane.coordinates.q_K.index(names[i]) for i in places]
-    assert np.array_equal(live.state.q_K[places], before.q_K[theirs])
+    places_before = [bridge_crane.coordinates.q_K.index(names[i]) for i in places]
+    assert np.array_equal(live.state.q_K[places], before.q_K[places_before])
     assert np.allclose(live.target("bridge")[0], [0, 0.3, 3.0])
     live.advance(3.0)
     assert np.allclose(live.place("bridge")[0], [0, 0.3, 3.0], atol=1e-13)
@@ -254,7 +258,7 @@ def test_a_changed_puppet_continues_where_names_are_the_same(bridge_crane):
 
 def test_a_puppet_whose_strings_became_too_short_is_wound_up(bridge_crane):
     live = fan.Performance(bridge_crane)
-    fixed = CRANES.replace("length: driven", "length: 0.5").replace(
+    fixed = CRANES_PUPPET.replace("length: driven", "length: 0.5").replace(
         "{load.z: 2.0, hoist.length: 1.0}", "{load.z: 2.5}"
     )
     live.replace(fan.loads(fixed))

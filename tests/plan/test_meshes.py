@@ -178,15 +178,15 @@ def test_a_notch_is_free():
     x = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.identity()))
     ell = mesh("ell", name="ell")
     assert float(Clearance(rod, [ell]).of(x)) == pytest.approx(0.1 - 0.02, abs=1e-9)
-    about = {"type": "box", "size": [0.4, 0.2, 0.4], "at": [0.2, 0, 0.2], "name": "about"}
-    assert float(Clearance(rod, [about]).of(x)) < 0.0
+    surrounding_box = {"type": "box", "size": [0.4, 0.2, 0.4], "at": [0.2, 0, 0.2], "name": "about"}
+    assert float(Clearance(rod, [surrounding_box]).of(x)) < 0.0
     tilted = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.from_euler("x", 50, degrees=True)))
     assert float(Clearance(rod, [ell]).of(tilted)) < 0.0
     half = mesh("ell", name="ell", scale=0.5, at=[0.1, 0.0, 0.1])
     assert float(Clearance(rod, [half]).of(x)) == pytest.approx(0.05 - 0.02, abs=1e-9)
 
 
-def test_inner_points_overlap_in_any_alignment(bead):
+def test_points_inside_overlap_even_if_aligned_with_edges(bead):
     """A grid of beads, many of them vertically above and below corners and edges of the L."""
     line = np.arange(-2, 11) * 0.05
     places = np.stack(np.meshgrid(line, line[:7] - 0.05, line), -1).reshape(-1, 3)
@@ -281,8 +281,13 @@ def test_slack_strings_keep_clear_of_meshes_as_of_boxes():
 
 
 def test_a_plan_goes_through_a_notch():
-    about = {"name": "about", "type": "box", "size": [0.5, 0.2, 0.5], "at": [0.35, 0.0, -0.5]}
-    refused = fan.control.Problem(ARM, HANGING, RAISED, [about])
+    surrounding_box = {
+        "name": "about",
+        "type": "box",
+        "size": [0.5, 0.2, 0.5],
+        "at": [0.35, 0.0, -0.5],
+    }
+    refused = fan.control.Problem(ARM, HANGING, RAISED, [surrounding_box])
     assert "string hand meets about" in refused.reason
     plan = fan.plan(
         ARM,
@@ -299,7 +304,7 @@ def test_a_plan_goes_through_a_notch():
     assert plan, str(plan)
     clear = plan.problem.rollouts.clearance
     assert np.min(clear.of(plan.trajectory)) > 0.0
-    assert np.min(fan.dynamics.Clearance(ARM, [about]).of(plan.trajectory)) < -1e-3
+    assert np.min(fan.dynamics.Clearance(ARM, [surrounding_box]).of(plan.trajectory)) < -1e-3
     assert plan.replay()
     np.testing.assert_allclose(
         clear.of(plan.trajectory), fan.dynamics.Clearance(ARM, LEGS).of(plan.trajectory), atol=1e-9
@@ -349,7 +354,7 @@ def test_an_interrupt_is_not_lost_while_meshes_are_measured():
         signal.signal(signal.SIGINT, before)
 
 
-def test_coal_is_loaded_where_there_is_a_mesh_only():
+def test_coal_is_loaded_only_if_there_is_a_mesh():
     code = (
         "import sys, fantoccini as fan; arm = fan.puppets.arm3d(); x = arm.rest();"
         "fan.dynamics.Clearance(arm, [{'name': 'b', 'type': 'box', 'size': [1, 1, 1]}]).of(x);"

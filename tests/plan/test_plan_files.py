@@ -30,7 +30,7 @@ def test_a_saved_plan_is_complete_and_continues(boxes, tmp_path):
     assert not list(tmp_path.glob(".*")), "a half-written file is left"
 
 
-def test_an_unnamed_planner_must_be_given_again(boxes, tmp_path):
+def test_a_planner_passed_as_an_object_can_be_given_again(boxes, tmp_path):
     planner = Explore(batch=32)
     fan.control.solve(boxes, planner=planner, seed=1).save(tmp_path / "plan.npz")
     again = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes, planner)

@@ -29,11 +29,11 @@ def reflection(plane: str) -> np.ndarray:
 @given(bodies(), planes)
 def test_reflecting_twice_changes_nothing(body: dict, plane: str) -> None:
     body = plain(Body(**body))
-    there, back = Reflection(plane, "left", "right"), Reflection(plane, "right", "left")
-    twin = there.body(body)
+    to_right, back = Reflection(plane, "left", "right"), Reflection(plane, "right", "left")
+    twin = to_right.body(body)
     assert twin["name"] == "a_right"
     assert back.body(twin) == body
-    assert not there.findings
+    assert not to_right.findings
 
 
 @settings(max_examples=60, deadline=None)
@@ -182,7 +182,7 @@ def test_parts_whose_name_has_the_side_get_a_twin() -> None:
     assert full.mirror is None
 
 
-def test_the_files_start_of_a_twin_takes_precedence() -> None:
+def test_a_pose_written_for_a_twin_takes_precedence() -> None:
     pose = loads(TEXT).expanded().pose
     assert (pose["shoulder_left"], pose["shoulder_right"]) == (0.5, 0.25)
     assert pose["lift_right.length"] == 1

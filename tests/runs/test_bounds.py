@@ -57,12 +57,14 @@ def test_every_structure_of_the_runtime_is_checked():
     """17.23: no structure takes an integer without a check."""
     import fantoccini.kernel.runtime as runtime
 
-    def below(kind):
-        return {kind, *(s for child in kind.__subclasses__() for s in below(child))}
+    def with_subclasses(kind):
+        return {kind, *(s for child in kind.__subclasses__() for s in with_subclasses(child))}
 
-    own = [s for s in below(ctypes.Structure) if s.__module__.startswith(runtime.__name__)]
-    assert len(own) >= 10
-    assert [s.__name__ for s in own if not issubclass(s, Numbers)] == []
+    runtime_structures = [
+        s for s in with_subclasses(ctypes.Structure) if s.__module__.startswith(runtime.__name__)
+    ]
+    assert len(runtime_structures) >= 10
+    assert [s.__name__ for s in runtime_structures if not issubclass(s, Numbers)] == []
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational"])

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import viser
 
 _SIDE = "0.5em"
-_GRID = (
+_GRID_STYLE = (
     "display:grid;grid-template-columns:minmax(4.5em,auto) 1fr 4.6em;"
     "gap:0.28em 0.6em;align-items:center;font-size:0.84em;line-height:1.25"
 )
@@ -58,7 +58,7 @@ def bars(names: Sequence[str], scene: SceneState, nodes: SceneNodes) -> str:
             element("div", element("div", style=width), style=frame),
             element("div", number, style=right + faint),
         ]
-    table = element("div", *cells, style=_GRID)
+    table = element("div", *cells, style=_GRID_STYLE)
     return to_html(element("div", table, style=f"padding:0.1em {_SIDE}"))
 
 
@@ -169,11 +169,11 @@ class Plot:
         """Draws values (n_names, n) at times (n,), with the mark at ``now`` [s]."""
         lines = [np.asarray(row, dtype=float) for row in values]
         if self._mark:
-            lines.append(_spike(t, values, t[0] if now is None else now))
+            lines.append(_time_mark(t, values, t[0] if now is None else now))
         self._node.data = (np.asarray(t, dtype=float), *lines)
 
 
-def _spike(t: np.ndarray, values: np.ndarray, now: float) -> np.ndarray:
+def _time_mark(t: np.ndarray, values: np.ndarray, now: float) -> np.ndarray:
     """(n,) an almost vertical line at the current time: NaN except at two neighbouring times."""
     mark = np.full(len(t), np.nan)
     k = int(np.clip(np.searchsorted(t, now), 1, len(t) - 1))

@@ -112,8 +112,8 @@ def _bounds(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator[Residual
     violation = np.maximum(low - value, value - high)
     if violation.size:
         i, j = np.unravel_index(int(np.argmax(violation)), violation.shape)
-        name, later = objective.rows.names[j]
-        t = nodes.t[i + later]
+        name, node_offset = objective.rows.names[j]
+        t = nodes.t[i + node_offset]
         yield _residual(float(violation[i, j]), name, t, value[i, j], low[j], high[j])
     max_acceleration = np.broadcast_to(limits.acceleration, nodes.acc_K.shape).copy()
     max_acceleration[-1] = np.minimum(

@@ -170,11 +170,11 @@ class Polisher:
         n_fewer = round(_ATTEMPTS.shortening * len(best)) if shorter else 0
         while n_fewer and time.perf_counter() < until:
             m = max(1, len(best) - n_fewer)
-            shorter_candidate = self._at_goal(self._stretched(best.V[0], m), distance, until)
-            if shorter_candidate is None:
+            shortened = self._at_goal(self._stretched(best.V[0], m), distance, until)
+            if shortened is None:
                 n_fewer //= 2
             else:
-                best, n_fewer = shorter_candidate, min(n_fewer, round(_ATTEMPTS.shortening * m))
+                best, n_fewer = shortened, min(n_fewer, round(_ATTEMPTS.shortening * m))
                 yield self._simulated(best)
 
     @staticmethod

@@ -156,7 +156,10 @@ def in_powers(moved: Array, pushed: Array, whole: float) -> Array:
 
 
 def _about(inputs: Inputs, start: float, end: float) -> tuple[Array, Array]:
-    """Polynomials of n inputs between two times, in powers of t - start: (n, n_vK or n_vD, 6)."""
+    """Polynomials of n inputs between two times, in powers of t - start: (n, n_vK or n_vD, 6).
+
+    Without forces the second array is (1, n_vD, 6), of zeros.
+    """
     moved = _moved(inputs.breaks, inputs.coef, start, end)
     if inputs.force is None:
         return moved, np.zeros((1, inputs.coordinates.n_vD, N_COEF))

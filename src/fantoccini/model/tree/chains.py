@@ -62,24 +62,24 @@ def placed(
         chain.just_reaches(float(np.linalg.norm(end - start)), q_D, q_K)
         line = _line(start, end, float(chain.own_length(q_D, q_K, number)), chain.pieces)
         for point, at in zip(chain.points[1:-1], line, strict=True):
-            place_in = tree.links[point.link].q
-            names = tree.coordinates.q_D[place_in]
+            q_slice = tree.links[point.link].q
+            names = tree.coordinates.q_D[q_slice]
             if not given.intersection(names):
-                q_D[place_in] = at
+                q_D[q_slice] = at
     return q_D, q_K
 
 
 def _line(start: np.ndarray, end: np.ndarray, length: float, pieces: int) -> np.ndarray:
     """(pieces - 1, 3) positions of the masses between two points [m]."""
-    away = end - start
-    distance = float(np.linalg.norm(away))
-    share = np.arange(1, pieces)[:, None] / pieces
+    start_to_end = end - start
+    distance = float(np.linalg.norm(start_to_end))
+    fraction = np.arange(1, pieces)[:, None] / pieces
     depth = 0.5 * np.sqrt(max(length**2 - distance**2, 0.0))
     down = np.array([0.0, 0.0, -1.0])
     if distance > 0.0:
-        along = away / distance
+        along = start_to_end / distance
         down = down - (down @ along) * along
         if np.linalg.norm(down) < 1e-6:  # a vertical string sags to one side
             down = np.array([1.0, 0.0, 0.0])
         down = down / np.linalg.norm(down)
-    return start + share * away + depth * (1.0 - np.abs(2.0 * share - 1.0)) * down
+    return start + fraction * start_to_end + depth * (1.0 - np.abs(2.0 * fraction - 1.0)) * down

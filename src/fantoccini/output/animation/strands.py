@@ -114,17 +114,19 @@ class Strands:
         ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)])
         normals = np.tile(ring, (rings * spans, 1))
         share = np.tile(np.repeat(np.linspace(0.0, 1.0, rings), _SIDES), spans)
-        owner = np.repeat(np.arange(spans), rings * _SIDES)
+        span_of_vertex = np.repeat(np.arange(spans), rings * _SIDES)
         weights = np.column_stack([1.0 - share, share, np.zeros((len(share), 2))])
-        joints = np.column_stack([2 * owner, 2 * owner + 1, np.zeros((len(share), 2))])
+        joints = np.column_stack(
+            [2 * span_of_vertex, 2 * span_of_vertex + 1, np.zeros((len(share), 2))]
+        )
         # Where the weight is 0, glTF requires joint 0.
         joints[:, :2][weights[:, :2] == 0.0] = 0.0
         corner = np.arange(_SIDES)
         next_corner = (corner + 1) % _SIDES
         first = (np.arange(spans)[:, None] * rings + np.arange(rings - 1)).reshape(-1, 1) * _SIDES
         a, b, c, d = (
-            (first + which).ravel()
-            for which in (corner, next_corner, _SIDES + corner, _SIDES + next_corner)
+            (first + offset).ravel()
+            for offset in (corner, next_corner, _SIDES + corner, _SIDES + next_corner)
         )
         faces = np.stack([a, b, c, b, d, c], axis=1).reshape(-1)
         radius = THICKNESS * self.scene.geometry.size
@@ -148,11 +150,11 @@ def _shapes(spans: Spans, tolerance: float, rings: int) -> tuple[Array, Array]:
     n = len(spans.directions)
     if spans.sag is None:
         return np.zeros((0, 0, 3)), np.zeros((len(spans.t), 0))
-    flat = spans.sags(rings).reshape(len(spans.t), -1)
-    shapes = np.linalg.eigh(flat.T @ flat)[1].T[::-1]
-    weights = flat @ shapes.T
+    sag_rows = spans.sags(rings).reshape(len(spans.t), -1)
+    shapes = np.linalg.eigh(sag_rows.T @ sag_rows)[1].T[::-1]
+    weights = sag_rows @ shapes.T
     for m in range(1, _MAX_SHAPES + 1):
-        if np.abs(weights[:, :m] @ shapes[:m] - flat).max() <= tolerance:
+        if np.abs(weights[:, :m] @ shapes[:m] - sag_rows).max() <= tolerance:
             break
     biggest = np.abs(shapes[:m]).max(axis=1)
     shapes = (shapes[:m] / biggest[:, None]).reshape(m, n * rings, 3)

@@ -49,7 +49,7 @@ def soundtrack(
             f"speed is {speed:g}; a film with sound needs {SPEEDS[0]:g} to {SPEEDS[1]:g}, "
             "or no sounds"
         )
-    inputs, chains = list[str](), list[str]()
+    inputs, filter_chains = list[str](), list[str]()
     for i, sound in enumerate(audible, start=1):
         delay = (sound.start - start) / speed
         if delay < 0.0:
@@ -63,14 +63,21 @@ def soundtrack(
             f"adelay={1e3 * max(delay, 0.0):.3f}:all=1",
             "asetpts=N/SR/TB",  # atempo produces times before 0
         ]
-        chains.append(f"[{i}:a:0]{','.join(steps)}[sound{i}]")
+        filter_chains.append(f"[{i}:a:0]{','.join(steps)}[sound{i}]")
     labels = "".join(f"[sound{i}]" for i in range(1, len(audible) + 1))
-    chains.append(
+    filter_chains.append(
         f"{labels}amix=inputs={len(audible)}:normalize=0:duration=longest,apad,"
         f"atrim=end={seconds:.6f}[sound]"
     )
-    mapped = ["-filter_complex", ";".join(chains), "-map", "0:v:0", "-map", "[sound]"]
-    return inputs, [*mapped, "-c:a", "aac", "-b:a", "192k"]
+    output_arguments = [
+        "-filter_complex",
+        ";".join(filter_chains),
+        "-map",
+        "0:v:0",
+        "-map",
+        "[sound]",
+    ]
+    return inputs, [*output_arguments, "-c:a", "aac", "-b:a", "192k"]
 
 
 def _tempo(speed: float) -> list[str]:

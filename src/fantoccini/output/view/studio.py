@@ -63,9 +63,9 @@ class Studio:
         window = [round(n * scale) * _OVERSAMPLING for n in size]
         self._plotter = self._pv.Plotter(off_screen=True, window_size=window, lighting="none")
         self._plotter.set_background("black")
-        for towards, brightness in _LIGHTS:
+        for direction, brightness in _LIGHTS:
             light = self._pv.Light(light_type="camera light", intensity=brightness)
-            light.position = towards
+            light.position = direction
             self._plotter.add_light(light)
         solids = [*geometry.solids, *layout.handles]
         self._actors = [(solid, self._actor(solid)) for solid in solids]
@@ -152,8 +152,8 @@ class Studio:
         camera.position = source.eye
         camera.focal_point = source.eye - source.axes[2]
         camera.up = source.axes[1]
-        half = np.arctan(source.tangent * height / viewport.height)
-        camera.view_angle = float(np.degrees(2.0 * half))
+        half_angle = np.arctan(source.tangent * height / viewport.height)
+        camera.view_angle = float(np.degrees(2.0 * half_angle))
         camera.SetWindowCenter(
             1.0 - (2.0 * viewport.x + viewport.width) / width,
             1.0 - (2.0 * viewport.y + viewport.height) / height,

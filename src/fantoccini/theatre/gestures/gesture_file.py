@@ -289,16 +289,20 @@ def _of_poses(
         for q, _ in table.scalars_K
         if table.q_K[q] not in held
     }
-    hung = None
+    q_K_of_moves = None
     if moved:
-        hung = Gesture.of_offsets(table, moved).inputs(x0).evaluate(x0.t + np.array(poses.at))[0]
+        q_K_of_moves = (
+            Gesture.of_offsets(table, moved).inputs(x0).evaluate(x0.t + np.array(poses.at))[0]
+        )
     for i in range(len(poses.at)):
-        here = x0
-        if hung is not None:
-            here = puppet.rest({table.q_K[q]: float(hung[i, q]) for q, _ in table.scalars_K})
+        start_of_search = x0
+        if q_K_of_moves is not None:
+            start_of_search = puppet.rest(
+                {table.q_K[q]: float(q_K_of_moves[i, q]) for q, _ in table.scalars_K}
+            )
         pose_targets = {what: places[i] for what, places in targets.items()}
         try:
-            reached = reach(puppet, pose_targets, here, bounds=Bounds(held=held))[0]
+            reached = reach(puppet, pose_targets, start_of_search, bounds=Bounds(held=held))[0]
         except StateError as error:
             raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
         if not reached:

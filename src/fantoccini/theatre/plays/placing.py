@@ -130,12 +130,12 @@ def place_cues(
     actors = {name: actor.rested() for name, actor in stage.actors.items()}
     end = max(start, *(actor.done for actor in actors.values())) + _SETTLING_TIME
     cues = tuple(play.placed[cue.spot] for cue in timeline.cues)
-    both = {name: actor.motion(end) for name, actor in actors.items()}
+    motions_and_lanes = {name: actor.motion(end) for name, actor in actors.items()}
     return Placement(
         cues,
         tuple(starts),
-        {name: whole for name, (whole, _) in both.items()},
-        {name: own for name, (_, own) in both.items()},
+        {name: whole for name, (whole, _) in motions_and_lanes.items()},
+        {name: own for name, (_, own) in motions_and_lanes.items()},
         {
             name: tuple(part.start for cue in cues for part in cue.parts if part.who == name)
             for name in actors
@@ -193,8 +193,8 @@ class _Verbs:
             stage.check_stands(name)
             asked = t - early
             return self._walk(stage, turn, name, asked, asked + pause)
-        ahead = self._gesture(stage, turn, name, t).marks[entry.mark] if entry.mark else 0.0
-        asked = t - ahead - early
+        mark_time = self._gesture(stage, turn, name, t).marks[entry.mark] if entry.mark else 0.0
+        asked = t - mark_time - early
         return self._act(stage, turn, name, asked, asked + pause)
 
     def _handle(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
@@ -252,9 +252,9 @@ class _Verbs:
         """Stage after a walk; its wanted beginning is ``asked``, its earliest is ``begin`` [s]."""
         entry, actor = turn.given, stage.actors[name]
         actor = replace(actor, hands=actor.hands.rested(0))
-        by = begin if entry.mark else None
+        arrival = begin if entry.mark else None
         carries = stage.carries(name)
-        earliest = turn.start if by is not None else begin
+        earliest = turn.start if arrival is not None else begin
         actor = carry_pose(actor, carries, earliest, self._gestures)
         stage, free = stage.acting(actor), max(actor.hands.lanes[0].end, turn.start)
         begin = max(begin, free)
@@ -267,29 +267,29 @@ class _Verbs:
             wait,
             [(other.player, other.track()) for other in stage.others(name)],
             near=entry.near if isinstance(entry, WalkCue) else 0.0,
-            arrives=by,
+            arrives=arrival,
             free_from=free,
             carries=bool(carries),
         )
         if way is None:
             raise CannotBe(why)
-        stands = len(list(takewhile(lambda step: step.stands, way.steps)))
-        starts = way.begin + stands * way.step_time
-        if by is not None:
+        n_standing = len(list(takewhile(lambda step: step.stands, way.steps)))
+        moves_off = way.begin + n_standing * way.step_time
+        if arrival is not None:
             self._check_time(turn, name, abs(way.end - turn.wanted), way.end)
         else:
-            self._check_time(turn, name, starts - asked, starts)
+            self._check_time(turn, name, moves_off - asked, moves_off)
         until = self._turns_under(actor, way)
         if until is not None:
             self._check_time(turn, name, until - asked, until)
-            if by is not None:
+            if arrival is not None:
                 raise CannotBe(f"{name} is busy until {self._in_words(turn, until)[3:]}")
             return self._walk(stage, turn, name, asked, until)
         actor, gesture = walked(actor, way, self._gestures, carries)
         actor = replace(actor, away=isinstance(entry, ExitsToCue))
-        marks = {mark: t - (starts - way.begin) for mark, t in gesture.marks.items()}
-        marks[ARRIVES] = way.end - starts
-        return stage.part(actor, 0, gesture, starts, marks, way.end)
+        marks = {mark: t - (moves_off - way.begin) for mark, t in gesture.marks.items()}
+        marks[ARRIVES] = way.end - moves_off
+        return stage.part(actor, 0, gesture, moves_off, marks, way.end)
 
     def _turns_under(self, actor: Actor, way: Way) -> float | None:
         """Latest end of the gestures during which the walk would turn [s], or None."""
@@ -333,13 +333,13 @@ class _Verbs:
                 smaller = self._corrections.smaller.get(turn.spot, 1.0)
                 style = replace(style, larger=style.larger * smaller)
                 return self._gestures.gesture(player, entry, style, stands.heading)
-            spot, called = (*turn.spot, spelled(entry.verb)), VERBS[entry.verb].called
-            place = self._aims.place_of(stage, entry.verb_value, spot, t)
+            cue_path, called = (*turn.spot, spelled(entry.verb)), VERBS[entry.verb].called
+            place = self._aims.place_of(stage, entry.verb_value, cue_path, t)
             gesture = self._gestures.aimed(player, called, place, stands)
             # Aim again from where player and target are when the gesture points.
             then = t + min(gesture.marks.values())
             place, stands = (
-                self._aims.place_of(stage, entry.verb_value, spot, then),
+                self._aims.place_of(stage, entry.verb_value, cue_path, then),
                 actor.stands(then),
             )
             return self._gestures.aimed(player, called, place, stands)

@@ -39,7 +39,7 @@ WEIGHTS = {
     "foot_right": 0.3,
 }
 """w_i of the followed parts."""
-_HAND_WEIGHT = 0.03
+_VERTICAL_WEIGHT = 0.03
 """w_K, the weight of vertical strings."""
 _POSE_TIME = 1.0
 """Duration for which a single pose is held [s]."""
@@ -213,7 +213,7 @@ def retarget_clip(
     above = straight_up(figure, placing.frames, start, clip.lean)
     for coordinate, values in above.items():
         targets[coordinate] = values
-        weights[coordinate] = _HAND_WEIGHT
+        weights[coordinate] = _VERTICAL_WEIGHT
     first = {what: values[:1] for what, values in targets.items()}
     options: dict[str, Any] = {
         "slack": True,
@@ -221,11 +221,11 @@ def retarget_clip(
         "weights": weights,
         "once": True,
     }
-    begun = marionette.rest(
+    first_state = marionette.rest(
         reach(marionette, first, start, iterations=_FIRST_ITERATIONS, **options)[0].state
     )
     try:
-        reached_poses = reach(marionette, targets, begun, iterations=ITERATIONS, **options)
+        reached_poses = reach(marionette, targets, first_state, iterations=ITERATIONS, **options)
     except StateError:  # from the first pose, a small change would make the puppet tip over
         reached_poses = reach(marionette, targets, start, iterations=ITERATIONS, **options)
     t = clip.clip.t - clip.clip.t[0]
@@ -291,11 +291,11 @@ def hangers(figure: Figure, start: State) -> list[Hanger]:
         low, high = ends[0], ends[-1]
         if low.link not in parts or high.link < 0 or len(ends) != 2:
             continue
-        link, now = tree.links[high.link], poses[high.link]
-        top = now[:, :3] @ _numbers(marionette, high.at) + now[:, 3]
+        link, pose = tree.links[high.link], poses[high.link]
+        top = pose[:, :3] @ _numbers(marionette, high.at) + pose[:, 3]
         names = table.q_K[link.q]
         moves = link.kind == "translation" and set(names) <= driven
-        axes = dict(zip(names, (now[:, :3] @ link.axes).T, strict=True)) if moves else {}
+        axes = dict(zip(names, (pose[:, :3] @ link.axes).T, strict=True)) if moves else {}
         length = table.q_K[string.driven_length[0]] if string.driven_length else ""
         at = _numbers(marionette, low.at)
         strings.append(Hanger(string.name, parts[low.link], at, top, axes, length))

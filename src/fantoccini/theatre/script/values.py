@@ -103,7 +103,7 @@ def _where(value: Any) -> Any:
     return tuple(value)
 
 
-def _word(value: str) -> str:
+def _style_word(value: str) -> str:
     if value not in HOW:
         raise mistake(f"found {shown(value)}; allowed: {', '.join(HOW)}{nearest(value, HOW)}")
     return value
@@ -144,7 +144,9 @@ Names = Annotated[
     BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...]),
     Field(min_length=1),
 ]
-_Word = Annotated[str, AfterValidator(_word), WithJsonSchema({"type": "string", "enum": list(HOW)})]
+_StyleWord = Annotated[
+    str, AfterValidator(_style_word), WithJsonSchema({"type": "string", "enum": list(HOW)})
+]
 How = Annotated[
-    tuple[_Word, ...], BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...])
+    tuple[_StyleWord, ...], BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...])
 ]
