@@ -36,16 +36,16 @@ class Bench:
 
     def accelerate(self, model: str, q: dict, v: dict) -> dict:
         """Computes the accelerations without constraints."""
-        m, d = self._put(model, {}, q, v)
+        m, d = self._prepared(model, {}, q, v)
         m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         mujoco.mj_forward(m, d)
         return {"acc": {name: d.joint(name).qacc.tolist() for name in q}}
 
     def step(self, model: str, settings: dict, q: dict, v: dict, steps: int) -> dict:
         """Measures the time of a step [s]; also returns the final state and tendon tensions."""
-        m, d = self._put(model, settings, q, v)
+        m, d = self._prepared(model, settings, q, v)
         mujoco.mj_step(m, d, WARM_UP)
-        self._place(m, d, q, v)
+        self._set_state(m, d, q, v)
         start = time.thread_time()
         mujoco.mj_step(m, d, steps)
         took = time.thread_time() - start
@@ -62,11 +62,11 @@ class Bench:
 
     def rollout(self, model: str, settings: dict, states: list, steps: int, threads: int) -> dict:
         """Measures the time [s] of trajectories from several states on a pool of threads."""
-        m, d = self._put(model, settings, *states[0])
+        m, d = self._prepared(model, settings, *states[0])
         full = mujoco.mjtState.mjSTATE_FULLPHYSICS
         start = np.empty((len(states), mujoco.mj_stateSize(m, full)))
         for row, (q, v) in zip(start, states, strict=True):
-            self._place(m, d, q, v)
+            self._set_state(m, d, q, v)
             mujoco.mj_getState(m, d, row, full)
         data = [mujoco.MjData(m) for _ in range(threads)]
         pool = self.pools.setdefault(threads, rollout.Rollout(nthread=threads))
@@ -77,7 +77,7 @@ class Bench:
         took = time.perf_counter() - began
         return {"seconds": took, "finite": bool(np.isfinite(out).all())}
 
-    def _put(self, name: str, settings: dict, q: dict, v: dict):
+    def _prepared(self, name: str, settings: dict, q: dict, v: dict):
         model = self.models[name]
         flags = mujoco.mjtDisableBit
         off = flags.mjDSBL_CONTACT | flags.mjDSBL_AUTORESET
@@ -95,11 +95,11 @@ class Bench:
         model.tendon_solref_lim[:] = settings.get("solref", SOLREF)
         model.tendon_solimp_lim[:] = settings.get("solimp", SOLIMP)
         data = mujoco.MjData(model)
-        self._place(model, data, q, v)
+        self._set_state(model, data, q, v)
         return model, data
 
     @staticmethod
-    def _place(m, d, q: dict, v: dict) -> None:
+    def _set_state(m, d, q: dict, v: dict) -> None:
         mujoco.mj_resetData(m, d)
         for name, values in q.items():
             d.joint(name).qpos[:] = values

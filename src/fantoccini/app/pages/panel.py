@@ -19,7 +19,7 @@ from fantoccini.output.view import Theme, to_hex
 if TYPE_CHECKING:
     import viser
 
-_SIDE = "0.5em"
+_SIDE_PADDING = "0.5em"
 _GRID_STYLE = (
     "display:grid;grid-template-columns:minmax(4.5em,auto) 1fr 4.6em;"
     "gap:0.28em 0.6em;align-items:center;font-size:0.84em;line-height:1.25"
@@ -28,7 +28,9 @@ _GRID_STYLE = (
 
 def note(words: str) -> str:
     """Line of secondary text, as HTML."""
-    return to_html(element("div", words, style=f"padding:0 {_SIDE};font-size:0.82em;opacity:0.75"))
+    return to_html(
+        element("div", words, style=f"padding:0 {_SIDE_PADDING};font-size:0.82em;opacity:0.75")
+    )
 
 
 def dotted(name: str, colour: str) -> list[Content]:
@@ -59,7 +61,7 @@ def bars(names: Sequence[str], scene: SceneState, nodes: SceneNodes) -> str:
             element("div", number, style=right + faint),
         ]
     table = element("div", *cells, style=_GRID_STYLE)
-    return to_html(element("div", table, style=f"padding:0.1em {_SIDE}"))
+    return to_html(element("div", table, style=f"padding:0.1em {_SIDE_PADDING}"))
 
 
 class Views:

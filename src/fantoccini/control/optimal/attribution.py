@@ -46,7 +46,9 @@ NONE = Residual(0.0, "")
 
 def passed_bound(objective: Objective, nodes: Nodes, ends: Ends) -> Residual:
     """The largest violation of a bound at the nodes; :data:`NONE` if all bounds are kept."""
-    return max(_bounds(objective, nodes, ends), key=lambda residual: residual.rank, default=NONE)
+    return max(
+        _bound_residuals(objective, nodes, ends), key=lambda residual: residual.rank, default=NONE
+    )
 
 
 def end_residual(objective: Objective, nodes: Nodes) -> Residual:
@@ -105,7 +107,7 @@ def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str
     )
 
 
-def _bounds(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator[Residual]:
+def _bound_residuals(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator[Residual]:
     """The largest violation for each kind of bound."""
     limits, names = objective.limits(nodes.interval), nodes.table.v_K
     value, low, high = objective.rows.values(nodes, ends)

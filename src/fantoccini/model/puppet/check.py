@@ -32,15 +32,15 @@ def findings(puppet: AnyPuppet, data: dict[str, Any]) -> list[Finding]:
         data: plain data of its file.
     """
     parts = Parts(puppet, data)
-    _names(parts)
+    _check_names(parts)
     _check_mirror(parts)
-    _parents(parts)
-    _count(parts)
+    _check_parents(parts)
+    _check_count(parts)
     check_paths(parts)
     check_pose(parts)
     check_drives(parts)
-    _contact(parts)
-    _parameters(parts, data)
+    _check_contact(parts)
+    _check_parameters(parts, data)
     return parts.found
 
 
@@ -107,7 +107,7 @@ def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Fin
     return [(("bodies", i, "joint"), text) for i in moving if not carries_mass[i]]
 
 
-def _names(parts: Parts) -> None:
+def _check_names(parts: Parts) -> None:
     for name, path in named(parts.puppet):
         if "." in name and name.partition(".")[0] not in parts.puppet.members:
             parts.say(path, name_mistake(name))
@@ -150,7 +150,7 @@ def _check_mirror(parts: Parts) -> None:
         parts.say(("mirror", "from"), text + parts.near(token, shared))
 
 
-def _parents(parts: Parts) -> None:
+def _check_parents(parts: Parts) -> None:
     parent_of: dict[str, str] = {}
     parents = parts.known | {"world"}
     for i, body in enumerate(parts.puppet.bodies):
@@ -180,7 +180,7 @@ def _parents(parts: Parts) -> None:
         done.update(ancestors)
 
 
-def _count(parts: Parts) -> None:
+def _check_count(parts: Parts) -> None:
     """Checks the total number of parts."""
     counts = dict.fromkeys(_MIRRORED, 0)
     for key in counts:
@@ -197,7 +197,7 @@ def _count(parts: Parts) -> None:
         parts.say((path,), f"{text}; allowed: {LIMITS.max_parts}")
 
 
-def _contact(parts: Parts) -> None:
+def _check_contact(parts: Parts) -> None:
     """Checks the names in contact pairs."""
     puppet = parts.puppet
     if puppet.contact and FLOOR in parts.owner:
@@ -215,7 +215,7 @@ def _contact(parts: Parts) -> None:
                 parts.say(("contact", "pairs", i, "between", k), text)
 
 
-def _parameters(parts: Parts, data: dict[str, Any]) -> None:
+def _check_parameters(parts: Parts, data: dict[str, Any]) -> None:
     first: dict[str, tuple[Path, float]] = {}
     for path, parameter in parameters(data):
         name, value = parameter["parameter"], parameter["value"]

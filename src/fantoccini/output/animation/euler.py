@@ -43,9 +43,9 @@ def euler(q: Quaternion) -> tuple[str, Array]:
     """
     turns = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=1)
     angles = {USUAL: angles_of(q, USUAL)}
-    if _step(angles[USUAL]) > _MAX_STEP + _MAX_STEP_RATIO * turns.max(initial=0.0):
+    if _largest_step(angles[USUAL]) > _MAX_STEP + _MAX_STEP_RATIO * turns.max(initial=0.0):
         angles |= {order: angles_of(q, order) for order in _ORDERS if order != USUAL}
-    best = min(angles, key=lambda order: _step(angles[order]))
+    best = min(angles, key=lambda order: _largest_step(angles[order]))
     return best, angles[best]
 
 
@@ -65,20 +65,20 @@ def angles_of(q: Quaternion, order: str) -> Array:
             gamma = last[2]
             y = math.cos(gamma) * matrices[t, :, j] + sign * math.sin(gamma) * matrices[t, :, i]
             alpha = math.atan2(sign * y[k], y[j])
-        first = _near((alpha, beta, gamma), last)
-        second = _near((alpha + math.pi, math.pi - beta, gamma + math.pi), last)
+        first = _nearest_turn((alpha, beta, gamma), last)
+        second = _nearest_turn((alpha + math.pi, math.pi - beta, gamma + math.pi), last)
         # At the first frame take `first`, whose beta is within 90 deg.
         last = second if t and math.dist(second, last) < math.dist(first, last) else first
         angles.append(last)
     return np.array(angles).reshape(-1, 3)
 
 
-def _near(angles: tuple[float, ...], last: tuple[float, ...]) -> tuple[float, float, float]:
+def _nearest_turn(angles: tuple[float, ...], last: tuple[float, ...]) -> tuple[float, float, float]:
     """The same angles up to full turns, each within half a turn of those in `last`."""
     a, b, c = rotation.nearest_angle(np.array(angles), np.array(last)).tolist()
     return a, b, c
 
 
-def _step(angles: Array) -> float:
+def _largest_step(angles: Array) -> float:
     """The largest step of an angle [rad]."""
     return float(np.abs(np.diff(angles, axis=0)).max(initial=0.0))

@@ -22,7 +22,7 @@ from fantoccini.output.animation.scene import AnimatedScene, Line
 from fantoccini.output.animation.spans import Spans
 from fantoccini.output.view import rgb
 
-_SIDES = 3
+_TUBE_SIDES = 3
 RINGS = 17
 """Number of rings on each span of a string that is slack at times."""
 THICKNESS = 0.0008
@@ -110,23 +110,25 @@ class Strands:
 
     def _tube(self, line: Line, spans: int, rings: int) -> dict[str, Any]:
         """Primitive of a tube: all its rings lie at the origin, and the joints pull them apart."""
-        angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-        ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)])
+        angles = 2.0 * np.pi * np.arange(_TUBE_SIDES) / _TUBE_SIDES
+        ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_TUBE_SIDES)])
         normals = np.tile(ring, (rings * spans, 1))
-        share = np.tile(np.repeat(np.linspace(0.0, 1.0, rings), _SIDES), spans)
-        span_of_vertex = np.repeat(np.arange(spans), rings * _SIDES)
+        share = np.tile(np.repeat(np.linspace(0.0, 1.0, rings), _TUBE_SIDES), spans)
+        span_of_vertex = np.repeat(np.arange(spans), rings * _TUBE_SIDES)
         weights = np.column_stack([1.0 - share, share, np.zeros((len(share), 2))])
         joints = np.column_stack(
             [2 * span_of_vertex, 2 * span_of_vertex + 1, np.zeros((len(share), 2))]
         )
         # Where the weight is 0, glTF requires joint 0.
         joints[:, :2][weights[:, :2] == 0.0] = 0.0
-        corner = np.arange(_SIDES)
-        next_corner = (corner + 1) % _SIDES
-        first = (np.arange(spans)[:, None] * rings + np.arange(rings - 1)).reshape(-1, 1) * _SIDES
+        corner = np.arange(_TUBE_SIDES)
+        next_corner = (corner + 1) % _TUBE_SIDES
+        first = (np.arange(spans)[:, None] * rings + np.arange(rings - 1)).reshape(
+            -1, 1
+        ) * _TUBE_SIDES
         a, b, c, d = (
             (first + offset).ravel()
-            for offset in (corner, next_corner, _SIDES + corner, _SIDES + next_corner)
+            for offset in (corner, next_corner, _TUBE_SIDES + corner, _TUBE_SIDES + next_corner)
         )
         faces = np.stack([a, b, c, b, d, c], axis=1).reshape(-1)
         radius = THICKNESS * self.scene.geometry.size
@@ -158,4 +160,4 @@ def _shapes(spans: Spans, tolerance: float, rings: int) -> tuple[Array, Array]:
             break
     biggest = np.abs(shapes[:m]).max(axis=1)
     shapes = (shapes[:m] / biggest[:, None]).reshape(m, n * rings, 3)
-    return np.repeat(shapes, _SIDES, axis=1), weights[:, :m] * biggest
+    return np.repeat(shapes, _TUBE_SIDES, axis=1), weights[:, :m] * biggest

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 SPEEDS = (0.25, 4.0)
 """Speed range of films with sound."""
 
-_RATE = 48000
+_SAMPLE_RATE = 48000
 """Sample rate of a film's sound [Hz]."""
 _MIN_TEMPO = 0.5
 """Smallest factor of ffmpeg's atempo filter."""
@@ -56,9 +56,9 @@ def soundtrack(
             inputs += ["-ss", f"{start - sound.start:.6f}"]
         inputs += sound_input(sound.path)
         steps = [
-            f"aresample={_RATE}",
+            f"aresample={_SAMPLE_RATE}",
             "aformat=channel_layouts=stereo",
-            *_tempo(speed),
+            *_tempo_filters(speed),
             f"volume={sound.gain:.6f}",
             f"adelay={1e3 * max(delay, 0.0):.3f}:all=1",
             "asetpts=N/SR/TB",  # atempo produces times before 0
@@ -80,7 +80,7 @@ def soundtrack(
     return inputs, [*output_arguments, "-c:a", "aac", "-b:a", "192k"]
 
 
-def _tempo(speed: float) -> list[str]:
+def _tempo_filters(speed: float) -> list[str]:
     """Filters that change the tempo and keep the pitch."""
     steps = list[str]()
     while speed < _MIN_TEMPO:

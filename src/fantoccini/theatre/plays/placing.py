@@ -114,7 +114,9 @@ def place_cues(
     """
     bounds = cast.file.stage
     actors = {
-        name: Actor(player, Hands((Line.empty(_most(player, bounds.speed, bounds.acceleration)),)))
+        name: Actor(
+            player, Hands((Line.empty(_bounds_of(player, bounds.speed, bounds.acceleration)),))
+        )
         for name, player in cast.players.items()
     }
     verbs = _Verbs(cast, timeline, gestures, places, walks, corrections, log)
@@ -173,7 +175,7 @@ class _Verbs:
         self._check_begin(turn)
         stage = replace(stage, parts=())
         if isinstance(turn.given, PropCue):
-            stage, moments = self._handle(stage, turn)
+            stage, moments = self._do_with_prop(stage, turn)
             return stage, stage.parts, moments
         for name in turn.who:
             stage = self._do_alone(stage, turn, name)
@@ -197,7 +199,7 @@ class _Verbs:
         asked = t - mark_time - early
         return self._act(stage, turn, name, asked, asked + pause)
 
-    def _handle(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
+    def _do_with_prop(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
         """Stage after a cue with a prop, and its moments."""
         t = turn.wanted
         for name in turn.who:
@@ -355,5 +357,5 @@ def _moment(part: Part, moment: str) -> float:
     return part.marks[moment]
 
 
-def _most(player: Player, speed: float, acceleration: float) -> Array:
+def _bounds_of(player: Player, speed: float, acceleration: float) -> Array:
     return limits(player.alone.coordinates, speed, acceleration)

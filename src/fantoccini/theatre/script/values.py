@@ -81,7 +81,7 @@ def _mark(text: str) -> str:
     return text
 
 
-def _listed(value: Any) -> Any:
+def _as_tuple(value: Any) -> Any:
     return (value,) if isinstance(value, str) else value
 
 
@@ -141,12 +141,12 @@ Facing = Annotated[
 """Angle from the audience to the left, or `audience`, `left`, `right`, `back`, or what to face."""
 Names = Annotated[
     tuple[Name, ...],
-    BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...]),
+    BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...]),
     Field(min_length=1),
 ]
 _StyleWord = Annotated[
     str, AfterValidator(_style_word), WithJsonSchema({"type": "string", "enum": list(HOW)})
 ]
 How = Annotated[
-    tuple[_StyleWord, ...], BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...])
+    tuple[_StyleWord, ...], BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...])
 ]

@@ -25,17 +25,17 @@ class GroundMatrix {
   FAN_FN Mask factorise(int n, double least) {
     const int stride = n + 1;
     Mask left_out = Real(0.0) > Real(1.0);
-    Real low[most];
-    for (int i = 0; i < n; ++i) low[i] = least * A_[i * stride + i];
+    Real least_pivot[most];
+    for (int i = 0; i < n; ++i) least_pivot[i] = least * A_[i * stride + i];
     for (int k = 0; k < n; ++k) {
       const Real* top = A_ + k * stride;
-      const Mask firm = top[k] > low[k] && top[k] < Real(unbounded);
-      left_out = left_out || !firm;
-      out_[k] = !firm;
-      const Real by = inverse_[k] =
-          select(firm, Real(1.0) / select(firm, top[k], Real(1.0)), Real(0.0));
+      const Mask kept = top[k] > least_pivot[k] && top[k] < Real(unbounded);
+      left_out = left_out || !kept;
+      left_out_[k] = !kept;
+      const Real inverse_pivot = inverse_[k] =
+          select(kept, Real(1.0) / select(kept, top[k], Real(1.0)), Real(0.0));
       for (int i = k + 1; i < n; ++i) {
-        const Real share = top[i] * by;
+        const Real share = top[i] * inverse_pivot;
         Real* own = A_ + i * stride;
         for (int j = i; j <= n; ++j) own[j] -= share * top[j];
       }
@@ -60,7 +60,7 @@ class GroundMatrix {
   }
 
   // The lanes in which row i was left out.
-  FAN_FN const Mask& is_left_out(int i) const { return out_[i]; }
+  FAN_FN const Mask& is_left_out(int i) const { return left_out_[i]; }
 
  private:
   FAN_FN void back_substitute(Real* r, const Real* given) const {
@@ -68,12 +68,12 @@ class GroundMatrix {
     for (int i = n_ - 1; i >= 0; --i) {
       Real sum = r[i];
       for (int j = i + 1; j < n_; ++j) sum -= A_[i * stride + j] * r[j];
-      r[i] = select(out_[i], given ? given[i] : Real(0.0), Real(sum * inverse_[i]));
+      r[i] = select(left_out_[i], given ? given[i] : Real(0.0), Real(sum * inverse_[i]));
     }
   }
 
   int n_ = 0;
-  Mask out_[most];
+  Mask left_out_[most];
   Real A_[most * (most + 1)], inverse_[most];
 };
 

@@ -23,7 +23,7 @@ class ContactLanes {
 
   // Starts without any contact.
   FAN_FN void begin(const ContactArrays& in) {
-    links_.begin(in);
+    near_.begin(in);
     ground_.begin(in);
     for (int l = 0; l < width; ++l) {
       n_[l] = 0;
@@ -49,25 +49,25 @@ class ContactLanes {
 
   FAN_FN void find(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, double dt, double whole, double recovery_speed, const Mask& idle) {
+      const Real* p, double dt, double full_step, double recovery_speed, const Mask& idle) {
     work = impact = friction = residual = Real(0.0);
-    links_.place_at(in, q_D, v_D, q_K, v_K, p, dt);
+    near_.place_at(in, q_D, v_D, q_K, v_K, p, dt);
     auto& feet = ground_.feet;
     fresh_ = !feet.kept;
     for (int l = 0; l < width; ++l)
       if (!lane_of(feet.kept, l) && !lane_of(idle, l)) feet.take(in, l, push_[l], n_[l]);
-    const Mask alone = links_.find_on(in, dt, feet.kept && !idle, feet);
-    ground_.start(links_, alone, dt, whole, recovery_speed);
+    const Mask alone = near_.find_on(in, dt, feet.kept && !idle, feet);
+    ground_.start(near_, alone, dt, full_step, recovery_speed);
     violation = ground_.depth;
     apart = Real(0.0) > Real(1.0);
-    leave(!idle && !ground_.lanes);
+    set_apart(!idle && !ground_.lanes);
   }
 
   // Sets apart lanes in which impulses have accelerated links beyond the margins of find(). Returns
   // whether there are any.
   FAN_FN bool look_again(const Real* acc, double dt) {
-    const Mask fast = ground_.lanes && links_.outruns(acc, dt);
-    leave(fast);
+    const Mask fast = ground_.lanes && near_.outruns(acc, dt);
+    set_apart(fast);
     return any(fast);
   }
 
@@ -77,8 +77,8 @@ class ContactLanes {
   // Adds the points that would penetrate at the velocity v. Returns whether there are any.
   FAN_FN bool watch(const Real* v) {
     Mask failed = Real(0.0) > Real(1.0);
-    const bool more = ground_.watch(links_, v, failed);
-    leave(failed);
+    const bool more = ground_.watch(near_, v, failed);
+    set_apart(failed);
     return more;
   }
 
@@ -87,7 +87,7 @@ class ContactLanes {
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, double cap, Mask& settled) {
     if (!any(ground_.stands)) return;
-    leave(ground_.settle(links_, eval, rows, near, guess, cap));
+    set_apart(ground_.settle(near_, eval, rows, near, guess, cap));
     const Mask& here = ground_.stands;
     auto& problem = rows.problem;
     settled = settled || here;
@@ -130,18 +130,18 @@ class ContactLanes {
 
   // Hands the contacts of a lane that is apart to its own ContactStep; take() brings them back.
   FAN_FN void hand_over(int l, ContactStep<Model, double>& to) {
-    to.take(push_[l], n_[l], links_.near(l));
+    to.take(push_[l], n_[l], near_.near(l));
   }
   FAN_FN void take(int l, ContactStep<Model, double>& from) {
-    n_[l] = from.hand_over(push_[l], links_.near(l));
+    n_[l] = from.hand_over(push_[l], near_.near(l));
     too_many_[l] = from.too_many(0);
     lane_of(residual, l) = from.residual;
-    links_.read_list(l);
+    near_.read_list(l);
   }
 
  private:
   // Sets these lanes apart.
-  FAN_FN void leave(const Mask& lanes) {
+  FAN_FN void set_apart(const Mask& lanes) {
     if (!any(lanes)) return;
     for (int l = 0; l < width; ++l)
       if (lane_of(lanes && !fresh_, l)) n_[l] = ground_.feet.hand_over(l, push_[l]);
@@ -157,7 +157,7 @@ class ContactLanes {
     feet.kept = Real(0.0) > Real(1.0);
   }
 
-  NearLanes<Model, Real> links_;
+  NearLanes<Model, Real> near_;
   GroundLanes<Model, Real> ground_;
   Mask fresh_;  // lanes that the feet had not stored at the start of the step
   // The pushing points of each lane: how many, and the points.

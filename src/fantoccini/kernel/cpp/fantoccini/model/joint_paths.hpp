@@ -55,7 +55,7 @@ struct JointPaths {
       from += joint.slides;
       to += joint.slides;
       if (joint.turns == 1) turn[i] += share * abs(to[0] - from[0]);
-      if (joint.turns == 4) turn[i] += share * angle(from, to);
+      if (joint.turns == 4) turn[i] += share * angle_bound(from, to);
     }
     for (int i = 0; i < S; ++i)
       wound[i] += share * abs(string_length<Model, Real>(i, to_D, to_K) -
@@ -92,7 +92,7 @@ struct JointPaths {
 
  private:
   // Bound of the angle between orientations: |a - b| = 2 sin(angle / 4) for unit quaternions.
-  FAN_FN static Real angle(const Real* a, const Real* b) {
+  FAN_FN static Real angle_bound(const Real* a, const Real* b) {
     using std::sqrt;
     Real less = Real(0.0), more = Real(0.0);
     for (int k = 0; k < 4; ++k) {
