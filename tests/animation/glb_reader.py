@@ -120,11 +120,13 @@ class Player:
                 out[:, n] += w * (bones[j] @ places[:, n, :, None])[..., 0]
         return out[..., :3]
 
-    def _value(self, name: str, path: str, still: list | None, times: np.ndarray) -> np.ndarray:
+    def _value(self, name: str, path: str, default: list | None, times: np.ndarray) -> np.ndarray:
         if (name, path) in self.samplers:
             return self.samplers[name, path].at(times)
         identity = {"rotation": [0, 0, 0, 1], "scale": [1, 1, 1], "translation": [0, 0, 0]}
-        return np.tile(identity[path] if still is None else still, (len(times), 1)).astype(float)
+        return np.tile(identity[path] if default is None else default, (len(times), 1)).astype(
+            float
+        )
 
     def _numbers(self, accessor: int) -> np.ndarray:
         accessor_entry = self.gltf.accessors[accessor]

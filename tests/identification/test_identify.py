@@ -20,8 +20,6 @@ from fantoccini.lab.identification.fit import chained
 
 pytestmark = pytest.mark.slow
 
-RECORD_TIME = 12.0
-
 
 @pytest.fixture(scope="module")
 def case():
@@ -72,7 +70,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     J = fit.jacobians(at).samples
     s, m = 4, 2 * data.marionette.coordinates.n_vD
     _, segments, _ = fit.sample_positions(at.theta, fit.dt)
-    own = np.flatnonzero(segments == s)[2:-2]
+    in_segment = np.flatnonzero(segments == s)[2:-2]
 
     def seen(theta):
         values = dict(zip([u.name for u in data.unknowns], theta, strict=False))
@@ -85,7 +83,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
         )
         x = puppet.project(x)
         inputs = _moved(fit.inputs, offset)
-        t = fit.t[own] - fit.delay_of(theta)
+        t = fit.t[in_segment] - fit.delay_of(theta)
         run = fan.simulate(
             puppet,
             x,
@@ -101,7 +99,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
         change = np.zeros(len(at.theta))
         change[i] = step
         slope = (seen(at.theta + change) - seen(at.theta - change)) / (2 * step)
-        exact = J[own][:, :, m + i]
+        exact = J[in_segment][:, :, m + i]
         assert np.max(np.abs(slope - exact)) < 0.02 * np.max(np.abs(exact)) + 1e-6, name
 
 
@@ -191,12 +189,13 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
     puppet = puppet.with_parameters({"damping": 0.02})
 
     def misfit(theta):
-        own, damping, start, rate = theta
-        inertia_about_pin = 0.01 + mass * own**2
+        estimated_centre, damping, start, rate = theta
+        inertia_about_pin = 0.01 + mass * estimated_centre**2
         solution = solve_ivp(
             lambda t, y: [
                 y[1],
-                (mass * 9.81 * own * np.sin(y[0]) - damping * y[1]) / inertia_about_pin,
+                (mass * 9.81 * estimated_centre * np.sin(y[0]) - damping * y[1])
+                / inertia_about_pin,
             ],
             (0.0, t[-1]),
             [start, rate],
@@ -270,18 +269,20 @@ def test_only_forces_determine_the_scale_of_masses():
     determines it.
     """
     case = scaled_case()
-    silent = fan.identify(record(case, 10.0, 1))
-    assert len(silent.combinations) == 1
-    parts = silent.combinations[0].parts
+    without_tension = fan.identify(record(case, 10.0, 1))
+    assert len(without_tension.combinations) == 1
+    parts = without_tension.combinations[0].parts
     assert {"upper_mass", "lower_mass"} <= set(parts)
     assert all(share > 0 for share in parts.values())
-    assert np.isinf(silent.deviation("upper_mass")) and np.isfinite(silent.deviation("delay"))
-    ratio = silent["upper_mass"] / silent["lower_mass"]
+    assert np.isinf(without_tension.deviation("upper_mass")) and np.isfinite(
+        without_tension.deviation("delay")
+    )
+    ratio = without_tension["upper_mass"] / without_tension["lower_mass"]
     assert abs(ratio / (0.15 / 0.11) - 1.0) < 0.05
-    weighed = fan.identify(record(replace(case, tensions=("hand",)), 10.0, 1))
-    assert not weighed.combinations
-    assert abs(weighed["lower_mass"] / 0.11 - 1.0) < 0.02
-    assert abs(weighed["upper_mass"] / 0.15 - 1.0) < 0.02
+    with_tension = fan.identify(record(replace(case, tensions=("hand",)), 10.0, 1))
+    assert not with_tension.combinations
+    assert abs(with_tension["lower_mass"] / 0.11 - 1.0) < 0.02
+    assert abs(with_tension["upper_mass"] / 0.15 - 1.0) < 0.02
 
 
 def test_a_known_mass_determines_the_scale():
@@ -387,7 +388,7 @@ def test_a_length_between_joints_is_found():
     assert abs(estimate["damping"] / 0.02 - 1.0) < 0.05
 
 
-def free(about, **options):
+def free(first_guess, **options):
     """A record of a freely swinging pendulum with unknown damping."""
     t, angle, _ = swing(np.random.default_rng(3), seconds=3.0, noise=0.05)
     puppet = fan.loads(PENDULUM).with_parameters({"mass": 0.4, "centre": -0.3})
@@ -396,7 +397,7 @@ def free(about, **options):
         fan.Input.hold(puppet, float(t[-1])),
         t,
         {"pin": angle},
-        unknown=[fan.lab.Unknown("damping", about)],
+        unknown=[fan.lab.Unknown("damping", first_guess)],
         noise={"pin": 0.05},
         **options,
     )

@@ -194,7 +194,7 @@ def test_a_table_swings_on_its_strings_without_chatter(places):
 
 
 @pytest.mark.parametrize(
-    ("anchors", "most"),
+    ("anchors", "largest_tensions"),
     [
         ([0.0, 0.0], {0: 2.0}),
         ([0.0, 0.0], {0: 3.5}),
@@ -203,12 +203,12 @@ def test_a_table_swings_on_its_strings_without_chatter(places):
         ([-1.0, -0.6, 0.1, 0.5, 1.3], {1: 1.2, 2: 1.5}),
     ],
 )
-def test_a_winch_at_its_largest_tension_leaves_the_rest_to_other_strings(anchors, most):
+def test_a_winch_at_its_largest_tension_leaves_the_rest_to_other_strings(anchors, largest_tensions):
     """The others hold the bob: nothing slips, and the tensions are the shortest within bounds."""
-    run = swing(bob(anchors, most), 1.5, 4.0)
+    run = swing(bob(anchors, largest_tensions), 1.5, 4.0)
     assert run.events == ()
     assert np.max(run.slip.values) == 0.0
-    upper = np.array([most.get(i, np.inf) for i in range(len(anchors))])
+    upper = np.array([largest_tensions.get(i, np.inf) for i in range(len(anchors))])
     worst, n_at_bound = 0.0, 0
     for q, acc, tension in zip(run.q_D, run.acc_D, run.tension.values, strict=True):
         f = MASS * (acc - GRAVITY)

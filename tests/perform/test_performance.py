@@ -79,12 +79,18 @@ def test_it_hangs_at_rest_and_stays(marionette):
 def test_a_dragged_string_end_arrives_exactly_and_stays(marionette):
     live = fan.Performance(marionette)
     assert [h.kind for h in live.handles] == ["end"] * 7
-    there, level = live.place("hand_left")
-    live.move("hand_left", there + np.array([0.08, 0.03, 0.2]))  # up is not one of its axes
-    assert np.allclose(live.target("hand_left")[0], there + np.array([0.08, 0.03, 0.0]), atol=1e-15)
+    start_position, orientation = live.place("hand_left")
+    live.move(
+        "hand_left", start_position + np.array([0.08, 0.03, 0.2])
+    )  # up is not one of its axes
+    assert np.allclose(
+        live.target("hand_left")[0], start_position + np.array([0.08, 0.03, 0.0]), atol=1e-15
+    )
     live.advance(1.5)
-    assert np.allclose(live.place("hand_left")[0], there + np.array([0.08, 0.03, 0.0]), atol=1e-14)
-    assert np.array_equal(live.place("hand_left")[1], level)
+    assert np.allclose(
+        live.place("hand_left")[0], start_position + np.array([0.08, 0.03, 0.0]), atol=1e-14
+    )
+    assert np.array_equal(live.place("hand_left")[1], orientation)
     assert np.all(live.state.v_K == 0) or np.max(np.abs(live.state.v_K)) < 1e-13
     live.wind("hand_left", live.length("hand_left") - 0.05)
     live.advance(1.5)
@@ -97,12 +103,12 @@ def test_a_control_bar_is_moved_and_turned_at_once(bar):
     (handle,) = live.handles
     assert (handle.name, handle.kind, handle.joint) == ("bar", "body", "free")
     assert handle.axes.shape == handle.turns.shape == (3, 3)
-    there, level = live.place("bar")
-    turned = rotation.multiply(level, rotation.exp(np.array([0.2, -0.3, 0.4])))
-    live.move("bar", there + np.array([0.1, -0.1, 0.05]), -3.0 * turned)
+    start_position, orientation = live.place("bar")
+    turned = rotation.multiply(orientation, rotation.exp(np.array([0.2, -0.3, 0.4])))
+    live.move("bar", start_position + np.array([0.1, -0.1, 0.05]), -3.0 * turned)
     live.advance(2.0)
     position, wxyz = live.place("bar")
-    assert np.allclose(position, there + np.array([0.1, -0.1, 0.05]), atol=1e-14)
+    assert np.allclose(position, start_position + np.array([0.1, -0.1, 0.05]), atol=1e-14)
     assert turn_between(wxyz, turned) < 1e-13
     assert np.max(np.abs(live.state.v_K)) < 1e-12
 
@@ -142,9 +148,9 @@ def test_driven_velocity_is_continuous_and_bounded(bar):
     live = fan.Performance(bar)
     live.record()
     rng = np.random.default_rng(3)
-    there, _ = live.place("bar")
+    start_position, _ = live.place("bar")
     for _ in range(12):
-        live.move("bar", there + 0.2 * rng.normal(size=3), rng.normal(size=4))
+        live.move("bar", start_position + 0.2 * rng.normal(size=3), rng.normal(size=4))
         live.advance(rng.uniform(0.05, 0.4))
     recording = live.stop()
     assert recording.ended == ""

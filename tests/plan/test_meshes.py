@@ -112,10 +112,10 @@ def posed(puppet: fan.Marionette, *poses: tuple[np.ndarray, Rotation]) -> fan.St
     return puppet.state().replace(q_D=np.ravel(numbers))
 
 
-def distances(puppet: fan.Marionette, still: dict, places: np.ndarray) -> np.ndarray:
+def distances(puppet: fan.Marionette, obstacle: dict, places: np.ndarray) -> np.ndarray:
     """Distances of an obstacle from a body that is at places (n, 3), without rotation."""
     q_D = np.column_stack([places, np.tile([1.0, 0, 0, 0], (len(places), 1))])
-    return Clearance(puppet, [still | {"name": "it"}]).at(q_D, np.zeros((len(places), 0)))
+    return Clearance(puppet, [obstacle | {"name": "it"}]).at(q_D, np.zeros((len(places), 0)))
 
 
 @pytest.fixture(scope="module")

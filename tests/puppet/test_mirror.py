@@ -71,12 +71,12 @@ def motion(joint: Joint, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @given(joints(), planes, quaternions, st.floats(-2, 2))
 def test_mirrored_coordinates_give_mirrored_motion(joint, plane, quaternion, x) -> None:
     S = reflection(plane)
-    image = Reflection(plane, "left", "right")
+    reflection_of_plane = Reflection(plane, "left", "right")
     original = Joint(**joint)
-    twin = Joint(**image.joint(plain(original)))
+    twin = Joint(**reflection_of_plane.joint(plain(original)))
     q = np.array([x, 0.5 * x, 0.2 - x, *quaternion])
     place = q[:3] if joint["type"] in ("revolute", "prismatic") else S @ q[:3]
-    q_twin = np.array([*place, *image.rotation(list(quaternion))])
+    q_twin = np.array([*place, *reflection_of_plane.rotation(list(quaternion))])
     R, p = motion(original, q)
     R_twin, p_twin = motion(twin, q_twin)
     np.testing.assert_allclose(R_twin, S @ R @ S, atol=1e-12)
@@ -86,9 +86,9 @@ def test_mirrored_coordinates_give_mirrored_motion(joint, plane, quaternion, x) 
 @settings(max_examples=60, deadline=None)
 @given(joints(kind="ball"), planes, quaternions)
 def test_cones_and_twists_are_mirrored(joint: dict, plane: str, quaternion: list) -> None:
-    image = Reflection(plane, "left", "right")
+    reflection_of_plane = Reflection(plane, "left", "right")
     original = Joint(**joint)
-    twin = Joint(**image.joint(plain(original)))
+    twin = Joint(**reflection_of_plane.joint(plain(original)))
 
     def limits(joint: Joint, quaternion: list) -> list[float]:
         R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
@@ -98,7 +98,7 @@ def test_cones_and_twists_are_mirrored(joint: dict, plane: str, quaternion: list
 
     quaternion[0] = abs(quaternion[0]) + 0.1  # not half a turn, where the twist changes its sign
     swing, above_lower, below_upper = limits(original, quaternion)
-    values = limits(twin, image.rotation(quaternion))
+    values = limits(twin, reflection_of_plane.rotation(quaternion))
     np.testing.assert_allclose(values, [swing, below_upper, above_lower], atol=1e-12)
 
 
@@ -108,8 +108,8 @@ def test_inertia_is_mirrored(body: dict, plane: str) -> None:
     S = reflection(plane)
     original = Body(**body)
     twin = Body(**Reflection(plane, "left", "right").body(plain(original)))
-    for shape, image in zip(original.shapes, twin.shapes, strict=True):
-        (v1, u1), (v2, u2) = shape_inertia(shape), shape_inertia(image)
+    for shape, twin_shape in zip(original.shapes, twin.shapes, strict=True):
+        (v1, u1), (v2, u2) = shape_inertia(shape), shape_inertia(twin_shape)
         assert v1 == v2
         np.testing.assert_allclose(u2.com, S @ u1.com, atol=1e-15)
         np.testing.assert_allclose(u2.inertia, S @ u1.inertia @ S, atol=1e-12)

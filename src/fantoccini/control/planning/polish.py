@@ -147,7 +147,11 @@ class Polisher:
             shorter: whether to search for shorter plans.
         """
         began = time.perf_counter()
-        V, until, end = self._resampled(acceleration, n_checks), began + seconds, began + limit
+        V, search_deadline, end = (
+            self._resampled(acceleration, n_checks),
+            began + seconds,
+            began + limit,
+        )
         segment_counts = [
             max(1, round(x * len(V))) for x in _ATTEMPTS.durations if shorter or x >= 1.0
         ]
@@ -168,9 +172,9 @@ class Polisher:
             return
         yield self._simulated(best)
         n_fewer = round(_ATTEMPTS.shortening * len(best)) if shorter else 0
-        while n_fewer and time.perf_counter() < until:
+        while n_fewer and time.perf_counter() < search_deadline:
             m = max(1, len(best) - n_fewer)
-            shortened = self._at_goal(self._stretched(best.V[0], m), distance, until)
+            shortened = self._at_goal(self._stretched(best.V[0], m), distance, search_deadline)
             if shortened is None:
                 n_fewer //= 2
             else:
@@ -183,11 +187,15 @@ class Polisher:
         return time.perf_counter() + _ATTEMPTS.first_share * limit
 
     def _at_goal(
-        self, V: Array, distance: float, until: float, late: bool = False
+        self, V: Array, distance: float, search_deadline: float, late: bool = False
     ) -> Candidates | None:
         """A candidate near V (m, n_vK) that ends at the goal without collision; None if none."""
         result = approach(
-            self._shooting, V, lambda candidate: self._arrives(candidate, distance), until, late
+            self._shooting,
+            V,
+            lambda candidate: self._arrives(candidate, distance),
+            search_deadline,
+            late,
         )
         if result.arrives:
             return result.candidate

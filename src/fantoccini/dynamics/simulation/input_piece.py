@@ -142,18 +142,18 @@ class InputChanges:
         return InputPiece(self._variation, one_piece(self.inputs, start, end), powers, start, end)
 
 
-def in_powers(motion_coef: Array, force_coef: Array, whole: float) -> Array:
+def in_powers(motion_coef: Array, force_coef: Array, duration: float) -> Array:
     """Changes of q_K, v_K, acc_K and u_D, (6, 3 n_vK + n_vD, m), as in :class:`InputPiece`.
 
     Args:
         motion_coef: (m, n_vK, 6) changes of q_K as coefficients of powers of the time [s].
         force_coef: (m, n_vD, 6) changes of u_D.
-        whole: duration of the piece [s].
+        duration: duration of the piece [s].
     """
-    q_K, u_D = motion_coef * whole**_POWERS, force_coef * whole**_POWERS
+    q_K, u_D = motion_coef * duration**_POWERS, force_coef * duration**_POWERS
     v_K, acc_K = np.zeros_like(q_K), np.zeros_like(q_K)
-    v_K[..., :-1] = q_K[..., 1:] * (_POWERS[1:] / whole)
-    acc_K[..., :-1] = v_K[..., 1:] * (_POWERS[1:] / whole)
+    v_K[..., :-1] = q_K[..., 1:] * (_POWERS[1:] / duration)
+    acc_K[..., :-1] = v_K[..., 1:] * (_POWERS[1:] / duration)
     return np.concatenate([q_K, v_K, acc_K, u_D], axis=1).transpose(2, 1, 0)
 
 

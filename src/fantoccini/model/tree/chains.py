@@ -11,15 +11,15 @@ from fantoccini.model.tree.placement import Value, link_poses, place
 from fantoccini.model.tree.structure import WORLD, Link, Lump, Tree
 
 
-def mass_link(name: str, mass: Number, masses: int) -> Link:
+def mass_link(name: str, mass: Number, n_masses: int) -> Link:
     """A point mass of a chain, free in the world.
 
     Args:
         name: name of the link and of its joint: string, dot, number from 1.
         mass: mass of the whole string [kg].
-        masses: number of point masses.
+        n_masses: number of point masses.
     """
-    point = Lump(mass, 1.0 / masses, UnitInertia(np.zeros(3), np.zeros((3, 3))))
+    point = Lump(mass, 1.0 / n_masses, UnitInertia(np.zeros(3), np.zeros((3, 3))))
     return Link(
         name=name,
         parent=WORLD,

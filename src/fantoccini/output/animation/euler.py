@@ -59,23 +59,27 @@ def angles_of(q: Quaternion, order: str) -> Array:
     a = np.arctan2(-sign * matrices[:, j, k], matrices[:, k, k])
     c = np.arctan2(-sign * matrices[:, i, j], matrices[:, i, i])
     raw, angles = np.stack([a, b, c], axis=1).tolist(), []
-    last = (0.0, 0.0, 0.0)
+    previous = (0.0, 0.0, 0.0)
     for t, (alpha, beta, gamma) in enumerate(raw):
         if cos[t] < _LOCKED_COS:
-            gamma = last[2]
+            gamma = previous[2]
             y = math.cos(gamma) * matrices[t, :, j] + sign * math.sin(gamma) * matrices[t, :, i]
             alpha = math.atan2(sign * y[k], y[j])
-        first = _nearest_turn((alpha, beta, gamma), last)
-        second = _nearest_turn((alpha + math.pi, math.pi - beta, gamma + math.pi), last)
+        first = _nearest_turn((alpha, beta, gamma), previous)
+        second = _nearest_turn((alpha + math.pi, math.pi - beta, gamma + math.pi), previous)
         # At the first frame take `first`, whose beta is within 90 deg.
-        last = second if t and math.dist(second, last) < math.dist(first, last) else first
-        angles.append(last)
+        previous = (
+            second if t and math.dist(second, previous) < math.dist(first, previous) else first
+        )
+        angles.append(previous)
     return np.array(angles).reshape(-1, 3)
 
 
-def _nearest_turn(angles: tuple[float, ...], last: tuple[float, ...]) -> tuple[float, float, float]:
-    """The same angles up to full turns, each within half a turn of those in `last`."""
-    a, b, c = rotation.nearest_angle(np.array(angles), np.array(last)).tolist()
+def _nearest_turn(
+    angles: tuple[float, ...], previous: tuple[float, ...]
+) -> tuple[float, float, float]:
+    """The same angles up to full turns, each within half a turn of those in `previous`."""
+    a, b, c = rotation.nearest_angle(np.array(angles), np.array(previous)).tolist()
     return a, b, c
 
 

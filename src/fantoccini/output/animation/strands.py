@@ -108,13 +108,13 @@ class Strands:
                     self.channels.add(index, "rotation", spans.t[keys], xyzw(q[keys]), "LINEAR")
         return joints
 
-    def _tube(self, line: Line, spans: int, rings: int) -> dict[str, Any]:
+    def _tube(self, line: Line, n_spans: int, rings: int) -> dict[str, Any]:
         """Primitive of a tube: all its rings lie at the origin, and the joints pull them apart."""
         angles = 2.0 * np.pi * np.arange(_TUBE_SIDES) / _TUBE_SIDES
         ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_TUBE_SIDES)])
-        normals = np.tile(ring, (rings * spans, 1))
-        share = np.tile(np.repeat(np.linspace(0.0, 1.0, rings), _TUBE_SIDES), spans)
-        span_of_vertex = np.repeat(np.arange(spans), rings * _TUBE_SIDES)
+        normals = np.tile(ring, (rings * n_spans, 1))
+        share = np.tile(np.repeat(np.linspace(0.0, 1.0, rings), _TUBE_SIDES), n_spans)
+        span_of_vertex = np.repeat(np.arange(n_spans), rings * _TUBE_SIDES)
         weights = np.column_stack([1.0 - share, share, np.zeros((len(share), 2))])
         joints = np.column_stack(
             [2 * span_of_vertex, 2 * span_of_vertex + 1, np.zeros((len(share), 2))]
@@ -123,7 +123,7 @@ class Strands:
         joints[:, :2][weights[:, :2] == 0.0] = 0.0
         corner = np.arange(_TUBE_SIDES)
         next_corner = (corner + 1) % _TUBE_SIDES
-        first = (np.arange(spans)[:, None] * rings + np.arange(rings - 1)).reshape(
+        first = (np.arange(n_spans)[:, None] * rings + np.arange(rings - 1)).reshape(
             -1, 1
         ) * _TUBE_SIDES
         a, b, c, d = (
