@@ -46,13 +46,13 @@ def models() -> Iterator[type[Model]]:
         )
 
 
-def members(annotation: object) -> Iterator[type[CueFile]]:
+def cue_types(annotation: object) -> Iterator[type[CueFile]]:
     if isinstance(annotation, type):
         if issubclass(annotation, CueFile):
             yield annotation
         return
     for part in get_args(annotation):
-        yield from members(part)
+        yield from cue_types(part)
 
 
 def test_each_verb_is_a_key_of_one_kind_of_cue():
@@ -76,7 +76,7 @@ def test_scores_and_plays_take_the_verbs_of_the_table():
     (lanes,) = [ScoreFile.model_fields["lanes"].annotation]
     acts = PlayFile.model_fields["acts"].annotation
     (act,) = [part for part in get_args(acts) if isinstance(part, type)]
-    cues = [*members(lanes), *members(act.model_fields["cues"].annotation)]
+    cues = [*cue_types(lanes), *cue_types(act.model_fields["cues"].annotation)]
     assert sorted(part.verb for part in cues if part.verb) == sorted(VERBS)
 
 

@@ -58,7 +58,7 @@ assert_type(stepper.run(1.0, lambda x: {"hand.length": -x.t}, rate=100.0), list[
 assert_type(arm.flow(x0, lift), fan.dynamics.Flow)
 """
 
-WRONG = """
+WRONG_SCRIPT = """
 import fantoccini as fan
 
 arm = fan.load("arm2d.yaml")
@@ -69,7 +69,7 @@ fan.TimeStepping(rtol=1e-9)
 """
 
 
-def check(script: str, folder: Path) -> list[str]:
+def mypy_errors(script: str, folder: Path) -> list[str]:
     """Errors of `mypy --strict` in a script that uses the package."""
     api = pytest.importorskip("mypy.api")
     file = folder / "script.py"
@@ -85,6 +85,6 @@ def check(script: str, folder: Path) -> list[str]:
 def test_an_editor_knows_what_the_public_functions_return(tmp_path, monkeypatch):
     """mypy --strict accepts the typed results in one script, and finds the mistakes in another."""
     monkeypatch.chdir(ROOT)
-    assert check(SCRIPT, tmp_path) == []
-    lines = [int(line.split(":")[1]) for line in check(WRONG, tmp_path)]
+    assert mypy_errors(SCRIPT, tmp_path) == []
+    lines = [int(line.split(":")[1]) for line in mypy_errors(WRONG_SCRIPT, tmp_path)]
     assert sorted(set(lines)) == [5, 6, 7, 8]

@@ -104,8 +104,9 @@ def arm(dt: float, setting: str, integrator: str = "RK4") -> Peer:
     return Peer.of(body, f"{FALL['hand.length']} hook tip", dt, setting, integrator)
 
 
-def _link(mass: float, length: float, inertia: float, inside: str, at: float) -> str:
+def _link(mass: float, length: float, inertia: float, children: str, at: float) -> str:
     return (
         f'<body pos="{at} 0 0"><joint type="hinge" axis="0 -1 0"/><inertial mass="{mass}" '
-        f'pos="{length / 2} 0 0" diaginertia="{inertia / 10} {inertia} {inertia}"/>{inside}</body>'
+        f'pos="{length / 2} 0 0" diaginertia="{inertia / 10} {inertia} {inertia}"/>'
+        f"{children}</body>"
     )

@@ -180,11 +180,11 @@ def test_a_lock_is_a_file_and_not_a_link(tmp_path, cache, key, source, what):
     assert precious.read_text() == "kept"
 
 
-@pytest.mark.parametrize("squatter", ["open folder", "link", "file"])
-def test_a_stand_in_prepared_by_another_user_is_refused(tmp_path, squatter):
+@pytest.mark.parametrize("occupant", ["open folder", "link", "file"])
+def test_a_stand_in_prepared_by_another_user_is_refused(tmp_path, occupant):
     """Anybody may create a folder of the private folder's known name; then a fresh one is used."""
     place = tmp_path / "temporary" / f"fantoccini-{os.geteuid()}"
-    match squatter:
+    match occupant:
         case "open folder":
             place.mkdir()
             place.chmod(0o755)

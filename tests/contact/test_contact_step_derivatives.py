@@ -19,7 +19,7 @@ DT = 0.002
 
 
 @dataclass(frozen=True)
-class Steps:
+class DifferenceSizes:
     """Sizes of finite differences in configurations, velocities, and accelerations and forces."""
 
     q: float = 1e-7
@@ -42,7 +42,7 @@ def check_step(
     x: fan.State,
     modes: list[str],
     bound: float = 1e-7,
-    steps: Steps = Steps(),
+    steps: DifferenceSizes = DifferenceSizes(),
     seed: int | None = None,
     dt: float = DT,
 ):
@@ -162,13 +162,15 @@ def test_a_sliding_ball_slows_by_the_friction_of_the_closed_form():
 
 
 def test_a_box_on_a_floor_has_derivatives_though_its_forces_are_not_unique(box):
-    lin = check_step(box, box.state({"body.z": 0.05}), ["stick"] * 4, steps=Steps(q=1e-8, v=1e-4))
+    lin = check_step(
+        box, box.state({"body.z": 0.05}), ["stick"] * 4, steps=DifferenceSizes(q=1e-8, v=1e-4)
+    )
     assert np.max(np.abs(lin.A[6:, 6:])) < 1e-9  # it stays where it is
 
 
 def test_a_box_slides_along_its_edge(box):
     x = thrown(box, {"body.z": 0.05}, {"body.x": 1.0})
-    check_step(box, x, ["slide"] * 4, steps=Steps(v=1e-3))
+    check_step(box, x, ["slide"] * 4, steps=DifferenceSizes(v=1e-3))
 
 
 def test_a_box_on_one_edge(box):
@@ -197,14 +199,14 @@ def test_a_box_that_slides_aside_has_no_derivative(box):
 def test_a_capsule_lies_and_slides():
     puppet = fan.loads(CAPSULE)
     on_floor = {"body.z": 0.03}
-    check_step(puppet, puppet.state(on_floor), ["stick"] * 2, steps=Steps(q=1e-8))
+    check_step(puppet, puppet.state(on_floor), ["stick"] * 2, steps=DifferenceSizes(q=1e-8))
     speed = {"body.x": 0.3, "body.y": 0.4, "body.wz": 0.3}
     check_step(puppet, thrown(puppet, on_floor, speed), ["slide"] * 2)
 
 
 def test_boxes_stacked_and_logs_that_lie_on_one_another():
     """The points of flat faces move smoothly only for small tilts, so differences are small."""
-    flat = Steps(q=1e-8, v=1e-5, a=1e-3)
+    flat = DifferenceSizes(q=1e-8, v=1e-5, a=1e-3)
     stack = fan.loads(STACK)
     check_step(stack, stack.state({"a.z": 0.05, "b.z": 0.15}), ["stick"] * 8, steps=flat)
     logs = fan.loads(LOGS)
@@ -225,7 +227,7 @@ def test_a_mesh_on_its_facet(tmp_path):
     (tmp_path / "wedge.yaml").write_text(text)
     wedge = fan.load(tmp_path / "wedge.yaml")
     x = wedge.state({"body.z": 0.0})
-    check_step(wedge, x, ["stick"] * 4, steps=Steps(q=1e-8, v=1e-4))
+    check_step(wedge, x, ["stick"] * 4, steps=DifferenceSizes(q=1e-8, v=1e-4))
 
 
 def test_an_egg_rolls_on_a_floor_and_slides_on_a_dome():
@@ -266,7 +268,9 @@ def test_a_puppet_on_a_tray_and_a_string():
         rng = np.random.default_rng(seed)
         v_K, v_D = 0.1 * rng.normal(size=7), 0.3 * rng.normal(size=10)
         v_D[2] -= 0.3
-        lin = check_step(puppet, x.replace(v_K=v_K, v_D=v_D), [mode], steps=Steps(q=1e-7, a=1e-2))
+        lin = check_step(
+            puppet, x.replace(v_K=v_K, v_D=v_D), [mode], steps=DifferenceSizes(q=1e-7, a=1e-2)
+        )
         assert lin.rows == ("rope",)
 
 
@@ -275,7 +279,9 @@ def test_the_bundled_marionette_stands_on_one_foot():
     puppet = fan.puppets.promenade()
     x = puppet.rest()
     x = puppet.rest({"knee_right.length": x["knee_right.length"] - 0.03})
-    lin = check_step(puppet, x, ["stick"] * 4, bound=2e-7, steps=Steps(q=3e-8, v=2e-7, a=1e-3))
+    lin = check_step(
+        puppet, x, ["stick"] * 4, bound=2e-7, steps=DifferenceSizes(q=3e-8, v=2e-7, a=1e-3)
+    )
     assert {point.name for point in lin.contacts} == {"shin_left|floor"}
     assert "head" in lin.rows
 

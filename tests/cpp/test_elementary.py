@@ -12,7 +12,7 @@ from cpp.toolchain import compile_program, run_program
 FUNCTIONS = ("sine", "cosine", "arctangent", "inverse root")
 
 
-def measured(program, x: np.ndarray) -> np.ndarray:
+def errors_of(program, x: np.ndarray) -> np.ndarray:
     """(len(x), 9) eight errors in units in the last place, and 1 if all lanes agree, else 0."""
     printed = run_program(program, "\n".join(repr(float(v)) for v in x))
     return np.array([line.split() for line in printed.splitlines()], dtype=float)
@@ -32,7 +32,7 @@ def test_errors_are_of_the_last_place(flags, tmp_path):
             np.tan([np.pi / 8, 3 * np.pi / 8]),
         ]
     )
-    errors = measured(program, moderate)
+    errors = errors_of(program, moderate)
     assert errors[:, 8].all()
     worst = dict(zip(FUNCTIONS * 2, errors[:, :8].max(axis=0), strict=False))
     print(worst)
@@ -40,8 +40,8 @@ def test_errors_are_of_the_last_place(flags, tmp_path):
     assert max(worst["arctangent"], worst["inverse root"]) < 2.0
     # Up to 1e6 the third part of pi/2 is significant; beyond 1e6 the C library is called.
     large_angles = np.concatenate([rng.uniform(1e4, 1e6, 5000), [1e7, 1e22, -1e300]])
-    assert measured(program, large_angles)[:, [0, 1, 4, 5]].max() < 1.5
-    not_finite = measured(program, np.array([np.nan, np.inf]))
+    assert errors_of(program, large_angles)[:, [0, 1, 4, 5]].max() < 1.5
+    not_finite = errors_of(program, np.array([np.nan, np.inf]))
     assert np.all(not_finite[:, [0, 1, 4, 5]] == 0.0), (
         "sine or cosine of NaN or infinity is not NaN"
     )

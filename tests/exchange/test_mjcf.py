@@ -33,7 +33,7 @@ def tree(seed: int, dof: int = 9) -> Model:
     return Model(description)
 
 
-def evaluated(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
+def evaluated_data(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
     """MuJoCo's data at a state."""
     puppet.put(x.q_D, x.v_D)
     puppet.drive(x.q_K, x.v_K, x.acc_K)
@@ -47,7 +47,7 @@ def test_accelerations_agree(seed):
     model = tree(seed, 6 + seed)
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
     puppet.model.opt.disableflags |= FLAGS.mjDSBL_LIMIT
-    data, acc = evaluated(puppet, x), model.acceleration(x)
+    data, acc = evaluated_data(puppet, x), model.acceleration(x)
     assert np.abs(data.qacc[puppet.v_D] - acc).max() < 1e-7 * max(1.0, np.abs(acc).max())
     # The puppet's forces change a driven joint's acceleration by about a millionth.
     assert np.allclose(data.qacc[puppet.v_K], x.acc_K, atol=1e-4 * max(1.0, np.abs(acc).max()))
@@ -58,7 +58,7 @@ def test_tendons_have_the_gaps_of_strings_and_limits(seed):
     """The tendon of a twist limit also lengthens at the rate of the limit's gap, scaled."""
     model, speed = tree(seed), 1e-6
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
-    data, parts = evaluated(puppet, x), model.tree
+    data, parts = evaluated_data(puppet, x), model.tree
     h, h_later = (model.call("rows", at)["h"] for at in (x, model.moved(x, speed)))
     max_lengths, hdot = puppet.model.tendon_range[:, 1], (h_later - h) / speed
     tendon_gaps = data.ten_length - max_lengths

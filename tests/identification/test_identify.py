@@ -388,7 +388,7 @@ def test_a_length_between_joints_is_found():
     assert abs(estimate["damping"] / 0.02 - 1.0) < 0.05
 
 
-def free(first_guess, **options):
+def free_swing_record(first_guess, **options):
     """A record of a freely swinging pendulum with unknown damping."""
     t, angle, _ = swing(np.random.default_rng(3), seconds=3.0, noise=0.05)
     puppet = fan.loads(PENDULUM).with_parameters({"mass": 0.4, "centre": -0.3})
@@ -405,7 +405,7 @@ def free(first_guess, **options):
 
 def test_a_small_first_guess_gives_the_same_estimate():
     """A first guess of a thirtieth of the damping leads to the same estimate as a good guess."""
-    distant_guess, near = (fan.identify(free(about)) for about in (0.001, 0.03))
+    distant_guess, near = (fan.identify(free_swing_record(about)) for about in (0.001, 0.03))
     assert not near.combinations and not distant_guess.combinations
     assert 0.001 < near.deviation("damping") < 0.5 * near["damping"]
     assert abs(distant_guess["damping"] - near["damping"]) < 0.1 * near.deviation("damping")
@@ -446,7 +446,7 @@ def test_columns_without_samples_are_left_out(case, recwarn):
 )
 def test_a_record_checks_its_numbers(change, message):
     with pytest.raises((ValueError, fan.FantocciniError), match=message):
-        replace(free(0.02), **change)
+        replace(free_swing_record(0.02), **change)
 
 
 @pytest.mark.parametrize("known", [0.0, -1.0, np.nan])

@@ -65,7 +65,7 @@ def bob_on_strings(n: int) -> Marionette:
     )
 
 
-def table(places: np.ndarray, length: float = 1.0) -> Marionette:
+def hanging_plate(places: np.ndarray, length: float = 1.0) -> Marionette:
     """A plate whose upper face is at z = 0, on vertical strings at (x, y) of the plate."""
     joint = {"type": "free"}
     plate = {"type": "box", "size": [0.8, 0.6, 0.04], "at": [0, 0, -0.02], "mass": 2.0}
@@ -168,7 +168,7 @@ TABLES = {
 @pytest.mark.parametrize("places", TABLES.values(), ids=TABLES)
 def test_a_plate_hangs_still_on_its_strings(places):
     """Three strings suffice; all pull, with tensions of least norm that balance the weight."""
-    marionette = table(places)
+    marionette = hanging_plate(places)
     x0 = marionette.project(marionette.state())
     run = fan.simulate(marionette, x0, t_end=5.0, effort=False)
     assert run.events == ()
@@ -182,7 +182,7 @@ def test_a_plate_hangs_still_on_its_strings(places):
 @pytest.mark.parametrize("places", TABLES.values(), ids=TABLES)
 def test_a_table_swings_on_its_strings_without_chatter(places):
     """Parallel strings of one length: the table moves like a bob on one of them."""
-    marionette = table(places)
+    marionette = hanging_plate(places)
     x0 = marionette.state({"v:plate.x": 0.5})
     run = fan.simulate(marionette, x0, t_end=4.0, effort=False)
     assert run.events == ()

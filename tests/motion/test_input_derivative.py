@@ -23,7 +23,7 @@ def motion(table, points: dict) -> np.ndarray:
     return motion_values
 
 
-def moved(points: dict, name: str, k: int, d: float) -> dict:
+def with_shifted_value(points: dict, name: str, k: int, d: float) -> dict:
     changed = {n: list(series) for n, series in points.items()}
     t, value = changed[name][k]
     changed[name][k] = (t, value + d)
@@ -33,17 +33,22 @@ def moved(points: dict, name: str, k: int, d: float) -> dict:
 def central(table, points: dict, name: str, k: int, d: float = 2e-6) -> np.ndarray:
     """Richardson's extrapolation of central differences."""
     half, whole = (
-        (motion(table, moved(points, name, k, h)) - motion(table, moved(points, name, k, -h)))
+        (
+            motion(table, with_shifted_value(points, name, k, h))
+            - motion(table, with_shifted_value(points, name, k, -h))
+        )
         / (2 * h)
         for h in (0.5 * d, d)
     )
     return (4 * half - whole) / 3
 
 
-def sided(table, points: dict, name: str, k: int, d: float) -> np.ndarray:
+def one_sided(table, points: dict, name: str, k: int, d: float) -> np.ndarray:
     """Richardson's extrapolation of one-sided differences."""
     here = motion(table, points)
-    half, whole = ((motion(table, moved(points, name, k, h)) - here) / h for h in (0.5 * d, d))
+    half, whole = (
+        (motion(table, with_shifted_value(points, name, k, h)) - here) / h for h in (0.5 * d, d)
+    )
     return 2 * half - whole
 
 
@@ -87,7 +92,7 @@ def test_where_the_sides_differ(table, what, side):
     derivatives = InputDerivative.of_waypoints(table, points, side=side)
     sign = 1.0 if side == "above" else -1.0
     for k, derivative in enumerate(derivatives):
-        wanted = sided(table, points, "crank", k, sign * 1e-6)
+        wanted = one_sided(table, points, "crank", k, sign * 1e-6)
         assert np.max(np.abs(np.array(derivative.evaluate(TIMES)) - wanted)) < 1e-4
     assert not all(derivative.smooth for derivative in derivatives)
 

@@ -18,21 +18,21 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def followed() -> fan.control.Optimum:
+def optimum() -> fan.control.Optimum:
     return fan.optimise(
         tosses.task(fan.loads(tosses.ARM)), exact=True, cost_tolerance=0.0, tolerance=tosses.KKT
     )
 
 
-def test_it_is_solved_with_its_catches(followed):
-    assert followed.status is fan.control.AnswerStatus.SOLVED and followed.kkt <= tosses.KKT
-    assert tosses.catches(followed.run) >= tosses.TOSSES
-    assert followed.run.t[-1] == tosses.DURATION
+def test_it_is_solved_with_its_catches(optimum):
+    assert optimum.status is fan.control.AnswerStatus.SOLVED and optimum.kkt <= tosses.KKT
+    assert tosses.catches(optimum.run) >= tosses.TOSSES
+    assert optimum.run.t[-1] == tosses.DURATION
 
 
-def test_no_direction_lowers_the_cost(followed):
+def test_no_direction_lowers_the_cost(optimum):
     """Along random changes of the accelerations, finite differences of the cost give a minimum."""
-    task, nodes, J = followed.task, followed.nodes, followed.cost
+    task, nodes, J = optimum.task, optimum.nodes, optimum.cost
     chosen, objective = ChosenParameters(task.marionette, task.x0, {}), Objective(task)
     runs = EventRuns(TimeSteps(task.marionette, task.dt, 1, chosen), chosen)
     rng = np.random.default_rng(0)

@@ -38,7 +38,7 @@ def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) 
     return trimesh.Trimesh(corners, faces)
 
 
-def angle() -> trimesh.Trimesh:
+def l_mesh() -> trimesh.Trimesh:
     """The L."""
     outline = [(0, 0), (0.4, 0), (0.4, THICK), (THICK, THICK), (THICK, 0.4), (0, 0.4)]
     return prism(outline, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
@@ -48,7 +48,7 @@ def angle() -> trimesh.Trimesh:
 def folder(tmp_path_factory):
     """Meshes: an L, a tetrahedron, a sheet; boxes, also small, fine, in pieces, hollow or open."""
     path = tmp_path_factory.mktemp("meshes")
-    ell, box = angle().subdivide(), trimesh.creation.box((0.2, 0.3, 0.4))
+    ell, box = l_mesh().subdivide(), trimesh.creation.box((0.2, 0.3, 0.4))
     small = box.copy().apply_scale(0.1)
     assert ell.is_volume and ell.volume == pytest.approx(0.2 * (0.4 * 0.1 + 0.3 * 0.1))
     corner = trimesh.Trimesh(
@@ -76,7 +76,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def there(folder, monkeypatch):
+def in_mesh_folder(folder, monkeypatch):
     monkeypatch.chdir(folder)
 
 
