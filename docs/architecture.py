@@ -14,7 +14,7 @@ PACKAGES = {
     "base": (
         "utilities for every other package",
         "errors, arrays, rotations, polynomials, files; "
-        "`documents`: YAML, JSON schemas, the line of every mistake",
+        "`documents`: YAML, JSON schemas, mistakes with their line numbers",
     ),
     "model": (
         "description of a puppet",
@@ -125,7 +125,7 @@ WALKS = {
         (
             "theatre/plays/runs.py",
             "runs_of",
-            "event-driven run of each company: puppets and props that may touch one another",
+            "event-driven run of each company, the puppets and props that may touch one another",
         ),
         (
             "theatre/plays/verifying.py",
@@ -268,8 +268,8 @@ TASKS = (
         "a method of integration",
         (
             (
-                "the step, its trajectory for the loop of all fixed steps, and a header that "
-                "exports it to Python",
+                "the step, its trajectory with the interface that the common loop of fixed-step "
+                "methods calls, and a header that exports it to Python",
                 (
                     "kernel/cpp/fantoccini/variational/step.hpp",
                     "kernel/cpp/fantoccini/variational/trajectory.hpp",
@@ -317,7 +317,7 @@ TASKS = (
                 "its requirements, the parts it moves, and its verification",
                 ("theatre/script/verbs.py",),
             ),
-            ("place it: a gesture or a walk, or with props", _PLACING),
+            ("place it, as a gesture, as a walk, or with props", _PLACING),
             ("its gesture, if it is not a bundled one", ("theatre/plays/sitting.py",)),
             ("check its run", ("theatre/plays/handled.py",)),
             ("describe it", ("/docs/plays.md",)),
@@ -332,7 +332,7 @@ TASKS = (
                 ("app/cli_support/arguments.py",),
             ),
             ("do the work in a module of its own", ("app/cli/check.py",)),
-            ("describe it; a test looks for every option", ("/docs/cli.md",)),
+            ("describe it and every option, which a test checks", ("/docs/cli.md",)),
             ("list it", ("/tests/cli/test_arguments.py",)),
         ),
     ),
@@ -383,13 +383,13 @@ APART = (
         "has",
     ),
     (
-        "rest that follows hands and parameters",
+        "rest as a function of hands and parameters",
         "kernel/cpp/fantoccini/search/hanging.hpp",
         "Hanging",
         "the same",
-        "the equations of `rest`, but with exact derivatives by q_K and p, for thousands of poses "
-        "per second: a library of its own, without contact. It starts at a `rest`, and its poses "
-        "are rests",
+        "it solves the equations of `rest`, but with exact derivatives with respect to q_K and "
+        "parameters, for thousands of poses per second. It has its own library, without contact. "
+        "It starts at a result of `rest`, and all its poses are equilibria",
     ),
     (
         "pose nearest to a goal",
@@ -397,8 +397,8 @@ APART = (
         "balanced",
         "q_D, q_K and tensions",
         "least squares of forces and goal residuals together, since the pose need not be an "
-        "equilibrium; no library to compile. Tensions by SciPy take a third of the time of a call "
-        "of the compiled solver, and agree with it to rounding",
+        "equilibrium; no library to compile. SciPy computes the tensions in a third of the time "
+        "of a call of the compiled solver; the results agree to rounding",
     ),
     (
         "stance of a puppet",
@@ -473,9 +473,9 @@ Paths are relative to `src/fantoccini`.
 
 ## Equilibria
 
-Nearly everything exists once (`tests/test_one_of_each*.py`). Equilibria are computed in several
-places, which differ in their unknowns or in the library that they need. Paths are relative to
-`src/fantoccini`.
+Nearly every task is done in one place only (`tests/test_one_of_each*.py`). Equilibria are computed
+in several places, which differ in their unknowns or in the library that they need. Paths are
+relative to `src/fantoccini`.
 
 | Problem | Where | Unknowns | Why it is separate |
 |---|---|---|---|
@@ -483,9 +483,10 @@ places, which differ in their unknowns or in the library that they need. Paths a
 
 ## Common extensions
 
-Paths are relative to `src/fantoccini`; those in `docs/` and `tests/`, `README.md` and `mkdocs.yml`
-to the repository. If a folder has several similar files, the named file is the example to copy.
-Every extension also needs a test, a line in `CHANGELOG.md` and a section in the docs.
+Paths are relative to `src/fantoccini`; `README.md`, `mkdocs.yml` and paths that begin with `docs/`
+or `tests/` are relative to the root of the repository. If a folder has several similar files, the
+named file is the example to copy. Every extension also needs a test, a line in `CHANGELOG.md` and a
+section in the docs.
 
 | To add | Change |
 |---|---|

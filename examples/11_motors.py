@@ -1,8 +1,8 @@
-"""Drive a winch with a stepper motor: one that is strong enough, and one that loses steps.
+"""Drive a winch with two stepper motors: one strong enough, and one that loses steps.
 
 The kinematic model moves the string exactly. Here a rotor with a gear and a drum winds it, and the
-holding torque decides whether the arm follows. A weak motor lifts the arm and drops it pole by
-pole. Writes out/motors.png.
+holding torque decides whether the arm follows. A weak motor lifts the arm, then slips and lets it
+fall step by step. The example writes out/motors.png.
 """
 
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The theatre has one language: one kind of cue, one table of verbs, one timeline."""
+"""The theatre has one base class of cues, one table of verbs, and one timeline."""
 
 from __future__ import annotations
 
@@ -35,26 +35,28 @@ pytestmark = pytest.mark.medium
 
 
 def models() -> Iterator[type[Model]]:
-    """Every part of a file of the theatre."""
+    """Every model class that the theatre defines."""
     for info in pkgutil.walk_packages(theatre.__path__, f"{theatre.__name__}."):
         module = importlib.import_module(info.name)
-        own = [part for part in vars(module).values() if isinstance(part, type)]
+        classes = [part for part in vars(module).values() if isinstance(part, type)]
         yield from (
-            part for part in own if issubclass(part, Model) and part.__module__ == module.__name__
+            part
+            for part in classes
+            if issubclass(part, Model) and part.__module__ == module.__name__
         )
 
 
-def members(annotation: object) -> Iterator[type[CueFile]]:
+def cue_types(annotation: object) -> Iterator[type[CueFile]]:
     if isinstance(annotation, type):
         if issubclass(annotation, CueFile):
             yield annotation
         return
     for part in get_args(annotation):
-        yield from members(part)
+        yield from cue_types(part)
 
 
 def test_each_verb_is_a_key_of_one_kind_of_cue():
-    """Among other files, only a gesture file has such a key, for its name."""
+    """Only one model that is no cue has such a key: the gesture file, for its name `gesture`."""
     parts = {key: [part for part in models() if key in part.model_fields] for key in VERBS}
     parts["gesture"] = [part for part in parts["gesture"] if part.__name__ != "GestureFile"]
     assert parts == {key: [verb.cue] for key, verb in VERBS.items()}
@@ -74,7 +76,7 @@ def test_scores_and_plays_take_the_verbs_of_the_table():
     (lanes,) = [ScoreFile.model_fields["lanes"].annotation]
     acts = PlayFile.model_fields["acts"].annotation
     (act,) = [part for part in get_args(acts) if isinstance(part, type)]
-    cues = [*members(lanes), *members(act.model_fields["cues"].annotation)]
+    cues = [*cue_types(lanes), *cue_types(act.model_fields["cues"].annotation)]
     assert sorted(part.verb for part in cues if part.verb) == sorted(VERBS)
 
 
@@ -86,7 +88,7 @@ def test_names_of_a_verb_are_keys_of_its_cues(key: str):
 
 
 def sources() -> Iterator[tuple[str, ast.Module]]:
-    """Every file of the theatre, with its path there."""
+    """Path and syntax tree of every source file of the theatre."""
     root = Path(theatre.__path__[0])
     for path in sorted(root.rglob("*.py")):
         yield path.relative_to(root).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
@@ -102,7 +104,7 @@ def calls(tree: ast.AST, name: str) -> list[ast.Call]:
 
 
 def test_scores_and_plays_have_one_reader():
-    """Nothing else reads their files."""
+    """Only `script/reading.py` reads their files."""
     readers = {
         name
         for name, tree in sources()
@@ -115,18 +117,19 @@ def test_scores_and_plays_have_one_reader():
 def test_there_is_one_timeline_and_one_order_of_placing():
     timelines = {name for name, tree in sources() if calls(tree, "Timeline")}
     assert timelines == {"script/timeline.py"}
-    orders = {name for name, tree in sources() if calls(tree, "TopologicalSorter")}
-    assert orders <= {"script/times.py"}
-    placed = {name for name, tree in sources() if calls(tree, "heappop")}
-    assert {name for name in placed if not name.startswith("ways/")} == {"script/timeline.py"}
+    sorting_modules = {name for name, tree in sources() if calls(tree, "TopologicalSorter")}
+    assert sorting_modules <= {"script/times.py"}
+    heap_modules = {name for name, tree in sources() if calls(tree, "heappop")}
+    assert {name for name in heap_modules if not name.startswith("ways/")} == {"script/timeline.py"}
 
 
 def test_scores_and_plays_have_one_performer():
-    """Only the performer places cues one after the other and creates placed cues."""
+    """Only the performer places cues on the timeline; it and its callers create placed cues."""
     used = {name for name, tree in sources() if calls(tree, "Performer")}
     assert used == {"gestures/placing.py", "plays/placing.py"}
-    for name in ("Turn", "Placed", "Performed"):
-        callers = {name for name, tree in sources() if calls(tree, name)}
+    for kind in ("Turn", "Placed", "Performed"):
+        callers = {name for name, tree in sources() if calls(tree, kind)}
+        assert callers, kind
         assert callers <= {"gestures/performing.py", "gestures/placing.py", "plays/placing.py"}
     placing = [
         (name, call)
@@ -148,15 +151,15 @@ def test_late_cues_are_judged_by_policies():
 
 
 def test_transitions_are_timed_in_one_place():
-    """The duration of a transition sets the start of a motion: `Line.add`, and free lanes."""
-    led = {name for name, tree in sources() if calls(tree, "lead_time")}
-    assert {name for name in led if name.startswith(("plays/", "cast/", "gestures/"))} == {
+    """Only the search for a free lane asks for a transition's time in gestures, casts and plays."""
+    callers = {name for name, tree in sources() if calls(tree, "lead_time")}
+    assert {name for name in callers if name.startswith(("plays/", "cast/", "gestures/"))} == {
         "gestures/performing.py"
     }
 
 
 def test_the_other_side_is_named_in_one_place():
-    """Both sides, of players and of props, are named in one module."""
+    """Only one module defines a constant with the words left and right."""
     modules = [
         name
         for name, tree in sources()
@@ -169,10 +172,21 @@ def test_the_other_side_is_named_in_one_place():
     assert modules == ["cast/contacts.py"]
 
 
-VALUES = (Actor, Hands, Results, Line, OnStage, Part, Performed, Performer, Placed, Placement)
+PLACING_VALUES = (
+    Actor,
+    Hands,
+    Results,
+    Line,
+    OnStage,
+    Part,
+    Performed,
+    Performer,
+    Placed,
+    Placement,
+)
 
 
-@pytest.mark.parametrize("kind", [*VALUES, Policy, Round, Timeline, Turn, Corrections])
+@pytest.mark.parametrize("kind", [*PLACING_VALUES, Policy, Round, Timeline, Turn, Corrections])
 def test_values_of_placing_are_immutable(kind: type):
     assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen
     for field in dataclasses.fields(kind):
@@ -191,10 +205,10 @@ def test_gestures_are_varied_in_one_place():
         if isinstance(call.func, ast.Attribute)
     }
     assert varied == {"gestures/styling.py"}
-    words = {
+    modules = {
         name
         for name, tree in sources()
         for node in ast.walk(tree)
         if isinstance(node, ast.Subscript) and getattr(node.value, "id", "") == "HOW"
     }
-    assert words == {"gestures/styling.py"}
+    assert modules == {"gestures/styling.py"}

@@ -1,4 +1,4 @@
-"""18.7: the site: navigation, links, reference, and its build."""
+"""The documentation site: navigation, links, reference and build."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from docs.site.links import LINK, PAGES, for_site
 from ruamel.yaml import YAML
 
 ROOT = Path(__file__).resolve().parents[1]
-WRITTEN = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+WRITTEN_PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 
 
 def navigation(entries: list | dict | str) -> Iterator[str]:
@@ -48,7 +48,7 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[\s-]+", "-", heading) for heading in plain}
 
 
-@pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.stem)
+@pytest.mark.parametrize("page", WRITTEN_PAGES, ids=lambda p: p.stem)
 def test_links_lead_to_files_and_anchors(page):
     for _, _, file, anchor in LINK.findall(page.read_text(encoding="utf-8")):
         if "://" in file:
@@ -58,11 +58,11 @@ def test_links_lead_to_files_and_anchors(page):
         assert not anchor or anchor[1:] in anchors(target), (file, anchor)
 
 
-@pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.stem)
+@pytest.mark.parametrize("page", WRITTEN_PAGES, ids=lambda p: p.stem)
 def test_a_page_opens_with_a_title_and_a_sentence(page):
     title, text = page.read_text(encoding="utf-8").split("\n\n")[:2]
     assert re.fullmatch(r"# [^\n]+", title)
-    assert re.match(r"[\w`]", text), "a sentence says first what the page is for"
+    assert re.match(r"[\w`]", text), "the first sentence must say what the page is for"
 
 
 def test_links_are_rewritten_for_the_site():
@@ -85,10 +85,10 @@ def test_the_reference_has_every_public_name_by_a_path_that_imports():
     assert public <= set(paths)
 
 
-@pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.stem)
+@pytest.mark.parametrize("page", WRITTEN_PAGES, ids=lambda p: p.stem)
 def test_the_reference_has_the_names_that_the_guide_uses(page):
     paths = {path for page in reference.paths().values() for path in page}
-    if page.stem not in ("equations", "CHANGELOG"):  # these name functions inside of packages
+    if page.stem not in ("equations", "CHANGELOG"):  # these pages name private functions
         used = re.findall(r"`(fantoccini\.[\w.]*\w)(?=[`(])", page.read_text(encoding="utf-8"))
         assert [name for name in used if name not in paths and "hpp" not in name] == []
 
@@ -108,8 +108,8 @@ def test_an_examples_key_follows_its_source(tmp_path):
     assert examples.key(first) == examples.key(first) != examples.key(second)
 
 
-def test_the_architecture_page_is_the_one_that_is_written():
-    """`make architecture` writes both."""
+def test_the_architecture_page_is_up_to_date():
+    """The page and its picture are up to date; `make architecture` writes them."""
     assert architecture.PAGE.read_text(encoding="utf-8") == architecture.page()
     assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.drawing()
 
@@ -139,7 +139,7 @@ def test_the_architecture_page_fits_on_two_screens():
 @pytest.mark.slow
 @pytest.mark.skipif(
     not all(map(importlib.util.find_spec, ("mkdocs", "mkdocstrings"))),
-    reason="the extra docs is not installed",
+    reason="the docs extra is not installed",
 )
 def test_the_site_builds_without_warnings(tmp_path):
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]

@@ -1,4 +1,4 @@
-"""Editors know the types of a user's script: results of the public functions are typed."""
+"""The public functions are typed, so that editors can check a user's script."""
 
 from pathlib import Path
 
@@ -58,7 +58,7 @@ assert_type(stepper.run(1.0, lambda x: {"hand.length": -x.t}, rate=100.0), list[
 assert_type(arm.flow(x0, lift), fan.dynamics.Flow)
 """
 
-WRONG = """
+WRONG_SCRIPT = """
 import fantoccini as fan
 
 arm = fan.load("arm2d.yaml")
@@ -69,22 +69,22 @@ fan.TimeStepping(rtol=1e-9)
 """
 
 
-def check(script: str, folder: Path) -> list[str]:
+def mypy_errors(script: str, folder: Path) -> list[str]:
     """Errors of `mypy --strict` in a script that uses the package."""
     api = pytest.importorskip("mypy.api")
     file = folder / "script.py"
     file.write_text(script, encoding="utf-8")
     config = str(ROOT / "pyproject.toml")
     options = ["--strict", "--config-file", config, "--cache-dir", str(folder / "cache")]
-    said, trouble, _ = api.run([*options, str(file)])
-    assert not trouble
-    return [line for line in said.splitlines() if line.startswith(str(file))]
+    report, failure, _ = api.run([*options, str(file)])
+    assert not failure
+    return [line for line in report.splitlines() if line.startswith(str(file))]
 
 
 @pytest.mark.slow
 def test_an_editor_knows_what_the_public_functions_return(tmp_path, monkeypatch):
-    """18.6: results of simulate and the like are typed, and a strict checker finds mistakes."""
+    """mypy --strict accepts the typed results in one script, and finds the mistakes in another."""
     monkeypatch.chdir(ROOT)
-    assert check(SCRIPT, tmp_path) == []
-    lines = [int(line.split(":")[1]) for line in check(WRONG, tmp_path)]
+    assert mypy_errors(SCRIPT, tmp_path) == []
+    lines = [int(line.split(":")[1]) for line in mypy_errors(WRONG_SCRIPT, tmp_path)]
     assert sorted(set(lines)) == [5, 6, 7, 8]

@@ -1,4 +1,4 @@
-"""Synthetic records: event-driven runs of a puppet with other parameters, seen by noisy cameras."""
+"""Synthetic records: noisy marker positions from event-driven runs with other parameters."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ class Case:
         markers: markers with guessed positions.
         signed: parameters that may be negative.
         tensions: strings whose tension is recorded.
-        beat, reach: interval and range of the waypoints of the motion [s], [m].
+        beat, reach: interval between the waypoints of the motion [s], and their largest distance
+            from the start [m].
     """
 
     puppet: fan.Marionette
@@ -65,22 +66,22 @@ def record(
         duration: [s].
         seed: seed of motion and noise.
         noise, force_noise: standard deviations [m], [N].
-        gaps: share of the time for which each marker is hidden, in one piece.
+        gaps: largest share of the time during which each marker is hidden, in one interval.
         outliers: share of the samples with errors of some centimetres.
         known: parameter -> standard deviation of its prior.
     """
     rng = np.random.default_rng(1000 + seed)
     inputs = motion(case, duration, seed)
-    own = {k: x for k, x in case.truth.items() if k in case.puppet.tree.parameters}
-    true = case.puppet.with_parameters(own)
+    true_parameters = {k: x for k, x in case.truth.items() if k in case.puppet.tree.parameters}
+    true_puppet = case.puppet.with_parameters(true_parameters)
     delay = case.truth.get("delay", 0.0)
     offsets = {k.removesuffix(" offset"): x for k, x in case.truth.items() if k.endswith(" offset")}
-    played = inputs
+    inputs_with_offsets = inputs
     if offsets:
         q_K, _, _ = inputs.evaluate(inputs.breaks)
         table = case.puppet.coordinates
-        played = fan.Input.waypoints(
-            true,
+        inputs_with_offsets = fan.Input.waypoints(
+            true_puppet,
             {
                 name: [
                     (t, x + offsets.get(name, 0.0))
@@ -90,14 +91,19 @@ def record(
             },
         )
     t = np.arange(0.2, duration - 0.2, 1.0 / RATE)
-    x0 = true.rest(played.first_values())
+    x0 = true_puppet.rest(inputs_with_offsets.first_values())
     run = fan.simulate(
-        true, x0, played, duration, method=fan.Event(rtol=1e-9, atol=1e-9), save_at=t - delay
+        true_puppet,
+        x0,
+        inputs_with_offsets,
+        duration,
+        method=fan.Event(rtol=1e-9, atol=1e-9),
+        save_at=t - delay,
     )
     assert run.status is fan.Status.DONE, run.status
     seen = run.resample(t - delay)
-    poses = true.poses(seen.q_D, seen.q_K)
-    links = [link.name for link in true.tree.links]
+    poses = true_puppet.poses(seen.q_D, seen.q_K)
+    links = [link.name for link in true_puppet.tree.links]
     columns = {}
     for marker in case.markers:
         at = [
@@ -117,7 +123,7 @@ def record(
         columns[f"{name}.tension"] = seen.tension[name] + force_noise * rng.standard_normal(len(t))
     unknown = [
         fan.lab.Unknown(name, known=(known or {}).get(name), positive=name not in case.signed)
-        for name in own
+        for name in true_parameters
     ]
     return fan.lab.Record(
         case.puppet,
@@ -176,12 +182,12 @@ _ARM_TRUTH = {
 
 
 def arm() -> Case:
-    """The paper's arm, 4 dynamic and 3 driven coordinates; the lower arm's mass is known."""
+    """The paper's arm, with 4 dynamic and 3 driven coordinates; the lower arm's mass is given."""
     puppet = fan.loads(ARM).with_parameters({"lower_mass": 0.1})
     return Case(puppet, _ARM_TRUTH, _ARM_MARKERS, ("tie",))
 
 
-_MARKED = (
+_PARAMETER_EDITS = (
     ("drag: {linear: 0.15,", "drag: {linear: {parameter: drag, value: 0.15},"),
     (
         "damping: 8.0e-4\n      cone: {max: 105",
@@ -227,7 +233,7 @@ _MARIONETTE_TRUTH = {
 def marionette() -> Case:
     """The marionette, 25 dynamic and 21 driven coordinates, with 13 markers."""
     text = fan.puppets.path("marionette").read_text(encoding="utf-8")
-    for old, new in _MARKED:
+    for old, new in _PARAMETER_EDITS:
         assert old in text, old
         text = text.replace(old, new, 1)
     markers = [

@@ -1,7 +1,7 @@
-"""MuJoCo in a separate process, so that two versions can be timed in turns.
+"""Runs MuJoCo in a separate process, so that two versions can be timed alternately.
 
 It needs only the mujoco wheel. Every line of stdin is a request in JSON, ``{"task": name,
-...}``; every line of stdout its answer. States are given and returned joint by joint:
+...}``; every line of stdout is its answer. States are given and returned joint by joint:
 ``{joint: [numbers]}`` in MuJoCo's own order and axes.
 """
 
@@ -30,40 +30,43 @@ class Bench:
         self.pools: dict[int, rollout.Rollout] = {}
 
     def load(self, name: str, text: str) -> dict:
-        """A model from its MJCF text."""
+        """Loads a model from MJCF text."""
         self.models[name] = model = mujoco.MjModel.from_xml_string(text)
         return {"version": mujoco.__version__, "nv": model.nv, "nq": model.nq}
 
     def accelerate(self, model: str, q: dict, v: dict) -> dict:
-        """Accelerations without constraints."""
-        m, d = self._put(model, {}, q, v)
+        """Computes the accelerations without constraints."""
+        m, d = self._prepared(model, {}, q, v)
         m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         mujoco.mj_forward(m, d)
         return {"acc": {name: d.joint(name).qacc.tolist() for name in q}}
 
     def step(self, model: str, settings: dict, q: dict, v: dict, steps: int) -> dict:
-        """Time of a step [s], the final state, and the tension of every tendon there."""
-        m, d = self._put(model, settings, q, v)
+        """Measures the time of a step [s]; also returns the final state and tendon tensions."""
+        m, d = self._prepared(model, settings, q, v)
         mujoco.mj_step(m, d, WARM_UP)
-        self._place(m, d, q, v)
+        self._set_state(m, d, q, v)
         start = time.thread_time()
         mujoco.mj_step(m, d, steps)
         took = time.thread_time() - start
         end, speed = self._joints(m, d, q)
         mujoco.mj_forward(m, d)
-        on = d.efc_type[: d.nefc] == mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON
-        who, force = d.efc_id[: d.nefc][on].tolist(), d.efc_force[: d.nefc][on].tolist()
-        pull = dict(zip(who, force, strict=True))
-        tension = {m.tendon(i).name: pull.get(i, 0.0) for i in range(m.ntendon)}
+        is_tendon_limit = d.efc_type[: d.nefc] == mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON
+        tendon_ids, force = (
+            d.efc_id[: d.nefc][is_tendon_limit].tolist(),
+            d.efc_force[: d.nefc][is_tendon_limit].tolist(),
+        )
+        force_by_tendon = dict(zip(tendon_ids, force, strict=True))
+        tension = {m.tendon(i).name: force_by_tendon.get(i, 0.0) for i in range(m.ntendon)}
         return {"seconds": took / steps, "q": end, "v": speed, "tension": tension}
 
     def rollout(self, model: str, settings: dict, states: list, steps: int, threads: int) -> dict:
-        """Time of all trajectories from several states [s], on a pool of threads."""
-        m, d = self._put(model, settings, *states[0])
+        """Measures the time [s] of trajectories from several states on a pool of threads."""
+        m, d = self._prepared(model, settings, *states[0])
         full = mujoco.mjtState.mjSTATE_FULLPHYSICS
         start = np.empty((len(states), mujoco.mj_stateSize(m, full)))
         for row, (q, v) in zip(start, states, strict=True):
-            self._place(m, d, q, v)
+            self._set_state(m, d, q, v)
             mujoco.mj_getState(m, d, row, full)
         data = [mujoco.MjData(m) for _ in range(threads)]
         pool = self.pools.setdefault(threads, rollout.Rollout(nthread=threads))
@@ -74,7 +77,7 @@ class Bench:
         took = time.perf_counter() - began
         return {"seconds": took, "finite": bool(np.isfinite(out).all())}
 
-    def _put(self, name: str, settings: dict, q: dict, v: dict):
+    def _prepared(self, name: str, settings: dict, q: dict, v: dict):
         model = self.models[name]
         flags = mujoco.mjtDisableBit
         off = flags.mjDSBL_CONTACT | flags.mjDSBL_AUTORESET
@@ -92,11 +95,11 @@ class Bench:
         model.tendon_solref_lim[:] = settings.get("solref", SOLREF)
         model.tendon_solimp_lim[:] = settings.get("solimp", SOLIMP)
         data = mujoco.MjData(model)
-        self._place(model, data, q, v)
+        self._set_state(model, data, q, v)
         return model, data
 
     @staticmethod
-    def _place(m, d, q: dict, v: dict) -> None:
+    def _set_state(m, d, q: dict, v: dict) -> None:
         mujoco.mj_resetData(m, d)
         for name, values in q.items():
             d.joint(name).qpos[:] = values

@@ -19,11 +19,11 @@ class Subject:
 
     Attributes:
         name: name of the bundled puppet.
-        moves: driven coordinate -> its displacement [m] within ``taken`` [s].
+        moves: driven coordinate -> its displacement [m] over the duration of the moves.
         taken: duration of the moves [s].
         t_end: end of the motion [s].
         string: string whose lower end is compared.
-        pieces: numbers of pieces of the chains.
+        pieces: compared numbers of pieces of each chain.
     """
 
     name: str
@@ -34,11 +34,11 @@ class Subject:
     pieces: tuple[int, ...]
 
     def massless(self) -> Marionette:
-        """The puppet on constraints."""
+        """The puppet on massless strings, which are constraints."""
         return getattr(puppets, self.name)()
 
     def chained(self, **chain) -> Marionette:
-        """The puppet on chains."""
+        """The puppet on chains of point masses and springs."""
         return Marionette(self.massless().puppet.with_chains(**chain))
 
     def inputs(self, puppet: Marionette, x: State) -> fan.Input:
@@ -46,7 +46,10 @@ class Subject:
         start = dict(zip(puppet.coordinates.q_K, x.q_K, strict=True))
         return fan.Input.waypoints(
             puppet,
-            {n: [(0, start[n]), (self.taken, start[n] + by)] for n, by in self.moves.items()},
+            {
+                n: [(0, start[n]), (self.taken, start[n] + displacement)]
+                for n, displacement in self.moves.items()
+            },
         )
 
     def hand(self, puppet: Marionette, run: fan.Trajectory) -> np.ndarray:

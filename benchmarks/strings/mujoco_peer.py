@@ -1,8 +1,8 @@
-"""The same mechanisms in MuJoCo: strings are spatial tendons with a limited length.
+"""The mechanisms of scenarios.py in MuJoCo: strings are spatial tendons of limited length.
 
-Its limits are soft. ``default`` keeps MuJoCo's `solreflimit` and `solimplimit`; ``stiffest``
-is the shortest time constant that its safeguard allows, two steps, with the highest impedance;
-``overdamped`` is the same with twice the damping. Resetting after a NaN is switched off.
+MuJoCo's limits are soft. ``default`` keeps its `solreflimit` and `solimplimit`; ``stiffest``
+has the shortest time constant that `refsafe` allows, two steps, and the highest impedance;
+``overdamped`` is ``stiffest`` with twice the damping. Resetting after a NaN is switched off.
 """
 
 from __future__ import annotations
@@ -40,21 +40,23 @@ class Peer:
 
         Args:
             body: MJCF of bodies and sites.
-            tendon: ``range`` attribute's upper end, then the sites.
+            tendon: the tendon's greatest length [m], then the names of its sites.
             dt: step [s].
             setting: one of DAMPING.
             integrator: ``Euler`` or ``RK4``.
         """
         length, *sites = tendon.split()
-        soft, damping = "", DAMPING[setting]
+        limit_attributes, damping = "", DAMPING[setting]
         if damping:
-            soft = f'solreflimit="{2 * dt!r} {damping}" solimplimit="0.9999 0.9999 0.001 0.5 2"'
+            limit_attributes = (
+                f'solreflimit="{2 * dt!r} {damping}" solimplimit="0.9999 0.9999 0.001 0.5 2"'
+            )
         text = (
             f'<mujoco><compiler angle="radian"/><option timestep="{dt!r}" '
             f'integrator="{integrator}" gravity="0 0 {-GRAVITY}" tolerance="1e-14" '
             'iterations="200" jacobian="dense"><flag contact="disable" autoreset="disable"/>'
             f'</option><worldbody>{body}</worldbody><tendon><spatial name="line" limited="true" '
-            f'range="0 {length}" {soft}>'
+            f'range="0 {length}" {limit_attributes}>'
             + "".join(f'<site site="{site}"/>' for site in sites)
             + "</spatial></tendon></mujoco>"
         )
@@ -72,16 +74,16 @@ class Peer:
         return self.data.qpos.copy(), self.data.qvel.copy()
 
     def course(self, steps: int) -> tuple[Array, Array, Array]:
-        """Step by step: (n, nq) positions, (n, nv) velocities, (n,) tension [N] at each."""
-        q, v, pull = [], [], []
+        """Before each step: (n, nq) positions, (n, nv) velocities and (n,) tension [N]."""
+        q, v, tension = [], [], []
         for _ in range(steps):
-            # After a step the forces may be those of its last stage.
+            # After an RK4 step the forces are those of its last stage: evaluate them again.
             mujoco.mj_forward(self.model, self.data)
             q.append(self.data.qpos.copy())
             v.append(self.data.qvel.copy())
-            pull.append(float(np.sum(self.data.efc_force)))
+            tension.append(float(np.sum(self.data.efc_force)))
             mujoco.mj_step(self.model, self.data)
-        return np.array(q), np.array(v), np.array(pull)
+        return np.array(q), np.array(v), np.array(tension)
 
 
 def pendulum(dt: float, setting: str, integrator: str = "RK4") -> Peer:
@@ -102,8 +104,9 @@ def arm(dt: float, setting: str, integrator: str = "RK4") -> Peer:
     return Peer.of(body, f"{FALL['hand.length']} hook tip", dt, setting, integrator)
 
 
-def _link(mass: float, length: float, inertia: float, inside: str, at: float) -> str:
+def _link(mass: float, length: float, inertia: float, children: str, at: float) -> str:
     return (
         f'<body pos="{at} 0 0"><joint type="hinge" axis="0 -1 0"/><inertial mass="{mass}" '
-        f'pos="{length / 2} 0 0" diaginertia="{inertia / 10} {inertia} {inertia}"/>{inside}</body>'
+        f'pos="{length / 2} 0 0" diaginertia="{inertia / 10} {inertia} {inertia}"/>'
+        f"{children}</body>"
     )

@@ -1,4 +1,4 @@
-"""A player of glTF, written from its specification; `pygltflib` parses the file."""
+"""Evaluates glTF animations, written from the specification; `pygltflib` parses the file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Sampler:
         t: (K,) [s].
         values: (K, n), or (K, 3, n) for cubic splines.
         interpolation: ``LINEAR`` or ``CUBICSPLINE``.
-        quaternion: the values are normalised.
+        quaternion: whether the values are quaternions, which are normalised.
     """
 
     t: np.ndarray
@@ -31,7 +31,7 @@ class Sampler:
     quaternion: bool
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """(T, n) values, by appendix C of the specification."""
+        """(T, n) values at times (T,), computed as in appendix C of the specification."""
         times = np.clip(times, self.t[0], self.t[-1])
         k = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)
         d = (self.t[k + 1] - self.t[k])[:, None]
@@ -89,13 +89,13 @@ class Player:
         """(T, 4, 4) of a node in the world."""
         k = self.names.index(name)
         node = self.gltf.nodes[k]
-        own = np.tile(np.eye(4), (len(times), 1, 1))
-        own[:, :3, :3] = _matrices(self._value(name, "rotation", node.rotation, times))
-        own[:, :3, :3] *= self._value(name, "scale", node.scale, times)[:, None]
-        own[:, :3, 3] = self._value(name, "translation", node.translation, times)
+        local_matrices = np.tile(np.eye(4), (len(times), 1, 1))
+        local_matrices[:, :3, :3] = _matrices(self._value(name, "rotation", node.rotation, times))
+        local_matrices[:, :3, :3] *= self._value(name, "scale", node.scale, times)[:, None]
+        local_matrices[:, :3, 3] = self._value(name, "translation", node.translation, times)
         if k in self.parents:
-            own = self.matrices(self.names[self.parents[k]], times) @ own
-        return own
+            local_matrices = self.matrices(self.names[self.parents[k]], times) @ local_matrices
+        return local_matrices
 
     def vertices(self, name: str, times: np.ndarray) -> np.ndarray:
         """(T, n, 3) of a skinned mesh in the world [m]."""
@@ -120,21 +120,23 @@ class Player:
                 out[:, n] += w * (bones[j] @ places[:, n, :, None])[..., 0]
         return out[..., :3]
 
-    def _value(self, name: str, path: str, still: list | None, times: np.ndarray) -> np.ndarray:
+    def _value(self, name: str, path: str, default: list | None, times: np.ndarray) -> np.ndarray:
         if (name, path) in self.samplers:
             return self.samplers[name, path].at(times)
-        none = {"rotation": [0, 0, 0, 1], "scale": [1, 1, 1], "translation": [0, 0, 0]}
-        return np.tile(none[path] if still is None else still, (len(times), 1)).astype(float)
+        identity = {"rotation": [0, 0, 0, 1], "scale": [1, 1, 1], "translation": [0, 0, 0]}
+        return np.tile(identity[path] if default is None else default, (len(times), 1)).astype(
+            float
+        )
 
     def _numbers(self, accessor: int) -> np.ndarray:
-        about = self.gltf.accessors[accessor]
-        view = self.gltf.bufferViews[about.bufferView]
-        width = _WIDTHS[about.type]
-        kind = np.dtype(_TYPES[about.componentType])
+        accessor_entry = self.gltf.accessors[accessor]
+        view = self.gltf.bufferViews[accessor_entry.bufferView]
+        width = _WIDTHS[accessor_entry.type]
+        kind = np.dtype(_TYPES[accessor_entry.componentType])
         assert view.byteStride in (None, width * kind.itemsize)
-        start = view.byteOffset + about.byteOffset
-        count = about.count * width
-        return np.frombuffer(self._blob, kind, count, start).reshape(about.count, width)
+        start = view.byteOffset + accessor_entry.byteOffset
+        count = accessor_entry.count * width
+        return np.frombuffer(self._blob, kind, count, start).reshape(accessor_entry.count, width)
 
 
 def _matrices(xyzw: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Folders of the cache: private, and replaced by a private folder if they are not writable."""
+"""Cache folders are private; a private temporary folder replaces one that cannot be written."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from fantoccini.kernel import build
 from fantoccini.kernel.build import folders
 
 
-def refuge_of(entry: Path, key: str) -> Path:
+def stand_in_of(entry: Path, key: str) -> Path:
     assert entry.name == key
     return entry.parent.parent
 
 
 def test_a_cache_that_cannot_be_made_has_a_private_stand_in(tmp_path, key, source, monkeypatch):
-    """The chosen folder lies below a regular file, which stops the superuser too."""
+    """The chosen folder would lie inside a regular file, so not even root can create it."""
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path / "file" / "cache"))
     with pytest.warns(RuntimeWarning, match="the cache folder is not used") as warned:
         entry = build.obtain(key, source)
     assert len(warned) == 1
-    refuge = refuge_of(entry, key)
+    refuge = stand_in_of(entry, key)
     assert refuge == tmp_path / "temporary" / f"fantoccini-{os.geteuid()}"
     assert refuge.stat().st_mode & 0o777 == 0o700
     with pytest.warns(RuntimeWarning):
@@ -62,7 +62,7 @@ def test_a_read_only_or_full_disk_has_a_private_stand_in(
 def test_a_disk_that_fills_while_compiling_has_a_private_stand_in(
     cache, key, source, monkeypatch, program
 ):
-    """The compiler itself meets the full disk, only in the cache folder."""
+    """The compiler itself finds the disk full, but only in the cache folder."""
     full = program(
         "full",
         f'case "$PWD" in {cache}*) [ "$1" = --version ] || '
@@ -114,8 +114,8 @@ def test_a_folder_of_another_user_is_refused(cache, key, source, monkeypatch):
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o1777])
-def test_a_group_that_others_can_write_is_refused(cache, key, source, mode):
-    """17.33: this holds even if its entries exist already and nothing would be written."""
+def test_a_subfolder_that_others_can_write_to_is_refused(cache, key, source, mode):
+    """17.33: the folder is refused even if its entries exist and nothing would be written."""
     build.obtain(key, source)
     (cache / key[:2]).chmod(mode)
     with pytest.warns(RuntimeWarning, match="written by other users"):
@@ -128,22 +128,22 @@ def test_a_group_that_others_can_write_is_refused(cache, key, source, mode):
 def test_an_entry_that_others_may_have_written_is_compiled_again(
     tmp_path, cache, key, source, what, trouble
 ):
-    """17.33: an entry, or one of its files, that another user may have written."""
+    """17.33: an entry is compiled again if another user may have written it or one of its files."""
     path = build.obtain(key, lambda: source(1)) / what
     match trouble:
         case "writable":
             path.chmod(path.stat().st_mode | 0o022)
-            said = "written by other users"
+            expected_reason = "written by other users"
         case "foreign":
             if os.geteuid() != 0:
                 pytest.skip("only the superuser can give a file away")
             os.chown(path, 12345, -1)
-            said = "belongs to another user"
+            expected_reason = "belongs to another user"
         case "link":
             path.rename(tmp_path / "elsewhere")
             path.symlink_to(tmp_path / "elsewhere")
-            said = "is not a f"
-    with pytest.warns(RuntimeWarning, match=said):
+            expected_reason = "is not a f"
+    with pytest.warns(RuntimeWarning, match=expected_reason):
         entry = build.obtain(key, lambda: source(2))
     assert entry == cache / key[:2] / key
     assert not entry.is_symlink()
@@ -154,7 +154,7 @@ def test_an_entry_that_others_may_have_written_is_compiled_again(
 
 
 def test_files_of_an_entry_are_private_whatever_the_umask(key, source):
-    """17.33: a umask of 002 makes files that a group can write."""
+    """17.33: files are private even with a umask of 0, which lets everybody write."""
     old = os.umask(0)
     try:
         entry = build.obtain(key, source)
@@ -166,8 +166,8 @@ def test_files_of_an_entry_are_private_whatever_the_umask(key, source):
 
 
 @pytest.mark.parametrize("what", ["link", "pipe"])
-def test_a_lock_is_a_file_and_no_link(tmp_path, cache, key, source, what):
-    """17.33: the target of a link is not emptied; a pipe is not waited for."""
+def test_a_lock_is_a_file_and_not_a_link(tmp_path, cache, key, source, what):
+    """17.33: the target of a lock that is a link is not emptied; a pipe is not waited for."""
     lock = cache / key[:2] / f"{key}.lock"
     cache.mkdir(mode=0o700)
     lock.parent.mkdir(mode=0o700)
@@ -180,11 +180,11 @@ def test_a_lock_is_a_file_and_no_link(tmp_path, cache, key, source, what):
     assert precious.read_text() == "kept"
 
 
-@pytest.mark.parametrize("squatter", ["open folder", "link", "file"])
-def test_a_stand_in_prepared_by_another_user_is_refused(tmp_path, squatter):
-    """Anybody may create a folder of the known name; then a fresh one is created."""
+@pytest.mark.parametrize("occupant", ["open folder", "link", "file"])
+def test_a_stand_in_prepared_by_another_user_is_refused(tmp_path, occupant):
+    """Anybody may create a folder of the private folder's known name; then a fresh one is used."""
     place = tmp_path / "temporary" / f"fantoccini-{os.geteuid()}"
-    match squatter:
+    match occupant:
         case "open folder":
             place.mkdir()
             place.chmod(0o755)

@@ -89,12 +89,12 @@ def test_the_key_changes_with_the_standard_flags(runtime, monkeypatch):
 
 
 def test_the_processors_features_are_a_set(tmp_path):
-    """Their order, the clock rate and the other cores do not matter."""
+    """The order of the flags, the clock rate and the flags of other cores do not matter."""
     first, second = tmp_path / "one", tmp_path / "two"
     first.write_text("cpu MHz\t: 2600\nflags\t\t: avx2 fma sse2\n\nflags\t\t: none\n")
     second.write_text("cpu MHz\t: 1200\nflags\t\t: sse2 avx2 fma\n")
     assert key_module.processor(first) == key_module.processor(second) == "avx2 fma sse2"
 
 
-def test_the_runtime_is_hashed_where_the_package_lies():
+def test_the_runtime_folder_is_inside_the_package():
     assert build.runtime_folder().parent == Path(build.__file__).resolve().parent.parent

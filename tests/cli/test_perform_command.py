@@ -1,4 +1,4 @@
-"""fantoccini perform: a page and messages, until Ctrl-C."""
+"""`fantoccini perform` serves a page and exchanges OSC messages until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def test_a_show_is_directed_by_messages_until_ctrl_c(tmp_path):
     (tmp_path / "short.yaml").write_text(PLAY, encoding="utf-8")
-    ears = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    ears.bind(("127.0.0.1", 0))
-    ears.settimeout(30.0)
+    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    receiver.bind(("127.0.0.1", 0))
+    receiver.settimeout(30.0)
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(
         [
@@ -41,7 +41,7 @@ def test_a_show_is_directed_by_messages_until_ctrl_c(tmp_path):
             "--osc-in",
             "0",
             "--osc-out",
-            f"127.0.0.1:{ears.getsockname()[1]}",
+            f"127.0.0.1:{receiver.getsockname()[1]}",
         ],
         env={**os.environ, "PYTHONPATH": path},
         stdout=subprocess.PIPE,
@@ -51,23 +51,23 @@ def test_a_show_is_directed_by_messages_until_ctrl_c(tmp_path):
     )
     watch = threading.Timer(180.0, process.kill)
     watch.start()
-    said = ""
-    while "press Ctrl-C to stop" not in said and (line := process.stderr.readline()):
-        said += line
-    heard_at = re.search(r"OSC messages are received at 127\.0\.0\.1:(\d+)", said)
-    assert heard_at is not None, said
-    ears.sendto(OscMessageBuilder("/go").build().dgram, ("127.0.0.1", int(heard_at[1])))
-    addresses = [OscPacket(ears.recv(65536)).messages[0].message.address for _ in range(2)]
+    stderr_text = ""
+    while "press Ctrl-C to stop" not in stderr_text and (line := process.stderr.readline()):
+        stderr_text += line
+    osc_in_address = re.search(r"OSC messages are received at 127\.0\.0\.1:(\d+)", stderr_text)
+    assert osc_in_address is not None, stderr_text
+    receiver.sendto(OscMessageBuilder("/go").build().dgram, ("127.0.0.1", int(osc_in_address[1])))
+    addresses = [OscPacket(receiver.recv(65536)).messages[0].message.address for _ in range(2)]
     process.send_signal(signal.SIGINT)
     process.communicate()
     watch.cancel()
-    ears.close()
+    receiver.close()
     assert addresses == ["/act", "/cue/1/start"]
     assert process.returncode == 0
 
 
 def test_messages_are_not_sent_to_port_0(tmp_path):
-    """Port 0 means any free port for incoming messages."""
+    """Port 0 means any free port for incoming messages, so it cannot be a destination."""
     (tmp_path / "short.yaml").write_text(PLAY, encoding="utf-8")
     done = fantoccini("perform", tmp_path / "short.yaml", "--osc-in", "0", "--osc-out", "::1:0")
     assert done.exit_code == 2

@@ -1,4 +1,4 @@
-"""linearise_step with contact: differences of steps in every mode, and missing derivatives."""
+"""linearise_step with contact: finite differences in every mode, and missing derivatives."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ DT = 0.002
 
 
 @dataclass(frozen=True)
-class Steps:
-    """Steps of differences by configurations, velocities, and accelerations and forces."""
+class DifferenceSizes:
+    """Sizes of finite differences in configurations, velocities, and accelerations and forces."""
 
     q: float = 1e-7
     v: float = 1e-6
@@ -42,11 +42,11 @@ def check_step(
     x: fan.State,
     modes: list[str],
     bound: float = 1e-7,
-    steps: Steps = Steps(),
+    steps: DifferenceSizes = DifferenceSizes(),
     seed: int | None = None,
     dt: float = DT,
 ):
-    """A, B, B_u, B_p and the derivatives of forces are differences of steps."""
+    """A, B, B_u, B_p and derivatives of contact forces agree with finite differences."""
     t = puppet.coordinates
     n, k, n_p = t.n_vD, t.n_vK, len(puppet.p)
     acc_K, u_D = np.zeros(k), np.zeros(n)
@@ -61,19 +61,19 @@ def check_step(
     widths = {"q_D": n, "v_D": n, "q_K": k, "v_K": k, "acc_K": k, "u_D": n, "p": n_p}
     places = np.cumsum([0, *widths.values()])
 
-    def reached(d: np.ndarray) -> np.ndarray:
+    def end_for(d: np.ndarray) -> np.ndarray:
         q_D, v_D, q_K, v_K, acc, u, p = np.split(d, places[1:-1])
         changed = puppet
         if np.any(p):
             values = zip(puppet.tree.parameters.items(), p, strict=True)
             changed = puppet.with_parameters({name: value + dp for (name, value), dp in values})
-        there = x.replace(
+        x_changed = x.replace(
             q_D=moved(x.q_D, q_D, t.scalars_D, t.quaternions_D),
             v_D=x.v_D + v_D,
             q_K=moved(x.q_K, q_K, t.scalars_K, t.quaternions_K),
             v_K=x.v_K + v_K,
         )
-        y, force = step(changed, there, acc_K + acc, u_D + u, dt)
+        y, force = step(changed, x_changed, acc_K + acc, u_D + u, dt)
         return np.concatenate(
             [
                 apart(end.q_D, y.q_D, n, t.scalars_D, t.quaternions_D),
@@ -85,15 +85,15 @@ def check_step(
         )
 
     sizes = {"q_D": steps.q, "v_D": steps.v, "q_K": steps.q, "v_K": steps.v, "p": steps.q}
-    of_state = np.concatenate([lin.A, lin.B, lin.B_u, lin.B_p], axis=1)
+    state_derivatives = np.concatenate([lin.A, lin.B, lin.B_u, lin.B_p], axis=1)
     for (name, width), first in zip(widths.items(), places, strict=False):
         if not width:
             continue
         size = sizes.get(name, steps.a)
         columns = np.zeros((places[-1], width))
         columns[first : first + width] = size * np.eye(width)
-        wanted = difference(lambda d, c=columns: reached(c @ d), width, 1.0) / size
-        derivative = of_state[:, first : first + width]
+        wanted = difference(lambda d, c=columns: end_for(c @ d), width, 1.0) / size
+        derivative = state_derivatives[:, first : first + width]
         assert worst(derivative, wanted[: len(derivative)]) < bound, name
         if len(set(modes)) == len(modes):
             # Redundant points may share their forces differently for neighbouring states.
@@ -104,7 +104,7 @@ def check_step(
 def check_compiled(
     puppet: fan.Marionette, lin: fan.dynamics.StepLinearisation, acc_K: np.ndarray, u_D: np.ndarray
 ):
-    """The compiled derivatives equal those of single steps; steps that fail are not settled."""
+    """The compiled linearise_steps gives the derivatives of linearise_step; all steps settle."""
     x, t = lin.x, puppet.coordinates
     many = puppet.linearise_steps(
         x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, dt=lin.dt, forces=True, pull=True
@@ -140,20 +140,17 @@ def balls() -> fan.Marionette:
 
 
 def test_a_ball_rests_slides_and_lands(ball):
-    """Its shape is away from its frame's origin."""
-    low = {"body.z": 0.07}
-    check_step(ball, ball.state(low), ["stick"])
+    """The centre of the ball is not the origin of its frame."""
+    on_floor = {"body.z": 0.07}
+    check_step(ball, ball.state(on_floor), ["stick"])
     slides = {"body.x": 1.0, "body.y": 0.2, "body.wx": 0.3, "body.wy": 0.2, "body.wz": 0.1}
-    check_step(ball, thrown(ball, low, slides), ["slide"])
-    check_step(ball, thrown(ball, low, {"body.x": 0.5, "body.z": -1, "body.wy": 4}), ["stick"])
+    check_step(ball, thrown(ball, on_floor, slides), ["slide"])
+    check_step(ball, thrown(ball, on_floor, {"body.x": 0.5, "body.z": -1, "body.wy": 4}), ["stick"])
 
 
 def test_a_sliding_ball_slows_by_the_friction_of_the_closed_form():
-    """dv+/dv = 1 in all directions, except for the rotation of friction: 1/(1 + 7/2 mu g dt/
-
-    u
-
-    ).
+    """dv+/dv = 1 along the motion and 1 - mu g dt/(norm(u+) + 7/2 mu g dt) across it: friction
+    turns with the slip u of the contact point.
     """
     puppet = fan.loads(BALL.replace("at: [0.02, 0.01, 0.03], ", ""))
     lin = puppet.linearise_step(thrown(puppet, {"body.z": 0.1}, {"body.x": 2.0}), dt=DT)
@@ -165,13 +162,15 @@ def test_a_sliding_ball_slows_by_the_friction_of_the_closed_form():
 
 
 def test_a_box_on_a_floor_has_derivatives_though_its_forces_are_not_unique(box):
-    lin = check_step(box, box.state({"body.z": 0.05}), ["stick"] * 4, steps=Steps(q=1e-8, v=1e-4))
+    lin = check_step(
+        box, box.state({"body.z": 0.05}), ["stick"] * 4, steps=DifferenceSizes(q=1e-8, v=1e-4)
+    )
     assert np.max(np.abs(lin.A[6:, 6:])) < 1e-9  # it stays where it is
 
 
 def test_a_box_slides_along_its_edge(box):
     x = thrown(box, {"body.z": 0.05}, {"body.x": 1.0})
-    check_step(box, x, ["slide"] * 4, steps=Steps(v=1e-3))
+    check_step(box, x, ["slide"] * 4, steps=DifferenceSizes(v=1e-3))
 
 
 def test_a_box_on_one_edge(box):
@@ -186,7 +185,7 @@ def test_a_box_on_one_edge(box):
 
 
 def test_a_box_that_slides_aside_has_no_derivative(box):
-    """Its rotation would depend on the shares of its four corners in its weight."""
+    """Its rotation would depend on how its four corners share its weight."""
     x = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.5})
     with pytest.raises(
         fan.errors.StateError, match=r"body\|floor slide on more points than the law"
@@ -199,15 +198,15 @@ def test_a_box_that_slides_aside_has_no_derivative(box):
 
 def test_a_capsule_lies_and_slides():
     puppet = fan.loads(CAPSULE)
-    low = {"body.z": 0.03}
-    check_step(puppet, puppet.state(low), ["stick"] * 2, steps=Steps(q=1e-8))
+    on_floor = {"body.z": 0.03}
+    check_step(puppet, puppet.state(on_floor), ["stick"] * 2, steps=DifferenceSizes(q=1e-8))
     speed = {"body.x": 0.3, "body.y": 0.4, "body.wz": 0.3}
-    check_step(puppet, thrown(puppet, low, speed), ["slide"] * 2)
+    check_step(puppet, thrown(puppet, on_floor, speed), ["slide"] * 2)
 
 
 def test_boxes_stacked_and_logs_that_lie_on_one_another():
-    """Flat on flat: points are smooth only for small tilts."""
-    flat = Steps(q=1e-8, v=1e-5, a=1e-3)
+    """The points of flat faces move smoothly only for small tilts, so differences are small."""
+    flat = DifferenceSizes(q=1e-8, v=1e-5, a=1e-3)
     stack = fan.loads(STACK)
     check_step(stack, stack.state({"a.z": 0.05, "b.z": 0.15}), ["stick"] * 8, steps=flat)
     logs = fan.loads(LOGS)
@@ -228,7 +227,7 @@ def test_a_mesh_on_its_facet(tmp_path):
     (tmp_path / "wedge.yaml").write_text(text)
     wedge = fan.load(tmp_path / "wedge.yaml")
     x = wedge.state({"body.z": 0.0})
-    check_step(wedge, x, ["stick"] * 4, steps=Steps(q=1e-8, v=1e-4))
+    check_step(wedge, x, ["stick"] * 4, steps=DifferenceSizes(q=1e-8, v=1e-4))
 
 
 def test_an_egg_rolls_on_a_floor_and_slides_on_a_dome():
@@ -239,9 +238,9 @@ def test_an_egg_rolls_on_a_floor_and_slides_on_a_dome():
 
 
 def test_balls_that_strike_one_another(balls):
-    """Restitution, in the air and on the floor, shortly after the step begins.
+    """Balls bounce shortly after the step begins, in the air and on the floor.
 
-    Bodies that touch at its start do so within it or before it for neighbouring states.
+    Balls that touch at its very start have no derivative: neighbours touch earlier or later.
     """
     above = {"b.x": 0.17 * 0.6 + 1e-4}
     speed = {"b.x": 0.5, "b.y": 0.3, "b.z": -1.0}
@@ -253,7 +252,7 @@ def test_balls_that_strike_one_another(balls):
 
 
 def test_separating_overlaps(balls):
-    """They separate at gap/dt, and at the recovery speed, which does not depend on the depth."""
+    """They separate at depth/dt, at most at the recovery speed, which does not depend on depth."""
     for dt, speed in ((DT, 0.25), (0.2 * DT, 1.0)):
         x = thrown(balls, {"a.z": 0.0995, "b.z": 5.0}, {"a.x": 0.3})
         lin = check_step(balls, x, ["stick"], dt=dt)
@@ -269,7 +268,9 @@ def test_a_puppet_on_a_tray_and_a_string():
         rng = np.random.default_rng(seed)
         v_K, v_D = 0.1 * rng.normal(size=7), 0.3 * rng.normal(size=10)
         v_D[2] -= 0.3
-        lin = check_step(puppet, x.replace(v_K=v_K, v_D=v_D), [mode], steps=Steps(q=1e-7, a=1e-2))
+        lin = check_step(
+            puppet, x.replace(v_K=v_K, v_D=v_D), [mode], steps=DifferenceSizes(q=1e-7, a=1e-2)
+        )
         assert lin.rows == ("rope",)
 
 
@@ -278,13 +279,15 @@ def test_the_bundled_marionette_stands_on_one_foot():
     puppet = fan.puppets.promenade()
     x = puppet.rest()
     x = puppet.rest({"knee_right.length": x["knee_right.length"] - 0.03})
-    lin = check_step(puppet, x, ["stick"] * 4, bound=2e-7, steps=Steps(q=3e-8, v=2e-7, a=1e-3))
+    lin = check_step(
+        puppet, x, ["stick"] * 4, bound=2e-7, steps=DifferenceSizes(q=3e-8, v=2e-7, a=1e-3)
+    )
     assert {point.name for point in lin.contacts} == {"shin_left|floor"}
     assert "head" in lin.rows
 
 
 def test_edges_are_named(ball, box, balls):
-    """A touch without force, sticking at the edge of the cone, a bounce that is about to begin."""
+    """A touch without force, sticking at the edge of the cone, and the onset of a rebound."""
     lift = np.zeros(6)
     lift[2] = 9.81
     lin = ball.linearise_step(ball.state({"body.z": 0.07}), u_D=lift)
@@ -300,11 +303,11 @@ def test_edges_are_named(ball, box, balls):
     assert many.edges_of(0) == ("a point touches without force",)
     assert many.edges_of(1) == ("a point sticks at the edge of its cone",)
     assert many.edges_of(2) == ()
-    shoulder = {"a.z": 0.1, "b.z": 0.1 + 0.17 * 0.8, "b.x": 0.17 * 0.6}
-    assert balls.linearise_step(balls.state(shoulder)).edges == (
+    above_right = {"a.z": 0.1, "b.z": 0.1 + 0.17 * 0.8, "b.x": 0.17 * 0.6}
+    assert balls.linearise_step(balls.state(above_right)).edges == (
         "b|a: springs back if any faster, or is not the only one that touches first",
     )
-    x = balls.state(shoulder)
+    x = balls.state(above_right)
     many = balls.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
     assert many.edges_of(0) == (
         "a point springs back if any faster, or is not the only one that touches first",
@@ -313,7 +316,7 @@ def test_edges_are_named(ball, box, balls):
 
 
 def test_a_decelerated_landing_closes_its_gap():
-    """Without restitution u_n+ = -gap/dt."""
+    """It closes exactly within the step: without restitution, u_n+ = -gap/dt."""
     ball = fan.loads(BALL + "gravity: [0, 0, 9.81]\n")
     x = thrown(ball, {"body.z": 0.0705}, {"body.x": 0.5, "body.z": -1.0, "body.wy": 2.0})
     lin = check_step(ball, x, ["stick"])

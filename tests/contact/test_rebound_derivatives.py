@@ -8,13 +8,13 @@ import fantoccini as fan
 from contact.bodies import thrown
 from contact.files import BOUNCER
 from contact.test_contact_rollout_gradient import Case, check_differences, check_products
-from contact.test_contact_step_derivatives import Steps, check_step
+from contact.test_contact_step_derivatives import DifferenceSizes, check_step
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
 OTHER_AWAY = {"other.x": -50.0, "other.z": 5.0}
 # Forces are large, and so is the rounding of their differences.
-WIDE = Steps(q=1e-6, v=1e-5, a=1e-3)
+WIDE = DifferenceSizes(q=1e-6, v=1e-5, a=1e-3)
 AT_FLOOR = {"ball.x": 1.5, "ball.y": 0.3, "ball.z": -10.0, "ball.wx": 4.0, "ball.wy": 3.0}
 
 # A heel that springs back, and on a hinge a toe that does not.

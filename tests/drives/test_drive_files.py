@@ -90,8 +90,8 @@ def test_mistakes(drive, key, message):
 
 
 @pytest.mark.parametrize("first, second", [("left", "right"), ("right", "left")])
-def test_a_twin_has_one_drive(first, second):
-    """The drive may belong to either half; both names may stand in one drive."""
+def test_twins_share_one_drive(first, second):
+    """A drive on either twin drives both; one drive may list both names."""
     first_drive, second_drive = (
         f"on: wire_{side}.length, mass: 1, {PD}" for side in (first, second)
     )
@@ -121,22 +121,22 @@ def test_a_file_reads_back():
     assert loads(puppet.to_yaml()) == puppet
 
 
-def test_twins_have_their_drives():
+def test_both_twins_get_drives():
     puppet = loads(rig(f"on: [wire_left.length, wire_left.y], mass: 1, {PD}"))
     table = grow(puppet).coordinates
     assert set(table.commands) == {
         f"wire_{side}.{what}" for side in ("left", "right") for what in ("length", "y")
     }
-    # Only one axis of this end has a drive: x by hand, y by motor.
+    # Only one axis of this end has a drive: x is moved by hand, y by a motor.
     assert {"wire_right.x", "wire_right.command.y"} <= set(table.q_K)
     assert "wire_right.y" in table.q_D
-    places = dict(zip(table.q_K, table.start_K, strict=True))
-    assert places["wire_right.command.y"] == -0.2
-    assert places["wire_left.command.length"] == 0.9
+    start_values = dict(zip(table.q_K, table.start_K, strict=True))
+    assert start_values["wire_right.command.y"] == -0.2
+    assert start_values["wire_left.command.length"] == 0.9
 
 
 def test_a_free_joint_with_a_drive_is_split():
-    """bar.z by motor: x and y by hand carry z, and z carries the driven rotation."""
+    """A motor moves bar.z, on x and y, which hands move; z carries the driven rotation."""
     puppet = loads(rig(f"on: bar.z, mass: 1, {PD}"))
     tree = grow(puppet)
     links = {link.name: link for link in tree.links}
@@ -157,6 +157,6 @@ def test_several_puppets_keep_their_drives_apart():
     assert tree.drives[-1].drive.mass.parameter == "other.load"
 
 
-def test_exports_without_drives_are_refused():
+def test_exports_that_would_lose_drives_are_refused():
     with pytest.raises(ExchangeError, match="crank: has a drive"):
         mjcf(fan.loads(rig(f"on: crank, inertia: 1, {PD}")))

@@ -19,7 +19,7 @@ FLAGS = mujoco.mjtDisableBit
 
 
 def tree(seed: int, dof: int = 9) -> Model:
-    """A random tree of parts supported by MuJoCo: no driven rotations, no quadratic drag."""
+    """A random tree that MuJoCo supports: no driven ball or free joints, no quadratic drag."""
     description = random_trees.description(seed, dof, strings=3, limits=True, drag=True)
     for body in description["bodies"]:
         joint = body["joint"]
@@ -33,7 +33,7 @@ def tree(seed: int, dof: int = 9) -> Model:
     return Model(description)
 
 
-def evaluated(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
+def evaluated_data(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
     """MuJoCo's data at a state."""
     puppet.put(x.q_D, x.v_D)
     puppet.drive(x.q_K, x.v_K, x.acc_K)
@@ -43,26 +43,26 @@ def evaluated(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_accelerations_agree(seed):
-    """Accelerations agree without strings and limits; those of driven joints are prescribed."""
+    """Accelerations agree with strings and limits off; driven joints have the prescribed ones."""
     model = tree(seed, 6 + seed)
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
     puppet.model.opt.disableflags |= FLAGS.mjDSBL_LIMIT
-    data, acc = evaluated(puppet, x), model.acceleration(x)
+    data, acc = evaluated_data(puppet, x), model.acceleration(x)
     assert np.abs(data.qacc[puppet.v_D] - acc).max() < 1e-7 * max(1.0, np.abs(acc).max())
-    # The puppet's forces accelerate a driven joint by about a millionth of its own acceleration.
+    # The puppet's forces change a driven joint's acceleration by about a millionth.
     assert np.allclose(data.qacc[puppet.v_K], x.acc_K, atol=1e-4 * max(1.0, np.abs(acc).max()))
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_tendons_have_the_gaps_of_strings_and_limits(seed):
-    """A twist's tendon also lengthens at the rate of its row."""
+    """The tendon of a twist limit also lengthens at the rate of the limit's gap, scaled."""
     model, speed = tree(seed), 1e-6
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
-    data, parts = evaluated(puppet, x), model.tree
-    h, later = (model.call("rows", at)["h"] for at in (x, model.moved(x, speed)))
-    max_lengths, hdot = puppet.model.tendon_range[:, 1], (later - h) / speed
-    beyond = data.ten_length - max_lengths
-    assert np.allclose(beyond[puppet.strings], h[: len(parts.strings)], atol=1e-10)
+    data, parts = evaluated_data(puppet, x), model.tree
+    h, h_later = (model.call("rows", at)["h"] for at in (x, model.moved(x, speed)))
+    max_lengths, hdot = puppet.model.tendon_range[:, 1], (h_later - h) / speed
+    tendon_gaps = data.ten_length - max_lengths
+    assert np.allclose(tendon_gaps[puppet.strings], h[: len(parts.strings)], atol=1e-10)
     for i, limit in enumerate(parts.limits, len(parts.strings)):
         if limit.side == "cone":
             t = puppet.model.tendon(limit.name).id
@@ -73,12 +73,12 @@ def test_tendons_have_the_gaps_of_strings_and_limits(seed):
         puppet.twists.places, puppet.twists.tendons, puppet.twists.scale, strict=True
     ):
         i += len(parts.strings)
-        assert beyond[t] == pytest.approx(scale * h[i], abs=1e-12)
+        assert tendon_gaps[t] == pytest.approx(scale * h[i], abs=1e-12)
         assert data.ten_velocity[t] == pytest.approx(scale * hdot[i], abs=1e-4)
 
 
 def test_fixed_ends_have_no_joints():
-    """Strings have the lengths of the fixed configuration."""
+    """String ends are fixed to the world, and strings have their lengths at the given q_K."""
     arm = fan.puppets.arm3d()
     x = arm.rest({"hand.x": 0.3, "hand.length": 1.32})
     model = mujoco.MjModel.from_xml_string(mjcf(arm, x.q_K))

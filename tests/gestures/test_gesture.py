@@ -1,4 +1,4 @@
-"""Gestures: moved coordinates, changes, and sequences."""
+"""Gestures: the coordinates that they move, changed copies of them, and sequences."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def twins() -> fan.Marionette:
 
 
 def offset(gesture: fan.theatre.Gesture, name: str, t: float) -> float:
-    """d(t) of a coordinate."""
+    """Displacement d(t) of a coordinate from the start of the gesture."""
     i = gesture.coordinates.v_K.index(name)
     k = int(np.clip(np.searchsorted(gesture.breaks, t, "right") - 1, 0, len(gesture.coef) - 1))
     return float(np.polyval(gesture.coef[k, i, ::-1], t - gesture.breaks[k]))
@@ -175,7 +175,7 @@ def test_peaks_are_those_of_the_motion(marionette):
         assert np.all(speed >= fastest * (1 - 1e-6)) and np.all(speed <= fastest * 1.002 + 1e-9)
 
 
-def test_two_at_once_add_up(twins):
+def test_simultaneous_gestures_add_up(twins):
     up = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
     more = fan.theatre.Gesture.of(twins, {"line_left.up": [(0.25, 0), (0.75, 0.02), (1.5, 0)]})
     both = up + more
@@ -202,7 +202,7 @@ def test_transitions_are_as_fast_as_the_bounds_allow(twins):
         assert offset(whole, "line_left.length", whole.duration) == pytest.approx(-0.1)
 
 
-def test_other_coordinates_stay_and_travel_is_kept(twins):
+def test_unused_coordinates_keep_their_values_and_travel_adds_up(twins):
     walk = fan.theatre.Gesture.of(
         twins,
         {f"line_{side}.forward": [(0, 0), (1, 0.2)] for side in ("left", "right")},
@@ -236,7 +236,7 @@ def test_a_recording_is_a_gesture(twins):
         np.testing.assert_allclose(a[:, same], b[:, same], atol=1e-12)
 
 
-def test_turns_of_a_recorded_bar_are_those_of_its_hands():
+def test_a_recorded_bar_turns_as_the_hands_turned_it():
     live = fan.Performance(fan.puppets.marionette_bar(), speed=0.5, acceleration=3.0)
     there, level = live.place("bar")
     live.record()
@@ -273,11 +273,11 @@ def test_turns_of_a_recorded_bar_are_those_of_its_hands():
         fan.theatre.Gesture.of_input(several_turns)
 
 
-def test_a_thousand_gestures_in_any_order_never_jump_nor_break_bounds(marionette):
+def test_a_thousand_gestures_in_any_order_neither_jump_nor_break_bounds(marionette):
     speed, acceleration, x0 = 1.2, 11.0, marionette.rest()
     library = [fan.theatre.load_gesture(marionette, name) for name in gesture_names()]
     library += [gesture.mirrored() for gesture in library]
-    # Parts of pieces begin and end in motion.
+    # Gestures cut from the middle of a piece, so that they begin and end in motion.
     for gesture in library[:10]:
         k = int(np.argmax(gesture.peaks_of_pieces[:, 0].max(axis=1)))
         h = 0.25 * (gesture.breaks[k + 1] - gesture.breaks[k])

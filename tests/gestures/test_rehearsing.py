@@ -1,4 +1,4 @@
-"""Rehearsed scores are on their beats in the event-driven simulation."""
+"""The motion of a rehearsed score is on its beats in the event-driven simulation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fantoccini.theatre.gestures import lateness
 pytestmark = pytest.mark.slow
 
 HAND = ("forearm_right", (0.0, 0.0, -0.09))
-NUMBER = """\
+SCORE = """\
 score: number
 tempo: 100
 speed: 1.5
@@ -37,7 +37,7 @@ def hand(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
 
 
 def outermost(t: np.ndarray, y: np.ndarray, mark: float) -> float:
-    """Time at which the right hand is farthest out near a mark."""
+    """Time, within 0.3 s of a mark, at which the right hand is farthest to the right."""
     near = np.flatnonzero(np.abs(t - mark) < 0.3)
     return float(t[near[np.argmin(y[near])]])
 
@@ -49,21 +49,21 @@ def load(marionette, folder, text: str) -> fan.theatre.Score:
 
 
 @pytest.fixture(scope="module")
-def found(marionette, tmp_path_factory):
-    return fan.theatre.rehearse(load(marionette, tmp_path_factory.mktemp("scores"), NUMBER))
+def rehearsal(marionette, tmp_path_factory):
+    return fan.theatre.rehearse(load(marionette, tmp_path_factory.mktemp("scores"), SCORE))
 
 
-def test_walk_in_place_wave_and_bow_are_on_the_beat(found):
+def test_walk_in_place_wave_and_bow_are_on_the_beat(rehearsal):
     """The waving hand is within 20 ms of its beats in a score of 14 lines."""
-    assert len(NUMBER.splitlines()) <= 20
-    score = found.score
+    assert len(SCORE.splitlines()) <= 20
+    score = rehearsal.score
     assert score, score.changes
     wave = next(cue for cue in score.cues if cue.gesture == "wave")
     t = np.arange(0.0, score.duration, 0.002)
     x0 = score.marionette.rest()
     plain = fan.simulate(score.marionette, x0, score.inputs(x0))
     late = {}
-    for name, run in (("plain", plain), ("rehearsed", found.run)):
+    for name, run in (("plain", plain), ("rehearsed", rehearsal.run)):
         assert run.method == "event"
         y = hand(score.marionette, run.resample(np.minimum(t, run.t[-1])))[:, 1]
         marks = [wave.marks[mark] for mark in ("first", "second", "third")]
@@ -72,25 +72,25 @@ def test_walk_in_place_wave_and_bow_are_on_the_beat(found):
     assert np.max(np.abs(late["rehearsed"])) <= 0.02
 
 
-def test_lateness_agrees_with_the_path(found):
-    assert found.late == lateness(found.score, found.run)
-    assert max(abs(late.seconds) for late in found.late) <= 0.02
-    assert max(abs(late.seconds) for late in found.before) > 0.1
-    strings = {(late.cue.gesture, late.string) for late in found.late}
+def test_lateness_agrees_with_the_path(rehearsal):
+    assert rehearsal.late == lateness(rehearsal.score, rehearsal.run)
+    assert max(abs(late.seconds) for late in rehearsal.late) <= 0.02
+    assert max(abs(late.seconds) for late in rehearsal.before) > 0.1
+    strings = {(late.cue.gesture, late.string) for late in rehearsal.late}
     assert strings == {("march", "knee_left"), ("march", "knee_right"), ("wave", "hand_right")}
 
 
-def test_the_bounds_hold_and_the_inputs_are_those_of_the_run(found):
-    t = np.linspace(0.0, found.inputs.end, 20001)
-    q_K, speed, acceleration = found.inputs.evaluate(t)
+def test_the_bounds_hold_and_the_inputs_are_those_of_the_run(rehearsal):
+    t = np.linspace(0.0, rehearsal.inputs.end, 20001)
+    q_K, speed, acceleration = rehearsal.inputs.evaluate(t)
     assert np.abs(speed).max() <= 1.5 * 1.003 and np.abs(acceleration).max() <= 15.0 * 1.003
     assert np.all(np.abs(speed[[0, -1]]) < 1e-9)
-    x0 = found.score.marionette.rest()
+    x0 = rehearsal.score.marionette.rest()
     np.testing.assert_allclose(q_K[-1], x0.q_K, atol=1e-9)
-    again = fan.simulate(found.score.marionette, x0, found.inputs, found.run.t[-1])
-    assert np.array_equal(again.q_D[-1], found.run.q_D[-1])
+    again = fan.simulate(rehearsal.score.marionette, x0, rehearsal.inputs, rehearsal.run.t[-1])
+    assert np.array_equal(again.q_D[-1], rehearsal.run.q_D[-1])
 
 
 def test_scores_that_cannot_be_rehearsed_are_refused(marionette, tmp_path):
     with pytest.raises(StateError, match="contact"):
-        fan.theatre.rehearse(load(fan.puppets.promenade(), tmp_path, NUMBER))
+        fan.theatre.rehearse(load(fan.puppets.promenade(), tmp_path, SCORE))

@@ -1,6 +1,6 @@
 """Estimates from synthetic records agree with the truth, and their errors are as predicted.
 
-Records come from event-driven runs at a tight tolerance; the fit uses time steps. They may differ
+Records come from event-driven runs at a tight tolerance; the fit uses time steps. Both may differ
 by the noise, 2 mm for every marker.
 """
 
@@ -20,8 +20,6 @@ from fantoccini.lab.identification.fit import chained
 
 pytestmark = pytest.mark.slow
 
-RECORD_TIME = 12.0
-
 
 @pytest.fixture(scope="module")
 def case():
@@ -34,13 +32,13 @@ def test_an_arm_is_estimated_within_the_tolerances(case):
     """
     estimate = fan.identify(record(case, 20.0, 3, gaps=0.1, outliers=0.01))
     for name, truth in case.truth.items():
-        apart = abs(estimate[name] - truth)
+        error = abs(estimate[name] - truth)
         if name.endswith("mass"):
-            assert apart < 0.02 * truth, name
+            assert error < 0.02 * truth, name
         elif name.endswith("damping"):
-            assert apart < 0.25 * truth if name == "elbow_damping" else apart < 0.1 * truth, name
+            assert error < 0.25 * truth if name == "elbow_damping" else error < 0.1 * truth, name
         else:
-            assert apart < 1.5e-3, name
+            assert error < 1.5e-3, name
     assert estimate.converged and not estimate.combinations
     assert 0.9 < estimate.chi2 < 1.15  # outliers count as 4 deviations
     assert 10 < len(estimate.outliers) < 100  # of some 35 bad triples
@@ -50,8 +48,8 @@ def test_an_arm_is_estimated_within_the_tolerances(case):
 
 
 def test_intervals_contain_the_truth_at_their_rate(case):
-    """95 % of 95 % intervals contain the truth: 12 records, 9 numbers each, at least 88 % (3
-    deviations).
+    """At least 88 % (95 % less 3 deviations) of 108 intervals of 95 % contain the truth: 9 in each
+    of 12 records.
     """
     inside = []
     for seed in range(12):
@@ -63,8 +61,8 @@ def test_intervals_contain_the_truth_at_their_rate(case):
 
 
 def test_derivatives_agree_with_differences_of_event_driven_runs(case):
-    """Derivatives of predictions by parameters, an offset and the delay; steps are of first
-    order, so two sizes.
+    """Derivatives of predictions with respect to parameters, offset and delay; time steps are of
+    first order, so the fit uses small ones (0.5 ms).
     """
     data = record(case, 3.0, 1)
     fit = fit_of(data, 0.25, 0.0005, 1)
@@ -72,7 +70,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     J = fit.jacobians(at).samples
     s, m = 4, 2 * data.marionette.coordinates.n_vD
     _, segments, _ = fit.sample_positions(at.theta, fit.dt)
-    own = np.flatnonzero(segments == s)[2:-2]
+    in_segment = np.flatnonzero(segments == s)[2:-2]
 
     def seen(theta):
         values = dict(zip([u.name for u in data.unknowns], theta, strict=False))
@@ -85,7 +83,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
         )
         x = puppet.project(x)
         inputs = _moved(fit.inputs, offset)
-        t = fit.t[own] - fit.delay_of(theta)
+        t = fit.t[in_segment] - fit.delay_of(theta)
         run = fan.simulate(
             puppet,
             x,
@@ -98,10 +96,10 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
 
     for i, name in enumerate(data.labels):
         step = 1e-4 * data.scales[i]
-        by = np.zeros(len(at.theta))
-        by[i] = step
-        slope = (seen(at.theta + by) - seen(at.theta - by)) / (2 * step)
-        exact = J[own][:, :, m + i]
+        change = np.zeros(len(at.theta))
+        change[i] = step
+        slope = (seen(at.theta + change) - seen(at.theta - change)) / (2 * step)
+        exact = J[in_segment][:, :, m + i]
         assert np.max(np.abs(slope - exact)) < 0.02 * np.max(np.abs(exact)) + 1e-6, name
 
 
@@ -113,8 +111,8 @@ def _moved(inputs, offset):
 
 
 def test_derivatives_of_the_steps_are_exact(case):
-    """Derivatives of predictions agree with central differences: to 5e-5 by the unknowns, since
-    rotations are interpolated within steps ((omega dt)^2/8 at 4 rad/s), and to 1e-4 by the first
+    """Derivatives of predictions agree with central differences: to 5e-5 for the unknowns, since
+    rotations are interpolated within steps ((omega dt)^2/8 at 4 rad/s), and to 1e-4 for the first
     states, whose smaller steps have more rounding.
     """
     data = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
@@ -125,10 +123,12 @@ def test_derivatives_of_the_steps_are_exact(case):
     m, rng = J.shape[2] - len(at.theta), np.random.default_rng(0)
     _, segments, _ = fit.sample_positions(at.theta, fit.dt)
     for i in range(len(at.theta)):
-        by = np.zeros(len(at.theta))
-        by[i] = 1e-5 * data.scales[i]
-        sides = [fit.predict(fit.moved(at, np.zeros((len(at.q_D), m)), s * by)) for s in (1, -1)]
-        slope = (sides[0].y - sides[1].y) / (2 * by[i])
+        change = np.zeros(len(at.theta))
+        change[i] = 1e-5 * data.scales[i]
+        sides = [
+            fit.predict(fit.moved(at, np.zeros((len(at.q_D), m)), s * change)) for s in (1, -1)
+        ]
+        slope = (sides[0].y - sides[1].y) / (2 * change[i])
         exact = J[:, :, m + i]
         assert np.max(np.abs(slope - exact)) < 5e-5 * np.max(np.abs(exact)), data.labels[i]
     move = 1e-6 * rng.standard_normal((len(at.q_D), m))
@@ -157,19 +157,26 @@ pose: {pin: 40 deg}
 
 
 def swing(rng, seconds=12.0, noise=0.01):
-    """A freely swinging pendulum: SciPy's motion, the angle with noise."""
+    """A freely swinging pendulum, simulated by SciPy: times, noisy angles, true parameters."""
     mass, centre, damping, inertia = 0.4, -0.3, 0.03, 0.01
-    whole = inertia + mass * centre**2
+    inertia_about_pin = inertia + mass * centre**2
     t = np.arange(0.0, seconds, 0.02)
     solution = solve_ivp(
-        lambda t, y: [y[1], (mass * 9.81 * centre * np.sin(y[0]) - damping * y[1]) / whole],
+        lambda t, y: [
+            y[1],
+            (mass * 9.81 * centre * np.sin(y[0]) - damping * y[1]) / inertia_about_pin,
+        ],
         (0.0, seconds),
         [np.radians(40.0), 0.0],
         t_eval=t,
         rtol=1e-10,
         atol=1e-10,
     )
-    return t, solution.y[0] + noise * rng.standard_normal(len(t)), (mass, centre, damping, whole)
+    return (
+        t,
+        solution.y[0] + noise * rng.standard_normal(len(t)),
+        (mass, centre, damping, inertia_about_pin),
+    )
 
 
 def test_a_pendulum_is_found_as_scipy_finds_it():
@@ -182,10 +189,14 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
     puppet = puppet.with_parameters({"damping": 0.02})
 
     def misfit(theta):
-        own, damping, start, rate = theta
-        whole = 0.01 + mass * own**2
+        estimated_centre, damping, start, rate = theta
+        inertia_about_pin = 0.01 + mass * estimated_centre**2
         solution = solve_ivp(
-            lambda t, y: [y[1], (mass * 9.81 * own * np.sin(y[0]) - damping * y[1]) / whole],
+            lambda t, y: [
+                y[1],
+                (mass * 9.81 * estimated_centre * np.sin(y[0]) - damping * y[1])
+                / inertia_about_pin,
+            ],
             (0.0, t[-1]),
             [start, rate],
             t_eval=t,
@@ -194,8 +205,8 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
         )
         return (solution.y[0] - angle) / 0.01
 
-    peer = least_squares(misfit, [centre, 0.03, np.radians(40.0), 0.0])
-    errors = np.sqrt(np.diag(np.linalg.inv(peer.jac.T @ peer.jac)))
+    scipy_fit = least_squares(misfit, [centre, 0.03, np.radians(40.0), 0.0])
+    errors = np.sqrt(np.diag(np.linalg.inv(scipy_fit.jac.T @ scipy_fit.jac)))
     data = fan.lab.Record(
         puppet,
         fan.Input.hold(puppet, float(t[-1])),
@@ -206,7 +217,7 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
     )
     estimate = fan.identify(data, drift=(1e-4, 1e-3))
     for i, name in enumerate(("centre", "damping")):
-        assert abs(estimate[name] - peer.x[i]) < 0.2 * errors[i], name
+        assert abs(estimate[name] - scipy_fit.x[i]) < 0.2 * errors[i], name
         assert abs(estimate.deviation(name) / errors[i] - 1.0) < 0.15, name
 
 
@@ -226,11 +237,12 @@ def test_undetermined_combinations_of_a_pendulum_are_named():
     assert len(estimate.combinations) == 1
     parts = estimate.combinations[0].parts
     assert set(parts) == {"mass", "damping"}
-    # Shares are relative to the larger of first and estimated values, the factor to the estimates.
+    # Parts are relative to the larger of the first and the estimated value, their ratio to the
+    # estimates.
     sizes = data.sizes(estimate.values)
     mass, damping = (parts[n] * sizes[i] / estimate[n] for i, n in enumerate(("mass", "damping")))
     assert abs(mass / damping - 1.0) < 0.02
-    centre = (0.01 + 0.4 * 0.3**2) / (0.4 * 0.3)  # of a point mass that swings as the rod does
+    centre = (0.01 + 0.4 * 0.3**2) / (0.4 * 0.3)  # of a point mass that swings like the rod
     ratio = (0.01 + 0.4 * 0.3**2) / (0.03 * centre**2)
     assert abs(estimate["centre"] + centre) < 5e-3
     assert abs(estimate["mass"] / estimate["damping"] / ratio - 1.0) < 0.05
@@ -257,18 +269,20 @@ def test_only_forces_determine_the_scale_of_masses():
     determines it.
     """
     case = scaled_case()
-    silent = fan.identify(record(case, 10.0, 1))
-    assert len(silent.combinations) == 1
-    parts = silent.combinations[0].parts
+    without_tension = fan.identify(record(case, 10.0, 1))
+    assert len(without_tension.combinations) == 1
+    parts = without_tension.combinations[0].parts
     assert {"upper_mass", "lower_mass"} <= set(parts)
     assert all(share > 0 for share in parts.values())
-    assert np.isinf(silent.deviation("upper_mass")) and np.isfinite(silent.deviation("delay"))
-    ratio = silent["upper_mass"] / silent["lower_mass"]
+    assert np.isinf(without_tension.deviation("upper_mass")) and np.isfinite(
+        without_tension.deviation("delay")
+    )
+    ratio = without_tension["upper_mass"] / without_tension["lower_mass"]
     assert abs(ratio / (0.15 / 0.11) - 1.0) < 0.05
-    weighed = fan.identify(record(replace(case, tensions=("hand",)), 10.0, 1))
-    assert not weighed.combinations
-    assert abs(weighed["lower_mass"] / 0.11 - 1.0) < 0.02
-    assert abs(weighed["upper_mass"] / 0.15 - 1.0) < 0.02
+    with_tension = fan.identify(record(replace(case, tensions=("hand",)), 10.0, 1))
+    assert not with_tension.combinations
+    assert abs(with_tension["lower_mass"] / 0.11 - 1.0) < 0.02
+    assert abs(with_tension["upper_mass"] / 0.15 - 1.0) < 0.02
 
 
 def test_a_known_mass_determines_the_scale():
@@ -315,7 +329,7 @@ drives:
 
 
 def test_larger_motions_are_more_informative(case):
-    """A candidate at rest informs least; the predicted errors of the best one are met."""
+    """A motionless candidate ranks last; for the best one, errors are as predicted."""
     data = record(case, 10.0, 4)
     still = fan.Input.hold(case.puppet, 10.0)
     best = fan.lab.suggest_motion(data, {"still": still, "moving": data.inputs})
@@ -338,7 +352,7 @@ def test_random_motions_are_tried_and_written(case, tmp_path):
 
 
 def test_a_length_between_joints_is_found():
-    """A parameter that moves markers at a fixed configuration, too."""
+    """The parameter also moves markers when the configuration does not change."""
     text = PENDULUM.replace(
         "  - name: cart",
         """  - name: tail
@@ -374,7 +388,7 @@ def test_a_length_between_joints_is_found():
     assert abs(estimate["damping"] / 0.02 - 1.0) < 0.05
 
 
-def free(about, **options):
+def free_swing_record(first_guess, **options):
     """A record of a freely swinging pendulum with unknown damping."""
     t, angle, _ = swing(np.random.default_rng(3), seconds=3.0, noise=0.05)
     puppet = fan.loads(PENDULUM).with_parameters({"mass": 0.4, "centre": -0.3})
@@ -383,15 +397,15 @@ def free(about, **options):
         fan.Input.hold(puppet, float(t[-1])),
         t,
         {"pin": angle},
-        unknown=[fan.lab.Unknown("damping", about)],
+        unknown=[fan.lab.Unknown("damping", first_guess)],
         noise={"pin": 0.05},
         **options,
     )
 
 
-def test_a_small_first_guess_hides_nothing():
-    """The damping is found to a fifth of itself, from a guess of a thirtieth as from a good one."""
-    distant_guess, near = (fan.identify(free(about)) for about in (0.001, 0.03))
+def test_a_small_first_guess_gives_the_same_estimate():
+    """A first guess of a thirtieth of the damping leads to the same estimate as a good guess."""
+    distant_guess, near = (fan.identify(free_swing_record(about)) for about in (0.001, 0.03))
     assert not near.combinations and not distant_guess.combinations
     assert 0.001 < near.deviation("damping") < 0.5 * near["damping"]
     assert abs(distant_guess["damping"] - near["damping"]) < 0.1 * near.deviation("damping")
@@ -399,11 +413,11 @@ def test_a_small_first_guess_hides_nothing():
 
 
 def test_a_delay_is_found_near_its_guess_and_its_bound_is_reported(case):
-    """A clock 1 s ahead, with a first guess; and one 0.4 s ahead, with a bound of 0.25 s."""
+    """A delay of 1 s is found from a guess of 1 s; one of 0.4 s stops at the bound of 0.25 s."""
     data = record(case, 5.0, 3)
     ahead = fan.identify(replace(data, t=data.t + 1.0, delay=1.0))
-    apart = abs(ahead["delay"] - 1.0 - case.truth["delay"])
-    assert apart < 4.0 * ahead.deviation("delay") < 8e-3 and not ahead.at_bound
+    error = abs(ahead["delay"] - 1.0 - case.truth["delay"])
+    assert error < 4.0 * ahead.deviation("delay") < 8e-3 and not ahead.at_bound
     estimate = fan.identify(replace(data, t=data.t + 0.4))
     assert estimate.at_bound and not estimate.converged
     assert abs(estimate["delay"] - 0.25) < 1e-3
@@ -432,7 +446,7 @@ def test_columns_without_samples_are_left_out(case, recwarn):
 )
 def test_a_record_checks_its_numbers(change, message):
     with pytest.raises((ValueError, fan.FantocciniError), match=message):
-        replace(free(0.02), **change)
+        replace(free_swing_record(0.02), **change)
 
 
 @pytest.mark.parametrize("known", [0.0, -1.0, np.nan])

@@ -1,7 +1,7 @@
 """Redundant strings: the motion is unique, and the tensions have least norm.
 
-A bob on strings from points of one line swings about that line; two strings hold it, and any others
-hold with them. The total pull follows from the bob's acceleration; the result is the shortest
+A bob on strings from points of one line swings about that line. Two strings suffice; any others
+share the load. The total pull follows from the bob's acceleration; the result is the shortest
 vector of non-negative tensions with this pull, found by trying every set of strings.
 """
 
@@ -36,7 +36,7 @@ def bob(anchors: list[float], limits: dict[int, float] | None = None) -> Marione
     lengths = np.hypot(START[0] - x, np.hypot(START[1], START[2] - HEIGHT))
     named = {f"x{i}": float(at) for i, at in enumerate(x)}
     named |= {f"length{i}": float(length) for i, length in enumerate(lengths)}
-    marionette = on_strings(len(anchors)).with_parameters(named)
+    marionette = bob_on_strings(len(anchors)).with_parameters(named)
     winches = marionette.winches.copy()
     for i, tension in (limits or {}).items():
         winches[i, 0] = tension
@@ -44,7 +44,7 @@ def bob(anchors: list[float], limits: dict[int, float] | None = None) -> Marione
 
 
 @cache
-def on_strings(n: int) -> Marionette:
+def bob_on_strings(n: int) -> Marionette:
     """A bob on n strings with points and lengths as parameters, compiled once for all bobs."""
     strings = [
         {
@@ -65,7 +65,7 @@ def on_strings(n: int) -> Marionette:
     )
 
 
-def table(places: np.ndarray, length: float = 1.0) -> Marionette:
+def hanging_plate(places: np.ndarray, length: float = 1.0) -> Marionette:
     """A plate whose upper face is at z = 0, on vertical strings at (x, y) of the plate."""
     joint = {"type": "free"}
     plate = {"type": "box", "size": [0.8, 0.6, 0.04], "at": [0, 0, -0.02], "mass": 2.0}
@@ -83,7 +83,7 @@ def table(places: np.ndarray, length: float = 1.0) -> Marionette:
 
 def least_norm(U: np.ndarray, f: np.ndarray, upper: np.ndarray | None = None) -> np.ndarray:
     """The shortest x with U x = f and 0 <= x <= upper, by trying every set of columns within their
-    bounds, the others at 0 or at upper.
+    bounds; each other entry of x is 0 or its upper bound.
     """
     upper = np.full(U.shape[1], np.inf) if upper is None else upper
     places = [(0, 1, 2) if np.isfinite(bound) else (0, 1) for bound in upper]
@@ -133,7 +133,7 @@ def test_a_swinging_bob_has_the_tensions_of_least_norm(anchors):
     assert worst <= 1e-9, f"{worst:.2e} of the strings' force apart"
     assert (left_out > 0) == (anchors == ANCHORS["one string best left out"])
     assert np.max(run.violation.values) <= 1e-13
-    # The pendulum on two of the strings.
+    # The motion is that of the pendulum on two of the strings.
     two = swing(bob([anchors[0], anchors[-1]]), 0.5, 4.0)
     apart = np.max(np.abs(run.q_D[-1] - two.q_D[-1]))
     assert apart <= 1e-7, f"{apart:.2e} m from the motion on two strings"
@@ -166,35 +166,35 @@ TABLES = {
 
 
 @pytest.mark.parametrize("places", TABLES.values(), ids=TABLES)
-def test_a_table_stands_still_on_its_strings(places):
-    """Three strings would suffice; all pull, with the least norm for weight and moments."""
-    marionette = table(places)
+def test_a_plate_hangs_still_on_its_strings(places):
+    """Three strings suffice; all pull, with tensions of least norm that balance the weight."""
+    marionette = hanging_plate(places)
     x0 = marionette.project(marionette.state())
     run = fan.simulate(marionette, x0, t_end=5.0, effort=False)
     assert run.events == ()
     assert np.max(np.abs(run.v_D)) <= 1e-9
     balance = np.vstack([np.ones(len(places)), places.T])
     expected = least_norm(balance, np.array([marionette.weight, 0.0, 0.0]))
-    off = np.max(np.abs(run.tension.values - expected)) / marionette.weight
-    assert off <= 1e-9, f"{off:.2e} of the weight"
+    error = np.max(np.abs(run.tension.values - expected)) / marionette.weight
+    assert error <= 1e-9, f"{error:.2e} of the weight"
 
 
 @pytest.mark.parametrize("places", TABLES.values(), ids=TABLES)
 def test_a_table_swings_on_its_strings_without_chatter(places):
     """Parallel strings of one length: the table moves like a bob on one of them."""
-    marionette = table(places)
+    marionette = hanging_plate(places)
     x0 = marionette.state({"v:plate.x": 0.5})
     run = fan.simulate(marionette, x0, t_end=4.0, effort=False)
     assert run.events == ()
     x, z = run.q_D[:, 0], run.q_D[:, 2]
-    off = np.max(np.abs(x**2 + (z - 1.0) ** 2 - 1.0))
-    assert off <= 1e-12, f"{off:.2e} m^2 off the circle"
+    error = np.max(np.abs(x**2 + (z - 1.0) ** 2 - 1.0))
+    assert error <= 1e-12, f"{error:.2e} m^2 off the circle"
     turned = np.max(np.abs(run.q_D[:, 4:7]))
     assert turned <= 1e-9, f"the table turned by {turned:.2e}"
 
 
 @pytest.mark.parametrize(
-    ("anchors", "most"),
+    ("anchors", "largest_tensions"),
     [
         ([0.0, 0.0], {0: 2.0}),
         ([0.0, 0.0], {0: 3.5}),
@@ -203,17 +203,19 @@ def test_a_table_swings_on_its_strings_without_chatter(places):
         ([-1.0, -0.6, 0.1, 0.5, 1.3], {1: 1.2, 2: 1.5}),
     ],
 )
-def test_a_winch_at_its_largest_tension_leaves_the_rest_to_other_strings(anchors, most):
+def test_a_winch_at_its_largest_tension_leaves_the_rest_to_other_strings(anchors, largest_tensions):
     """The others hold the bob: nothing slips, and the tensions are the shortest within bounds."""
-    run = swing(bob(anchors, most), 1.5, 4.0)
+    run = swing(bob(anchors, largest_tensions), 1.5, 4.0)
     assert run.events == ()
     assert np.max(run.slip.values) == 0.0
-    upper = np.array([most.get(i, np.inf) for i in range(len(anchors))])
-    worst, at_most = 0.0, 0
+    upper = np.array([largest_tensions.get(i, np.inf) for i in range(len(anchors))])
+    worst, n_at_bound = 0.0, 0
     for q, acc, tension in zip(run.q_D, run.acc_D, run.tension.values, strict=True):
         f = MASS * (acc - GRAVITY)
         expected = least_norm(directions(q, anchors), f, upper)
         worst = max(worst, np.max(np.abs(tension - expected)) / np.linalg.norm(f))
-        at_most += np.any(tension >= upper)
+        n_at_bound += np.any(tension >= upper)
     assert worst <= 1e-9, f"{worst:.2e} of the strings' force apart"
-    assert at_most >= 10, f"a winch is at its largest in {at_most} rows of {len(run.t)}"
+    assert n_at_bound >= 10, (
+        f"a winch has its largest tension in {n_at_bound} of {len(run.t)} samples"
+    )

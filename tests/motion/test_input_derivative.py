@@ -1,4 +1,4 @@
-"""17.5: derivatives of inputs by values of waypoints, compared with differences."""
+"""17.5: derivatives of inputs with respect to waypoint values, compared with finite differences."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TIMES = np.linspace(-0.2, 3.0, 161)
 
 
 def motion(table, points: dict) -> np.ndarray:
-    """(3, T, n_vK) q_K, v_K and acc_K of named coordinates; 0 for others and for rotations."""
+    """(3, T, n_vK) q_K, v_K and acc_K; q_K is 0 for rotations and coordinates without a name."""
     inputs = Input.waypoints(table, points)
     q, v, acc = inputs.evaluate(TIMES)
     motion_values = np.zeros((3, *v.shape))
@@ -23,7 +23,7 @@ def motion(table, points: dict) -> np.ndarray:
     return motion_values
 
 
-def moved(points: dict, name: str, k: int, d: float) -> dict:
+def with_shifted_value(points: dict, name: str, k: int, d: float) -> dict:
     changed = {n: list(series) for n, series in points.items()}
     t, value = changed[name][k]
     changed[name][k] = (t, value + d)
@@ -33,23 +33,28 @@ def moved(points: dict, name: str, k: int, d: float) -> dict:
 def central(table, points: dict, name: str, k: int, d: float = 2e-6) -> np.ndarray:
     """Richardson's extrapolation of central differences."""
     half, whole = (
-        (motion(table, moved(points, name, k, h)) - motion(table, moved(points, name, k, -h)))
+        (
+            motion(table, with_shifted_value(points, name, k, h))
+            - motion(table, with_shifted_value(points, name, k, -h))
+        )
         / (2 * h)
         for h in (0.5 * d, d)
     )
     return (4 * half - whole) / 3
 
 
-def sided(table, points: dict, name: str, k: int, d: float) -> np.ndarray:
+def one_sided(table, points: dict, name: str, k: int, d: float) -> np.ndarray:
     """Richardson's extrapolation of one-sided differences."""
     here = motion(table, points)
-    half, whole = ((motion(table, moved(points, name, k, h)) - here) / h for h in (0.5 * d, d))
+    half, whole = (
+        (motion(table, with_shifted_value(points, name, k, h)) - here) / h for h in (0.5 * d, d)
+    )
     return 2 * half - whole
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_derivatives_by_random_waypoints(table, seed):
-    """17.5: turning points, bounded slopes, mean slopes, several coordinates on one clock."""
+def test_derivatives_with_respect_to_random_waypoints(table, seed):
+    """17.5: turning points, bounded slopes, mean slopes, several coordinates with common breaks."""
     rng = np.random.default_rng(seed)
     points = {}
     for name, at in (("hand.length", 0.8), ("knee.length", 0.7), ("crank", 0.1)):
@@ -73,7 +78,8 @@ def test_derivatives_by_random_waypoints(table, seed):
 KINKS = {
     "two equal values": [(0, 0.8), (1, 0.8), (2, 0.7)],
     "three equal values": [(0, 0.8), (0.8, 0.8), (2, 0.8)],
-    # Gaps 1 and 4 with secants whose mean is exactly twice the smaller one.
+    # In intervals of 1 s and 4 s, the mean slope at the middle point is exactly twice the smaller
+    # slope of the secants.
     "the bound begins to act": [(0, 0.0), (1, 6.0), (5, 10.0)],
 }
 
@@ -81,18 +87,18 @@ KINKS = {
 @pytest.mark.parametrize("what", KINKS)
 @pytest.mark.parametrize("side", ["above", "below"])
 def test_where_the_sides_differ(table, what, side):
-    """17.5: at a kink each side has its own derivative, which is not smooth."""
+    """17.5: at a kink the derivatives from above and below differ, and are marked as not smooth."""
     points = {"crank": KINKS[what]}
     derivatives = InputDerivative.of_waypoints(table, points, side=side)
     sign = 1.0 if side == "above" else -1.0
     for k, derivative in enumerate(derivatives):
-        wanted = sided(table, points, "crank", k, sign * 1e-6)
+        wanted = one_sided(table, points, "crank", k, sign * 1e-6)
         assert np.max(np.abs(np.array(derivative.evaluate(TIMES)) - wanted)) < 1e-4
     assert not all(derivative.smooth for derivative in derivatives)
 
 
 def test_mistakes_are_refused(table):
-    """17.5: rotations, unknown names and sides are refused."""
+    """17.5: rotations, unknown names and unknown sides are refused."""
     points = {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 1])], "crank": [(0, 0.0), (1, 1.0)]}
     assert len(InputDerivative.of_waypoints(table, points, only=["crank"])) == 2
     with pytest.raises(fan.errors.InputError, match="rotation"):

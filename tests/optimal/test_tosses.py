@@ -1,4 +1,4 @@
-"""Ten seconds with ten tosses: a complete search through every catch."""
+"""Ten seconds with ten tosses are optimised to the end, with every catch kept."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def followed() -> fan.control.Optimum:
+def optimum() -> fan.control.Optimum:
     return fan.optimise(
         tosses.task(fan.loads(tosses.ARM)), exact=True, cost_tolerance=0.0, tolerance=tosses.KKT
     )
 
 
-def test_it_is_solved_with_its_catches(followed):
-    assert followed.status is fan.control.AnswerStatus.SOLVED and followed.kkt <= tosses.KKT
-    assert tosses.catches(followed.run) >= tosses.TOSSES
-    assert followed.run.t[-1] == tosses.DURATION
+def test_it_is_solved_with_its_catches(optimum):
+    assert optimum.status is fan.control.AnswerStatus.SOLVED and optimum.kkt <= tosses.KKT
+    assert tosses.catches(optimum.run) >= tosses.TOSSES
+    assert optimum.run.t[-1] == tosses.DURATION
 
 
-def test_no_direction_lowers_the_cost(followed):
-    """Slopes of the cost along random changes, by separate runs, compared with the curvature."""
-    task, nodes, J = followed.task, followed.nodes, followed.cost
+def test_no_direction_lowers_the_cost(optimum):
+    """Along random changes of the accelerations, finite differences of the cost give a minimum."""
+    task, nodes, J = optimum.task, optimum.nodes, optimum.cost
     chosen, objective = ChosenParameters(task.marionette, task.x0, {}), Objective(task)
     runs = EventRuns(TimeSteps(task.marionette, task.dt, 1, chosen), chosen)
     rng = np.random.default_rng(0)
 
     def cost(change: np.ndarray) -> float:
-        run = runs.run(replace(nodes, acc_K=nodes.acc_K + change, run=None))
-        assert run is not None
-        return objective.cost(run[0], runs.ends(*run))
+        nodes_and_run = runs.run(replace(nodes, acc_K=nodes.acc_K + change, run=None))
+        assert nodes_and_run is not None
+        return objective.cost(nodes_and_run[0], runs.ends(*nodes_and_run))
 
     for _ in range(5):
         change = rng.standard_normal(nodes.acc_K.shape)
         change *= 1e-4 / np.max(np.abs(change))
-        up, down = cost(change), cost(-change)
-        curvature = up + down - 2.0 * J
+        cost_plus, cost_minus = cost(change), cost(-change)
+        curvature = cost_plus + cost_minus - 2.0 * J
         assert curvature > 0.0
         # A Newton step along the change would save this amount, a negligible part of the cost.
-        assert (up - down) ** 2 / (8.0 * curvature) < 1e-6 * J
+        assert (cost_plus - cost_minus) ** 2 / (8.0 * curvature) < 1e-6 * J

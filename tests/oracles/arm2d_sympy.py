@@ -1,12 +1,12 @@
-"""The paper's planar arm (Fig. 2), Eqs. 1-9, word for word in SymPy.
+"""The paper's planar arm (Fig. 2): Eqs. 1-9 and 11, transcribed to SymPy.
 
 The arm lies in the x-z plane; theta_1 is measured from +x towards +z and theta_2 is relative.
 The string runs from the tip to the point S = (x, height) and has the length L, so that
-q_K = (x, L). These slips of the paper are corrected:
+q_K = (x, L). These errors of the paper are corrected:
 
-* Eq. 6 gains the gravitational acceleration, and gravity acts along z;
-* in the Euler-Lagrange line the first partial is by velocity, the second by configuration;
-* A_D depends on q_K too, so its rate in Eq. 11 takes both.
+* Eq. 6 lacks the gravitational acceleration, and its gravity acts along y, here along z;
+* in the Euler-Lagrange equation the first derivative is with respect to v, the second to q;
+* A_D also depends on q_K, so its rate in Eq. 11 has a term with v_K.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _unhat(twist):
 
 @functools.cache
 def model() -> dict[str, object]:
-    """Functions of (q_D, v_D, q_K, v_K, numbers), each of shape-(2,) arrays, by the paper's names.
+    """The paper's name -> function of (q_D, v_D, q_K, v_K, numbers); q and v have shape (2,).
 
     Keys: M (2, 2), C (2, 2), g (2,), h (), A_D (2,), A_K (2,), Adot_D (2,), Adot_K (2,),
     Adot_v () = Adot_D v_D + Adot_K v_K, T (), V (), g_1 and g_2 (3, 3), V_1 and V_2 (3,),
@@ -82,14 +82,22 @@ def model() -> dict[str, object]:
     """
     q1, q2, x, length = sp.symbols("theta1 theta2 x L", real=True)
     dq1, dq2, dx, dlength = sp.symbols("dtheta1 dtheta2 dx dL", real=True)
-    p = dict(zip(NAMES, sp.symbols(" ".join(NAMES), positive=True), strict=True))
+    parameters = dict(zip(NAMES, sp.symbols(" ".join(NAMES), positive=True), strict=True))
     q_D, v_D = sp.Matrix([q1, q2]), sp.Matrix([dq1, dq2])
     q_K, v_K = sp.Matrix([x, length]), sp.Matrix([dx, dlength])
 
-    inertia = [sp.diag(p[f"m{i}"], p[f"m{i}"], p[f"I{i}"]) for i in (1, 2)]  # Eq. 1
-    base = _translation(p["xs"], p["zs"])
-    g_1 = base * _rotation(q1) * _translation(p["L1"] / 2)  # Eq. 2
-    g_2 = base * _rotation(q1) * _translation(p["L1"]) * _rotation(q2) * _translation(p["L2"] / 2)
+    inertia = [
+        sp.diag(parameters[f"m{i}"], parameters[f"m{i}"], parameters[f"I{i}"]) for i in (1, 2)
+    ]  # Eq. 1
+    base = _translation(parameters["xs"], parameters["zs"])
+    g_1 = base * _rotation(q1) * _translation(parameters["L1"] / 2)  # Eq. 2
+    g_2 = (
+        base
+        * _rotation(q1)
+        * _translation(parameters["L1"])
+        * _rotation(q2)
+        * _translation(parameters["L2"] / 2)
+    )
     frames = [g_1, g_2]
     twists = []
     for g_i in frames:  # Eq. 4
@@ -97,7 +105,7 @@ def model() -> dict[str, object]:
         twists.append(_unhat(_inverse(g_i) * rate).applyfunc(sp.trigsimp))
     kinetic = sum(((V.T * J * V)[0] / 2 for V, J in zip(twists, inertia, strict=True)), sp.S(0))
     potential = sum(
-        (p[f"m{i}"] * p["gravity"] * frames[i - 1][1, 2] for i in (1, 2)), sp.S(0)
+        (parameters[f"m{i}"] * parameters["gravity"] * frames[i - 1][1, 2] for i in (1, 2)), sp.S(0)
     )  # Eq. 6
     lagrangian = kinetic - potential  # Eq. 7
 
@@ -112,12 +120,14 @@ def model() -> dict[str, object]:
                 ) / 2
                 C[i, j] += gamma * v_D[k]
     g = sp.Matrix([sp.diff(potential, q) for q in q_D])
-    # Eq. 8 is d/dt dL/dv - dL/dq = 0 with the accelerations left out of both sides
-    rest = momentum.jacobian(q_D) * v_D - sp.Matrix([sp.diff(lagrangian, q) for q in q_D])
-    assert (rest - C * v_D - g).applyfunc(lambda e: sp.trigsimp(sp.expand(e))) == sp.zeros(2, 1)
+    # without the accelerations, d/dt dL/dv - dL/dq must equal the C v + g of Eq. 8
+    velocity_terms = momentum.jacobian(q_D) * v_D - sp.Matrix([sp.diff(lagrangian, q) for q in q_D])
+    assert (velocity_terms - C * v_D - g).applyfunc(
+        lambda e: sp.trigsimp(sp.expand(e))
+    ) == sp.zeros(2, 1)
 
-    tip = (g_2 * _translation(p["L2"] / 2))[:2, 2]
-    to_tip = tip - sp.Matrix([x, p["height"]])
+    tip = (g_2 * _translation(parameters["L2"] / 2))[:2, 2]
+    to_tip = tip - sp.Matrix([x, parameters["height"]])
     h = sp.sqrt(to_tip.dot(to_tip)) - length
     A_D = sp.Matrix([[sp.diff(h, q) for q in q_D]])  # Eq. 9
     A_K = sp.Matrix([[sp.diff(h, q) for q in q_K]])
@@ -150,7 +160,7 @@ def model() -> dict[str, object]:
         "V_1": twists[0],
         "V_2": twists[1],
     }
-    symbols = [*q_D, *v_D, *q_K, *v_K, *p.values()]
+    symbols = [*q_D, *v_D, *q_K, *v_K, *parameters.values()]
     vectors = {"g", "A_D", "A_K", "Adot_D", "Adot_K", "V_1", "V_2"}
     functions = {name: _numeric(symbols, e, name in vectors) for name, e in expressions.items()}
     stacked = sp.Matrix([*M, *(C * v_D + g), h, *A_D, *A_K, expressions["Adot_v"]])

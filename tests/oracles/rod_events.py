@@ -1,6 +1,6 @@
-"""A rod in the plane on two strings, slack and taut in all combinations, in NumPy and SciPy.
+"""A rod in a plane on two strings, slack and taut in all combinations, in NumPy and SciPy.
 
-The equations are Newton's for (x, z, beta), written by hand. The rule for one string does not
+The equations are Newton's for (x, z, beta), written by hand. The rule for a single string does not
 suffice for two: the strings that pull, and those that share an impulse, are found by trying all
 subsets of the closed rows,
 
@@ -21,7 +21,7 @@ from .arm2d_events import ARMED, Run, root
 
 @dataclass(frozen=True)
 class Rod:
-    """Numbers, and the motion of the strings' upper ends and lengths.
+    """Parameters of the rod, its strings' upper ends, and the motion of their lengths.
 
     Attributes:
         mass: [kg].
@@ -30,7 +30,8 @@ class Rod:
         gravity: [m/s^2].
         tops: (2, 2) x and z of the upper ends [m].
         breaks: (n + 1,) [s].
-        lengths: (n, 2, 6) ascending powers of the time since the piece began [m].
+        lengths: (n, 2, 6) coefficients of the strings' lengths [m], in ascending powers of the time
+            since the start of the piece.
     """
 
     mass: float
@@ -77,12 +78,16 @@ class Rod:
         return acc, tension, gamma + A @ acc, h, hdot
 
     def mode(self, piece: int, t: float, y: np.ndarray, candidates) -> tuple[bool, ...]:
-        """The candidates that pull."""
+        """For each string, whether it pulls; only candidates may."""
         for taut in itertools.product((True, False), repeat=2):
-            if any(on and not able for on, able in zip(taut, candidates, strict=True)):
+            if any(
+                on and not is_candidate for on, is_candidate in zip(taut, candidates, strict=True)
+            ):
                 continue
             _, tension, hddot, _, _ = self.solve(piece, t, y, taut)
-            off = [able and not on for on, able in zip(taut, candidates, strict=True)]
+            off = [
+                is_candidate and not on for on, is_candidate in zip(taut, candidates, strict=True)
+            ]
             if tension.min() >= 0 and np.all(hddot[off] <= 0):
                 return taut
         raise AssertionError("no mode")
@@ -92,13 +97,17 @@ class Rod:
         _, hdot, A, _ = self.rows(piece, t, y)
         G = A / self.M @ A.T
         for struck in itertools.product((True, False), repeat=2):
-            if any(on and not able for on, able in zip(struck, closed, strict=True)):
+            if any(
+                on and not is_candidate for on, is_candidate in zip(struck, closed, strict=True)
+            ):
                 continue
             on, impulses = np.flatnonzero(struck), np.zeros(2)
             if len(on):
                 impulses[on] = np.linalg.solve(G[np.ix_(on, on)], hdot[on])
             after = hdot - G @ impulses
-            off = [able and not hit for hit, able in zip(struck, closed, strict=True)]
+            off = [
+                is_candidate and not hit for hit, is_candidate in zip(struck, closed, strict=True)
+            ]
             if impulses.min() >= 0 and np.all(after[off] <= 1e-13):
                 return impulses
         raise AssertionError("no impulse")
@@ -109,7 +118,7 @@ def simulate(rod: Rod, q, v, t_end: float, *, tolerance: float = 1e-13) -> Run:
 
     Args:
         rod: numbers of the rod.
-        q, v: (3,) start, with both strings slack.
+        q, v: (3,) configuration and velocity at the start, with both strings slack.
         t_end: [s].
         tolerance: relative tolerance of DOP853; the absolute one is a tenth of it.
     """
@@ -174,8 +183,8 @@ def simulate(rod: Rod, q, v, t_end: float, *, tolerance: float = 1e-13) -> Run:
         t, row = event
         y = state(s.t_old, y, t, piece, taut)
         if taut[row]:
-            rest = tuple(on and r != row for r, on in enumerate(taut))
-            taut = rod.mode(piece, t, y, rest)
+            still_taut = tuple(on and r != row for r, on in enumerate(taut))
+            taut = rod.mode(piece, t, y, still_taut)
             run.events.append((t, "release", row, 0.0, y.copy()))
         else:
             closed = tuple(on or r == row for r, on in enumerate(taut))

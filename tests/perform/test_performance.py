@@ -1,4 +1,4 @@
-"""Gentle motions of hands: targets are reached exactly and without steps."""
+"""Gentle motions of hands: targets are reached exactly, and velocities do not jump."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fantoccini.theatre.perform import reach
 
 pytestmark = pytest.mark.medium
 
-CRANES = """
+CRANES_PUPPET = """
 puppet: bridge
 bodies:
   - {name: bridge, joint: {type: prismatic, axis: [0, 1, 0], at: [0, 0, 3], driven: true}}
@@ -45,11 +45,11 @@ def bar():
 
 @pytest.fixture(scope="module")
 def bridge_crane():
-    return fan.loads(CRANES)
+    return fan.loads(CRANES_PUPPET)
 
 
 def test_methods_have_their_arguments_and_documentation():
-    """This includes the methods of targets."""
+    """The public methods include those that set targets."""
     public = {name: f for name, f in vars(fan.Performance).items() if not name.startswith("_")}
     assert all(f.__doc__ for f in public.values())
     move = inspect.signature(fan.Performance.move)
@@ -79,12 +79,18 @@ def test_it_hangs_at_rest_and_stays(marionette):
 def test_a_dragged_string_end_arrives_exactly_and_stays(marionette):
     live = fan.Performance(marionette)
     assert [h.kind for h in live.handles] == ["end"] * 7
-    there, level = live.place("hand_left")
-    live.move("hand_left", there + np.array([0.08, 0.03, 0.2]))  # up is not one of its axes
-    assert np.allclose(live.target("hand_left")[0], there + np.array([0.08, 0.03, 0.0]), atol=1e-15)
+    start_position, orientation = live.place("hand_left")
+    live.move(
+        "hand_left", start_position + np.array([0.08, 0.03, 0.2])
+    )  # up is not one of its axes
+    assert np.allclose(
+        live.target("hand_left")[0], start_position + np.array([0.08, 0.03, 0.0]), atol=1e-15
+    )
     live.advance(1.5)
-    assert np.allclose(live.place("hand_left")[0], there + np.array([0.08, 0.03, 0.0]), atol=1e-14)
-    assert np.array_equal(live.place("hand_left")[1], level)
+    assert np.allclose(
+        live.place("hand_left")[0], start_position + np.array([0.08, 0.03, 0.0]), atol=1e-14
+    )
+    assert np.array_equal(live.place("hand_left")[1], orientation)
     assert np.all(live.state.v_K == 0) or np.max(np.abs(live.state.v_K)) < 1e-13
     live.wind("hand_left", live.length("hand_left") - 0.05)
     live.advance(1.5)
@@ -97,12 +103,12 @@ def test_a_control_bar_is_moved_and_turned_at_once(bar):
     (handle,) = live.handles
     assert (handle.name, handle.kind, handle.joint) == ("bar", "body", "free")
     assert handle.axes.shape == handle.turns.shape == (3, 3)
-    there, level = live.place("bar")
-    turned = rotation.multiply(level, rotation.exp(np.array([0.2, -0.3, 0.4])))
-    live.move("bar", there + np.array([0.1, -0.1, 0.05]), -3.0 * turned)
+    start_position, orientation = live.place("bar")
+    turned = rotation.multiply(orientation, rotation.exp(np.array([0.2, -0.3, 0.4])))
+    live.move("bar", start_position + np.array([0.1, -0.1, 0.05]), -3.0 * turned)
     live.advance(2.0)
     position, wxyz = live.place("bar")
-    assert np.allclose(position, there + np.array([0.1, -0.1, 0.05]), atol=1e-14)
+    assert np.allclose(position, start_position + np.array([0.1, -0.1, 0.05]), atol=1e-14)
     assert turn_between(wxyz, turned) < 1e-13
     assert np.max(np.abs(live.state.v_K)) < 1e-12
 
@@ -116,17 +122,21 @@ def test_handles_of_every_joint_go_where_their_joint_lets_them(bridge_crane):
         "arm": ("revolute", 0, 1),
         "head": ("ball", 0, 3),
     }
-    half = rotation.exp(np.array([0.0, 0.0, 2.5]))
+    turn_about_z = rotation.exp(np.array([0.0, 0.0, 2.5]))
     tilted = rotation.exp(np.array([0.5, 1.0, -2.0]))
     live.move("bridge", [7.0, 0.4, -2.0])
     live.move("trolley", [0.3, 9.0, 9.0])
-    live.move("arm", [5.0, 5.0, 5.0], rotation.multiply(half, rotation.exp(np.array([1e-3, 0, 0]))))
+    live.move(
+        "arm",
+        [5.0, 5.0, 5.0],
+        rotation.multiply(turn_about_z, rotation.exp(np.array([1e-3, 0, 0]))),
+    )
     live.move("head", None, tilted)
     live.advance(4.0)
     assert np.allclose(live.place("bridge")[0], [0.0, 0.4, 3.0], atol=1e-13)
-    # It moves with the bridge.
+    # The trolley moves with the bridge.
     assert np.allclose(live.place("trolley")[0], [0.3, 0.4, 3.0], atol=1e-13)
-    assert turn_between(live.place("arm")[1], half) < 2e-3
+    assert turn_between(live.place("arm")[1], turn_about_z) < 2e-3
     assert np.allclose(live.place("arm")[0], [2.0, 0.0, 3.0], atol=1e-15)
     assert turn_between(live.place("head")[1], tilted) < 1e-12
     for name in ("bridge", "trolley", "arm", "head"):
@@ -138,9 +148,9 @@ def test_driven_velocity_is_continuous_and_bounded(bar):
     live = fan.Performance(bar)
     live.record()
     rng = np.random.default_rng(3)
-    there, _ = live.place("bar")
+    start_position, _ = live.place("bar")
     for _ in range(12):
-        live.move("bar", there + 0.2 * rng.normal(size=3), rng.normal(size=4))
+        live.move("bar", start_position + 0.2 * rng.normal(size=3), rng.normal(size=4))
         live.advance(rng.uniform(0.05, 0.4))
     recording = live.stop()
     assert recording.ended == ""
@@ -151,7 +161,7 @@ def test_driven_velocity_is_continuous_and_bounded(bar):
     assert np.max(np.abs(v_1 - v_0)) < 1e-11
     assert np.max(np.abs(q_1 - q_0)) < 1e-11
     run = recording.trajectory
-    # The simulated input is the same.
+    # The run followed the recorded input.
     assert np.max(np.abs(run.v_K[1:-1] - v_1)) < 1e-11
     for v, acc in zip(run.v_K, recording.acc_K, strict=False):
         assert np.all(reach.lengths(v, hands.group, 2) <= hands.speed * (1 + 1e-12))
@@ -199,7 +209,7 @@ def test_whole_ticks_are_simulated_and_the_rest_counts_later(marionette):
     assert live.t == pytest.approx(0.04)
 
 
-def test_it_is_set_back_to_its_start(bar):
+def test_reset_restores_the_start(bar):
     live = fan.Performance(bar)
     before = live.state
     live.move("bar", [1.0, 0.0, 1.0])
@@ -236,15 +246,15 @@ def test_a_changed_puppet_continues_where_names_are_the_same(bridge_crane):
     live.move("head", None, rotation.exp(np.array([0.3, 0.0, 0.0])))
     live.advance(0.3)
     before = live.state
-    shorter = CRANES.replace("{name: head, joint", "{name: skull, joint").replace(
+    shorter = CRANES_PUPPET.replace("{name: head, joint", "{name: skull, joint").replace(
         "z: 2.0, hoist.length: 1.0", "z: 2.2, hoist.length: 0.8"
     )
     lost = live.replace(fan.loads(shorter))
     assert "head.qw is gone" in lost and "skull.qw is new" in lost
     names = live.marionette.coordinates.q_K
     places = [names.index(n) for n in ("bridge", "trolley", "hoist.length")]
-    theirs = [bridge_crane.coordinates.q_K.index(names[i]) for i in places]
-    assert np.array_equal(live.state.q_K[places], before.q_K[theirs])
+    places_before = [bridge_crane.coordinates.q_K.index(names[i]) for i in places]
+    assert np.array_equal(live.state.q_K[places], before.q_K[places_before])
     assert np.allclose(live.target("bridge")[0], [0, 0.3, 3.0])
     live.advance(3.0)
     assert np.allclose(live.place("bridge")[0], [0, 0.3, 3.0], atol=1e-13)
@@ -254,7 +264,7 @@ def test_a_changed_puppet_continues_where_names_are_the_same(bridge_crane):
 
 def test_a_puppet_whose_strings_became_too_short_is_wound_up(bridge_crane):
     live = fan.Performance(bridge_crane)
-    fixed = CRANES.replace("length: driven", "length: 0.5").replace(
+    fixed = CRANES_PUPPET.replace("length: driven", "length: 0.5").replace(
         "{load.z: 2.0, hoist.length: 1.0}", "{load.z: 2.5}"
     )
     live.replace(fan.loads(fixed))

@@ -1,4 +1,4 @@
-"""Improved plans: shorter ones, closer to the goal, and continued searches."""
+"""Plans become shorter, end closer to the goal, and searches are continued."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ def test_plans_become_shorter(problem):
 
 
 def test_what_a_plan_costs(problem):
-    """Sums along the paths of a tree, for any size of its chunks."""
+    """The cost of a node is summed along its path in the tree."""
     search = Search(problem, SearchOptions(seed=3, objective="acceleration"))
     search.find_first(60.0)
     tree, interval = search.tree, problem.rollouts.options.interval
     for node in range(0, len(tree), 97):
         path = tree.path(node)[1:]
-        lasts = interval * tree.n_checks[path]
-        effort = np.sum(lasts * np.sum(tree.acceleration[path] ** 2, axis=1))
-        assert tree.time[node] == pytest.approx(lasts.sum())
-        assert tree.cost[node] == pytest.approx(lasts.sum() + effort)
+        durations = interval * tree.n_checks[path]
+        effort = np.sum(durations * np.sum(tree.acceleration[path] ** 2, axis=1))
+        assert tree.time[node] == pytest.approx(durations.sum())
+        assert tree.cost[node] == pytest.approx(durations.sum() + effort)
     gentle = Search(problem, SearchOptions(seed=3))
     gentle.find_first(60.0)
     assert gentle.objective == OBJECTIVES["gentle"] and len(gentle.tree) == len(tree)
@@ -117,7 +117,7 @@ def test_saving_effort_does_not_shorten_the_plan(problem):
 
 
 def test_a_search_continues_from_a_polished_plan(problem):
-    """Its next plan costs less, and Ctrl-C leaves the previous one."""
+    """Its next plan does not cost more than the polished one."""
     search = first_plan(problem, near, lambda plan: plan.polish(1e-3, 10.0)).search
     cost = float(search.tree.cost[search.best])
     search.find_better(60.0, iterations=2000)
@@ -142,14 +142,14 @@ def test_ctrl_c_keeps_the_polished_plan(problem, monkeypatch):
 
 
 def test_puppets_without_constraints_are_polished():
-    """No limits, no obstacles, strings that may go slack; and a plan of one segment."""
+    """A puppet without limits and obstacles whose string may go slack; and a one-segment plan."""
     arm = fan.puppets.arm2d()
     start = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
     result = first_plan(Problem(arm, start, {"elbow": start.q_D[1] + 0.3}), near, polished)
     assert result.distance <= 1e-3
     close = fan.control.Goal.pose(ARM, {"elbow": float(START.q_D[4]) + 0.03}, speed_weight=0.0)
-    asked = Problem(ARM, START, close, tolerance=0.025)
-    result = first_plan(asked, near, lambda plan: plan.polish(1e-4, seconds=0.0))
+    other_problem = Problem(ARM, START, close, tolerance=0.025)
+    result = first_plan(other_problem, near, lambda plan: plan.polish(1e-4, seconds=0.0))
     assert result.distance <= 1e-4
 
 
@@ -166,7 +166,7 @@ def test_iterations_determine_the_result(problem):
     """The result is the same for any number of threads, if no time limit ends the search."""
     result = []
     for threads in (1, 2):
-        asked = Problem(
+        other_problem = Problem(
             ARM,
             START,
             RAISED,
@@ -176,7 +176,7 @@ def test_iterations_determine_the_result(problem):
             rollouts=RolloutOptions(threads=threads),
             slack=False,
         )
-        search = Search(asked, SearchOptions(seed=5))
+        search = Search(other_problem, SearchOptions(seed=5))
         search.find_first(60.0)
         search.find_better(60.0, iterations=1500)
         result.append(search)
@@ -197,7 +197,7 @@ def test_a_polished_plan_ends_at_the_goal(problem):
 
 def test_inputs_end_at_rest_on_request():
     goal = fan.control.Goal.pose(ARM, RAISED, driven_weight=0.5)
-    asked = Problem(
+    other_problem = Problem(
         ARM,
         START,
         goal,
@@ -206,17 +206,17 @@ def test_inputs_end_at_rest_on_request():
         bounds=fan.control.Bounds(clearance=0.005),
         slack=False,
     )
-    assert asked.equilibrium
-    result = first_plan(asked, near, polished)
+    assert other_problem.equilibrium
+    result = first_plan(other_problem, near, polished)
     assert result.distance <= 1e-3
     assert np.linalg.norm(result.trajectory.v_K[-1]) <= 2e-3
     end = result.trajectory.state(-1)
     held = ARM.rest(end.replace(v_D=np.zeros(4), v_K=np.zeros(3)))
-    assert abs(held.q_D[4] - RAISED["elbow"]) < 0.1, "it hangs near where it is"
+    assert abs(held.q_D[4] - RAISED["elbow"]) < 0.1, "it hangs at rest near its final pose"
 
 
 def test_a_plan_is_improved_and_polished_at_once(problem):
-    """The time may end before the polish on a slow machine: then the plan reports it."""
+    """The time may run out before the polish ends, on a slow machine; the plan then reports it."""
     result = solve(problem, seed=0, improve=2.0)
     assert result and result.replay() and result.polished is not None
     if result.polished.reached:
@@ -240,19 +240,22 @@ def test_a_plan_found_at_the_time_limit_says_that_it_is_not_polished(problem, mo
 
 
 def test_a_search_is_continued(problem):
-    begun = solve(problem, seed=2, iterations=1)
-    if not begun:
-        begun = begun.grow(seconds=60.0)
-    assert begun
-    longer = begun.duration
-    assert begun.grow(seconds=60.0, iterations=3000).duration < longer
+    first_result = solve(problem, seed=2, iterations=1)
+    if not first_result:
+        first_result = first_result.grow(seconds=60.0)
+    assert first_result
+    longer = first_result.duration
+    assert first_result.grow(seconds=60.0, iterations=3000).duration < longer
 
 
 def test_the_papers_planner_grows_too():
-    asked = Problem(ARM, START, RAISED, tolerance=0.25)
-    begun = solve(asked, planner=EST2007(), iterations=50)
-    assert begun.tried >= 50 and begun.grow(60.0, iterations=50).tried >= begun.tried + 50
-    single = solve(asked, planner=EST2007(batch=1), iterations=50)
+    other_problem = Problem(ARM, START, RAISED, tolerance=0.25)
+    first_result = solve(other_problem, planner=EST2007(), iterations=50)
+    assert (
+        first_result.tried >= 50
+        and first_result.grow(60.0, iterations=50).tried >= first_result.tried + 50
+    )
+    single = solve(other_problem, planner=EST2007(batch=1), iterations=50)
     assert single.tried == 50, "one node at a time, as in the paper"
 
 
@@ -262,9 +265,9 @@ def test_plans_that_cannot_be_polished_are_reported(problem):
     function = Problem(ARM, START, lambda rows: np.maximum(0.3 - rows.q_K[..., 1], 0.0))
     with pytest.raises(ValueError, match="is a function"):
         solve(function, seed=0).polish()
-    for nothing in (0.0, np.nan):
+    for invalid_tolerance in (0.0, np.nan):
         with pytest.raises(ValueError, match="greater than 0"):
-            solve(problem, seed=0).polish(nothing)
+            solve(problem, seed=0).polish(invalid_tolerance)
     polished_plan = solve(problem, seed=0).polish(1.0, seconds=0.0)
     assert polished_plan and polished_plan.distance <= 0.25, "a plan is never made worse"
     with pytest.raises(ValueError, match="improve is -1"):

@@ -23,11 +23,11 @@ from fantoccini.kernel.runtime import ClearanceLibrary
 pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 THICK = 0.1
-"""Thickness of the legs of the L, which are 0.4 long and lie along x and z; 0.2 across."""
+"""Thickness of the legs of the L. They lie along x and z, and are 0.4 long and 0.2 wide along y."""
 
 
 def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) -> trimesh.Trimesh:
-    """Prism over an outline in x and z, counter-clockwise seen against y, from y = -0.1 to 0.1."""
+    """Prism from y = -0.1 to 0.1; its outline in x and z is counter-clockwise from y = -0.1."""
     n, flat = len(outline), np.array(outline)
     front = np.column_stack([flat[:, 0], np.full(n, -0.1), flat[:, 1]])
     corners = np.vstack([front, front + np.array([0.0, 0.2, 0.0])])
@@ -38,7 +38,7 @@ def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) 
     return trimesh.Trimesh(corners, faces)
 
 
-def angle() -> trimesh.Trimesh:
+def l_mesh() -> trimesh.Trimesh:
     """The L."""
     outline = [(0, 0), (0.4, 0), (0.4, THICK), (THICK, THICK), (THICK, 0.4), (0, 0.4)]
     return prism(outline, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
@@ -46,9 +46,9 @@ def angle() -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Meshes: an L, a tetrahedron, boxes convex and in two pieces, a hollow one, an open one."""
+    """Meshes: an L, a tetrahedron, a sheet; boxes, also small, fine, in pieces, hollow or open."""
     path = tmp_path_factory.mktemp("meshes")
-    ell, box = angle().subdivide(), trimesh.creation.box((0.2, 0.3, 0.4))
+    ell, box = l_mesh().subdivide(), trimesh.creation.box((0.2, 0.3, 0.4))
     small = box.copy().apply_scale(0.1)
     assert ell.is_volume and ell.volume == pytest.approx(0.2 * (0.4 * 0.1 + 0.3 * 0.1))
     corner = trimesh.Trimesh(
@@ -76,7 +76,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def there(folder, monkeypatch):
+def in_mesh_folder(folder, monkeypatch):
     monkeypatch.chdir(folder)
 
 
@@ -107,15 +107,15 @@ def mesh(file: str, **more) -> dict:
 
 
 def posed(puppet: fan.Marionette, *poses: tuple[np.ndarray, Rotation]) -> fan.State:
-    """Bodies at places, turned."""
+    """A state in which each body has a given position and orientation."""
     numbers = [[*place, *np.roll(turn.as_quat(), 1)] for place, turn in poses]
     return puppet.state().replace(q_D=np.ravel(numbers))
 
 
-def distances(puppet: fan.Marionette, still: dict, places: np.ndarray) -> np.ndarray:
-    """Distances of one body, not turned, at places (n, 3), from an obstacle."""
+def distances(puppet: fan.Marionette, obstacle: dict, places: np.ndarray) -> np.ndarray:
+    """Distances of an obstacle from a body that is at places (n, 3), without rotation."""
     q_D = np.column_stack([places, np.tile([1.0, 0, 0, 0], (len(places), 1))])
-    return Clearance(puppet, [still | {"name": "it"}]).at(q_D, np.zeros((len(places), 0)))
+    return Clearance(puppet, [obstacle | {"name": "it"}]).at(q_D, np.zeros((len(places), 0)))
 
 
 @pytest.fixture(scope="module")
@@ -173,20 +173,20 @@ def test_a_moving_tetrahedron_has_the_distance_of_geometry(at, gap):
 
 
 def test_a_notch_is_free():
-    """The box around the L is entered, and its legs are 0.1 away minus the radius."""
+    """The rod is inside the box around the L; its axis is 0.1 away from the legs."""
     rod = flying({"type": "capsule", "from": [0, -0.3, 0], "to": [0, 0.3, 0], "radius": 0.02})
     x = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.identity()))
     ell = mesh("ell", name="ell")
     assert float(Clearance(rod, [ell]).of(x)) == pytest.approx(0.1 - 0.02, abs=1e-9)
-    about = {"type": "box", "size": [0.4, 0.2, 0.4], "at": [0.2, 0, 0.2], "name": "about"}
-    assert float(Clearance(rod, [about]).of(x)) < 0.0
+    surrounding_box = {"type": "box", "size": [0.4, 0.2, 0.4], "at": [0.2, 0, 0.2], "name": "about"}
+    assert float(Clearance(rod, [surrounding_box]).of(x)) < 0.0
     tilted = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.from_euler("x", 50, degrees=True)))
     assert float(Clearance(rod, [ell]).of(tilted)) < 0.0
     half = mesh("ell", name="ell", scale=0.5, at=[0.1, 0.0, 0.1])
     assert float(Clearance(rod, [half]).of(x)) == pytest.approx(0.05 - 0.02, abs=1e-9)
 
 
-def test_inner_points_overlap_in_any_alignment(bead):
+def test_points_inside_overlap_even_if_aligned_with_edges(bead):
     """A grid of beads, many of them vertically above and below corners and edges of the L."""
     line = np.arange(-2, 11) * 0.05
     places = np.stack(np.meshgrid(line, line[:7] - 0.05, line), -1).reshape(-1, 3)
@@ -230,7 +230,7 @@ def test_solids_within_one_another_overlap_either_way():
 
 
 def test_meshes_of_one_puppet_keep_clear_of_one_another():
-    """Two Ls, one turned by half a turn, a leg of each in the other's notch."""
+    """Two Ls; one is turned by half a turn, so that a leg of each is in the notch of the other."""
     puppet = flying(mesh("ell"), mesh("ell"))
     own = Clearance(puppet, self_collision=True)
     still, turn = (np.zeros(3), Rotation.identity()), Rotation.from_euler("y", 180, degrees=True)
@@ -257,12 +257,12 @@ ARM = fan.puppets.arm3d()
 HANGING = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
 RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
 SHELF = mesh("ell", name="shelf", scale=[-1.25, 1.0, 1.25], at=[0.6, 0.0, -0.75])
-"""It lies beside the hand with a leg upright in front of the arm; the string hangs in its notch."""
+"""An L beside the hand, with a leg upright in front of the arm; the string is in its notch."""
 LEGS = [
     {"name": "low", "type": "box", "size": [0.5, 0.2, 0.125], "at": [0.35, 0.0, -0.6875]},
     {"name": "up", "type": "box", "size": [0.125, 0.2, 0.5], "at": [0.5375, 0.0, -0.5]},
 ]
-"""The same as boxes."""
+"""The legs of the shelf as boxes."""
 
 
 def test_slack_strings_keep_clear_of_meshes_as_of_boxes():
@@ -281,8 +281,13 @@ def test_slack_strings_keep_clear_of_meshes_as_of_boxes():
 
 
 def test_a_plan_goes_through_a_notch():
-    about = {"name": "about", "type": "box", "size": [0.5, 0.2, 0.5], "at": [0.35, 0.0, -0.5]}
-    refused = fan.control.Problem(ARM, HANGING, RAISED, [about])
+    surrounding_box = {
+        "name": "about",
+        "type": "box",
+        "size": [0.5, 0.2, 0.5],
+        "at": [0.35, 0.0, -0.5],
+    }
+    refused = fan.control.Problem(ARM, HANGING, RAISED, [surrounding_box])
     assert "string hand meets about" in refused.reason
     plan = fan.plan(
         ARM,
@@ -299,7 +304,7 @@ def test_a_plan_goes_through_a_notch():
     assert plan, str(plan)
     clear = plan.problem.rollouts.clearance
     assert np.min(clear.of(plan.trajectory)) > 0.0
-    assert np.min(fan.dynamics.Clearance(ARM, [about]).of(plan.trajectory)) < -1e-3
+    assert np.min(fan.dynamics.Clearance(ARM, [surrounding_box]).of(plan.trajectory)) < -1e-3
     assert plan.replay()
     np.testing.assert_allclose(
         clear.of(plan.trajectory), fan.dynamics.Clearance(ARM, LEGS).of(plan.trajectory), atol=1e-9
@@ -326,7 +331,7 @@ def test_errors_during_measurements_of_meshes_are_raised(monkeypatch, threads):
 
 
 def test_an_interrupt_is_not_lost_while_meshes_are_measured():
-    """Python delivers it where compiled code calls back."""
+    """Python delivers the interrupt when compiled code calls Python."""
 
     class Stopped(Exception):
         pass
@@ -349,7 +354,7 @@ def test_an_interrupt_is_not_lost_while_meshes_are_measured():
         signal.signal(signal.SIGINT, before)
 
 
-def test_coal_is_loaded_where_there_is_a_mesh_only():
+def test_coal_is_loaded_only_if_there_is_a_mesh():
     code = (
         "import sys, fantoccini as fan; arm = fan.puppets.arm3d(); x = arm.rest();"
         "fan.dynamics.Clearance(arm, [{'name': 'b', 'type': 'box', 'size': [1, 1, 1]}]).of(x);"

@@ -1,4 +1,4 @@
-"""Plans on disk: the same plan, continued searches, and damaged files."""
+"""Plans on disk equal the saved ones, searches continue, and damaged files are refused."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def test_a_saved_plan_is_complete_and_continues(boxes, tmp_path):
     assert np.array_equal(plan.inputs.coef, again.inputs.coef)
     longer, same = (p.grow(seconds=60.0, iterations=800) for p in (plan, again))
     assert longer.path == same.path and np.array_equal(longer.tree.q_D, same.tree.q_D)
-    assert not list(tmp_path.glob(".*")), "nothing half-written is left"
+    assert not list(tmp_path.glob(".*")), "a half-written file is left"
 
 
-def test_an_unnamed_planner_must_be_given_again(boxes, tmp_path):
+def test_a_planner_passed_as_an_object_can_be_given_again(boxes, tmp_path):
     planner = Explore(batch=32)
     fan.control.solve(boxes, planner=planner, seed=1).save(tmp_path / "plan.npz")
     again = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes, planner)
@@ -67,7 +67,7 @@ def test_pictures_and_films_of_plans(boxes, tmp_path):
     pixels = imread(plan.plot(tmp_path / "plan.png", size=(400, 400)))
     assert pixels.shape[:2] == (800, 800) and pixels[..., :3].std() > 0.02
     blue = (pixels[..., 2] > pixels[..., 0] + 0.3).sum()
-    assert blue > 100, "the way is drawn"
+    assert blue > 100, "the path is not drawn"
     plan.animate(tmp_path / "plan.gif", size=(160, 200))
     assert (tmp_path / "plan.gif").stat().st_size > 1000
 

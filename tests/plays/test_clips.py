@@ -29,7 +29,7 @@ from fantoccini.theatre.retarget.mapping import joints_of
 from fantoccini.theatre.retarget.placing import place
 from fantoccini.theatre.retarget.retargeting import places_in
 from plays.conftest import HEAD, Plays
-from plays.test_play_file import mistakes
+from plays.test_play_file import checked_messages
 from plays.tiny import BALL
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
@@ -200,7 +200,7 @@ def test_mistakes_of_clips_are_reported_at_their_cue(
 ):
     if change is not None:
         short.write_text(short.read_text().replace(*change))
-    (message,) = mistakes(plays, f"{{who: pierrot, does: {name}}}")
+    (message,) = checked_messages(plays, f"{{who: pierrot, does: {name}}}")
     assert said in message
 
 

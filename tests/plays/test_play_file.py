@@ -1,4 +1,4 @@
-"""Mistakes of play files, each at its line, and their JSON Schema."""
+"""Mistakes in play files are reported with their lines; the JSON Schema of play files."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ pytestmark = pytest.mark.medium
 ACT = "acts:\n  - act: one\n    cues:\n      - {cue}\n"
 
 
-def mistakes(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
-    """Mistakes of a cue, at its line in the file."""
+def checked_messages(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
+    """Messages for the mistakes in a cue; each must name the cue's line."""
     path = plays.written(ACT.format(cue=cue), head)
     with pytest.raises(fan.errors.FileError) as caught:
         fan.load_play(path)
@@ -28,7 +28,7 @@ def mistakes(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("cue", "said"),
+    ("cue", "expected"),
     [
         ("{who: pierrot}", "found no verb; needed: one of `does`, `walks to`"),
         ("{who: pierrot, does: wave, walks to: centre}", "found both `does` and `walks to`"),
@@ -53,13 +53,13 @@ def mistakes(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
         ("{who: pierrot, walks too: centre}", "this key is not known; did you mean 'walks to'?"),
     ],
 )
-def test_a_wrong_cue_is_reported_at_its_line(plays: Plays, cue: str, said: str):
-    messages = mistakes(plays, cue)
-    assert any(said in message for message in messages), messages
+def test_a_wrong_cue_is_reported_at_its_line(plays: Plays, cue: str, expected: str):
+    messages = checked_messages(plays, cue)
+    assert any(expected in message for message in messages), messages
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "said"),
+    ("before", "after", "expected"),
     [
         ("pierrot: {at: west}", "pierrot: {at: wast}", "no mark is called 'wast'"),
         ("pierrot: {at: west}", "west: {at: west}", "is the name of a player"),
@@ -72,9 +72,9 @@ def test_a_wrong_cue_is_reported_at_its_line(plays: Plays, cue: str, said: str):
         ("tempo: 100", "tempo: 100\nsound: [{file: a.wav, at: drums}]", "a name of `times`"),
     ],
 )
-def test_a_wrong_stage_or_cast_is_reported(plays: Plays, before: str, after: str, said: str):
+def test_a_wrong_stage_or_cast_is_reported(plays: Plays, before: str, after: str, expected: str):
     path = plays.written(ACT.format(cue="{who: all, does: nod}"), HEAD.replace(before, after))
-    with pytest.raises(fan.errors.FileError, match=said.replace("?", r"\?")):
+    with pytest.raises(fan.errors.FileError, match=expected.replace("?", r"\?")):
         fan.load_play(path)
 
 

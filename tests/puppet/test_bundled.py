@@ -1,4 +1,4 @@
-"""The bundled puppets agree with the paper and with their comments."""
+"""The bundled puppets have the stated sizes, the paper's names and a description."""
 
 from __future__ import annotations
 
@@ -87,9 +87,9 @@ def test_the_three_marionettes_are_one_puppet() -> None:
     plain, bar, stand = (
         bundled(n)[0].expanded() for n in ("marionette", "marionette_bar", "stand6")
     )
-    theirs = {b.name: b for b in bar.bodies}, {b.name: b for b in stand.bodies}
+    other_bodies = {b.name: b for b in bar.bodies}, {b.name: b for b in stand.bodies}
     for body in plain.bodies:
-        assert theirs[0][body.name] == body
-        assert theirs[1][body.name] == body
+        assert other_bodies[0][body.name] == body
+        assert other_bodies[1][body.name] == body
     for body in plain.bodies:
         assert all(shape_inertia(s)[0] > 0 for s in body.shapes)

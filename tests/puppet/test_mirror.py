@@ -21,7 +21,7 @@ planes = st.sampled_from(sorted(SIGNS))
 
 
 def reflection(plane: str) -> np.ndarray:
-    """S (3, 3)."""
+    """Reflection matrix S (3, 3) of a plane."""
     return np.diag([float(s) for s in SIGNS[plane]])
 
 
@@ -29,11 +29,11 @@ def reflection(plane: str) -> np.ndarray:
 @given(bodies(), planes)
 def test_reflecting_twice_changes_nothing(body: dict, plane: str) -> None:
     body = plain(Body(**body))
-    there, back = Reflection(plane, "left", "right"), Reflection(plane, "right", "left")
-    twin = there.body(body)
+    to_right, back = Reflection(plane, "left", "right"), Reflection(plane, "right", "left")
+    twin = to_right.body(body)
     assert twin["name"] == "a_right"
     assert back.body(twin) == body
-    assert not there.findings
+    assert not to_right.findings
 
 
 @settings(max_examples=60, deadline=None)
@@ -51,7 +51,7 @@ def test_twins_start_as_mirror_images(data: dict, draw) -> None:
 
 
 def motion(joint: Joint, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and place (3,) of a body by its joint, in the parent's frame."""
+    """Rotation (3, 3) and position (3,) that a joint gives its body, in the parent's frame."""
     R = np.eye(3) if joint.orientation is None else joint.orientation.matrix
     turn, move = np.eye(3), np.zeros(3)
     match joint.type:
@@ -71,12 +71,12 @@ def motion(joint: Joint, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @given(joints(), planes, quaternions, st.floats(-2, 2))
 def test_mirrored_coordinates_give_mirrored_motion(joint, plane, quaternion, x) -> None:
     S = reflection(plane)
-    image = Reflection(plane, "left", "right")
+    reflection_of_plane = Reflection(plane, "left", "right")
     original = Joint(**joint)
-    twin = Joint(**image.joint(plain(original)))
+    twin = Joint(**reflection_of_plane.joint(plain(original)))
     q = np.array([x, 0.5 * x, 0.2 - x, *quaternion])
     place = q[:3] if joint["type"] in ("revolute", "prismatic") else S @ q[:3]
-    q_twin = np.array([*place, *image.rotation(list(quaternion))])
+    q_twin = np.array([*place, *reflection_of_plane.rotation(list(quaternion))])
     R, p = motion(original, q)
     R_twin, p_twin = motion(twin, q_twin)
     np.testing.assert_allclose(R_twin, S @ R @ S, atol=1e-12)
@@ -86,9 +86,9 @@ def test_mirrored_coordinates_give_mirrored_motion(joint, plane, quaternion, x) 
 @settings(max_examples=60, deadline=None)
 @given(joints(kind="ball"), planes, quaternions)
 def test_cones_and_twists_are_mirrored(joint: dict, plane: str, quaternion: list) -> None:
-    image = Reflection(plane, "left", "right")
+    reflection_of_plane = Reflection(plane, "left", "right")
     original = Joint(**joint)
-    twin = Joint(**image.joint(plain(original)))
+    twin = Joint(**reflection_of_plane.joint(plain(original)))
 
     def limits(joint: Joint, quaternion: list) -> list[float]:
         R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
@@ -96,9 +96,9 @@ def test_cones_and_twists_are_mirrored(joint: dict, plane: str, quaternion: list
         swing = np.dot(joint.cone.axis, R @ np.array(joint.cone.of)) - np.cos(joint.cone.max)
         return [swing, twist - joint.twist.lower, joint.twist.upper - twist]
 
-    quaternion[0] = abs(quaternion[0]) + 0.1  # away from half a turn, where a twist changes sign
+    quaternion[0] = abs(quaternion[0]) + 0.1  # not half a turn, where the twist changes its sign
     swing, above_lower, below_upper = limits(original, quaternion)
-    values = limits(twin, image.rotation(quaternion))
+    values = limits(twin, reflection_of_plane.rotation(quaternion))
     np.testing.assert_allclose(values, [swing, below_upper, above_lower], atol=1e-12)
 
 
@@ -108,8 +108,8 @@ def test_inertia_is_mirrored(body: dict, plane: str) -> None:
     S = reflection(plane)
     original = Body(**body)
     twin = Body(**Reflection(plane, "left", "right").body(plain(original)))
-    for shape, image in zip(original.shapes, twin.shapes, strict=True):
-        (v1, u1), (v2, u2) = shape_inertia(shape), shape_inertia(image)
+    for shape, twin_shape in zip(original.shapes, twin.shapes, strict=True):
+        (v1, u1), (v2, u2) = shape_inertia(shape), shape_inertia(twin_shape)
         assert v1 == v2
         np.testing.assert_allclose(u2.com, S @ u1.com, atol=1e-15)
         np.testing.assert_allclose(u2.inertia, S @ u1.inertia @ S, atol=1e-12)
@@ -182,7 +182,7 @@ def test_parts_whose_name_has_the_side_get_a_twin() -> None:
     assert full.mirror is None
 
 
-def test_the_files_start_of_a_twin_takes_precedence() -> None:
+def test_a_pose_written_for_a_twin_takes_precedence() -> None:
     pose = loads(TEXT).expanded().pose
     assert (pose["shoulder_left"], pose["shoulder_right"]) == (0.5, 0.25)
     assert pose["lift_right.length"] == 1

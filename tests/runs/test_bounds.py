@@ -1,4 +1,4 @@
-"""Numerical arguments of runs are bounded: by the integers of the compiled code, by memory."""
+"""Numerical arguments of runs are bounded by the integers of the compiled code and by memory."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def simulated(x0, **how):
 @pytest.mark.parametrize("x0", [X0, [X0, X0]], ids=["one", "many"])
 @pytest.mark.parametrize("every", [0, -1, 2.5, np.nan, 2**31, 2**32, 2**33 + 5, 2**70])
 def test_saving_intervals_fit_their_integer(method, x0, every):
-    """17.23: an interval beyond its integer is refused; 2^32 became 0 and killed Python."""
+    """17.23: an interval beyond its integer is refused; 2^32 used to become 0 and crash Python."""
     with pytest.raises(ValueError, match=r"save_every is .* a whole number from 1 to 2147483647"):
         simulated(x0, t_end=0.01, method=method, save_every=every)
     if method == "event":
@@ -37,7 +37,7 @@ def test_saving_intervals_fit_their_integer(method, x0, every):
 
 
 def test_integers_that_cross_to_compiled_code_are_checked():
-    """17.23: arguments and fields of every structure; ctypes alone wraps them round."""
+    """17.23: arguments and fields of all structures are checked; ctypes silently wraps them."""
 
     class Pair(Numbers):
         _fields_ = (("short", ctypes.c_int), ("long", ctypes.c_longlong))
@@ -57,18 +57,20 @@ def test_every_structure_of_the_runtime_is_checked():
     """17.23: no structure takes an integer without a check."""
     import fantoccini.kernel.runtime as runtime
 
-    def below(kind):
-        return {kind, *(s for child in kind.__subclasses__() for s in below(child))}
+    def with_subclasses(kind):
+        return {kind, *(s for child in kind.__subclasses__() for s in with_subclasses(child))}
 
-    own = [s for s in below(ctypes.Structure) if s.__module__.startswith(runtime.__name__)]
-    assert len(own) >= 10
-    assert [s.__name__ for s in own if not issubclass(s, Numbers)] == []
+    runtime_structures = [
+        s for s in with_subclasses(ctypes.Structure) if s.__module__.startswith(runtime.__name__)
+    ]
+    assert len(runtime_structures) >= 10
+    assert [s.__name__ for s in runtime_structures if not issubclass(s, Numbers)] == []
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 @pytest.mark.parametrize("x0", [X0, [X0] * 8], ids=["one", "many"])
 def test_too_many_rows_are_refused_before_allocation(method, x0):
-    """17.6, 26: 5e11 rows of fixed steps; a batch used to allocate 37 GiB of times first."""
+    """17.6, 17.26: 5e11 rows of fixed steps; a batch used to allocate 37 GiB before the check."""
     with pytest.raises(ValueError, match=r"5e\+11 samples from 0 s .* GB may be used.*save_every="):
         simulated(x0, t_end=1e9, method=method)
     with pytest.raises(ValueError, match=r"need 0.0.* GB .*max_memory"):
@@ -81,14 +83,14 @@ def test_too_many_rows_are_refused_before_allocation(method, x0):
 
 @pytest.mark.parametrize("x0", [X0, [X0] * 2000], ids=["one", "many"])
 def test_times_to_save_that_do_not_fit_are_refused(x0):
-    """17.6: the rows of an event-driven run with fixed times are known beforehand."""
+    """17.6: the number of rows of an event-driven run with fixed times is known beforehand."""
     times = np.linspace(0.0, 1e3, 10**5)
     with pytest.raises(ValueError, match=r"1e\+05 samples .* fewer times in save_at"):
         simulated(x0, t_end=1e3, save_at=times, max_memory=1e7)
 
 
 def test_a_run_with_too_many_rows_ends_and_keeps_them():
-    """17.6: an unpredictable number of steps ends with a status, before memory is exhausted."""
+    """17.6: a run with too many steps ends with a status, before memory is exhausted."""
     x0 = ARM.project(X0.replace(v_D=[3.0, -3.0]))
     how = {"t_end": 20.0, "method": fan.Event(rtol=1e-9, atol=1e-9)}
     whole_run = simulated(x0, max_memory=1e9, **how)
@@ -103,7 +105,7 @@ def test_a_run_with_too_many_rows_ends_and_keeps_them():
 
 
 def test_steps_of_a_batch_are_bounded(monkeypatch):
-    """17.26: max_steps stops fixed steps in lanes too."""
+    """17.26: max_steps also ends runs with fixed steps in a batch."""
     options = fan.Marionette.run_options
     monkeypatch.setattr(
         fan.Marionette, "run_options", lambda *a, **how: options(*a, max_steps=10, **how)
@@ -127,7 +129,7 @@ def test_memory_is_limited_by_the_machine_the_group_and_the_process(tmp_path):
 
 
 def test_a_run_needs_no_more_memory_than_estimated():
-    """17.6: the estimated copies are the ones created."""
+    """17.6: the estimate counts every copy that a run creates."""
     import tracemalloc
 
     fan.simulate(ARM, X0, t_end=0.1, method="timestepping")
@@ -141,7 +143,7 @@ def test_a_run_needs_no_more_memory_than_estimated():
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 @pytest.mark.parametrize("x0", [X0, [X0] * 3], ids=["one", "many"])
 def test_a_step_longer_than_the_run_is_one_step(method, x0):
-    """17.31: dt = 1e300 was DONE at the start; dt below the clock's resolution never ended."""
+    """17.31: dt = 1e300 used to be DONE at once; dt below the clock's resolution never ended."""
     for dt in (0.01, 1.0, 1e300):
         run = simulated(x0, t_end=0.01, method=method_of(method, dt=dt))
         assert run.t.tolist() == [0.0, 0.01]
@@ -155,7 +157,7 @@ def test_a_step_longer_than_the_run_is_one_step(method, x0):
 
 
 def test_threads_and_arrays_of_a_batch_are_checked():
-    """17.31: threads=-1 was called a lack of memory; one array for two results had mixed rows."""
+    """17.31: threads=-1 used to be called a lack of memory; an array for two results had both."""
     for threads in (-1, 0, 1.5):
         with pytest.raises(ValueError, match=r"threads is .* a whole number from 1"):
             fan.simulate_batch(ARM, [X0] * 2, t_end=0.1, threads=threads)

@@ -56,51 +56,51 @@ def test_strings_are_free_after_a_bead_is_released(scene):
         until(lambda: scene.live.holder.viewer is not None, "the strings are held")
         for distance in (0.02, 0.05):
             viewer.drag("update", BEAD, home, home + distance * np.eye(3)[1])
-        # The hand's plane is at the eye's height here: depth in it is invisible.
-        there = pytest.approx(0.05, abs=1e-4)
-        until(lambda: scene.performance.target("line")[0][1] == there, "a move")
+        # The camera is level with the plane of the hand, where motion in depth is invisible.
+        at_the_last_move = pytest.approx(0.05, abs=1e-4)
+        until(lambda: scene.performance.target("line")[0][1] == at_the_last_move, "a move")
         began = scene.performance.t
         viewer.drag("end", BEAD, home, home)
         until(lambda: scene.live.holder.viewer is None, "the strings are free")
-        assert scene.performance.t < began + 2.0  # other reasons than a missing move
-        assert scene.performance.target("line")[0][1] == there
+        assert scene.performance.t < began + 2.0  # released at once, not by timeout
+        assert scene.performance.target("line")[0][1] == at_the_last_move
 
 
 def test_one_of_two_viewers_holds_and_the_other_is_told(scene, monkeypatch):
     monkeypatch.setattr(scene.live.holder, "idle", 60.0)
     line = "line"
-    with Viewer(scene.url) as two:
+    with Viewer(scene.url) as second:
         first = Viewer(scene.url)
         first.slide(line, 0.5)
         until(lambda: scene.performance.wanted_length(line) == 0.5, "the first winds")
-        until(lambda: two.value(line) == 0.5, "the other sees it")
-        two.slide(line, 0.7)
-        two.until_said("Another viewer holds the strings")
-        until(lambda: two.value(line) == 0.5, "the slider of the other snaps back")
+        until(lambda: second.value(line) == 0.5, "the other sees it")
+        second.slide(line, 0.7)
+        second.until_said("Another viewer holds the strings")
+        until(lambda: second.value(line) == 0.5, "the slider of the other snaps back")
         assert scene.performance.wanted_length(line) == 0.5
         first.close()
         until(lambda: scene.live.holder.viewer is None, "the holder's tab is closed")
-        two.slide(line, 0.7)
+        second.slide(line, 0.7)
         until(lambda: scene.performance.wanted_length(line) == 0.7, "the other takes over")
 
 
 def test_each_viewer_sees_the_holder_of_the_strings(scene, monkeypatch):
-    """17.14: the holder is told "you"."""
+    """The holder reads "You hold the strings"; others read the holder's number."""
     monkeypatch.setattr(scene.live.holder, "idle", 60.0)
-    with Viewer(scene.url) as holder, Viewer(scene.url) as two:
-        for viewer in (holder, two):
+    with Viewer(scene.url) as holder, Viewer(scene.url) as second:
+        for viewer in (holder, second):
             viewer.until_said("The strings are free")
         holder.slide("line", 0.5)
         holder.until_said("You hold the strings")
-        two.until_said("holds the strings")
-        assert "You hold" not in two.said
+        second.until_said("holds the strings")
+        assert "You hold" not in second.said
         number = scene.live.holder.viewer + 1
-        assert f"Viewer {number} holds the strings" in two.said
+        assert f"Viewer {number} holds the strings" in second.said
         assert f"Viewer {number} holds" not in holder.said
 
 
 def test_a_bead_winds_its_string_without_shift(scene):
-    """17.14: a phone has no Shift; upward in the picture winds in, in every view."""
+    """For phones, which have no Shift key: dragging up in the picture winds in, in every view."""
     home = scene.performance.place("line")[0]
     with Viewer(scene.url) as viewer:
         viewer.tick("Drag winds", True)
@@ -115,7 +115,7 @@ def test_a_bead_winds_its_string_without_shift(scene):
 
 
 def test_rings_are_about_the_handle_that_is_chosen(tmp_path):
-    """17.14: rings of a bar and of a rocker on it overlapped."""
+    """Only the chosen handle has rings: those of a bar and of a rocker on it would overlap."""
     scene = opened(fan.loads(ROCKER), tmp_path)
     controls = scene.live.controls
     try:
@@ -134,7 +134,7 @@ def test_rings_are_about_the_handle_that_is_chosen(tmp_path):
 
 
 def test_a_viewers_last_choice_is_kept(tmp_path):
-    """17.14: a frame between a choice and its callback reverted the choice."""
+    """A frame drawn between a choice and its callback does not revert the choice."""
     scene = opened(fan.loads(ROCKER.replace("length: 0.4", "length: driven")), tmp_path)
     try:
         # viser sets the values before it calls any callback.
@@ -159,7 +159,7 @@ def test_a_hand_that_vanishes_in_mid_drag_frees_the_strings(scene):
 
 
 def lasting_threads() -> int:
-    """Number of threads, without viser's pool, which starts up to 32 when they are needed."""
+    """Number of threads except those of viser's pool, which starts up to 32 as needed."""
     names = [thread.name for thread in threading.enumerate()]
     return sum(not name.startswith("ThreadPoolExecutor") for name in names)
 
@@ -179,7 +179,7 @@ def test_many_tabs_leave_nothing_behind(scene):
     gc.collect()
     until(lambda: lasting_threads() <= threads, "no thread stays")
     handles = sum(isinstance(thing, ClientHandle) for thing in gc.get_objects())
-    assert handles <= 3  # and not those of closed tabs
+    assert handles <= 3  # those of closed tabs have been freed
     server = scene.page.server.viser._websock_server
     assert not server._client_state_from_id and not server._broadcast_buffer.generator_cursors
     assert len(server._broadcast_buffer.message_from_id) < 500
@@ -193,20 +193,20 @@ def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monke
     other = Rotation.from_euler("y", 60.0, degrees=True).as_quat()[[3, 0, 1, 2]]
     home, level = bar.performance.place("bar")
     try:
-        with Viewer(bar.url) as holder, Viewer(bar.url) as two:
+        with Viewer(bar.url) as holder, Viewer(bar.url) as second:
             holder.turn("start", RINGS, home, level)
             holder.turn("update", RINGS, home, turned)
             until(
                 lambda: np.allclose(bar.performance.place("bar")[1], turned, atol=1e-3), "it turns"
             )
-            two.turn("start", RINGS, home, level)
-            two.turn("update", RINGS, home, other)
-            two.until_said("Another viewer holds the strings")
+            second.turn("start", RINGS, home, level)
+            second.turn("update", RINGS, home, other)
+            second.until_said("Another viewer holds the strings")
             assert bar.live.controls.turned == {"bar": 0}
-            two.turn("end", RINGS, home, other)
+            second.turn("end", RINGS, home, other)
             holder.turn("end", RINGS, home, turned)
             until(lambda: bar.live.holder.viewer is None, "the strings are free")
-            # The block hangs where the bar has taken it: one end higher by 0.24 m sin 20 deg.
+            # The block hangs from the turned bar: one end is higher by 0.24 m sin(20 deg).
             rings = bar.live.controls.rings["bar"]
             until(lambda: np.allclose(rings.wxyz, turned, atol=1e-6), "the rings snap back")
             assert np.allclose(bar.performance.target("bar")[1], turned)

@@ -1,4 +1,4 @@
-"""Marionettes are pickled as text: the copy is the same puppet, compiled if its cache has it."""
+"""Marionettes are pickled as text; the copy is the same puppet, compiled if the cache has it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_the_copy_is_the_same_puppet(name):
     assert np.array_equal(received.p, sent.p) and received.name == sent.name
 
 
-def test_winches_travel_too():
+def test_winches_are_pickled_too():
     arm = fan.puppets.arm2d()
     sent = arm.with_winches([[12.0, 0.5, 0.0]])
     assert np.array_equal(pickle.loads(pickle.dumps(sent)).winches, [[12.0, 0.5, 0.0]])
@@ -39,7 +39,7 @@ def test_libraries_are_not_pickled_but_are_kept_by_a_copy():
     assert arm.with_parameters({"m2": 0.1}).library is library
 
 
-def test_meshes_travel_with_their_puppet(tmp_path):
+def test_meshes_are_pickled_with_their_puppet(tmp_path):
     folder = tmp_path / "there" / "meshes"
     folder.mkdir(parents=True)
     trimesh.creation.box((0.1, 0.2, 0.3)).export(folder / "box.stl")
@@ -57,7 +57,7 @@ def test_meshes_travel_with_their_puppet(tmp_path):
     assert received.puppet.bodies[0].shapes[0].path.is_file()
 
 
-def test_a_scene_travels_whole():
+def test_a_whole_scene_is_pickled():
     arm, crane = (getattr(fan.puppets, n)().puppet for n in ("arm2d", "crane"))
     scene = fan.Scene.of(arm, crane, name="stage")
     received = pickle.loads(pickle.dumps(fan.Marionette(scene)))

@@ -1,7 +1,7 @@
 """Side panel: numbers, plots, and the buttons that all pages have.
 
 Texts from puppet files become HTML only through elements, which escape them. They are never used as
-markdown, in which a page would run code.
+markdown, because a page would run code in it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from fantoccini.output.view import Theme, to_hex
 if TYPE_CHECKING:
     import viser
 
-_SIDE = "0.5em"
-_GRID = (
+_SIDE_PADDING = "0.5em"
+_GRID_STYLE = (
     "display:grid;grid-template-columns:minmax(4.5em,auto) 1fr 4.6em;"
     "gap:0.28em 0.6em;align-items:center;font-size:0.84em;line-height:1.25"
 )
@@ -28,16 +28,18 @@ _GRID = (
 
 def note(words: str) -> str:
     """Line of secondary text, as HTML."""
-    return to_html(element("div", words, style=f"padding:0 {_SIDE};font-size:0.82em;opacity:0.75"))
+    return to_html(
+        element("div", words, style=f"padding:0 {_SIDE_PADDING};font-size:0.82em;opacity:0.75")
+    )
 
 
 def dotted(name: str, colour: str) -> list[Content]:
-    """A name after a dot in its colour."""
+    """A dot in a colour, followed by a name."""
     return [element("span", "\N{BLACK CIRCLE}", style=f"color:{colour}"), f" {name}"]
 
 
 def bars(names: Sequence[str], scene: SceneState, nodes: SceneNodes) -> str:
-    """Names of the strings in their colours, with tensions as bars and numbers, as HTML."""
+    """HTML table of the strings: name with a coloured dot, and tension as a bar and a number."""
     cells = []
     for s, name in enumerate(names):
         tension = None if scene.tension is None else float(scene.tension[s])
@@ -58,15 +60,15 @@ def bars(names: Sequence[str], scene: SceneState, nodes: SceneNodes) -> str:
             element("div", element("div", style=width), style=frame),
             element("div", number, style=right + faint),
         ]
-    table = element("div", *cells, style=_GRID)
-    return to_html(element("div", table, style=f"padding:0.1em {_SIDE}"))
+    table = element("div", *cells, style=_GRID_STYLE)
+    return to_html(element("div", table, style=f"padding:0.1em {_SIDE_PADDING}"))
 
 
 class Views:
-    """Buttons for the camera, and boxes for the parts of the world to show.
+    """Buttons for the camera, and checkboxes for the parts of the world that are shown.
 
     Attributes:
-        shadows_box, forces_box: boxes for shadows and for forces of contacts.
+        shadows_box, forces_box: checkboxes for shadows and for contact forces.
 
     Args:
         gui: controls of the server.
@@ -118,7 +120,7 @@ class Plot:
         label: unit of the values.
         span: first and last time [s].
         scale: lower and upper end of the values.
-        mark: mark the current time.
+        mark: whether to mark the current time.
         height: height of the plot [px].
     """
 
@@ -169,12 +171,12 @@ class Plot:
         """Draws values (n_names, n) at times (n,), with the mark at ``now`` [s]."""
         lines = [np.asarray(row, dtype=float) for row in values]
         if self._mark:
-            lines.append(_spike(t, values, t[0] if now is None else now))
+            lines.append(_time_mark(t, values, t[0] if now is None else now))
         self._node.data = (np.asarray(t, dtype=float), *lines)
 
 
-def _spike(t: np.ndarray, values: np.ndarray, now: float) -> np.ndarray:
-    """(n,) NaN except at two neighbours of the current time: an almost vertical line."""
+def _time_mark(t: np.ndarray, values: np.ndarray, now: float) -> np.ndarray:
+    """(n,) an almost vertical line at the current time: NaN except at two neighbouring times."""
     mark = np.full(len(t), np.nan)
     k = int(np.clip(np.searchsorted(t, now), 1, len(t) - 1))
     finite = values[np.isfinite(values)]

@@ -19,8 +19,8 @@ from fantoccini.control.tasks import AnswerStatus, Nodes, Touched, number_names
 from fantoccini.motion import Trajectory
 
 _MAX_ROUNDING_EFFECT = 1e-9
-"""Effect of an input on a final coordinate below which it is rounding, relative to its largest
-effect on any coordinate."""
+"""The effect of the inputs on a final coordinate is rounding if it is below this share of the
+largest effect on any coordinate."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,9 @@ NONE = Residual(0.0, "")
 
 def passed_bound(objective: Objective, nodes: Nodes, ends: Ends) -> Residual:
     """The largest violation of a bound at the nodes; :data:`NONE` if all bounds are kept."""
-    return max(_bounds(objective, nodes, ends), key=lambda residual: residual.rank, default=NONE)
+    return max(
+        _bound_residuals(objective, nodes, ends), key=lambda residual: residual.rank, default=NONE
+    )
 
 
 def end_residual(objective: Objective, nodes: Nodes) -> Residual:
@@ -61,7 +63,7 @@ def end_residual(objective: Objective, nodes: Nodes) -> Residual:
 
 
 def clearance_residual(clear: ClearRows, run: Trajectory) -> Residual:
-    """The largest violation of the required clearance in a run, by body or string."""
+    """The largest violation of the required clearance in a run, with the body or string."""
     if not len(clear):
         return NONE
     closest = clear.whole.least(run)
@@ -71,7 +73,7 @@ def clearance_residual(clear: ClearRows, run: Trajectory) -> Residual:
 
 
 def touch_residual(touched: tuple[Touched, ...]) -> Residual:
-    """The touch with the largest miss distance."""
+    """The largest distance by which a touch misses its place."""
     residuals = (Residual(touch.distance, f"{touch}, not there") for touch in touched)
     return max(residuals, key=lambda touch: touch.rank, default=NONE)
 
@@ -89,7 +91,7 @@ def without_input(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
 
 
 def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str:
-    """The largest residual of an iterate that is not optimal: at the end, of a bound or a step."""
+    """Reason why an iterate is not optimal: error at the end, violated bound, or next step."""
     bound, end = passed_bound(objective, at.nodes, at.ends), end_residual(objective, at.nodes)
     worst = max(bound, end, key=lambda residual: residual.rank)
     if worst.size > max(tolerance, at.stationarity) or not np.isfinite(at.stationarity):
@@ -105,20 +107,20 @@ def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str
     )
 
 
-def _bounds(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator[Residual]:
+def _bound_residuals(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator[Residual]:
     """The largest violation for each kind of bound."""
     limits, names = objective.limits(nodes.interval), nodes.table.v_K
     value, low, high = objective.rows.values(nodes, ends)
     violation = np.maximum(low - value, value - high)
     if violation.size:
         i, j = np.unravel_index(int(np.argmax(violation)), violation.shape)
-        name, later = objective.rows.names[j]
-        t = nodes.t[i + later]
+        name, node_offset = objective.rows.names[j]
+        t = nodes.t[i + node_offset]
         yield _residual(float(violation[i, j]), name, t, value[i, j], low[j], high[j])
     max_acceleration = np.broadcast_to(limits.acceleration, nodes.acc_K.shape).copy()
     max_acceleration[-1] = np.minimum(
         max_acceleration[-1], limits.jump
-    )  # after the end there is no acceleration
+    )  # the acceleration jumps to 0 at the end
     positions = nodes.numbers[1:, nodes.splits[1] : nodes.splits[2]]
     for prefix, values, lowest, highest, t in (
         ("the acceleration of ", nodes.acc_K, -max_acceleration, max_acceleration, nodes.t[:-1]),

@@ -25,13 +25,13 @@ class _Attempts:
     durations: tuple[float, ...] = (0.85, 1.0)
     """Durations of the first variants, relative to the plan's."""
     first_share: float = 0.2
-    """Share of the time limit for each of them."""
+    """Share of the time limit for each of the first variants."""
     extensions: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0)
-    """Times added to the plan until its end reaches the goal [s]."""
+    """Times by which the plan is extended, tried in turn until its end reaches the goal [s]."""
     shortening: float = 0.15
-    """Largest share of its segments by which it is then shortened at once."""
+    """Largest share of a plan's segments that is removed in one attempt to shorten it."""
     rounding: float = 1e-9
-    """Rounding error of a number of segments."""
+    """Rounding error allowed in a number of segments."""
 
 
 _ATTEMPTS = _Attempts()
@@ -65,8 +65,8 @@ class Polish:
         status: whether it helped, or the reason why not.
         asked: required distance from the goal.
         nearest: distance of the best rollout that missed the goal; NaN if there is none.
-        broken: constraints that it violates: ``clearance``, ``limits``, ``tension``;
-            ``equilibrium`` if the puppet would not stay.
+        broken: constraints that this rollout violates: ``clearance``, ``limits``, ``tension``;
+            ``equilibrium`` if the puppet would not stay in its final pose.
     """
 
     status: PolishStatus
@@ -101,10 +101,11 @@ class Polish:
 
 
 class Polisher:
-    """Polishing of a problem's plans: shorter, with their end at the goal.
+    """Polishes plans of a problem: makes them shorter, and brings their end to the goal.
 
     Attributes:
-        nearest: the rollout of least merit that misses the goal; None if there is none.
+        nearest: the rollout with the least merit among those that miss the goal, which is the best
+            of them; None if there is none.
         late: whether the time ended before a plan reached the goal.
 
     Args:
@@ -141,11 +142,16 @@ class Polisher:
             n_checks: (m,) numbers of checks in the segments.
             distance: required distance from the goal.
             seconds: time to search for shorter plans [s].
-            limit: time after which polishing is abandoned if no plan comes so near [s].
+            limit: time after which polishing is abandoned if no plan has come within `distance` of
+                the goal [s].
             shorter: whether to search for shorter plans.
         """
         began = time.perf_counter()
-        V, until, end = self._resampled(acceleration, n_checks), began + seconds, began + limit
+        V, search_deadline, end = (
+            self._resampled(acceleration, n_checks),
+            began + seconds,
+            began + limit,
+        )
         segment_counts = [
             max(1, round(x * len(V))) for x in _ATTEMPTS.durations if shorter or x >= 1.0
         ]
@@ -166,26 +172,30 @@ class Polisher:
             return
         yield self._simulated(best)
         n_fewer = round(_ATTEMPTS.shortening * len(best)) if shorter else 0
-        while n_fewer and time.perf_counter() < until:
+        while n_fewer and time.perf_counter() < search_deadline:
             m = max(1, len(best) - n_fewer)
-            shorter_candidate = self._at_goal(self._stretched(best.V[0], m), distance, until)
-            if shorter_candidate is None:
+            shortened = self._at_goal(self._stretched(best.V[0], m), distance, search_deadline)
+            if shortened is None:
                 n_fewer //= 2
             else:
-                best, n_fewer = shorter_candidate, min(n_fewer, round(_ATTEMPTS.shortening * m))
+                best, n_fewer = shortened, min(n_fewer, round(_ATTEMPTS.shortening * m))
                 yield self._simulated(best)
 
     @staticmethod
     def _first_deadline(limit: float) -> float:
-        """Time at which to vary only the end of the plan, which is quicker than all of it."""
+        """Time at which to stop varying the whole plan; varying only its end is quicker."""
         return time.perf_counter() + _ATTEMPTS.first_share * limit
 
     def _at_goal(
-        self, V: Array, distance: float, until: float, late: bool = False
+        self, V: Array, distance: float, search_deadline: float, late: bool = False
     ) -> Candidates | None:
-        """A candidate near velocities (m, n_vK) that ends at the goal, unobstructed; or None."""
+        """A candidate near V (m, n_vK) that ends at the goal without collision; None if none."""
         result = approach(
-            self._shooting, V, lambda candidate: self._arrives(candidate, distance), until, late
+            self._shooting,
+            V,
+            lambda candidate: self._arrives(candidate, distance),
+            search_deadline,
+            late,
         )
         if result.arrives:
             return result.candidate

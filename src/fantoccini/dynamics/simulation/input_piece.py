@@ -18,7 +18,7 @@ _POWERS = np.arange(N_COEF)
 
 @dataclass(frozen=True, eq=False)
 class InputVariation:
-    """Changes of inputs and parameters at one time, a column for each.
+    """Changes of inputs and parameters at one time; each change is a column.
 
     Attributes:
         q_K: (n_vK, m) tangent vectors of the driven configuration.
@@ -55,8 +55,8 @@ class InputPiece:
     Attributes:
         start, end: start and end of the piece, in which no input has a break [s].
         inputs: inputs of this piece alone.
-        powers: (6, 3 n_vK + n_vD, changes) changes of q_K, v_K, acc_K and u_D, as coefficients of
-            powers of the time since the start over the duration.
+        powers: (6, 3 n_vK + n_vD, changes) changes of q_K, v_K, acc_K, u_D: coefficients of powers
+            of (t - start)/(end - start).
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class InputPiece:
     def variation(self, t: float) -> InputVariation:
         """The changes at a time of the piece [s], valid until the next call.
 
-        The columns are derivatives by the state at the start (all 0), by the parameters, towards
+        The columns are derivatives with respect to the start state (all 0) and parameters, towards
         the other inputs, and along the derivatives.
         """
         out, n, m = self._variation, len(self._variation.q_K), self.powers.shape[2]
@@ -93,7 +93,7 @@ class InputChanges:
         marionette: the puppet.
         inputs: bound inputs.
         toward: other bound inputs; a change goes from ``inputs`` towards each.
-        along: derivatives of the inputs, each a change of its own.
+        along: derivatives of the inputs; each one is a change with its own column.
 
     Attributes:
         inputs: inputs of the run.
@@ -111,7 +111,7 @@ class InputChanges:
         table, n_p = marionette.coordinates, len(marionette.p)
         self.inputs, self._own = inputs, Inputs.of([inputs])
         self._toward = toward
-        # Derivatives with the same breaks are moved together.
+        # Neighbouring derivatives with the same breaks are evaluated together.
         alike = groupby(along, key=lambda item: item.breaks.tobytes())
         groups = [list(group) for _, group in alike]
         self._along = [(g[0].breaks[None], np.array([item.coef for item in g])) for g in groups]
@@ -125,49 +125,54 @@ class InputChanges:
         self._variation.p[:, first - n_p : first] = np.eye(n_p)
 
     def piece(self, start: float, end: float) -> InputPiece:
-        """Piece between two times without a break between them [s]."""
+        """Piece between two times [s]; there must be no break between them."""
         n_v, n = len(self._variation.v_K), len(self._variation.u_D)
-        moved, pushed = [np.zeros((0, n_v, N_COEF))], [np.zeros((0, n, N_COEF))]
+        motion_coef, force_coef = [np.zeros((0, n_v, N_COEF))], [np.zeros((0, n, N_COEF))]
         if self._toward is not None:
-            own, other = (_about(item, start, end) for item in (self._own, self._toward))
-            moved.append(other[0] - own[0])
-            moved[-1][:, self._turns] = 0.0
-            pushed.append(np.broadcast_to(other[1] - own[1], (len(other[0]), n, N_COEF)))
+            own, other = (
+                _powers_from_start(item, start, end) for item in (self._own, self._toward)
+            )
+            motion_coef.append(other[0] - own[0])
+            motion_coef[-1][:, self._turns] = 0.0
+            force_coef.append(np.broadcast_to(other[1] - own[1], (len(other[0]), n, N_COEF)))
         for breaks, coef in self._along:
-            moved.append(_moved(breaks, coef, start, end))
-            pushed.append(np.zeros((len(coef), n, N_COEF)))
-        powers = in_powers(np.concatenate(moved), np.concatenate(pushed), end - start)
+            motion_coef.append(_shifted_to_start(breaks, coef, start, end))
+            force_coef.append(np.zeros((len(coef), n, N_COEF)))
+        powers = in_powers(np.concatenate(motion_coef), np.concatenate(force_coef), end - start)
         return InputPiece(self._variation, one_piece(self.inputs, start, end), powers, start, end)
 
 
-def in_powers(moved: Array, pushed: Array, whole: float) -> Array:
+def in_powers(motion_coef: Array, force_coef: Array, duration: float) -> Array:
     """Changes of q_K, v_K, acc_K and u_D, (6, 3 n_vK + n_vD, m), as in :class:`InputPiece`.
 
     Args:
-        moved: (m, n_vK, 6) changes of q_K as coefficients of powers of the time [s].
-        pushed: (m, n_vD, 6) changes of u_D.
-        whole: duration of the piece [s].
+        motion_coef: (m, n_vK, 6) changes of q_K as coefficients of powers of the time [s].
+        force_coef: (m, n_vD, 6) changes of u_D.
+        duration: duration of the piece [s].
     """
-    q_K, u_D = moved * whole**_POWERS, pushed * whole**_POWERS
+    q_K, u_D = motion_coef * duration**_POWERS, force_coef * duration**_POWERS
     v_K, acc_K = np.zeros_like(q_K), np.zeros_like(q_K)
-    v_K[..., :-1] = q_K[..., 1:] * (_POWERS[1:] / whole)
-    acc_K[..., :-1] = v_K[..., 1:] * (_POWERS[1:] / whole)
+    v_K[..., :-1] = q_K[..., 1:] * (_POWERS[1:] / duration)
+    acc_K[..., :-1] = v_K[..., 1:] * (_POWERS[1:] / duration)
     return np.concatenate([q_K, v_K, acc_K, u_D], axis=1).transpose(2, 1, 0)
 
 
-def _about(inputs: Inputs, start: float, end: float) -> tuple[Array, Array]:
-    """Polynomials of n inputs between two times, about the first: (n, n_vK or n_vD, 6)."""
-    moved = _moved(inputs.breaks, inputs.coef, start, end)
+def _powers_from_start(inputs: Inputs, start: float, end: float) -> tuple[Array, Array]:
+    """Polynomials of n inputs between two times, in powers of t - start: (n, n_vK or n_vD, 6).
+
+    Without forces the second array is (1, n_vD, 6), of zeros.
+    """
+    motion_coef = _shifted_to_start(inputs.breaks, inputs.coef, start, end)
     if inputs.force is None:
-        return moved, np.zeros((1, inputs.coordinates.n_vD, N_COEF))
-    pushed = _moved(inputs.breaks, inputs.force, start, end)
+        return motion_coef, np.zeros((1, inputs.coordinates.n_vD, N_COEF))
+    force_coef = _shifted_to_start(inputs.breaks, inputs.force, start, end)
     middle = 0.5 * (start + end)
-    pushed[~((inputs.breaks[:, 0] <= middle) & (middle <= inputs.breaks[:, -1]))] = 0.0
-    return moved, pushed
+    force_coef[~((inputs.breaks[:, 0] <= middle) & (middle <= inputs.breaks[:, -1]))] = 0.0
+    return motion_coef, force_coef
 
 
-def _moved(breaks: Array, coef: Array, start: float, end: float) -> Array:
-    """Polynomials (n, n_seg, k, 6) between two times, about the first: (n, k, 6).
+def _shifted_to_start(breaks: Array, coef: Array, start: float, end: float) -> Array:
+    """Pieces of polynomials (n, n_seg, k, 6) between two times, in t - start: (n, k, 6).
 
     Before the first break and after the last one they are constant.
     """
@@ -176,8 +181,8 @@ def _moved(breaks: Array, coef: Array, start: float, end: float) -> Array:
     first, last, every = breaks[:, 0], breaks[:, -1], np.arange(n)
     middle = 0.5 * (start + end)
     here = np.clip(middle, first, last)
-    lasting = (np.diff(breaks) > 0.0).sum(axis=1) - 1  # pieces at the end may have no duration
-    i = np.minimum((breaks[:, :-1] <= here[:, None]).sum(axis=1) - 1, lasting)
+    last_piece = (np.diff(breaks) > 0.0).sum(axis=1) - 1  # pieces at the end may have no duration
+    i = np.minimum((breaks[:, :-1] <= here[:, None]).sum(axis=1) - 1, last_piece)
     held = (middle < first) | (middle > last)
     at = np.where(held, here, start) - breaks[every, i]
     array = shifted(coef[every, i], at)
@@ -186,7 +191,7 @@ def _moved(breaks: Array, coef: Array, start: float, end: float) -> Array:
 
 
 def one_piece(inputs: Input, start: float, end: float) -> Input:
-    """Piece of inputs between two times; after their end, one that holds still."""
+    """Piece of inputs between two times; outside of the inputs, a constant piece."""
     middle = 0.5 * (start + end)
     if not inputs.start <= middle <= inputs.end:
         q_K = inputs.evaluate(min(max(middle, inputs.start), inputs.end))[0]

@@ -16,8 +16,8 @@ from fantoccini.kernel.build.key import casadi_version, processor
 def describe() -> dict[str, str]:
     """Label -> text about the compiler, its flags, the processor and the cache.
 
-    Never raises: faults are under the key ``problem``; without this key, the machine can compile
-    puppets.
+    Faults of the compiler and of the cache folder are under the key ``problem``; without it, the
+    machine can compile puppets.
     """
     facts: dict[str, str] = {}
     problems: list[str] = []
@@ -33,7 +33,7 @@ def describe() -> dict[str, str]:
     facts["casadi"] = casadi_version()
     root = cache_folder()
     facts["cache"] = str(root)
-    facts["cache entries"] = _contents(root)
+    facts["cache entries"] = _count_and_size(root)
     if trouble := distrust(root) or _unwritable(root):
         problems.append(f"the cache folder is not used: {trouble}")
     if problems:
@@ -42,13 +42,13 @@ def describe() -> dict[str, str]:
 
 
 def _features() -> str:
-    """The processor's vector extensions, widest last."""
+    """The processor's vector extensions."""
     have = processor().split()
     known = ("asimd", "neon", "sve", "sse2", "sse4_2", "avx", "avx2", "fma", "avx512f")
     return " ".join(name for name in known if name in have) or "unknown"
 
 
-def _contents(root: Path) -> str:
+def _count_and_size(root: Path) -> str:
     """Number and total size of the entries below a cache folder."""
     folders = entries(root)
     size = sum(file.stat().st_size for entry in folders for file in entry.iterdir())
@@ -57,9 +57,9 @@ def _contents(root: Path) -> str:
 
 def _unwritable(root: Path) -> str:
     """Reason why a folder, or its nearest existing parent, cannot be written; empty if it can."""
-    above = root
-    while not above.exists() and above != above.parent:
-        above = above.parent
-    if not above.is_dir():
-        return f"{above} is not a folder"
-    return "" if os.access(above, os.W_OK) else f"{above} cannot be written"
+    nearest_existing = root
+    while not nearest_existing.exists() and nearest_existing != nearest_existing.parent:
+        nearest_existing = nearest_existing.parent
+    if not nearest_existing.is_dir():
+        return f"{nearest_existing} is not a folder"
+    return "" if os.access(nearest_existing, os.W_OK) else f"{nearest_existing} cannot be written"

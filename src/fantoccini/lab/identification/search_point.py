@@ -50,12 +50,12 @@ class Point:
     held: MaskRows
 
     def differs(self, other: Point) -> MaskRows:
-        """(S,) bool, segments with another first state than the other point's."""
+        """(S,) bool, segments whose first state differs from that of the other point."""
         moved = np.any(self.q_D != other.q_D, axis=1) | np.any(self.v_D != other.v_D, axis=1)
         return np.asarray(moved | np.any(self.held != other.held, axis=1))
 
     def mixed(self, other: Point, chosen: MaskRows) -> Point:
-        """This point, with the states of chosen segments (S,) from another."""
+        """This point, with the states of the chosen segments (S,) taken from another."""
         mask = chosen[:, None]
         return Point(
             np.where(mask, other.q_D, self.q_D),
@@ -81,9 +81,9 @@ class Predicted:
     arrived: bool
 
     def mixed(self, other: Predicted, chosen: MaskRows, segments: Indices) -> Predicted:
-        """These predictions, with those of chosen segments (S,) from another.
+        """These predictions, with those of the chosen segments (S,) taken from other predictions.
 
-        ``segments`` (N,) are the segments of the samples.
+        ``segments`` (N,) is the index of each sample's segment.
         """
         mask = chosen[:, None]
         return Predicted(
@@ -96,11 +96,11 @@ class Predicted:
 
 @dataclass(frozen=True, eq=False)
 class Jacobians:
-    """Derivatives of predictions by (dq_D, dv_D) of the segment's first state and by theta.
+    """Derivatives of predictions with respect to each segment's first state (dq_D, dv_D) and theta.
 
     Attributes:
         samples: (N, n_c, 2 n_vD + P) of the channels.
-        begin: (S, 2 n_vD, 2 n_vD + P) of the first states, projected onto the active rows.
+        begin: (S, 2 n_vD, 2 n_vD + P) of the first states after projection onto the active rows.
         end: (S, 2 n_vD, 2 n_vD + P) of the segments' last states.
     """
 
@@ -115,9 +115,9 @@ class Weights:
 
     Attributes:
         noise: (n_c,) standard deviations of the channels.
-        drift: standard deviations of the jumps between segments, of configuration and velocity [m
-            or rad, and per second].
-        final: whether samples have Cauchy's loss instead of Huber's, so that a segment with another
+        drift: standard deviations of jumps between segments: of the configuration [m or rad] and
+            of the velocity [m/s or rad/s].
+        final: whether samples have Cauchy's loss instead of Huber's, so that a segment with a wrong
             order of events does not distort the final estimates.
         joined: whether jumps have Huber's loss instead of Cauchy's, so that large ones shrink, too.
     """

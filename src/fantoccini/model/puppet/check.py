@@ -1,7 +1,7 @@
 """Checks of a puppet as a whole.
 
-A puppet with other mistakes is checked, too, so that all mistakes are reported together. Its
-invalid parts are ``UNCLEAR``, and no mistakes are reported for them.
+A puppet with invalid parts is checked too, so that all mistakes are reported together. Those
+parts have the value ``UNCLEAR``, for which these checks report nothing.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ def findings(puppet: AnyPuppet, data: dict[str, Any]) -> list[Finding]:
         data: plain data of its file.
     """
     parts = Parts(puppet, data)
-    _names(parts)
-    _mirror(parts)
-    _parents(parts)
-    _count(parts)
+    _check_names(parts)
+    _check_mirror(parts)
+    _check_parents(parts)
+    _check_count(parts)
     check_paths(parts)
     check_pose(parts)
     check_drives(parts)
-    _contact(parts)
-    _parameters(parts, data)
+    _check_contact(parts)
+    _check_parameters(parts, data)
     return parts.found
 
 
@@ -58,7 +58,7 @@ def twins(
     if puppet.mirror is None:
         return mistakes
     token = puppet.mirror.from_
-    # Twins of shapes are valid, since the originals are; reading meshes is slow.
+    # Shapes are left out: their twins are as valid as they are, and reading meshes is slow.
     bodies = [{k: v for k, v in body.items() if k != "shapes"} for body in out["bodies"]]
     whole = valid_parts(out | {"bodies": bodies, "obstacles": []})
     for path, text in findings(whole, out):
@@ -83,15 +83,15 @@ def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Fin
     if mirror is not None:
         twins = {twin_name(n, mirror.from_, mirror.to): i for n, i in place.items()}
         place = twins | place
-    heavy = [False] * len(bodies)
+    carries_mass = [False] * len(bodies)
     for i, body in enumerate(bodies):
         if body.mass is None:
-            own = any(has_mass(s) for s in body.shapes)
+            has_own_mass = any(has_mass(s) for s in body.shapes)
         else:
-            own = value_of(body.mass) > 0
-        own = own or any(value_of(n) > 0 for n in body.inertia or ())
-        while own and not heavy[i]:
-            heavy[i] = True
+            has_own_mass = value_of(body.mass) > 0
+        has_own_mass = has_own_mass or any(value_of(n) > 0 for n in body.inertia or ())
+        while has_own_mass and not carries_mass[i]:
+            carries_mass[i] = True
             parent = bodies[i].parent
             if parent == "world":
                 break
@@ -104,10 +104,10 @@ def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Fin
         and not value_of(body.joint.armature)
     ]
     text = "this joint moves no mass; give a body that it carries a mass, or the joint an armature"
-    return [(("bodies", i, "joint"), text) for i in moving if not heavy[i]]
+    return [(("bodies", i, "joint"), text) for i in moving if not carries_mass[i]]
 
 
-def _names(parts: Parts) -> None:
+def _check_names(parts: Parts) -> None:
     for name, path in named(parts.puppet):
         if "." in name and name.partition(".")[0] not in parts.puppet.members:
             parts.say(path, name_mistake(name))
@@ -120,7 +120,7 @@ def _names(parts: Parts) -> None:
             parts.owner[name] = path
 
 
-def _mirror(parts: Parts) -> None:
+def _check_mirror(parts: Parts) -> None:
     if not parts.rule:
         return
     token, to = parts.rule
@@ -128,9 +128,9 @@ def _mirror(parts: Parts) -> None:
         parts.say(("mirror", "to"), f"found {shown(to)} for both from and to")
         return
     originals: dict[str, str] = {}
-    carried = [(n, p) for n, p in named(parts.puppet) if p[0] in _MIRRORED]
-    mirrored = {p[:2] for n, p in carried if p[-2] != "joint" and token in n}
-    for name, path in carried:
+    reflectable = [(n, p) for n, p in named(parts.puppet) if p[0] in _MIRRORED]
+    mirrored = {p[:2] for n, p in reflectable if p[-2] != "joint" and token in n}
+    for name, path in reflectable:
         if path[:2] not in mirrored:
             if token in name:
                 text = f"the body's name does not contain {shown(token)}, the joint's does"
@@ -145,12 +145,12 @@ def _mirror(parts: Parts) -> None:
             parts.say(("mirror", "to"), f"{shown(twin)}, the twin of {name!r}, is not a valid name")
         originals[twin] = name
     if not mirrored:
-        shared = {w for n, _ in carried for w in re.split(r"[_-]", n)}
+        shared = {w for n, _ in reflectable for w in re.split(r"[_-]", n)}
         text = f"no body, string or spring has {shown(token)} in its name"
         parts.say(("mirror", "from"), text + parts.near(token, shared))
 
 
-def _parents(parts: Parts) -> None:
+def _check_parents(parts: Parts) -> None:
     parent_of: dict[str, str] = {}
     parents = parts.known | {"world"}
     for i, body in enumerate(parts.puppet.bodies):
@@ -165,22 +165,22 @@ def _parents(parts: Parts) -> None:
             parent_of.setdefault(parts.twin(name), parts.twin(parent))
     done: set[str] = set()
     for start in parent_of:
-        walk: dict[str, None] = {}
+        ancestors: dict[str, None] = {}
         name = start
-        while name in parent_of and name not in done and name not in walk:
-            walk[name] = None
+        while name in parent_of and name not in done and name not in ancestors:
+            ancestors[name] = None
             name = parent_of[name]
-        if name in walk:
-            ring = list(walk)[list(walk).index(name) :]
+        if name in ancestors:
+            ring = list(ancestors)[list(ancestors).index(name) :]
             shown_ring = ring if len(ring) < 9 else [*ring[:7], "...", ring[-1]]
             text = f"the parents form a cycle: {' -> '.join([*shown_ring, name])}"
             firsts = [n for n in ring if n in parts.bodies]
             if firsts:
                 parts.say(("bodies", parts.bodies[firsts[0]], "parent"), text)
-        done.update(walk)
+        done.update(ancestors)
 
 
-def _count(parts: Parts) -> None:
+def _check_count(parts: Parts) -> None:
     """Checks the total number of parts."""
     counts = dict.fromkeys(_MIRRORED, 0)
     for key in counts:
@@ -197,7 +197,7 @@ def _count(parts: Parts) -> None:
         parts.say((path,), f"{text}; allowed: {LIMITS.max_parts}")
 
 
-def _contact(parts: Parts) -> None:
+def _check_contact(parts: Parts) -> None:
     """Checks the names in contact pairs."""
     puppet = parts.puppet
     if puppet.contact and FLOOR in parts.owner:
@@ -215,13 +215,13 @@ def _contact(parts: Parts) -> None:
                 parts.say(("contact", "pairs", i, "between", k), text)
 
 
-def _parameters(parts: Parts, data: dict[str, Any]) -> None:
+def _check_parameters(parts: Parts, data: dict[str, Any]) -> None:
     first: dict[str, tuple[Path, float]] = {}
     for path, parameter in parameters(data):
         name, value = parameter["parameter"], parameter["value"]
-        place, known = first.setdefault(name, (path, value))
+        place, first_value = first.setdefault(name, (path, value))
         if "." in name and name.partition(".")[0] not in parts.puppet.members:
             parts.say((*path, "parameter"), name_mistake(name))
-        if value != known:
-            text = f"the parameter {shown(name)} is {value:g} here but {known:g} in"
+        if value != first_value:
+            text = f"the parameter {shown(name)} is {value:g} here but {first_value:g} in"
             parts.say(path, f"{text} {key_path(place)}; one name has one value")

@@ -11,15 +11,15 @@ from fantoccini.model.tree.placement import Value, link_poses, place
 from fantoccini.model.tree.structure import WORLD, Link, Lump, Tree
 
 
-def mass_link(name: str, mass: Number, masses: int) -> Link:
+def mass_link(name: str, mass: Number, n_masses: int) -> Link:
     """A point mass of a chain, free in the world.
 
     Args:
         name: name of the link and of its joint: string, dot, number from 1.
         mass: mass of the whole string [kg].
-        masses: number of point masses.
+        n_masses: number of point masses.
     """
-    point = Lump(mass, 1.0 / masses, UnitInertia(np.zeros(3), np.zeros((3, 3))))
+    point = Lump(mass, 1.0 / n_masses, UnitInertia(np.zeros(3), np.zeros((3, 3))))
     return Link(
         name=name,
         parent=WORLD,
@@ -40,15 +40,15 @@ def placed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """A configuration with the masses of chains placed between the strings' ends.
 
-    They lie on a straight line; if the string is longer than the distance of its ends, on a V that
-    hangs down, with relaxed springs.
+    The masses lie on the line between the ends; if the string is longer, they lie on a V that
+    hangs down. The springs of the V are unstretched.
 
     Args:
         tree: tree with the chains.
         q_D: (n_qD,) configuration; entries of the chains' masses are ignored.
-        q_K: (n_qK,) configuration; a driven length that is nan becomes the distance of the ends.
-        number: value of a number of the puppet.
-        given: names of coordinates that are not changed.
+        q_K: (n_qK,) configuration; a driven length of nan becomes the distance between its ends.
+        number: function that evaluates a Number of the puppet (a constant or a parameter).
+        given: names of coordinates set by the user; masses with any of them keep their position.
 
     Returns:
         q_D (n_qD,), q_K (n_qK,).
@@ -62,24 +62,24 @@ def placed(
         chain.just_reaches(float(np.linalg.norm(end - start)), q_D, q_K)
         line = _line(start, end, float(chain.own_length(q_D, q_K, number)), chain.pieces)
         for point, at in zip(chain.points[1:-1], line, strict=True):
-            place_in = tree.links[point.link].q
-            names = tree.coordinates.q_D[place_in]
+            q_slice = tree.links[point.link].q
+            names = tree.coordinates.q_D[q_slice]
             if not given.intersection(names):
-                q_D[place_in] = at
+                q_D[q_slice] = at
     return q_D, q_K
 
 
 def _line(start: np.ndarray, end: np.ndarray, length: float, pieces: int) -> np.ndarray:
     """(pieces - 1, 3) positions of the masses between two points [m]."""
-    away = end - start
-    distance = float(np.linalg.norm(away))
-    share = np.arange(1, pieces)[:, None] / pieces
+    start_to_end = end - start
+    distance = float(np.linalg.norm(start_to_end))
+    fraction = np.arange(1, pieces)[:, None] / pieces
     depth = 0.5 * np.sqrt(max(length**2 - distance**2, 0.0))
     down = np.array([0.0, 0.0, -1.0])
     if distance > 0.0:
-        along = away / distance
+        along = start_to_end / distance
         down = down - (down @ along) * along
         if np.linalg.norm(down) < 1e-6:  # a vertical string sags to one side
             down = np.array([1.0, 0.0, 0.0])
         down = down / np.linalg.norm(down)
-    return start + share * away + depth * (1.0 - np.abs(2.0 * share - 1.0)) * down
+    return start + fraction * start_to_end + depth * (1.0 - np.abs(2.0 * fraction - 1.0)) * down

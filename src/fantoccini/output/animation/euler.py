@@ -31,8 +31,8 @@ _MAX_STEP = 1e-3
 def euler(q: Quaternion) -> tuple[str, Array]:
     """Order of axes, and the angles about them at all frames.
 
-    The order is :data:`USUAL`, unless its angles change much more from frame to frame than the
-    orientation, because the motion passes close to gimbal lock; then the order with the smallest
+    The order is :data:`USUAL`. If its angles change much more from frame to frame than the
+    orientation, because the motion passes close to gimbal lock, it is the order with the smallest
     steps.
 
     Args:
@@ -43,9 +43,9 @@ def euler(q: Quaternion) -> tuple[str, Array]:
     """
     turns = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=1)
     angles = {USUAL: angles_of(q, USUAL)}
-    if _step(angles[USUAL]) > _MAX_STEP + _MAX_STEP_RATIO * turns.max(initial=0.0):
+    if _largest_step(angles[USUAL]) > _MAX_STEP + _MAX_STEP_RATIO * turns.max(initial=0.0):
         angles |= {order: angles_of(q, order) for order in _ORDERS if order != USUAL}
-    best = min(angles, key=lambda order: _step(angles[order]))
+    best = min(angles, key=lambda order: _largest_step(angles[order]))
     return best, angles[best]
 
 
@@ -59,26 +59,30 @@ def angles_of(q: Quaternion, order: str) -> Array:
     a = np.arctan2(-sign * matrices[:, j, k], matrices[:, k, k])
     c = np.arctan2(-sign * matrices[:, i, j], matrices[:, i, i])
     raw, angles = np.stack([a, b, c], axis=1).tolist(), []
-    last = (0.0, 0.0, 0.0)
+    previous = (0.0, 0.0, 0.0)
     for t, (alpha, beta, gamma) in enumerate(raw):
         if cos[t] < _LOCKED_COS:
-            gamma = last[2]
+            gamma = previous[2]
             y = math.cos(gamma) * matrices[t, :, j] + sign * math.sin(gamma) * matrices[t, :, i]
             alpha = math.atan2(sign * y[k], y[j])
-        first = _near((alpha, beta, gamma), last)
-        second = _near((alpha + math.pi, math.pi - beta, gamma + math.pi), last)
-        # The first frame has no predecessor: `first` has beta within 90 deg.
-        last = second if t and math.dist(second, last) < math.dist(first, last) else first
-        angles.append(last)
+        first = _nearest_turn((alpha, beta, gamma), previous)
+        second = _nearest_turn((alpha + math.pi, math.pi - beta, gamma + math.pi), previous)
+        # At the first frame take `first`, whose beta is within 90 deg.
+        previous = (
+            second if t and math.dist(second, previous) < math.dist(first, previous) else first
+        )
+        angles.append(previous)
     return np.array(angles).reshape(-1, 3)
 
 
-def _near(angles: tuple[float, ...], last: tuple[float, ...]) -> tuple[float, float, float]:
-    """The same angles up to full turns, each within half a turn of those in `last`."""
-    a, b, c = rotation.nearest_angle(np.array(angles), np.array(last)).tolist()
+def _nearest_turn(
+    angles: tuple[float, ...], previous: tuple[float, ...]
+) -> tuple[float, float, float]:
+    """The same angles up to full turns, each within half a turn of those in `previous`."""
+    a, b, c = rotation.nearest_angle(np.array(angles), np.array(previous)).tolist()
     return a, b, c
 
 
-def _step(angles: Array) -> float:
+def _largest_step(angles: Array) -> float:
     """The largest step of an angle [rad]."""
     return float(np.abs(np.diff(angles, axis=0)).max(initial=0.0))

@@ -1,9 +1,9 @@
 """Strings in a glTF document: thin tubes, skinned to the bodies that they connect.
 
-Each span has two joints, nodes at its two points, with weights 1 - s and s for a vertex at the
-share s of the span: a straight span follows its two bodies without keys. The joints are turned
-roughly along the span, so that the tube is not flattened. A slack string sags by morph targets:
-the principal shapes of its curve in the run, eigenvectors of its second moments.
+A span is the part of a string between two of its points. It has two joints, nodes at these
+points. A vertex at the share s of the span has weights 1 - s and s, so that a straight span
+needs no keyframes. The joints are turned roughly along the span, which keeps the tube round. A
+slack string sags by morph targets, the principal components of its curves in the run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from fantoccini.output.animation.scene import AnimatedScene, Line
 from fantoccini.output.animation.spans import Spans
 from fantoccini.output.view import rgb
 
-_SIDES = 3
+_TUBE_SIDES = 3
 RINGS = 17
 """Number of rings on each span of a string that is slack at times."""
 THICKNESS = 0.0008
@@ -108,23 +108,27 @@ class Strands:
                     self.channels.add(index, "rotation", spans.t[keys], xyzw(q[keys]), "LINEAR")
         return joints
 
-    def _tube(self, line: Line, spans: int, rings: int) -> dict[str, Any]:
-        """Primitive of rings about the origin, which the joints pull apart."""
-        angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-        ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)])
-        normals = np.tile(ring, (rings * spans, 1))
-        share = np.tile(np.repeat(np.linspace(0.0, 1.0, rings), _SIDES), spans)
-        owner = np.repeat(np.arange(spans), rings * _SIDES)
+    def _tube(self, line: Line, n_spans: int, rings: int) -> dict[str, Any]:
+        """Primitive of a tube: all its rings lie at the origin, and the joints pull them apart."""
+        angles = 2.0 * np.pi * np.arange(_TUBE_SIDES) / _TUBE_SIDES
+        ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_TUBE_SIDES)])
+        normals = np.tile(ring, (rings * n_spans, 1))
+        share = np.tile(np.repeat(np.linspace(0.0, 1.0, rings), _TUBE_SIDES), n_spans)
+        span_of_vertex = np.repeat(np.arange(n_spans), rings * _TUBE_SIDES)
         weights = np.column_stack([1.0 - share, share, np.zeros((len(share), 2))])
-        joints = np.column_stack([2 * owner, 2 * owner + 1, np.zeros((len(share), 2))])
-        # A joint without weight must be the first.
+        joints = np.column_stack(
+            [2 * span_of_vertex, 2 * span_of_vertex + 1, np.zeros((len(share), 2))]
+        )
+        # Where the weight is 0, glTF requires joint 0.
         joints[:, :2][weights[:, :2] == 0.0] = 0.0
-        corner = np.arange(_SIDES)
-        next_corner = (corner + 1) % _SIDES
-        first = (np.arange(spans)[:, None] * rings + np.arange(rings - 1)).reshape(-1, 1) * _SIDES
+        corner = np.arange(_TUBE_SIDES)
+        next_corner = (corner + 1) % _TUBE_SIDES
+        first = (np.arange(n_spans)[:, None] * rings + np.arange(rings - 1)).reshape(
+            -1, 1
+        ) * _TUBE_SIDES
         a, b, c, d = (
-            (first + which).ravel()
-            for which in (corner, next_corner, _SIDES + corner, _SIDES + next_corner)
+            (first + offset).ravel()
+            for offset in (corner, next_corner, _TUBE_SIDES + corner, _TUBE_SIDES + next_corner)
         )
         faces = np.stack([a, b, c, b, d, c], axis=1).reshape(-1)
         radius = THICKNESS * self.scene.geometry.size
@@ -148,12 +152,12 @@ def _shapes(spans: Spans, tolerance: float, rings: int) -> tuple[Array, Array]:
     n = len(spans.directions)
     if spans.sag is None:
         return np.zeros((0, 0, 3)), np.zeros((len(spans.t), 0))
-    flat = spans.sags(rings).reshape(len(spans.t), -1)
-    shapes = np.linalg.eigh(flat.T @ flat)[1].T[::-1]
-    weights = flat @ shapes.T
+    sag_rows = spans.sags(rings).reshape(len(spans.t), -1)
+    shapes = np.linalg.eigh(sag_rows.T @ sag_rows)[1].T[::-1]
+    weights = sag_rows @ shapes.T
     for m in range(1, _MAX_SHAPES + 1):
-        if np.abs(weights[:, :m] @ shapes[:m] - flat).max() <= tolerance:
+        if np.abs(weights[:, :m] @ shapes[:m] - sag_rows).max() <= tolerance:
             break
     biggest = np.abs(shapes[:m]).max(axis=1)
     shapes = (shapes[:m] / biggest[:, None]).reshape(m, n * rings, 3)
-    return np.repeat(shapes, _SIDES, axis=1), weights[:, :m] * biggest
+    return np.repeat(shapes, _TUBE_SIDES, axis=1), weights[:, :m] * biggest

@@ -14,7 +14,7 @@ class _Following(NamedTuple):
 
     smoothing: float = 0.6  # Width of the moving average [s]
     distance_ratio: float = 1.25
-    """Distance of a fixed camera, relative to a following one, above which the camera follows."""
+    """The camera follows if a fixed one would have to be more than this many times as far away."""
 
 
 _FOLLOWING = _Following()
@@ -44,5 +44,5 @@ def camera_path(geometry: Geometry) -> np.ndarray:
 
 
 def pays_off(fixed: float, following: float) -> bool:
-    """Whether a camera should follow, given the distances [m] of a fixed and a following one."""
+    """Whether a camera should follow, given the distances [m] of a fixed and a following camera."""
     return fixed > _FOLLOWING.distance_ratio * following

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 SPEEDS = (0.25, 4.0)
 """Speed range of films with sound."""
 
-_RATE = 48000
+_SAMPLE_RATE = 48000
 """Sample rate of a film's sound [Hz]."""
 _MIN_TEMPO = 0.5
 """Smallest factor of ffmpeg's atempo filter."""
@@ -28,17 +28,17 @@ def soundtrack(
     keep their pitch.
 
     Args:
-        sounds: sounds with their times, in the motion's time.
+        sounds: sounds, with their starts in the time of the motion.
         start: time of the motion at which the film begins [s].
         seconds: duration of the film [s].
         speed: seconds of motion per second of film, from 0.25 to 4.
 
     Returns:
-        Arguments for the inputs and for the output, which are ``-an`` without sounds.
+        Arguments for the inputs and for the output; without sounds none and ``-an``.
 
     Raises:
         ValueError: the speed is out of range.
-        MediaError: the ending is not that of a sound file.
+        MediaError: the name of a file does not end like that of a sound file.
     """
     end = start + speed * seconds
     audible = [s for s in sounds if s.start + s.duration > start and s.start < end]
@@ -49,31 +49,38 @@ def soundtrack(
             f"speed is {speed:g}; a film with sound needs {SPEEDS[0]:g} to {SPEEDS[1]:g}, "
             "or no sounds"
         )
-    inputs, chains = list[str](), list[str]()
+    inputs, filter_chains = list[str](), list[str]()
     for i, sound in enumerate(audible, start=1):
         delay = (sound.start - start) / speed
         if delay < 0.0:
             inputs += ["-ss", f"{start - sound.start:.6f}"]
         inputs += sound_input(sound.path)
         steps = [
-            f"aresample={_RATE}",
+            f"aresample={_SAMPLE_RATE}",
             "aformat=channel_layouts=stereo",
-            *_tempo(speed),
+            *_tempo_filters(speed),
             f"volume={sound.gain:.6f}",
             f"adelay={1e3 * max(delay, 0.0):.3f}:all=1",
             "asetpts=N/SR/TB",  # atempo produces times before 0
         ]
-        chains.append(f"[{i}:a:0]{','.join(steps)}[sound{i}]")
+        filter_chains.append(f"[{i}:a:0]{','.join(steps)}[sound{i}]")
     labels = "".join(f"[sound{i}]" for i in range(1, len(audible) + 1))
-    chains.append(
+    filter_chains.append(
         f"{labels}amix=inputs={len(audible)}:normalize=0:duration=longest,apad,"
         f"atrim=end={seconds:.6f}[sound]"
     )
-    mapped = ["-filter_complex", ";".join(chains), "-map", "0:v:0", "-map", "[sound]"]
-    return inputs, [*mapped, "-c:a", "aac", "-b:a", "192k"]
+    output_arguments = [
+        "-filter_complex",
+        ";".join(filter_chains),
+        "-map",
+        "0:v:0",
+        "-map",
+        "[sound]",
+    ]
+    return inputs, [*output_arguments, "-c:a", "aac", "-b:a", "192k"]
 
 
-def _tempo(speed: float) -> list[str]:
+def _tempo_filters(speed: float) -> list[str]:
     """Filters that change the tempo and keep the pitch."""
     steps = list[str]()
     while speed < _MIN_TEMPO:

@@ -25,7 +25,7 @@ RENDERERS = ("matplotlib", "pyvista")
 """Renderers of solids and strings."""
 
 _LIGHTS = (((-0.8, 0.9, 0.7), 0.85), ((0.9, 0.2, 0.6), 0.25), ((0.2, -0.7, 0.4), 0.12))
-"""Direction to each light in camera axes (right, up, back), and intensity: key, fill, floor."""
+"""Key, fill and floor light: its direction in camera axes (right, up, back), its intensity."""
 
 _OVERSAMPLING = 2
 """Number of rendered pixels along each side of a pixel of the picture."""
@@ -51,8 +51,8 @@ class Studio:
     Args:
         geometry: geometry to show.
         layout: camera, theme and viewport.
-        size: width and height of the sheet [px].
-        scale: pixels of the rendering per pixel of the sheet.
+        size: width and height of the sheet that contains the viewport [px].
+        scale: pixels of the picture per pixel of the sheet.
     """
 
     def __init__(
@@ -63,9 +63,9 @@ class Studio:
         window = [round(n * scale) * _OVERSAMPLING for n in size]
         self._plotter = self._pv.Plotter(off_screen=True, window_size=window, lighting="none")
         self._plotter.set_background("black")
-        for towards, brightness in _LIGHTS:
+        for direction, brightness in _LIGHTS:
             light = self._pv.Light(light_type="camera light", intensity=brightness)
-            light.position = towards
+            light.position = direction
             self._plotter.add_light(light)
         solids = [*geometry.solids, *layout.handles]
         self._actors = [(solid, self._actor(solid)) for solid in solids]
@@ -145,15 +145,15 @@ class Studio:
             )
 
     def aim(self, layout: Layout, size: tuple[int, int]) -> None:
-        """Adopts a layout's camera, widened from its viewport to the whole sheet."""
+        """Sets a layout's camera, with its view widened from the viewport to the sheet."""
         self.layout = layout
         source, viewport, (width, height) = self.layout.camera, self.layout.viewport, size
         camera = self._plotter.camera
         camera.position = source.eye
         camera.focal_point = source.eye - source.axes[2]
         camera.up = source.axes[1]
-        half = np.arctan(source.tangent * height / viewport.height)
-        camera.view_angle = float(np.degrees(2.0 * half))
+        half_angle = np.arctan(source.tangent * height / viewport.height)
+        camera.view_angle = float(np.degrees(2.0 * half_angle))
         camera.SetWindowCenter(
             1.0 - (2.0 * viewport.x + viewport.width) / width,
             1.0 - (2.0 * viewport.y + viewport.height) / height,

@@ -18,7 +18,7 @@ from fantoccini.theatre.retarget import (
     BEGINS,
     OVER,
     ClipGesture,
-    Placed,
+    PlacedClip,
     clip_gesture,
     load_mapping,
     place_on_spot,
@@ -45,7 +45,7 @@ class Clip:
         content: hash of the player, the clip and its mapping.
     """
 
-    placed: Placed
+    placed: PlacedClip
     content: str
 
     @property

@@ -43,7 +43,7 @@ from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gestur
 
 _FOLDER = Path(__file__).parent / "marionette"
 _MAX_REST_PEAK = 1e-9
-"""Largest speed and acceleration of a coordinate at rest [m/s, m/s^2 or rad]."""
+"""Largest speed and acceleration that count as rest [m/s, m/s^2; rad/s, rad/s^2]."""
 _VALUE = quantity_schema(LENGTHS, ANGLES)
 _POINTS = {
     "type": "array",
@@ -105,7 +105,7 @@ class GestureFile(Document):
     marks: dict[Name, NotNegative] = Field(default_factory=dict)
     """Name -> time within the gesture [s]."""
     travels: bool = False
-    """Whether the puppet is at its new place afterwards."""
+    """Whether the puppet stays at its new place afterwards."""
 
     @model_validator(mode="after")
     def _moves_something(self) -> GestureFile:
@@ -140,12 +140,12 @@ def load_gesture(
     turn: float | None = None,
     to: To | None = None,
 ) -> Gesture:
-    """Gesture of a file or a take, or a bundled gesture.
+    """Gesture from a file or a take, or a bundled gesture.
 
-    A take (``.npz``) is a gesture from its start, of the coordinates that move in it.
+    A take (``.npz``) becomes a gesture relative to its start; it uses the coordinates that move.
 
     Args:
-        puppet: puppet that performs it; a marionette for key poses, walks and places.
+        puppet: puppet that performs it; a Marionette for key poses, walks and targets (``to``).
         path: path of the file, or the name of a bundled gesture (``wave``).
         start: state at rest, for key poses, walks and places; ``puppet.rest()`` by default.
         of: member of a scene that performs it: ``hand_right`` is then ``pierrot.hand_right``.
@@ -157,6 +157,7 @@ def load_gesture(
         FileError: the file has mistakes; all of them are listed, with their lines.
         InputError: the arguments have mistakes.
         UnknownNameError: the scene has no such member.
+        TypeError: a table for a gesture that needs a Marionette.
     """
     name = os.fspath(path)
     parameters = Parameters(steps, step, turn, to)
@@ -219,7 +220,7 @@ def _refuse_other_strings(file: GestureFile, table: CoordinateTable, prefix: str
 
 
 def _not_for_this_puppet(file: GestureFile, reason: str) -> FileError:
-    """The error of a bundled gesture that a puppet cannot do: one sentence, without lines."""
+    """The error of a bundled gesture that a puppet cannot do: a sentence without line numbers."""
     return file.kind.error([Mistake(f"gesture {file.gesture}", None, "", reason)])
 
 
@@ -259,7 +260,7 @@ def _of_poses(
     moved: dict[str, Points],
     prefix: str,
 ) -> dict[str, Points]:
-    """Offsets of strings for the key poses, on top of the moves at their times."""
+    """Offsets of strings that reach the key poses, added to the moves at these times."""
     mistakes = Mistakes(file.located, file.kind.error)
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{file.located.file} has key poses; it takes a Marionette")
@@ -288,16 +289,20 @@ def _of_poses(
         for q, _ in table.scalars_K
         if table.q_K[q] not in held
     }
-    hung = None
+    q_K_of_moves = None
     if moved:
-        hung = Gesture.of_offsets(table, moved).inputs(x0).evaluate(x0.t + np.array(poses.at))[0]
+        q_K_of_moves = (
+            Gesture.of_offsets(table, moved).inputs(x0).evaluate(x0.t + np.array(poses.at))[0]
+        )
     for i in range(len(poses.at)):
-        here = x0
-        if hung is not None:
-            here = puppet.rest({table.q_K[q]: float(hung[i, q]) for q, _ in table.scalars_K})
+        start_of_search = x0
+        if q_K_of_moves is not None:
+            start_of_search = puppet.rest(
+                {table.q_K[q]: float(q_K_of_moves[i, q]) for q, _ in table.scalars_K}
+            )
         pose_targets = {what: places[i] for what, places in targets.items()}
         try:
-            reached = reach(puppet, pose_targets, here, bounds=Bounds(held=held))[0]
+            reached = reach(puppet, pose_targets, start_of_search, bounds=Bounds(held=held))[0]
         except StateError as error:
             raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
         if not reached:

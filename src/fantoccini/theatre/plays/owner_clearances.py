@@ -12,7 +12,7 @@ from fantoccini.theatre.cast import Cast
 from fantoccini.theatre.plays.touching import EVERY
 
 WITHIN = 0.3
-"""Distance above which strings are not listed [m]."""
+"""Largest distance at which strings are listed [m]."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class OwnerClearance:
 
 
 def clearances(cast: Cast, run: Trajectory) -> tuple[OwnerClearance, ...]:
-    """Least distance of every two owners over a run: bodies first, then strings.
+    """Least distance between every two owners over a run: bodies first, then strings.
 
-    Bodies are measured at any distance, strings only within :data:`WITHIN`; for strings and
-    obstacles, each string's nearest obstacle counts.
+    Bodies are listed at any distance, strings within :data:`WITHIN` of strings and bodies. For
+    each string, the nearest obstacle is listed at any distance.
 
     Args:
         cast: cast of the play.
@@ -55,7 +55,7 @@ def clearances(cast: Cast, run: Trajectory) -> tuple[OwnerClearance, ...]:
 
 
 def _nearest(found: Iterable[OwnerClearance]) -> list[OwnerClearance]:
-    """Least distance of every two owners, in increasing order."""
+    """The smallest entry for every two owners, in order of distance."""
     by_owners: dict[frozenset[str], OwnerClearance] = {}
     for distance in sorted(found, key=lambda entry: entry.distance):
         by_owners.setdefault(frozenset(distance.owners), distance)
@@ -63,7 +63,7 @@ def _nearest(found: Iterable[OwnerClearance]) -> list[OwnerClearance]:
 
 
 def _of_bodies(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
-    """Bodies of every two owners, measured separately for each pair of owners."""
+    """Least distance between the bodies of every two owners."""
     whole = cast.whole
     links = [link.name for link in whole.tree.links]
     names = dict.fromkeys([*links, *(obstacle.name for obstacle in Clearance(whole).obstacles)])
@@ -73,8 +73,8 @@ def _of_bodies(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     for a, b in combinations(dict.fromkeys(owner.values()), 2):
         if not moving & {a, b}:
             continue
-        free = [pair for pair in pairs if {owner[name] for name in pair} != {a, b}]
-        clearance = Clearance(whole, strings=False, free=free)
+        not_measured = [pair for pair in pairs if {owner[name] for name in pair} != {a, b}]
+        clearance = Clearance(whole, strings=False, free=not_measured)
         if clearance.measures_nothing:
             continue
         nearest = clearance.least(path)
@@ -83,7 +83,7 @@ def _of_bodies(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
 
 
 def _of_strings(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
-    """Strings with strings and bodies of other players, and with obstacles."""
+    """Distances of strings from strings and bodies of other players, and from obstacles."""
     near = StringsApart(cast.whole, own=False).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
     for pair in (*near.strings, *near.bodies):
         owners = cast.owner(pair.what), cast.owner(pair.other)

@@ -62,13 +62,13 @@ from fantoccini.theatre.script import (
 )
 
 IN_TIME = 1.0 / 60.0
-"""Lateness up to which a cue counts as in time [s]."""
+"""Lateness up to which a cue counts as on time [s]."""
 _POLICY = Policy(IN_TIME, (CannotBe, UnknownNameError, *ERRORS))
-"""Late cues of a play, and those that cannot be done, are refused."""
+"""Policy of plays: cues that are late or cannot be done are refused."""
 _SAME_HEADING = 1e-3
 """Change of a heading that a gesture tolerates [rad]."""
 _SETTLING_TIME = 1.0
-"""Time simulated after the last cue, in which the puppets swing out [s]."""
+"""Time simulated after the last cue, in which the puppets stop swinging [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Placement:
         starts: player -> times at which its cues begin [s].
         ways: player -> its walks.
         meetings: players and props that may touch, with times.
-        calmed: (cue, player) -> time at which it begins to damp its swing [s].
+        calmed: (cue, player) -> time from which the player's swing is damped [s].
     """
 
     cues: tuple[Placed[PlayCue], ...]
@@ -110,11 +110,13 @@ def place_cues(
     Args:
         cast, timeline, gestures, places, walks: parts of the play.
         corrections: corrections from earlier rounds.
-        log: collects mistakes; has the file and the beat.
+        log: collects mistakes; also gives the file and the length of a beat.
     """
     bounds = cast.file.stage
     actors = {
-        name: Actor(player, Hands((Line.empty(_most(player, bounds.speed, bounds.acceleration)),)))
+        name: Actor(
+            player, Hands((Line.empty(_bounds_of(player, bounds.speed, bounds.acceleration)),))
+        )
         for name, player in cast.players.items()
     }
     verbs = _Verbs(cast, timeline, gestures, places, walks, corrections, log)
@@ -130,12 +132,12 @@ def place_cues(
     actors = {name: actor.rested() for name, actor in stage.actors.items()}
     end = max(start, *(actor.done for actor in actors.values())) + _SETTLING_TIME
     cues = tuple(play.placed[cue.spot] for cue in timeline.cues)
-    both = {name: actor.motion(end) for name, actor in actors.items()}
+    motions_and_lanes = {name: actor.motion(end) for name, actor in actors.items()}
     return Placement(
         cues,
         tuple(starts),
-        {name: whole for name, (whole, _) in both.items()},
-        {name: own for name, (_, own) in both.items()},
+        {name: whole for name, (whole, _) in motions_and_lanes.items()},
+        {name: own for name, (_, own) in motions_and_lanes.items()},
         {
             name: tuple(part.start for cue in cues for part in cue.parts if part.who == name)
             for name in actors
@@ -147,7 +149,7 @@ def place_cues(
 
 
 class _Verbs:
-    """Verbs of a play's cues, each from one state of the stage to the next."""
+    """Carries out the verbs of cues: each method maps a state of the stage to the next."""
 
     def __init__(
         self,
@@ -173,7 +175,7 @@ class _Verbs:
         self._check_begin(turn)
         stage = replace(stage, parts=())
         if isinstance(turn.given, PropCue):
-            stage, moments = self._handle(stage, turn)
+            stage, moments = self._do_with_prop(stage, turn)
             return stage, stage.parts, moments
         for name in turn.who:
             stage = self._do_alone(stage, turn, name)
@@ -193,11 +195,11 @@ class _Verbs:
             stage.check_stands(name)
             asked = t - early
             return self._walk(stage, turn, name, asked, asked + pause)
-        ahead = self._gesture(stage, turn, name, t).marks[entry.mark] if entry.mark else 0.0
-        asked = t - ahead - early
+        mark_time = self._gesture(stage, turn, name, t).marks[entry.mark] if entry.mark else 0.0
+        asked = t - mark_time - early
         return self._act(stage, turn, name, asked, asked + pause)
 
-    def _handle(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
+    def _do_with_prop(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
         """Stage after a cue with a prop, and its moments."""
         t = turn.wanted
         for name in turn.who:
@@ -211,7 +213,7 @@ class _Verbs:
         return stage, moments
 
     def _check_begin(self, turn: Turn[PlayCue]) -> None:
-        """Refuses a cue whose time is before its act, or before a GO for which its act waits."""
+        """Refuses a cue whose time is before its act, or before a GO that its act waits for."""
         t, start, go = turn.wanted, turn.start, self._timeline.gos.get(turn.spot)
         if t < start - LATE:
             begins = self._in_words(turn, start)
@@ -225,7 +227,7 @@ class _Verbs:
     def _act(
         self, stage: OnStage, turn: Turn[PlayCue], name: str, asked: float, begin: float
     ) -> OnStage:
-        """Stage after a gesture in a lane, in the heading that the player then has.
+        """Stage after a gesture in a free lane, turned to the player's heading at that time.
 
         Its wanted beginning is ``asked``; it begins at ``begin`` or later [s].
         """
@@ -252,9 +254,9 @@ class _Verbs:
         """Stage after a walk; its wanted beginning is ``asked``, its earliest is ``begin`` [s]."""
         entry, actor = turn.given, stage.actors[name]
         actor = replace(actor, hands=actor.hands.rested(0))
-        by = begin if entry.mark else None
+        arrival = begin if entry.mark else None
         carries = stage.carries(name)
-        earliest = turn.start if by is not None else begin
+        earliest = turn.start if arrival is not None else begin
         actor = carry_pose(actor, carries, earliest, self._gestures)
         stage, free = stage.acting(actor), max(actor.hands.lanes[0].end, turn.start)
         begin = max(begin, free)
@@ -267,32 +269,32 @@ class _Verbs:
             wait,
             [(other.player, other.track()) for other in stage.others(name)],
             near=entry.near if isinstance(entry, WalkCue) else 0.0,
-            arrives=by,
+            arrives=arrival,
             free_from=free,
             carries=bool(carries),
         )
         if way is None:
             raise CannotBe(why)
-        stands = len(list(takewhile(lambda step: step.stands, way.steps)))
-        starts = way.begin + stands * way.step_time
-        if by is not None:
+        n_standing = len(list(takewhile(lambda step: step.stands, way.steps)))
+        moves_off = way.begin + n_standing * way.step_time
+        if arrival is not None:
             self._check_time(turn, name, abs(way.end - turn.wanted), way.end)
         else:
-            self._check_time(turn, name, starts - asked, starts)
+            self._check_time(turn, name, moves_off - asked, moves_off)
         until = self._turns_under(actor, way)
         if until is not None:
             self._check_time(turn, name, until - asked, until)
-            if by is not None:
+            if arrival is not None:
                 raise CannotBe(f"{name} is busy until {self._in_words(turn, until)[3:]}")
             return self._walk(stage, turn, name, asked, until)
         actor, gesture = walked(actor, way, self._gestures, carries)
         actor = replace(actor, away=isinstance(entry, ExitsToCue))
-        marks = {mark: t - (starts - way.begin) for mark, t in gesture.marks.items()}
-        marks[ARRIVES] = way.end - starts
-        return stage.part(actor, 0, gesture, starts, marks, way.end)
+        marks = {mark: t - (moves_off - way.begin) for mark, t in gesture.marks.items()}
+        marks[ARRIVES] = way.end - moves_off
+        return stage.part(actor, 0, gesture, moves_off, marks, way.end)
 
     def _turns_under(self, actor: Actor, way: Way) -> float | None:
-        """Latest end of the gestures during which a walk would turn [s]; None without any."""
+        """Latest end of the gestures during which the walk would turn [s], or None."""
         ends = []
         for gesture in actor.hands.busy:
             since, until = max(gesture.start, way.begin), min(gesture.end, way.end)
@@ -333,13 +335,13 @@ class _Verbs:
                 smaller = self._corrections.smaller.get(turn.spot, 1.0)
                 style = replace(style, larger=style.larger * smaller)
                 return self._gestures.gesture(player, entry, style, stands.heading)
-            spot, called = (*turn.spot, spelled(entry.verb)), VERBS[entry.verb].called
-            place = self._aims.place_of(stage, entry.verb_value, spot, t)
+            cue_path, called = (*turn.spot, spelled(entry.verb)), VERBS[entry.verb].called
+            place = self._aims.place_of(stage, entry.verb_value, cue_path, t)
             gesture = self._gestures.aimed(player, called, place, stands)
-            # Player and target may move until then.
+            # Aim again from where player and target are when the gesture points.
             then = t + min(gesture.marks.values())
             place, stands = (
-                self._aims.place_of(stage, entry.verb_value, spot, then),
+                self._aims.place_of(stage, entry.verb_value, cue_path, then),
                 actor.stands(then),
             )
             return self._gestures.aimed(player, called, place, stands)
@@ -355,5 +357,5 @@ def _moment(part: Part, moment: str) -> float:
     return part.marks[moment]
 
 
-def _most(player: Player, speed: float, acceleration: float) -> Array:
+def _bounds_of(player: Player, speed: float, acceleration: float) -> Array:
     return limits(player.alone.coordinates, speed, acceleration)

@@ -25,7 +25,12 @@ from fantoccini.theatre.retarget.mapping import (
     mapping_schema,
 )
 from fantoccini.theatre.retarget.placing import Placing
-from fantoccini.theatre.retarget.retargeting import Placed, Retargeted, place_clip, retarget_clip
+from fantoccini.theatre.retarget.retargeting import (
+    PlacedClip,
+    Retargeted,
+    place_clip,
+    retarget_clip,
+)
 
 __all__ = [
     "ACCELERATION",
@@ -40,7 +45,7 @@ __all__ = [
     "Loss",
     "MappingFile",
     "PartError",
-    "Placed",
+    "PlacedClip",
     "Placing",
     "Retargeted",
     "clip_gesture",

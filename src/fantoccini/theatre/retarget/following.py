@@ -50,7 +50,7 @@ from fantoccini.theatre.retarget.mapping import SIDES, MappingFile
 from fantoccini.theatre.retarget.retargeting import (
     LEANS,
     WEIGHTS,
-    Placed,
+    PlacedClip,
     Retargeted,
     place_clip,
     retarget_clip,
@@ -193,7 +193,7 @@ class Followed:
 
 def follow_clip(
     marionette: Marionette,
-    clip: Capture | Placed | Retargeted | str | os.PathLike[str],
+    clip: Capture | PlacedClip | Retargeted | str | os.PathLike[str],
     mapping: MappingFile | str | os.PathLike[str] | None = None,
     *,
     start: State | None = None,
@@ -227,7 +227,7 @@ def follow_clip(
     """
     began = time.perf_counter()
     has_options = mapping is not None or start is not None or travel != 1.0 or bool(up or of)
-    if has_options and isinstance(clip, Placed | Retargeted):
+    if has_options and isinstance(clip, PlacedClip | Retargeted):
         raise StateError(
             "follow_clip: a clip that was placed or retargeted has its mapping, start, travel, up "
             "and of already"
@@ -235,7 +235,7 @@ def follow_clip(
     if isinstance(clip, Retargeted):
         best = _follow_within(clip, speed, acceleration, progress)
     else:
-        if not isinstance(clip, Placed):
+        if not isinstance(clip, PlacedClip):
             clip = place_clip(marionette, clip, mapping, start, travel, up, of=of)
         best = _follow_within(retarget_clip(marionette, clip), speed, acceleration, progress)
         for lean in LEANS:

@@ -36,7 +36,7 @@ from fantoccini.theatre.retarget.placing import Placing
 from fantoccini.theatre.retarget.retargeting import (
     LEANS,
     WEIGHTS,
-    Placed,
+    PlacedClip,
     Retargeted,
     place_clip,
     places_in,
@@ -89,7 +89,7 @@ def place_on_spot(
     clip: Capture | str | os.PathLike[str],
     mapping: MappingFile | str | os.PathLike[str] | None = None,
     start: State | None = None,
-) -> Placed:
+) -> PlacedClip:
     """Targets of a puppet's parts in a clip on the spot, with 30 frames a second or a few more.
 
     The motion over the floor and the turning about the vertical are removed: the hips stay above
@@ -117,7 +117,7 @@ def place_on_spot(
 
 
 def clip_gesture(
-    placed: Placed,
+    placed: PlacedClip,
     faster: float = 1.0,
     lasts: float | None = None,
     *,
@@ -154,7 +154,7 @@ def clip_gesture(
 
 
 def _gesture_with_lean(
-    placed: Placed, faster: float, lasts: float | None, speed: float, acceleration: float
+    placed: PlacedClip, faster: float, lasts: float | None, speed: float, acceleration: float
 ) -> ClipGesture:
     marionette = placed.figure.marionette
     start = placed.start.replace(t=0.0)
@@ -195,7 +195,7 @@ def _gesture_with_lean(
     return ClipGesture(gesture, retargeted, at, run, report, crossings_in(marionette, run))
 
 
-def _raised(placed: Placed, by: float) -> Placed:
+def _raised(placed: PlacedClip, by: float) -> PlacedClip:
     """The clip with all targets raised [m]."""
     up = np.array([0.0, 0.0, by])
     shift = np.zeros((3, 4))

@@ -1,8 +1,8 @@
-"""Retargeting: the hanging poses of a puppet that are nearest to captured motion.
+"""Retargeting: finds the hanging poses of a puppet that are nearest to captured motion.
 
     min  sum_i w_i |x_i(q_D, q_K) - x_i,clip|^2 + w_K |q_K - q_K,above|^2,   the puppet hangs by q_K
 
-q_K,above lets each string run straight up from the point to which it is tied.
+With q_K = q_K,above each string is vertical above the point at which it is tied.
 """
 
 from __future__ import annotations
@@ -39,20 +39,20 @@ WEIGHTS = {
     "foot_right": 0.3,
 }
 """w_i of the followed parts."""
-_HAND_WEIGHT = 0.03
-"""w_K, of strings that run straight up."""
+_VERTICAL_WEIGHT = 0.03
+"""w_K, the weight of vertical strings."""
 _POSE_TIME = 1.0
 """Duration for which a single pose is held [s]."""
 _TOLERANCE = 3e-4
 """Distance from the nearest pose at which a search ends [m]."""
 ITERATIONS = 10
-"""Number of iterations for a pose, starting from the one before."""
+"""Number of iterations for each later pose, which starts from the previous pose."""
 _FIRST_ITERATIONS = 100
 """Number of iterations for the first pose."""
 LEANS = 1.8, 2.6
-"""Factors of the strings' lean at rest, tried if strings cross."""
+"""Factors by which the strings' lean at rest is multiplied, tried in turn while strings cross."""
 _MIN_UPWARD = 0.5
-"""Vertical component of the trunk's direction below which a person lies or crawls."""
+"""A person lies or crawls if the vertical component of the trunk's direction is below this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class Retargeted:
 
     @property
     def settled(self) -> int:
-        """Number of poses that no small change improves; the search for others ended earlier."""
+        """Number of poses that no small change improves; for others the search ended too early."""
         sure = (AnswerStatus.REACHED, AnswerStatus.OUT_OF_REACH)
         return sum(status in sure for status in self.reach.status)
 
@@ -97,7 +97,7 @@ class Retargeted:
 
     @cached_property
     def errors(self) -> dict[str, Array]:
-        """Part -> (T,) distance of the hanging pose from the clip, the least possible one [m]."""
+        """Part -> (T,) distance [m] of the pose from the clip; a local minimum if settled."""
         return {
             part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
             for part in WEIGHTS
@@ -124,7 +124,7 @@ class Retargeted:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedClip:
     """A clip, with the targets of a puppet's parts.
 
     Attributes:
@@ -132,7 +132,7 @@ class Placed:
         start: state at rest.
         clip: clip in metres, with z up.
         places: targets of the parts.
-        lean: wanted lean of the strings, relative to that at rest; 0 is upright.
+        lean: required lean of the strings, as a multiple of that at rest; 0 is vertical.
     """
 
     figure: Figure
@@ -151,10 +151,10 @@ def place_clip(
     up: str | None = None,
     turning: float = 1.0,
     of: str = "",
-) -> Placed:
+) -> PlacedClip:
     """Targets of a puppet's parts in captured motion; arguments as in :func:`retarget_clip`.
 
-    It involves no search, so that mistakes of a clip are reported at once.
+    It does not search, so mistakes in a clip are reported at once.
     """
     if not isinstance(clip, Capture):
         clip = load_bvh(clip)
@@ -170,12 +170,12 @@ def place_clip(
     clip = clip.upright(_up(clip, joints) if up is None else up)
     start = marionette.rest() if start is None else start
     figure = figure_of(marionette, start, mapping.puppet, of)
-    return Placed(figure, start, clip, place(figure, clip, joints, travel, turning))
+    return PlacedClip(figure, start, clip, place(figure, clip, joints, travel, turning))
 
 
 def retarget_clip(
     marionette: Marionette,
-    clip: Capture | Placed | str | os.PathLike[str],
+    clip: Capture | PlacedClip | str | os.PathLike[str],
     mapping: MappingFile | str | os.PathLike[str] | None = None,
     start: State | None = None,
     travel: float = 1.0,
@@ -191,18 +191,21 @@ def retarget_clip(
         mapping: joints of the parts of a person: a file, or the name of a bundled mapping; by
             default the bundled one with the skeleton's joint names.
         start: state at rest from which the search for the first pose begins.
-        travel: share of the motion over the floor that is kept; 0 stays on the spot.
+        travel: share of the horizontal motion that is kept; with 0 the puppet stays on the spot.
         up: vertical axis of the file, ``y`` or ``z``; by default that of the rest pose or, if it is
             not clear, the main direction of the trunks.
         turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
             keeps its heading.
-        of: name of the member of a scene that follows; by default the only person in it.
+        of: name of the puppet in a scene that follows the clip; by default the only one with the
+            parts of a person.
 
     Raises:
         FileError: the files have mistakes, or joints are missing.
-        StateError: the puppet does not have the bodies of a person, or has contact.
+        StateError: the puppet does not have the bodies of a person, or has contact; or the vertical
+            axis of the clip is unclear.
+        ValueError: a negative share.
     """
-    if not isinstance(clip, Placed):
+    if not isinstance(clip, PlacedClip):
         clip = place_clip(marionette, clip, mapping, start, travel, up, turning, of)
     figure, start, placing = clip.figure, clip.start, clip.places
     targets: dict[What, Any] = {figure.points[part]: placing.parts[part] for part in WEIGHTS}
@@ -210,7 +213,7 @@ def retarget_clip(
     above = straight_up(figure, placing.frames, start, clip.lean)
     for coordinate, values in above.items():
         targets[coordinate] = values
-        weights[coordinate] = _HAND_WEIGHT
+        weights[coordinate] = _VERTICAL_WEIGHT
     first = {what: values[:1] for what, values in targets.items()}
     options: dict[str, Any] = {
         "slack": True,
@@ -218,12 +221,12 @@ def retarget_clip(
         "weights": weights,
         "once": True,
     }
-    begun = marionette.rest(
+    first_state = marionette.rest(
         reach(marionette, first, start, iterations=_FIRST_ITERATIONS, **options)[0].state
     )
     try:
-        reached_poses = reach(marionette, targets, begun, iterations=ITERATIONS, **options)
-    except StateError:  # the first pose is on the edge of tipping over
+        reached_poses = reach(marionette, targets, first_state, iterations=ITERATIONS, **options)
+    except StateError:  # from the first pose, a small change would make the puppet tip over
         reached_poses = reach(marionette, targets, start, iterations=ITERATIONS, **options)
     t = clip.clip.t - clip.clip.t[0]
     return Retargeted(marionette, figure, clip.clip, t, placing, reached_poses)
@@ -256,7 +259,7 @@ def places_in(figure: Figure, poses: Array) -> dict[str, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Hanger:
-    """A string from a part of the figure up to its upper end.
+    """A string that is tied to a part of the figure, and its upper end.
 
     Attributes:
         name: name of the string.
@@ -276,7 +279,7 @@ class Hanger:
 
 
 def hangers(figure: Figure, start: State) -> list[Hanger]:
-    """Strings from parts of a figure, with their upper ends in a state."""
+    """The strings tied to parts of a figure, with the positions of their upper ends in a state."""
     marionette = figure.marionette
     tree, table = marionette.tree, marionette.coordinates
     parts = {marionette.link_index(body): part for part, body in figure.bodies.items()}
@@ -288,11 +291,11 @@ def hangers(figure: Figure, start: State) -> list[Hanger]:
         low, high = ends[0], ends[-1]
         if low.link not in parts or high.link < 0 or len(ends) != 2:
             continue
-        link, now = tree.links[high.link], poses[high.link]
-        top = now[:, :3] @ _numbers(marionette, high.at) + now[:, 3]
+        link, pose = tree.links[high.link], poses[high.link]
+        top = pose[:, :3] @ _numbers(marionette, high.at) + pose[:, 3]
         names = table.q_K[link.q]
         moves = link.kind == "translation" and set(names) <= driven
-        axes = dict(zip(names, (now[:, :3] @ link.axes).T, strict=True)) if moves else {}
+        axes = dict(zip(names, (pose[:, :3] @ link.axes).T, strict=True)) if moves else {}
         length = table.q_K[string.driven_length[0]] if string.driven_length else ""
         at = _numbers(marionette, low.at)
         strings.append(Hanger(string.name, parts[low.link], at, top, axes, length))
@@ -302,14 +305,16 @@ def hangers(figure: Figure, start: State) -> list[Hanger]:
 def straight_up(
     figure: Figure, frames: Mapping[str, Array], start: State, lean: float = 0.0
 ) -> dict[str, Array]:
-    """Driven scalar -> (T,) values with which strings run straight up; others as in the state.
+    """Driven scalar -> (T,) values that make the strings vertical.
+
+    Coordinates without a string keep their value in the state.
 
     Args:
         figure: figure of the puppet.
         frames: part -> (T, 3, 4) orientation and origin of its body.
         start: state.
-        lean: factor of the strings' lean in that state, rotated with the trunk; the head's strings
-            stay vertical.
+        lean: multiple of the strings' lean in that state, turned with the trunk; the strings of
+            the head stay vertical.
     """
     table, n = figure.marionette.coordinates, len(frames["trunk"])
     values = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}

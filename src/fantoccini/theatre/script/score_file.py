@@ -40,7 +40,7 @@ class SoundFile(Model):
     at: Time = 0.0
     """Time at which it begins."""
     gain: Annotated[Positive, Field(le=100.0)] = 1.0
-    """Factor of the loudness."""
+    """Factor by which the amplitude is multiplied."""
 
 
 def _wait(value: Any) -> Any:
@@ -73,7 +73,7 @@ class ScoreFile(Document):
     lanes: Annotated[dict[str, tuple[AnyScoreCue, ...]], Field(min_length=1)]
     """Lane -> gestures, in order. Offsets of all lanes add up."""
     phrases: dict[Name, Cues] = Field(default_factory=dict)
-    """Name -> gestures in order, played as one gesture; times count from its beginning."""
+    """Name -> gestures in order, played as one gesture; times count from its start."""
     marks: dict[Name, Time] = Field(default_factory=dict)
     """Name -> time."""
     waits: dict[Name, Annotated[WaitFile, _AS_WAIT]] = Field(default_factory=dict)
@@ -87,4 +87,4 @@ class ScoreFile(Document):
     sound: SoundsFile = ()
     """A sound file, or several with the times at which they begin."""
     duration: Size | None = None
-    """Earliest end; that of the last gesture by default."""
+    """Earliest end of the score; by default, the end of the last gesture."""

@@ -81,7 +81,7 @@ def _mark(text: str) -> str:
     return text
 
 
-def _listed(value: Any) -> Any:
+def _as_tuple(value: Any) -> Any:
     return (value,) if isinstance(value, str) else value
 
 
@@ -103,7 +103,7 @@ def _where(value: Any) -> Any:
     return tuple(value)
 
 
-def _word(value: str) -> str:
+def _style_word(value: str) -> str:
     if value not in HOW:
         raise mistake(f"found {shown(value)}; allowed: {', '.join(HOW)}{nearest(value, HOW)}")
     return value
@@ -131,20 +131,22 @@ When = Annotated[
     tuple[Time, ...], BeforeValidator(_times, json_schema_input_type=Time | tuple[Time, ...])
 ]
 Where = Annotated[str | tuple[Real, Real] | tuple[Real, Real, Real], BeforeValidator(_where), SIZED]
-"""A mark, a player or an obstacle, or a place: x towards the audience, y to its right [m]."""
+"""A mark, player or obstacle, or a place: x towards the audience, y to the audience's right [m]."""
 Facing = Annotated[
     float | str,
     BeforeValidator(_facing),
     SIZED,
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
 ]
-"""Angle from the audience to the left, or `audience`, `left`, `right`, `back`, or a name."""
+"""Angle from the audience to the left, or `audience`, `left`, `right`, `back`, or what to face."""
 Names = Annotated[
     tuple[Name, ...],
-    BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...]),
+    BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...]),
     Field(min_length=1),
 ]
-_Word = Annotated[str, AfterValidator(_word), WithJsonSchema({"type": "string", "enum": list(HOW)})]
+_StyleWord = Annotated[
+    str, AfterValidator(_style_word), WithJsonSchema({"type": "string", "enum": list(HOW)})
+]
 How = Annotated[
-    tuple[_Word, ...], BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...])
+    tuple[_StyleWord, ...], BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...])
 ]

@@ -1,7 +1,7 @@
 // Nearest points of the convex hulls of two sets of points, by the algorithm of Gilbert, Johnson
-// and Keerthi (IEEE J. Robotics and Automation 4(2), 1988): the point v of their difference nearest
-// to the origin, among the points, edges and triangles of a simplex that grows by the difference's
-// farthest point in the direction -v.
+// and Keerthi (IEEE J. Robotics and Automation 4(2), 1988). It seeks v, the point of the difference
+// of the hulls that is nearest to the origin: v is the nearest point of a simplex, to which every
+// round adds the farthest point of the difference in the direction -v.
 #pragma once
 
 #include "fantoccini/collision/hull.hpp"
@@ -18,18 +18,18 @@ struct Cloud {
     double n_local[3];
     into_axes(R, direction, n_local);
     int best = 0;
-    double most = dot3(points, n_local);
+    double largest = dot3(points, n_local);
     for (int i = 1; i < n; ++i) {
       const double projection = dot3(points + 3 * i, n_local);
-      if (projection > most) {
-        most = projection;
+      if (projection > largest) {
+        largest = projection;
         best = i;
       }
     }
     return best;
   }
 
-  // A point relative to an origin.
+  // Writes point i, in world axes, relative to an origin.
   FAN_FN void point(int i, const double* origin, double* out) const {
     double away[3];
     out_of_axes(R, points + 3 * i, out);
@@ -38,14 +38,13 @@ struct Cloud {
   }
 };
 
-// Feature on which a point of a hull's surface lies, and its number; for a segment, an end or the
-// middle.
+// The vertex, edge or facet of a hull on which a point of its surface lies, and its number.
 struct HullFeature {
   enum Kind { VERTEX, EDGE, FACET, NONE };
   Kind kind = NONE;
   int number = -1;
 
-  // A unique number among all features of a hull with so many vertices, facets and edges, from 0.
+  // A number that is unique among the features of a hull; 3 if there is none.
   FAN_FN int code() const { return 4 * (number + 1) + kind; }
 };
 
@@ -58,7 +57,7 @@ class NearestOfClouds {
   using Tol = HullTolerances;
   PointPair pair{};  // the nearest points
   double normal[3];  // from the second to the first; undefined for clouds that meet
-  double distance;   // m; 0 where they meet, `enough` where they are certainly that far apart
+  double distance;   // m; 0 if they meet, `enough` if they are shown to be at least that far apart
   bool meet = false, is_far = false;
 
   FAN_FN NearestOfClouds(const Cloud& x, const Cloud& y, double enough)
@@ -69,11 +68,11 @@ class NearestOfClouds {
     weight_[0] = 1.0;
     copy3(w, v_);
     double square = dot3(v_, v_);
-    for (int turn = 0; turn < Tol::max_turns && square > Tol::meeting * Tol::meeting; ++turn) {
+    for (int round = 0; round < Tol::max_turns && square > Tol::meeting * Tol::meeting; ++round) {
       double back[3];
       for (int k = 0; k < 3; ++k) back[k] = -v_[k];
       const int i = x_.farthest(back), j = y_.farthest(v_);
-      if (is_in(i, j)) break;
+      if (is_in_simplex(i, j)) break;
       add(i, j, w);
       const double along = dot3(v_, w);
       if (along > 0.0 && along * along > enough * enough * square) {
@@ -91,14 +90,15 @@ class NearestOfClouds {
   // Feature on which the nearest point of one of the hulls lies: the facets that all corners of the
   // simplex share determine it.
   FAN_FN HullFeature feature_of(const PlacedHull& hull, bool of_first) const {
-    const int* own = of_first ? i_ : j_;
+    const int* corners = of_first ? first_index_ : second_index_;
     HullFeature out;
     int n_facets = 0, facets[2] = {};
-    for (int k = hull.hull.around_begins[own[0]]; k < hull.hull.around_begins[own[0] + 1]; ++k) {
+    for (int k = hull.hull.around_begins[corners[0]]; k < hull.hull.around_begins[corners[0] + 1];
+         ++k) {
       const int f = hull.hull.around[k];
       bool shared = true;
       for (int a = 1; a < n_; ++a)
-        shared = shared && (own[a] == own[0] || hull.has_corner(f, own[a]));
+        shared = shared && (corners[a] == corners[0] || hull.has_corner(f, corners[a]));
       if (!shared) continue;
       if (n_facets < 2) facets[n_facets] = f;
       ++n_facets;
@@ -111,32 +111,32 @@ class NearestOfClouds {
       out.kind = out.number < 0 ? HullFeature::NONE : HullFeature::EDGE;
     } else if (n_facets > 2) {
       out.kind = HullFeature::VERTEX;
-      out.number = own[0];
+      out.number = corners[0];
     }
     return out;
   }
 
-  // For a cloud of one or two points: its first, its second, or the segment between them.
+  // If the first cloud has one or two points: which of them is nearest; MIDDLE means between them.
   FAN_FN CorePart part_of_first() const {
     bool used[2] = {};
-    for (int k = 0; k < n_; ++k) used[i_[k] == 0 ? 0 : 1] = true;
+    for (int k = 0; k < n_; ++k) used[first_index_[k] == 0 ? 0 : 1] = true;
     return used[0] ? (used[1] ? MIDDLE : FIRST_END) : SECOND_END;
   }
 
  private:
   // Appends the difference of two points to those of the simplex.
   FAN_FN void add(int i, int j, double* w) {
-    i_[n_] = i;
-    j_[n_] = j;
+    first_index_[n_] = i;
+    second_index_[n_] = j;
     x_.point(i, y_.at, p_[n_]);
     y_.point(j, y_.at, q_[n_]);
-    difference3(p_[n_], q_[n_], w_[n_]);
-    copy3(w_[n_], w);
+    difference3(p_[n_], q_[n_], difference_[n_]);
+    copy3(difference_[n_], w);
   }
 
-  FAN_FN bool is_in(int i, int j) const {
+  FAN_FN bool is_in_simplex(int i, int j) const {
     for (int k = 0; k < n_; ++k)
-      if (i_[k] == i && j_[k] == j) return true;
+      if (first_index_[k] == i && second_index_[k] == j) return true;
     return false;
   }
 
@@ -147,22 +147,22 @@ class NearestOfClouds {
   };
 
   FAN_FN void try_point(int a, Part& best) const {
-    const double square = dot3(w_[a], w_[a]);
+    const double square = dot3(difference_[a], difference_[a]);
     if (!(square < best.square)) return;
     best.n = 1;
     best.which[0] = a;
     best.weight[0] = 1.0;
-    copy3(w_[a], best.v);
+    copy3(difference_[a], best.v);
     best.square = square;
   }
 
-  // Inside the edge.
+  // Tries the interior of an edge.
   FAN_FN void try_edge(int a, int b, Part& best) const {
     double along[3], v[3];
-    difference3(w_[b], w_[a], along);
-    const double length = dot3(along, along), t = -dot3(w_[a], along);
+    difference3(difference_[b], difference_[a], along);
+    const double length = dot3(along, along), t = -dot3(difference_[a], along);
     if (!(t > 0.0 && t < length)) return;
-    along3(w_[a], t / length, along, v);
+    along3(difference_[a], t / length, along, v);
     const double square = dot3(v, v);
     if (!(square < best.square)) return;
     best.n = 2;
@@ -174,21 +174,21 @@ class NearestOfClouds {
     best.square = square;
   }
 
-  // Inside the triangle.
+  // Tries the interior of a triangle.
   FAN_FN void try_triangle(int a, int b, int c, Part& best) const {
     double ab[3], ac[3], normal[3], across[3];
-    difference3(w_[b], w_[a], ab);
-    difference3(w_[c], w_[a], ac);
+    difference3(difference_[b], difference_[a], ab);
+    difference3(difference_[c], difference_[a], ac);
     cross(ab, ac, normal);
     const double area = dot3(normal, normal);
     if (!(area > Tol::flat_area * dot3(ab, ab) * dot3(ac, ac))) return;
-    cross(w_[b], w_[c], across);
+    cross(difference_[b], difference_[c], across);
     const double at_a = dot3(across, normal) / area;
-    cross(w_[c], w_[a], across);
+    cross(difference_[c], difference_[a], across);
     const double at_b = dot3(across, normal) / area;
     const double at_c = 1.0 - at_a - at_b;
     if (!(at_a > 0.0 && at_b > 0.0 && at_c > 0.0)) return;
-    const double height = dot3(w_[a], normal) / area;
+    const double height = dot3(difference_[a], normal) / area;
     const double square = height * height * area;
     if (!(square < best.square)) return;
     best.n = 3;
@@ -205,12 +205,13 @@ class NearestOfClouds {
   // Whether the origin is in the simplex of four points.
   FAN_FN bool holds_origin() const {
     for (int k = 0; k < 4; ++k) {
-      const double *a = w_[(k + 1) % 4], *b = w_[(k + 2) % 4], *c = w_[(k + 3) % 4];
+      const double *a = difference_[(k + 1) % 4], *b = difference_[(k + 2) % 4],
+                   *c = difference_[(k + 3) % 4];
       double ab[3], ac[3], normal[3], up[3];
       difference3(b, a, ab);
       difference3(c, a, ac);
       cross(ab, ac, normal);
-      difference3(w_[k], a, up);
+      difference3(difference_[k], a, up);
       const double height = dot3(up, normal), own = -dot3(a, normal);
       const double flat = Tol::progress * length3(normal) * (length3(up) + length3(a));
       if (!(fabs(height) > flat) || !(own * height > 0.0)) return false;
@@ -218,7 +219,7 @@ class NearestOfClouds {
     return true;
   }
 
-  // Takes the nearest part that contains the last point of the simplex. Returns whether the
+  // Reduces the simplex to the nearest of its parts with its last point. Returns whether the
   // distance shrinks.
   FAN_FN bool shrink(double square) {
     const int last = n_;
@@ -234,11 +235,11 @@ class NearestOfClouds {
     if (!(best.square < square)) return false;
     for (int k = 0; k < best.n; ++k) {
       const int from = best.which[k];  // >= k: in ascending order
-      i_[k] = i_[from];
-      j_[k] = j_[from];
+      first_index_[k] = first_index_[from];
+      second_index_[k] = second_index_[from];
       copy3(p_[from], p_[k]);
       copy3(q_[from], q_[k]);
-      copy3(w_[from], w_[k]);
+      copy3(difference_[from], difference_[k]);
       weight_[k] = best.weight[k];
     }
     n_ = best.n;
@@ -260,8 +261,8 @@ class NearestOfClouds {
   }
 
   const Cloud &x_, &y_;
-  int n_ = 0, i_[4], j_[4];
-  double p_[4][3], q_[4][3], w_[4][3], weight_[4], v_[3];
+  int n_ = 0, first_index_[4], second_index_[4];
+  double p_[4][3], q_[4][3], difference_[4][3], weight_[4], v_[3];
 };
 
 }  // namespace fan

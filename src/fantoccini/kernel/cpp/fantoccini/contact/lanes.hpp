@@ -1,4 +1,4 @@
-// Contacts of a time step of a bundle of lanes, with the interface of step.hpp. Lanes that only
+// Contacts of one time step for a bundle of lanes, with the interface of step.hpp. Lanes that only
 // stand on the ground are solved here, all at once (ground_lanes.hpp). Other lanes are `apart`:
 // they make their steps one by one (timestepping/single_lanes.hpp).
 #pragma once
@@ -17,13 +17,13 @@ class ContactLanes {
   using Mask = typename Traits<Real>::Mask;
   using Push = ContactPush;
 
-  Real violation, work, impact, friction;  // depth; energies of the step
-  Real residual = Real(0.0);               // of the law, in the last step
+  Real violation, work, impact, friction;  // penetration depth [m]; energies of the step [J]
+  Real residual = Real(0.0);               // of the contact law, after the last step
   Mask apart = Real(0.0) > Real(1.0);      // lanes that are not solved here
 
   // Starts without any contact.
   FAN_FN void begin(const ContactArrays& in) {
-    links_.begin(in);
+    near_.begin(in);
     ground_.begin(in);
     for (int l = 0; l < width; ++l) {
       n_[l] = 0;
@@ -49,45 +49,45 @@ class ContactLanes {
 
   FAN_FN void find(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, double dt, double whole, double recovery_speed, const Mask& idle) {
+      const Real* p, double dt, double full_step, double recovery_speed, const Mask& idle) {
     work = impact = friction = residual = Real(0.0);
-    links_.place_at(in, q_D, v_D, q_K, v_K, p, dt);
+    near_.place_at(in, q_D, v_D, q_K, v_K, p, dt);
     auto& feet = ground_.feet;
     fresh_ = !feet.kept;
     for (int l = 0; l < width; ++l)
       if (!lane_of(feet.kept, l) && !lane_of(idle, l)) feet.take(in, l, push_[l], n_[l]);
-    const Mask alone = links_.find_on(in, dt, feet.kept && !idle, feet);
-    ground_.start(links_, alone, dt, whole, recovery_speed);
+    const Mask alone = near_.find_on(in, dt, feet.kept && !idle, feet);
+    ground_.start(near_, alone, dt, full_step, recovery_speed);
     violation = ground_.depth;
     apart = Real(0.0) > Real(1.0);
-    leave(!idle && !ground_.lanes);
+    set_apart(!idle && !ground_.lanes);
   }
 
-  // Gives up lanes in which impulses have accelerated links beyond the margins of find(). Returns
+  // Sets apart lanes in which impulses have accelerated links beyond the margins of find(). Returns
   // whether there are any.
   FAN_FN bool look_again(const Real* acc, double dt) {
-    const Mask fast = ground_.lanes && links_.outruns(acc, dt);
-    leave(fast);
+    const Mask fast = ground_.lanes && near_.outruns(acc, dt);
+    set_apart(fast);
     return any(fast);
   }
 
-  // Whether points take part in all lanes but these.
+  // Whether contact points take part in every lane except those in `idle`.
   FAN_FN bool take_part(const Mask& idle) const { return !any(!(ground_.stands || idle)); }
 
-  // Adds the points that would be passed at the velocity v. Returns whether there are any.
+  // Adds the points that would penetrate at the velocity v. Returns whether there are any.
   FAN_FN bool watch(const Real* v) {
     Mask failed = Real(0.0) > Real(1.0);
-    const bool more = ground_.watch(links_, v, failed);
-    leave(failed);
+    const bool more = ground_.watch(near_, v, failed);
+    set_apart(failed);
     return more;
   }
 
-  // As ContactStep's.
+  // As ContactStep::settle(), for the lanes on the ground.
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, double cap, Mask& settled) {
     if (!any(ground_.stands)) return;
-    leave(ground_.settle(links_, eval, rows, near, guess, cap));
+    set_apart(ground_.settle(near_, eval, rows, near, guess, cap));
     const Mask& here = ground_.stands;
     auto& problem = rows.problem;
     settled = settled || here;
@@ -102,7 +102,7 @@ class ContactLanes {
   // w <- w - W x over the points.
   FAN_FN void add(Real* w) const { ground_.add(w); }
 
-  // Reduction of hdot of gathered row a by the impulses.
+  // How much the impulses reduce hdot of the gathered row a.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     return ground_.rate_by_impulses(rows, a);
   }
@@ -128,20 +128,20 @@ class ContactLanes {
     }
   }
 
-  // Hands the contacts of a lane that is apart to a step of its own, and takes them back.
+  // Hands the contacts of a lane that is apart to its own ContactStep; take() brings them back.
   FAN_FN void hand_over(int l, ContactStep<Model, double>& to) {
-    to.take(push_[l], n_[l], links_.near(l));
+    to.take(push_[l], n_[l], near_.near(l));
   }
   FAN_FN void take(int l, ContactStep<Model, double>& from) {
-    n_[l] = from.hand_over(push_[l], links_.near(l));
+    n_[l] = from.hand_over(push_[l], near_.near(l));
     too_many_[l] = from.too_many(0);
     lane_of(residual, l) = from.residual;
-    links_.read_list(l);
+    near_.read_list(l);
   }
 
  private:
   // Sets these lanes apart.
-  FAN_FN void leave(const Mask& lanes) {
+  FAN_FN void set_apart(const Mask& lanes) {
     if (!any(lanes)) return;
     for (int l = 0; l < width; ++l)
       if (lane_of(lanes && !fresh_, l)) n_[l] = ground_.feet.hand_over(l, push_[l]);
@@ -149,7 +149,7 @@ class ContactLanes {
     apart = apart || lanes;
   }
 
-  // Lists the points that push in lanes on the ground as in the other lanes.
+  // Copies the pushing points of lanes on the ground into push_, where those of other lanes are.
   FAN_FN void list_pushes() {
     auto& feet = ground_.feet;
     for (int l = 0; l < width; ++l)
@@ -157,10 +157,10 @@ class ContactLanes {
     feet.kept = Real(0.0) > Real(1.0);
   }
 
-  NearLanes<Model, Real> links_;
+  NearLanes<Model, Real> near_;
   GroundLanes<Model, Real> ground_;
   Mask fresh_;  // lanes that the feet had not stored at the start of the step
-  // Their points that push.
+  // The pushing points of each lane: how many, and the points.
   int n_[width];
   Push push_[width][array_size(C)];
   bool too_many_[width];

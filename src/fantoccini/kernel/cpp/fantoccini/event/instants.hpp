@@ -1,5 +1,5 @@
-// The instants of an event-driven run: catches strike, the active set is chosen again, and the
-// events and the state after them are written (writer.hpp).
+// Handles the instants of an event-driven run: applies impulses, chooses the active set again, and
+// writes the events and the state after them (writer.hpp).
 #pragma once
 
 #include "fantoccini/event/accumulation.hpp"
@@ -9,27 +9,28 @@
 namespace fan {
 
 struct EventTolerances {
-  // -h up to which a row counts as closed at the start of a run, relative to its scale: starts come
-  // from files and solvers. The held rows are then brought to h = 0.
+  // Largest -h of a row that counts as closed at the start of a run, relative to its scale. It
+  // allows for the errors of files and solvers. The held rows are then brought to h = 0.
   static constexpr double start_gap = Constants::start_gap;
-  // s: a row whose tension fell to zero more recently than this has just lost it.
+  // A row has just lost its tension if that fell to zero less than this time ago [s].
   static constexpr double same_instant = 1e-10;
-  // s: shorter steps count as standstill; this number in a row ends the run.
+  // Steps shorter than this [s] count as standstill; the run ends after max_standstill_steps of
+  // them in succession.
   static constexpr double standstill = 1e-12;
   static constexpr int max_standstill_steps = 200;
-  // s: a step shorter than this that fails ends the run instead of being shortened.
+  // If a step shorter than this [s] fails, the run ends; longer ones are shortened and tried again.
   static constexpr double min_failing_step = 1e-10;
   // Step control (Hairer): order of the error, safety factor, least and largest factor of a step.
   static constexpr double order = 8.0, safety = 0.9, min_factor = 0.2, max_factor = 8.0;
-  static constexpr double overflow_factor = 0.1;  // of a step whose error is not finite
-  // Relative to the time left to the target: a step of at least `whole` takes all of it, one of
-  // more than `sliver` takes exactly that share, so that the last step is not tiny.
-  static constexpr double whole = 1 - 1e-12, sliver = 0.5;
+  static constexpr double overflow_factor = 0.1;  // factor for a step whose error is not finite
+  // Shares of the time left to the target: a step of at least `whole` is stretched to all of it;
+  // one of more than `two_steps` is shortened to that share, so that the last step is not tiny.
+  static constexpr double whole = 1 - 1e-12, two_steps = 0.5;
   // Change of an acceleration or a force that counts as a jump at a break, relative to 1 + |before|
   // + |after|.
   static constexpr double jump = 1e-9;
   static constexpr int max_saves_per_step = 64;  // capacity of the record
-  // m: gap below which contact points touch; likewise at the start of a run.
+  // Gap [m] below which contact points touch: during a run, and at its start.
   static constexpr double touching = 1e-12, touching_at_start = 1e-6;
 };
 
@@ -47,14 +48,14 @@ struct EventInstants {
   typename Writer::Instants contact_instants;
   Writer writer{flow, closed_rows, contact_instants};
   Accumulation accumulation;
-  double attribution[array_size(M)] = {};  // by row, its share in the cause of the status, 0 to 1
-  double until = unbounded;                // s: the end of the run, beyond which no event lies
-  double loosened[array_size(M)];          // s: last time at which each row lost its tension
+  double attribution[array_size(M)] = {};  // each row's share in the cause of the status, 0 to 1
+  double until = unbounded;  // the end of the run [s]; events after it are not reported
+  double tension_lost_at[array_size(M)];  // s: last time at which each row lost its tension
 
   EventInstants(F& flow, Guards<Model>& guards) : flow(flow), guards(guards) {}
   EventInstants(const EventInstants&) = delete;
 
-  // The evaluation, k[0] and accelerations at (t, y).
+  // Computes the evaluation, k[0] and the accelerations at (t, y) again.
   void refresh() { flow.evaluate(flow.t, flow.y, flow.k[0]); }
 
   void set_active_set(const Hold* mode) {
@@ -65,16 +66,17 @@ struct EventInstants {
     for (int r = 0; r < M; ++r) attribution[r] = rows[r];
   }
 
-  // Whether solids touch, or points are followed, at (t, y), the flow's latest evaluation.
-  bool in_contact(double most = Tolerance::touching) const {
+  // Whether solids touch, or contact points are tracked, at (t, y), where the flow was last
+  // evaluated.
+  bool in_contact(double max_gap = Tolerance::touching) const {
     if constexpr (F::touches) {
       const auto& points = flow.contacts.points;
-      return points.in && (points.n > 0 || points.overlap >= -most);
+      return points.in && (points.n > 0 || points.overlap >= -max_gap);
     }
     return false;
   }
 
-  // An event at (t, y): catches strike, then the next active set is chosen.
+  // Handles an event at (t, y): applies the impulses of catches, then chooses the next active set.
   Status instant(Record<Model>& out) {
     if (in_contact()) return contact_instant(out, Tolerance::touching);
     Situation s;
@@ -82,11 +84,13 @@ struct EventInstants {
     for (int r = 0; r < M; ++r) {
       s.before[r] = flow.row_state[r];
       const bool held = s.before[r] == HELD || s.before[r] == PINNED;
-      const double none = -flow.tension[r] / flow.weight();
-      if (held && none > -GuardTolerances::negligible_tension) loosened[r] = flow.t;
-      // A redundant row that has just lost its tension must not alternate with another.
-      s.loose[r] =
-          s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened[r] <= Tolerance::same_instant;
+      const double relative_tension = flow.tension[r] / flow.weight();
+      if (held && relative_tension < GuardTolerances::negligible_tension)
+        tension_lost_at[r] = flow.t;
+      // A redundant row that has just lost its tension must not be exchanged with another again
+      // and again.
+      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r]
+                                        : flow.t - tension_lost_at[r] <= Tolerance::same_instant;
       s.strained[r] = is_strained(r);
       const bool touches = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
       s.caught[r] = touches;
@@ -125,33 +129,36 @@ struct EventInstants {
     for (int r = 0; r < M; ++r)
       touched =
           touched || (flow.row_state[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap));
-    const Status status = touched ? instant(out) : settle_active_set(present(), out);
+    const Status status = touched ? instant(out) : settle_active_set(current_situation(), out);
     if (jumps && out.n_samples == rows) writer.emit(out);
     return status;
   }
 
   // Chooses again which of the redundant rows are held: the present ones are nearly dependent.
-  Status another_basis(Record<Model>& out) { return settle_active_set(present(), out); }
+  Status another_basis(Record<Model>& out) { return settle_active_set(current_situation(), out); }
 
-  // An instant with contacts: impacts of strings, limits and solids strike together, then all modes
-  // are chosen. Points up to `most` apart touch; at the start of a run they have touched before.
-  Status contact_instant(Record<Model>& out, double most, bool starts = false) {
+  // Handles an instant with contacts: the impulses of strings, limits and solids are solved
+  // together, then all modes are chosen. Points touch if they are at most `max_gap` apart; at the
+  // start of a run (`starts`) the touch is not new.
+  Status contact_instant(Record<Model>& out, double max_gap, bool starts = false) {
     if constexpr (!F::touches) return RUNNING;
     else {
-      auto& held = flow.contacts;
-      // Counted even without an event, so that the run ends.
+      auto& contacts = flow.contacts;
+      // This call is counted even if it writes no event, so that an endless series ends the run.
       writer.event_rate.note(flow.t, -1, EventRateTolerances::of_contact);
-      held.points.take_closed(flow, flow.y, flow.y + NQ, most);
-      if (held.points.too_many) return TOO_MANY_CONTACTS;
-      Situation s = present();
+      contacts.points.take_closed(flow, flow.y, flow.y + NQ, max_gap);
+      if (contacts.points.too_many) return TOO_MANY_CONTACTS;
+      Situation s = current_situation();
       bool loose[array_size(C)], strained[array_size(C)], struck[array_size(C)],
           touched[array_size(C)], strikes[array_size(M)];
-      bool any_struck = false, any_hit = false;  // by a catch; by one that takes impulses
+      bool any_struck = false,
+           any_hit = false;  // any catch or impact; any that exchanges an impulse
       for (int r = 0; r < M; ++r) {
-        const double none = -flow.tension[r] / flow.weight();
-        if (s.before[r] == HELD && none > -GuardTolerances::negligible_tension)
-          loosened[r] = flow.t;
-        if (s.before[r] != SLACK) s.loose[r] = flow.t - loosened[r] <= Tolerance::same_instant;
+        const double relative_tension = flow.tension[r] / flow.weight();
+        if (s.before[r] == HELD && relative_tension < GuardTolerances::negligible_tension)
+          tension_lost_at[r] = flow.t;
+        if (s.before[r] != SLACK)
+          s.loose[r] = flow.t - tension_lost_at[r] <= Tolerance::same_instant;
         s.strained[r] = is_strained(r);
         s.caught[r] = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
         s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
@@ -159,13 +166,13 @@ struct EventInstants {
         any_struck = any_struck || s.caught[r];
         any_hit = any_hit || (s.caught[r] && strikes[r]);
       }
-      for (int c = 0; c < held.points.n; ++c) {
-        loose[c] = held.is_loose(flow, c);
-        strained[c] = held.is_strained(flow, c);
-        touched[c] = held.points.at[c].mode != PARTED;
+      for (int c = 0; c < contacts.points.n; ++c) {
+        loose[c] = contacts.is_loose(flow, c);
+        strained[c] = contacts.is_strained(flow, c);
+        touched[c] = contacts.points.at[c].mode != PARTED;
       }
       contact_instants.gather(flow, strikes);
-      for (int c = 0; c < held.points.n; ++c) {
+      for (int c = 0; c < contacts.points.n; ++c) {
         struck[c] = contact_instants.is_struck(flow, c);
         any_struck = any_struck || struck[c];
         any_hit = any_hit || struck[c];
@@ -185,7 +192,7 @@ struct EventInstants {
           if (s.caught[r])
             writer.note(out, CATCH, r, contact_instants.impulse[r], contact_instants.speed[r]);
         }
-        for (int c = 0; c < held.points.n; ++c) {
+        for (int c = 0; c < contacts.points.n; ++c) {
           loose[c] = loose[c] && !struck[c] && !(contact_instants.point_impulse[c] > 0.0);
           strained[c] = false;
         }
@@ -199,19 +206,20 @@ struct EventInstants {
           contact_instants.choose(flow, s.loose, s.strained, loose, strained, next);
       if (chosen != RUNNING) return chosen;
       set_active_set(next);
-      const double energy = flow.total_energy() - given(), stopped = held.points.fastest_normal();
+      const double energy = flow.total_energy() - net_work(),
+                   stopped = contacts.points.fastest_normal();
       refresh();
-      const Status held_there = flow.project(flow.t, flow.y);
-      if (held_there != RUNNING) return held_there;
+      const Status projected = flow.project(flow.t, flow.y);
+      if (projected != RUNNING) return projected;
       refresh();
-      held.bring_to_rest(flow, flow.y + NQ, true);
+      contacts.bring_to_rest(flow, flow.y + NQ, true);
       refresh();
-      // The corrections of the start are not the run's.
-      if (!starts) writer.impact += energy - (flow.total_energy() - given());
+      // Energy changed by correcting the start does not count as a loss of the run.
+      if (!starts) writer.impact += energy - (flow.total_energy() - net_work());
       for (int r = 0; r < M; ++r)
         if (next[r] == SLIPPING) guards.armed[r] = flow.violation(r) < -GuardTolerances::min_speed;
       share_forces();
-      held.points.accept_overlaps();
+      contacts.points.accept_overlaps();
       bool changed = any_struck;
       for (int r = 0; r < M; ++r) {
         if (!starts) writer.write_changes(s, r, out);
@@ -227,18 +235,19 @@ struct EventInstants {
       update_directions(out);
       guards.remember();
       if (changed) writer.emit(out);
-      return held.points.too_many ? TOO_MANY_CONTACTS : RUNNING;
+      return contacts.points.too_many ? TOO_MANY_CONTACTS : RUNNING;
     }
   }
 
-  // Follows the directions of sliding points, and writes events of pairs that have begun to slide.
+  // Updates the directions of sliding points, and writes an event for each pair that has begun to
+  // slide.
   void update_directions(Record<Model>& out) {
     if constexpr (F::touches) {
-      auto& held = flow.contacts;
-      if (!held.active()) return;
-      if (held.redistributed) held.points.keep_forces(flow);
-      held.redistributed = false;
-      auto& points = held.points;
+      auto& contacts = flow.contacts;
+      if (!contacts.active()) return;
+      if (contacts.redistributed) contacts.points.keep_forces(flow);
+      contacts.redistributed = false;
+      auto& points = contacts.points;
       points.update_directions();
       for (int c = 0; c < points.n; ++c) {
         auto& own = points.at[c];
@@ -263,8 +272,8 @@ struct EventInstants {
                flow.winches.max_tension[r] - GuardTolerances::negligible_tension * flow.weight();
   }
 
-  // The rows in the absence of an event.
-  Situation present() const {
+  // The situation of the rows if there is no event.
+  Situation current_situation() const {
     Situation s;
     for (int r = 0; r < M; ++r) {
       s.before[r] = flow.row_state[r];
@@ -287,39 +296,40 @@ struct EventInstants {
   Status settle_active_set(const Situation& s, Record<Model>& out) {
     if (in_contact()) return contact_instant(out, Tolerance::touching);
     Hold next[array_size(M)];
-    const double energy = flow.total_energy() - given();
+    const double energy = flow.total_energy() - net_work();
     double stopped = 0.0;
-    Status held = RUNNING;
-    for (const Attempt& how : Attempts::list) {
-      if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
-      // Repeated, since rows brought to rest by the hold take part in the choice. A refused hold
-      // has left velocities and energies unchanged. It has brought closed rows from up to
-      // max_length_error to h = 0, which helps any further attempt.
+    Status hold_status = RUNNING;
+    for (const Attempt& attempt : Attempts::list) {
+      if (attempt.ahead > 0.0 && !flow.winches.some_slip) continue;
+      // This is repeated, because rows that the hold brings to rest take part in the next choice. A
+      // hold that fails leaves velocities and energies unchanged, but it has moved closed rows from
+      // up to max_length_error to h = 0, which helps any further attempt.
       for (int round = 0; round <= M; ++round) {
-        held = closed_rows.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
-        if (held != RUNNING) {
+        hold_status = closed_rows.choose(
+            flow, s.loose, s.strained, next, FlowTolerances::closed_gap, attempt);
+        if (hold_status != RUNNING) {
           if (flow.winches.some_slip) break;
-          else return fail(held);
+          else return fail(hold_status);
         }
         set_active_set(next);
         refresh();
-        held = closed_rows.hold(flow, how);
+        hold_status = closed_rows.hold(flow, attempt);
         if (closed_rows.stopped > stopped) stopped = closed_rows.stopped;
-        if (held != RUNNING || !closed_rows.brought) break;
+        if (hold_status != RUNNING || !closed_rows.brought) break;
       }
-      if (held == RUNNING) refresh();
-      if (held == RUNNING && !guards.contradicted()) break;
+      if (hold_status == RUNNING) refresh();
+      if (hold_status == RUNNING && !guards.contradicted()) break;
     }
-    if (held != RUNNING) return fail(held);
+    if (hold_status != RUNNING) return fail(hold_status);
     refresh();
-    writer.impact += energy - (flow.total_energy() - given());
+    writer.impact += energy - (flow.total_energy() - net_work());
     bool changed = false;
     for (int r = 0; r < M; ++r) {
       writer.write_changes(s, r, out);
       changed = changed || next[r] != s.before[r] || s.caught[r];
       if (next[r] == SLIPPING) guards.armed[r] = flow.violation(r) < -GuardTolerances::min_speed;
-      // A string that rebounds will soon be open; one that has lost its tension may stay at its
-      // bound.
+      // A string that rebounds will soon be slack; one that has only lost its tension may stay at
+      // its bound.
       if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
     }
     if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
@@ -331,26 +341,27 @@ struct EventInstants {
     return RUNNING;
   }
 
-  // Redundant forces: those of least norm, if admissible, else those of the choice.
+  // Distributes redundant contact forces: those of least norm if they are admissible, else those
+  // chosen before.
   void share_forces() {
-    auto& held = flow.contacts;
-    const auto chosen = held.points.forces();
-    held.points.forget_forces();
+    auto& contacts = flow.contacts;
+    const auto chosen = contacts.points.forces();
+    contacts.points.forget_forces();
     refresh();
     bool legal = true;
     for (int g = 0; g < F::GUARDS && legal; ++g)
       if (g != F::ALL && (g < M || g > F::ALL)) legal = !(guards.guard(g) > 0.0);
     if (!legal) {
-      held.points.set_forces(chosen);
+      contacts.points.set_forces(chosen);
       refresh();
-      held.redistribute(flow);
+      contacts.redistribute(flow);
     }
-    held.points.keep_forces(flow);
-    held.redistributed = false;
+    contacts.points.keep_forces(flow);
+    contacts.redistributed = false;
   }
 
   // Net work of inputs and winches so far.
-  double given() const { return flow.y[F::WORK] - flow.y[F::SLIP_LOSS]; }
+  double net_work() const { return flow.y[F::WORK] - flow.y[F::SLIP_LOSS]; }
 };
 
 }  // namespace fan

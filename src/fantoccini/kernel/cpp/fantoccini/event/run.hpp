@@ -33,7 +33,7 @@ struct EventRun {
     Hold next[array_size(M)];
     for (int r = 0; r < M; ++r) {
       flow.row_state[r] = SLACK;
-      instants.loosened[r] = -unbounded;
+      instants.tension_lost_at[r] = -unbounded;
     }
     flow.slip_time = flow.t;
     if constexpr (F::touches) flow.contacts.points.in = flow.opt.contacts;
@@ -166,7 +166,7 @@ struct EventRun {
     auto& writer = instants.writer;
     memory.keep(instants.closed_rows, detector, instants.accumulation);
     memory.keep(writer.event_rate, writer.impact, instants.attribution, step_size);
-    memory.keep(n_steps, writer.n_events, stuck, at_break_, instants.loosened);
+    memory.keep(n_steps, writer.n_events, stuck, at_break_, instants.tension_lost_at);
     flow.contacts.remember(memory);
     guards.remember(memory);
   }
@@ -226,8 +226,8 @@ struct EventRun {
       if (s >= left * Tolerance::whole) {
         s = left;
         reaches = true;
-      } else if (s > Tolerance::sliver * left) {
-        s = Tolerance::sliver * left;  // no sliver before the target
+      } else if (s > Tolerance::two_steps * left) {
+        s = Tolerance::two_steps * left;  // so that the last step is not tiny
       }
       if (s < guards.resolution()) return too_small();
       ++n_steps;

@@ -13,9 +13,9 @@ struct Triple {
   FAN_FN Real operator[](int d) const { return of[d]; }
   FAN_FN void clear() { of[0] = of[1] = of[2] = Real(0.0); }
 
-  // this <- this + by x.
-  FAN_FN void add(const Real& by, const Triple& x) {
-    FAN_UNROLL for (int d = 0; d < 3; ++d) of[d] += by * x.of[d];
+  // this <- this + factor x.
+  FAN_FN void add(const Real& factor, const Triple& x) {
+    FAN_UNROLL for (int d = 0; d < 3; ++d) of[d] += factor * x.of[d];
   }
 
   // Writes the numbers of one lane.
@@ -23,12 +23,12 @@ struct Triple {
     out = Quad{of[0][lane], of[1][lane], of[2][lane], 0.0};
   }
 
-  // this <- this + by x in one lane.
-  FAN_FN void add_in(int lane, double by, const Quad& x) {
-    FAN_UNROLL for (int d = 0; d < 3; ++d) of[d][lane] += by * x[d];
+  // this <- this + factor x in one lane.
+  FAN_FN void add_in(int lane, double factor, const Quad& x) {
+    FAN_UNROLL for (int d = 0; d < 3; ++d) of[d][lane] += factor * x[d];
   }
 
-  // Operators for generated functions of several vectors.
+  // Operators for generated functions that are evaluated for three vectors at once.
   FAN_ALWAYS_INLINE friend Triple operator+(const Triple& a, const Triple& b) {
     return {{a.of[0] + b.of[0], a.of[1] + b.of[1], a.of[2] + b.of[2]}};
   }
@@ -53,9 +53,9 @@ struct Triple<double> {
 
   FAN_FN double operator[](int d) const { return of[d]; }
   FAN_FN void clear() { of = Quad{}; }
-  FAN_FN void add(double by, const Triple& x) { of += by * x.of; }
+  FAN_FN void add(double factor, const Triple& x) { of += factor * x.of; }
   FAN_FN void put(int, QuadInPlace& out) const { out = of; }
-  FAN_FN void add_in(int, double by, const Quad& x) { of += by * x; }
+  FAN_FN void add_in(int, double factor, const Quad& x) { of += factor * x; }
 };
 
 }  // namespace fan

@@ -1,7 +1,7 @@
-// Bounds of joint motion about a configuration, and of the paths of a puppet's points:
+// Bounds of the motion of joints, and of the lengths of the paths of a puppet's points:
 //
 //   path(x) = sum over the links i from x's link to the world of slide_i + turn_i (|x - r_i| +
-//   path below i)
+//   path of x relative to link i)
 //
 // with r_i the origin of link i, about which its joint turns, slide_i the path length of r_i in the
 // frame of its parent, and turn_i the angle by which its joint turns.
@@ -15,8 +15,7 @@ namespace fan {
 
 struct JointPathTolerances {
   static constexpr double arcsine = 0.5708;  // asin(x) <= x + 0.5708 x^3 for 0 <= x <= 1
-  static constexpr double parabola =
-      0.375;  // (sag of a string)^2 per length and excess of the length
+  static constexpr double parabola = 0.375;  // sag^2 / (length * excess) of a shallow string
 };
 
 template <class Model, class Real>
@@ -39,7 +38,7 @@ struct JointPaths {
     for (int i = 0; i < S; ++i) wound[i] = loose[i] = Real(0.0);
   }
 
-  // Adds a share of the motion from one configuration to another at constant velocity.
+  // Adds `share` times the motion of the joints between two configurations at constant velocity.
   FAN_FN void add(
       const ClearanceArrays& in, const Real* q_D, const Real* q_K, const Real* to_D,
       const Real* to_K, double share = 1.0) {
@@ -56,14 +55,14 @@ struct JointPaths {
       from += joint.slides;
       to += joint.slides;
       if (joint.turns == 1) turn[i] += share * abs(to[0] - from[0]);
-      if (joint.turns == 4) turn[i] += share * angle(from, to);
+      if (joint.turns == 4) turn[i] += share * angle_bound(from, to);
     }
     for (int i = 0; i < S; ++i)
       wound[i] += share * abs(string_length<Model, Real>(i, to_D, to_K) -
                               string_length<Model, Real>(i, q_D, q_K));
   }
 
-  // The longest path of points within `beyond` of a point x of a link; link -1 is the world.
+  // Bound of the path of all points within `beyond` of a point x of a link; link -1 is the world.
   FAN_FN Real path(
       const ClearanceArrays& in, const Real* poses, int link, const Real* x,
       double beyond = 0.0) const {
@@ -81,8 +80,8 @@ struct JointPaths {
     return moved;
   }
 
-  // Bound of the change of a string's sag if its excess (length less span) changes by `x`: a
-  // parabola sags by sqrt(3/8 length excess), and a steep string by half of x.
+  // Bound of the change of a string's sag if its excess (length less span) changes by up to `x`. A
+  // shallow string sags by sqrt(3/8 length excess), a steep one by half of the excess.
   FAN_FN static Real sag(const Real& length, const Real& span, const Real& x) {
     using std::sqrt;
     const Real none = Real(0.0), excess = length - span,
@@ -92,8 +91,8 @@ struct JointPaths {
   }
 
  private:
-  // Angle between two orientations: |a - b| = 2 sin(angle / 4) for unit quaternions of equal sign.
-  FAN_FN static Real angle(const Real* a, const Real* b) {
+  // Bound of the angle between orientations: |a - b| = 2 sin(angle / 4) for unit quaternions.
+  FAN_FN static Real angle_bound(const Real* a, const Real* b) {
     using std::sqrt;
     Real less = Real(0.0), more = Real(0.0);
     for (int k = 0; k < 4; ++k) {
