@@ -216,7 +216,7 @@ def retarget_clip(
         "slack": True,
         "tolerance": _TOLERANCE,
         "weights": weights,
-        "once": True,
+        "single_pass": True,
     }
     begun = marionette.rest(
         reach(marionette, first, start, iterations=_FIRST_ITERATIONS, **options)[0].state
