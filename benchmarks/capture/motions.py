@@ -213,15 +213,15 @@ def swung(pose: Pose, steps: Steps, middle: float, swing: float, reach: float) -
     """Sets arms that swing opposite to the legs [deg]."""
     for side, sign in enumerate((1.0, -1.0)):
         turn = sign * np.cos(2.0 * np.pi * steps.phase)
-        forward = 4.0 + steps.made * (middle - 4.0 + swing * turn)
-        bent = 0.975 + steps.made * (reach - 0.975 - 0.02 * turn)
+        forward = 4.0 + steps.share * (middle - 4.0 + swing * turn)
+        bent = 0.975 + steps.share * (reach - 0.975 - 0.02 * turn)
         pose.wrists[side] = arm(forward, 9.0, bent, side)
 
 
 def walk(t: Array, pose: Pose) -> None:
     """A walk of 1.2 m/s at 120 steps a minute."""
     steps = stepped(t, pose, 1.0, 1.2, (0.07, 0.07), 52.0)
-    angle, share = 2.0 * np.pi * steps.phase, steps.made
+    angle, share = 2.0 * np.pi * steps.phase, steps.share
     pose.hips[:, 1] -= share * (0.04 + 0.018 * np.cos(2.0 * angle))
     pose.hips[:, 0] -= share * 0.02 * np.sin(angle)
     pose.pelvis[:, 2], pose.spine[:, 2] = 6.0 * share * np.cos(angle), -11.0 * share * np.cos(angle)
@@ -235,16 +235,16 @@ def march(t: Array, pose: Pose) -> None:
         t, pose, 100.0 / 120.0, 0.0, (0.27, 0.27), 15.0, knee=0.10, hang=28.0, duty=0.52
     )
     angle = 2.0 * np.pi * steps.phase
-    pose.hips[:, 1] += steps.made * (-0.008 + 0.008 * np.cos(2.0 * angle))
-    pose.hips[:, 0] -= steps.made * 0.025 * np.sin(angle)
-    pose.spine[:, 2] = -5.0 * steps.made * np.cos(angle)
+    pose.hips[:, 1] += steps.share * (-0.008 + 0.008 * np.cos(2.0 * angle))
+    pose.hips[:, 0] -= steps.share * 0.025 * np.sin(angle)
+    pose.spine[:, 2] = -5.0 * steps.share * np.cos(angle)
     swung(pose, steps, 10.0, 32.0, 0.95)
 
 
 def zombie(t: Array, pose: Pose) -> None:
     """A lurching walk with both arms stretched forward; the right leg drags."""
     steps = stepped(t, pose, 0.6, 0.62, (0.07, 0.02), 22.0, duty=0.68)
-    angle, share = 2.0 * np.pi * steps.phase, steps.made
+    angle, share = 2.0 * np.pi * steps.phase, steps.share
     pose.hips[:, 1] -= share * (0.04 - 0.02 * np.sin(angle))
     pose.hips[:, 2] += share * 0.03 * np.sin(2.0 * angle)
     pose.hips[:, 0] -= share * 0.045 * np.sin(angle)

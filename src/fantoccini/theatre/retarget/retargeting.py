@@ -219,7 +219,7 @@ def retarget_clip(
         "slack": True,
         "tolerance": _TOLERANCE,
         "weights": weights,
-        "once": True,
+        "single_pass": True,
     }
     first_state = marionette.rest(
         reach(marionette, first, start, iterations=_FIRST_ITERATIONS, **options)[0].state
