@@ -73,4 +73,9 @@ strings:"""
     both = swapped.replace("strings:", twin)
     assert remarks(both) == []
     held = both.replace("name: hand_left, path", "name: hand_right, path")
-    assert [text.startswith("found 'hand_right' for a string that holds") for text in remarks(held)]
+    (remark,) = remarks(held)
+    assert remark.startswith("found 'hand_right' for a string that holds")
+
+
+def test_members_of_a_scene_may_face_one_another() -> None:
+    assert warnings(fan.puppets.visit()) == []

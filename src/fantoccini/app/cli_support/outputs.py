@@ -94,7 +94,7 @@ def write_outputs(
     check_bodies(marionette, output_options)
     if output_options.forces and run.contact is None:
         fail(f"{marionette.name} has no contacts, so there are no forces to draw", "--forces")
-    reasons = []
+    reasons, mistakes = [], []
     for path in (*out, *([] if plot is None else [plot])):
         try:
             with writing(path):
@@ -102,12 +102,14 @@ def write_outputs(
                     _plot(run, path, steps, output_options)
                 else:
                     _write(marionette, run, path, steps, poses, output_options, films or {}, guides)
-        except (FileError, StateError, UnknownNameError):
-            raise  # mistakes in the arguments
+        except (FileError, StateError, UnknownNameError) as error:
+            mistakes.append(error)  # in the arguments; the other files are written first
         except FantocciniError as error:
             reasons.append(str(error) if isinstance(error, OutputError) else f"{path}: {error}")
+    if mistakes and not reasons:
+        raise mistakes[0]
     if reasons:
-        raise OutputError("\n".join(reasons))
+        raise OutputError("\n".join([*reasons, *map(str, mistakes)]))
 
 
 def _plot(run: Trajectory, path: Path, steps: Steps, output_options: OutputOptions) -> None:

@@ -123,7 +123,8 @@ class _Reader:
             return
         value = _plain(event.value) if event.implicit[0] and not event.style else event.value
         path = self.place(line)
-        if value is None and (colour := self.hidden_colour(self.text.lines[path])):
+        is_empty = value is None and not event.value
+        if is_empty and (colour := self.hidden_colour(self.text.lines[path])):
             self.text.mistakes.append((path, self.text.lines[path], colour))
         self.remember(event.anchor, value, 1)
         self.put(value, path, 1)

@@ -56,39 +56,40 @@ def _twins(
     puppet: Puppet, words: tuple[str, str], centres: dict[str, Array], size: float
 ) -> Iterator[Finding]:
     """Twins that lie in one another, and those whose sides are the other way round."""
-    offsets: dict[int, Array] = {}
+    offsets: dict[str, dict[int, Array]] = {}  # by member of a scene: each faces its own way
     for i, body in enumerate(puppet.bodies):
-        twin = twin_name(body.name, *words)
+        member, dot, own = body.name.rpartition(".")
+        twin = member + dot + twin_name(own, *words)
         if twin == body.name or not {body.name, twin} <= {*centres}:
             continue
         offset = centres[body.name] - centres[twin]
-        if np.linalg.norm(offset) < MAX_OVERLAP * size:
+        if np.linalg.norm(offset) >= MAX_OVERLAP * size:
+            offsets.setdefault(member, {})[i] = offset
+        elif puppet.mirror is not None:  # those of a flat puppet may lie in one another
             text = f"found {body.name} and {twin} in one another: move the joint off the middle"
             yield ("bodies", i, "joint"), text
-        else:
-            offsets[i] = offset
-    if not offsets:
-        return
-    axis = int(np.argmax(np.sum(np.abs(list(offsets.values())), axis=0)))
-    along = {i: float(offset[axis]) for i, offset in offsets.items()}
-    side = np.sign(sum(along.values()))
-    for i, distance in along.items():
-        if distance * side < -MIN_OFFSET * size:
-            text = f"found {puppet.bodies[i].name} on the side of the parts named {words[1]}"
-            yield ("bodies", i, "joint"), f"{text}, which the others named {words[0]} are not"
+    for group in offsets.values():
+        axis = int(np.argmax(np.sum(np.abs(list(group.values())), axis=0)))
+        along = {i: float(offset[axis]) for i, offset in group.items()}
+        side = np.sign(sum(along.values()))
+        for i, distance in along.items():
+            if distance * side < -MIN_OFFSET * size:
+                text = f"found {puppet.bodies[i].name} on the side of the parts named {words[1]}"
+                yield ("bodies", i, "joint"), f"{text}, which the others named {words[0]} are not"
 
 
 def _wrong_string(string: String, words: tuple[str, str], mirrored: bool) -> str:
     """A remark on a string whose name does not go with its bodies; empty if there is none."""
     bodies = [end.body for end in string.path if end.body]
-    sides_of = {word for word in words for body in bodies if word in body}
+    name = string.name.rpartition(".")[2]
+    sides_of = {word for word in words for body in bodies if word in body.rpartition(".")[2]}
     if len(sides_of) != 1:
         return ""
     (side,) = sides_of
     (other,) = set(words) - sides_of
-    if other in string.name:
+    if other in name:
         return f"found {string.name!r} for a string that holds {bodies[0]}: is it on that side?"
-    if mirrored and side == words[0] and side not in string.name:
+    if mirrored and side == words[0] and side not in name:
         text = f"found {string.name!r} without {side!r}, though the string holds {bodies[0]}: "
         return text + f"only names with {side!r} have twins"
     return ""

@@ -128,7 +128,8 @@ class StepperBatch:
         library, memory = state.pop("_memory")
         self.__dict__.update(state)
         self._engine = self._new_engine()
-        if library == self._library_key:
+        # Single steppers restore themselves under another library, and stay stopped.
+        if library == self._library_key or self.method != "timestepping":
             self._engine.restore(memory)
         else:
             self._record.fresh[:] = True

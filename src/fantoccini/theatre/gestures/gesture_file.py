@@ -190,8 +190,8 @@ def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, pref
         for spot, text in mistakes.found
     ]
     if is_bundled and mistakes:
-        (_, move), text = mistakes.found[0]
-        raise _not_for_this_puppet(file, f"its move {move} {text}")
+        spot, text = mistakes.found[0]
+        raise _not_for_this_puppet(file, f"its move {spot[1]} {text}")
     if file.poses is not None and not mistakes:
         pose_offsets = _of_poses(puppet, file, file.poses, start, offsets, prefix)
         for channel, points in pose_offsets.items():
@@ -212,7 +212,8 @@ def _refuse_other_strings(file: GestureFile, table: CoordinateTable, prefix: str
     """Refuses a bundled gesture, in one sentence, for a puppet without the strings it moves."""
     moved = {name.rsplit(".", 1)[0] for name in file.moves}
     moved |= set() if file.poses is None else set(file.poses.strings)
-    owners = {name.rsplit(".", 1)[0] for name in table.q_K}
+    # A length that a drive moves is in `commands`; q_K then has the name of its command.
+    owners = {name.rsplit(".", 1)[0] for name in (*table.q_K, *table.commands)}
     missing = sorted(name for name in moved if prefix + name not in owners)
     if missing:
         text = f"it moves {', '.join(sorted(moved))}; this puppet has no {', '.join(missing)}"
