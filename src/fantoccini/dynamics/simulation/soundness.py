@@ -63,17 +63,19 @@ def verdict(violation: float, gain: float, unbooked: float) -> Status:
 
 
 def gains(marionette: Marionette, ledger: Mapping[str, Array] | Columns) -> Array:
-    """Largest residuals (...,) of ledgers, relative to the energy available until then.
+    """Largest residuals (...,) of ledgers, relative to the available energy.
 
-    The available energy is T at the start, the largest fall of V, and all work, taken as positive.
+    The available energy is T at the start, the largest fall of V, and all work, taken as positive,
+    over the whole run: near the longest stable step of a spring the residual oscillates, and
+    exceeds at first by far what was available until then.
     The columns of the ledger are (..., T) [J].
     """
     potential, work = ledger["potential"], ledger["work"]
-    fallen = np.maximum.accumulate(potential[..., :1] - potential, axis=-1)
-    worked = np.cumsum(np.abs(np.diff(work, axis=-1, prepend=work[..., :1])), axis=-1)
-    available = ledger["kinetic"][..., :1] + fallen + worked
+    fallen = np.max(potential[..., :1] - potential, axis=-1)
+    worked = np.sum(np.abs(np.diff(work, axis=-1)), axis=-1)
+    available = ledger["kinetic"][..., 0] + fallen + worked
     available = available + BOUNDS.fall * marionette.weight + BOUNDS.energy
-    return np.max(ledger["residual"] / available, axis=-1)
+    return np.max(ledger["residual"], axis=-1) / available
 
 
 def unbooked(

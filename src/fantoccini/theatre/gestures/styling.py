@@ -85,7 +85,9 @@ class Style:
             once = gesture.mirrored() if self.mirrored else gesture
             key = "heading"
             once = once if heading is None else once.turned(heading)
+            key = "faster"
             once = once.faster(self.faster)
+            key = "lasts"
             once = once if self.lasts is None else once.lasting(self.lasts)
             key = "larger"
             once = once.scaled(self.larger)
