@@ -167,3 +167,16 @@ def test_a_bundled_gesture_says_in_one_sentence_what_a_puppet_lacks(name, messag
     with pytest.raises(FileError) as caught:
         load_gesture(fan.puppets.stand6(), name)
     assert str(caught.value) == message
+
+
+def test_a_bundled_gesture_moves_strings_on_motors():
+    names = ("head", "shoulder_left", "shoulder_right")
+    end = "{driven: [x, y], at: [0, 0, 1]}"
+    strings = [f"{{name: {n}, path: [{{body: bar}}, {end}], length: driven}}" for n in names]
+    law = "control: {type: pd, stiffness: 9, damping: 1}"
+    drives = [f"{{on: {n}.length, mass: 1.5, {law}}}" for n in names]
+    bar = "{name: bar, joint: {type: free}, mass: 1, inertia: [0.1, 0.1, 0.1]}"
+    lists = f"strings: [{', '.join(strings)}]\ndrives: [{', '.join(drives)}]"
+    puppet = fan.loads(f"puppet: hung\nbodies: [{bar}]\n{lists}\n")
+    gesture = load_gesture(puppet.coordinates, "stand")
+    assert "head.command" in repr(gesture)
