@@ -115,7 +115,7 @@ def written(folder: Path, data: dict[str, Any]) -> Path:
 
 
 def difference(old: Array | None, new: Array | None) -> str:
-    """Description of the difference beyond the tolerance; "" if there is none."""
+    """Text on a difference beyond the tolerance; empty if the inputs agree."""
     if old is None or new is None:
         return "is in only one file"
     if old.shape != new.shape:

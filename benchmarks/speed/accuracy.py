@@ -221,7 +221,7 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
 
 
 def chosen(tried: list[Run]) -> Run:
-    """The cheapest run that reaches the goal; if there is none, the most exact one."""
+    """The cheapest run that reaches the goal, or the most accurate run if none does."""
     there = [run for run in tried if run.error <= GOAL]
     return min(there, key=lambda r: r.seconds) if there else min(tried, key=lambda r: r.error)
 

@@ -183,7 +183,7 @@ def state(q_D: Array, v_D: Array) -> tuple[dict, dict]:
 
 
 def _apart(right: dict, other: dict) -> str:
-    """The fault of a burst's end, compared with the reference; "" if there is none."""
+    """Text on how the end of a burst differs from the reference; empty if they agree."""
     pairs = ((a, b) for n in right["q"] for a, b in zip(right["q"][n], other["q"][n], strict=True))
     apart = max(abs(a - b) for a, b in pairs)
     if not apart <= CLOSE:

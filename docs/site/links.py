@@ -20,7 +20,7 @@ LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]*)(#[^)\s]*)?\)")
 
 
 def target(path: str) -> str | None:
-    """Page or picture of the site for a file of the repository; None if there is none."""
+    """Page or picture of the site for a file of the repository, or None."""
     if path in PAGES:
         return PAGES[path]
     if path == "examples":

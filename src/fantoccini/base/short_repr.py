@@ -11,7 +11,7 @@ MAX_LENGTH = 60
 
 
 class ShortRepr:
-    """Base of dataclasses (``repr=False``) whose representation is one line.
+    """Base of dataclasses (``repr=False``) that prints them in one line.
 
     Arrays are given by their shapes, tuples and mappings by their lengths, longer parts by their
     type; private fields are left out.
