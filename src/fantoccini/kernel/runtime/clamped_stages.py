@@ -1,4 +1,4 @@
-"""Programs of stages in real time, compiled (``cpp/fantoccini/search/stage_clamped.hpp``)."""
+"""Compiled solver of stage-wise quadratic programs, for real time (``cpp/fantoccini/search/stage_clamped.hpp``)."""
 
 from __future__ import annotations
 
