@@ -1,8 +1,8 @@
 """Vibration modes of a puppet at rest, hanging or standing, and which inputs excite them.
 
 With the small motions of :mod:`.small_motions`, etaddot + D etadot + K eta = F, a mode is
-eta = phi exp(s t) with (s^2 + s D + K) phi = 0. K and D are not symmetric if drives compute torques,
-which have no potential, or if solids roll. Forces then act through psi with
+eta = phi exp(s t) with (s^2 + s D + K) phi = 0. K and D are not symmetric if drives compute
+torques, which have no potential, or if solids roll. Forces then act through psi with
 psi^T (s^2 + s D + K) = 0.
 """
 

@@ -1,4 +1,4 @@
-"""Compiled solver of stage-wise quadratic programs, for real time (``cpp/fantoccini/search/stage_clamped.hpp``)."""
+"""Compiled quadratic programs of stages, for real time (``search/stage_clamped.hpp``)."""
 
 from __future__ import annotations
 
