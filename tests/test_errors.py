@@ -16,6 +16,7 @@ from fantoccini.base import errors
 from fantoccini.base.documents.yaml_text import Unreadable
 from fantoccini.base.errors import FileError, Mistake, Status
 from fantoccini.theatre.cast.stops import CannotBegin, Stop
+from fantoccini.theatre.gestures.styling import StyleError
 
 pytestmark = pytest.mark.medium
 
@@ -28,6 +29,7 @@ FACTS = {
     errors.StreamError: (7, "G7", "error:20"),
     errors.SweepStopped: ("stopped at 3 of 5", [1, 2, 3]),
     CannotBegin: (Stop(("columbine",), 0.0, "a string is too short"),),
+    StyleError: ("larger", "the hand would be higher than its bar"),
     Unreadable: (4, ("bodies", 0), "a tab"),
 }
 """Arguments of exceptions that take more than a sentence."""

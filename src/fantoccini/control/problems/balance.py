@@ -40,11 +40,13 @@ class _Tolerances:
     max_step: float = 0.5
     """Largest change of a coordinate in one iteration [m or rad]."""
     min_step: float = 1e-9
-    """Step at which halving ends [m or rad]."""
+    """Damped step that ends the iteration [m or rad]."""
+    min_damping: float = 1e-10
+    """Smallest damping after a step that failed, relative to the largest squared singular value."""
     min_decrease: float = 1e-6
     """Smallest decrease of the sum of squares in one iteration, relative to the sum."""
     max_iterations: int = 60
-    """Largest number of iterations, including halvings."""
+    """Largest number of iterations, including those that failed."""
 
 
 _TOLERANCES = _Tolerances()
@@ -196,33 +198,35 @@ def best_support(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array,
 
 
 def _least_squares(residuals: Callable[[Array], Array], x: Array) -> Array:
-    """The minimiser x of a sum of squares, by Gauss-Newton with halved steps.
+    """The minimiser x of a sum of squares |r|^2, by the method of Levenberg and Marquardt.
 
-    All differences of an iteration are one call of the library: SciPy's least squares would take
-    10 ms, too long for a planner.
+        dx = -V S (S^2 + d)^-1 U^T r, with the singular value decomposition dr/dx = U S V^T
+
+    The damping d is 0 until a step fails to decrease the sum. All differences of an iteration are
+    one call of the library: SciPy's least squares would take 10 ms, too long for a planner.
 
     Args:
         residuals: function of (n, k) points that returns (n, m) residuals.
         x: (k,) initial guess.
     """
     step = _TOLERANCES.difference
-    steps, min_squares, best_x = step * np.eye(len(x)), np.inf, x
+    steps, min_squares, best_x, damping = step * np.eye(len(x)), np.inf, x, 0.0
     for _ in range(_TOLERANCES.max_iterations):
         values = residuals(np.concatenate([x[None], x + steps]))
         squares = float(values[0] @ values[0])
-        if not squares < min_squares:
-            if np.max(np.abs(x - best_x)) < _TOLERANCES.min_step:
+        if squares < min_squares:
+            decreased = squares < (1.0 - _TOLERANCES.min_decrease) * min_squares
+            min_squares, best_x, damping = squares, x, 0.3 * damping
+            U, S, Vt = np.linalg.svd((values[1:] - values[0]).T / step, full_matrices=False)
+            projected = U.T @ values[0]
+            if not decreased:
                 break
-            x = 0.5 * (x + best_x)
-            continue
-        jacobian = (values[1:] - values[0]).T / step
-        change = -np.linalg.lstsq(jacobian, values[0], rcond=None)[0]
+        else:
+            damping = max(10.0 * damping, _TOLERANCES.min_damping * S[0] ** 2)
+        rank = S > np.finfo(float).eps * max(len(values[0]), len(x)) * S[0]
+        change = -Vt[rank].T @ (S * projected / (S**2 + damping))[rank]
         max_change = float(np.max(np.abs(change)))
-        decreased = squares < (1.0 - _TOLERANCES.min_decrease) * min_squares
-        min_squares, best_x = squares, x
-        if max_change < _TOLERANCES.last_step:
-            return x + change
-        if not decreased:
-            break
-        x = x + change * min(1.0, _TOLERANCES.max_step / max_change)
+        if max_change < (_TOLERANCES.last_step if squares == min_squares else _TOLERANCES.min_step):
+            return best_x + change
+        x = best_x + change * min(1.0, _TOLERANCES.max_step / max_change)
     return best_x
