@@ -223,8 +223,8 @@ def _least_squares(residuals: Callable[[Array], Array], x: Array) -> Array:
                 break
         else:
             damping = max(10.0 * damping, _TOLERANCES.min_damping * S[0] ** 2)
-        rank = np.finfo(float).eps * max(len(values[0]), len(x)) * S[0] < S
-        change = -Vt[rank].T @ (S * projected / (S**2 + damping))[rank]
+        rank = np.count_nonzero(np.finfo(float).eps * max(len(values[0]), len(x)) * S[0] < S)
+        change = -Vt[:rank].T @ (S[:rank] * projected[:rank] / (S[:rank] ** 2 + damping))
         max_change = float(np.max(np.abs(change)))
         if max_change < (_TOLERANCES.last_step if squares == min_squares else _TOLERANCES.min_step):
             return best_x + change
