@@ -221,6 +221,8 @@ def _least_squares(residuals: Callable[[Array], Array], x: Array) -> Array:
             projected = U.T @ values[0]
             if not decreased:
                 break
+        elif best_x is x:  # the sum is not finite at the initial guess
+            break
         else:
             damping = max(10.0 * damping, _TOLERANCES.min_damping * S[0] ** 2)
         rank = np.count_nonzero(np.finfo(float).eps * max(len(values[0]), len(x)) * S[0] < S)
