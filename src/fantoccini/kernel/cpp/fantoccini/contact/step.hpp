@@ -141,9 +141,10 @@ class ContactStep {
 
   // Whether a point rebounds, of one trajectory.
   FAN_FN bool has_rebound() const { return state_.points.n_max > 0 && state_.bounces[0]; }
+  double exchanged_with_forces() const { return state_.exchanged_with_forces(); }
 
-  // Time until the first rebounding point touches (negative if it overlaps), and until the next
-  // one, by more than `same` after that and the step's start [s]; unbounded if there is none.
+  // Times until the first rebounding point touches (negative if it overlaps), and until the next,
+  // by more than `same` after that and the start [s]; unbounded if there is none.
   struct Touches {
     double first, second;
   };
@@ -317,8 +318,7 @@ class ContactStep {
     return sum;
   }
 
-  // Energies of the step, and the points that push at its end. Returns 1 in lanes with an impact,
-  // else 0.
+  // Energies of the step, and the points that push at its end. Returns 1 in lanes with an impact.
   FAN_FN Real account() {
     Real struck = Real(0.0);
     for (int l = 0; l < width; ++l)
