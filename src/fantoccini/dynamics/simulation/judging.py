@@ -1,125 +1,25 @@
-"""Verdict on a run of fixed steps that reached its end: violations and energy.
-
-Time-stepping never stops by itself. A run that reached its end is DONE only if its rows held and
-its energy has a source.
-"""
+"""Verdict on a run of fixed steps that reached its end, with the reason in words."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import dataclasses
 
 import numpy as np
 
-from fantoccini.base import Array, Mask, StateError, Status
-from fantoccini.dynamics.compiled import check_step, critical_step_of_tensions
+from fantoccini.base import Array, Mask, Status
+from fantoccini.dynamics.compiled import critical_step_of_tensions
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.steppers import Overlap, deepest
-from fantoccini.motion import Columns, Trajectory, pair_name
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Bounds beyond which a run is not sound."""
-
-    violation: float = 0.02  # Largest violation of a string, limit or contact [m or rad]
-    fast: float = 0.02
-    """Largest move in a step above which violations after the last step are computed; the curvature
-    of slower steps causes violations far below ``violation`` [rad or m]."""
-    gain: float = 5.0
-    """Energy without a source, relative to all available energy. Near the critical step of a spring
-    the energy oscillates with several times its value, and does not grow."""
-    unbooked: float = 0.2
-    """Largest residual of the ledger, relative to the energy exchanged. Over many small impacts,
-    errors of sound steps add up: the bundled walk has 0.105 with 2 ms, half of it with 1 ms."""
-    coarse: float = 20.0
-    """Number of coarse steps: the energy of a fall of this duration is wrong by its own size; and
-    that of springs oscillates by its own size, if this many steps are their longest stable one."""
-    fall: float = 1e-3  # Fall of the puppet whose energy always counts as available [m]
-    energy: float = 1e-9  # Energy that always counts as available [J]
-    max_named: int = 5  # Maximum number of rows named in a message
-
-
-BOUNDS = Bounds()
-
-
-def verdicts(violation: Array, gain: Array, unbooked: Array) -> Array:
-    """``Status`` numbers (...,): DONE or the fault; NaN counts as too large.
-
-    Args:
-        violation: (...,) largest violations of strings, limits and contacts [m or rad].
-        gain: (...,) results of :func:`gains`.
-        unbooked: (...,) largest results of :func:`unbooked`.
-    """
-    within = (violation <= BOUNDS.violation, gain <= BOUNDS.gain, unbooked <= BOUNDS.unbooked)
-    wrong = (Status.OVERSTEPPED, Status.GAINED_ENERGY, Status.UNBALANCED)
-    return np.select([np.logical_not(held) for held in within], list(map(int, wrong)), Status.DONE)
-
-
-def verdict(violation: float, gain: float, unbooked: float) -> Status:
-    """Status of one run; see :func:`verdicts`."""
-    numbers = map(np.asarray, (violation, gain, unbooked))
-    return Status(int(verdicts(*numbers)))
-
-
-def gains(marionette: Marionette, ledger: Mapping[str, Array] | Columns) -> Array:
-    """Largest residuals (...,) of ledgers, relative to the available energy.
-
-    The available energy is T at the start, the largest fall of V, and all work, taken as positive,
-    over the whole run: near the longest stable step of a spring the residual oscillates, and
-    exceeds at first by far what was available until then.
-    The columns of the ledger are (..., T) [J].
-    """
-    potential, work = ledger["potential"], ledger["work"]
-    fallen = np.max(potential[..., :1] - potential, axis=-1)
-    worked = np.sum(np.abs(np.diff(work, axis=-1)), axis=-1)
-    available = ledger["kinetic"][..., 0] + fallen + worked
-    available = available + BOUNDS.fall * marionette.weight + BOUNDS.energy
-    return np.max(ledger["residual"], axis=-1) / available
-
-
-def unbooked(
-    marionette: Marionette, ledger: Mapping[str, Array] | Columns, t: Array, dt: float
-) -> Array:
-    """Residuals (..., T) of ledgers, of either sign, relative to the energy exchanged until then.
-
-    The energy exchanged is the largest T, the range of V and the largest work, and the energy of a
-    fall over the number of coarse steps. What comes later does not count: a run that gains energy
-    is not sound because its inputs do more work afterwards. The damping of the steps beside a
-    sample is not counted, because it is booked a step late.
-
-    Args:
-        marionette: the puppet.
-        ledger: ledgers with columns (..., T) [J].
-        t: (T,) times of the samples [s].
-        dt: length of the steps [s].
-    """
-    g = marionette.weight / max(marionette.mass, BOUNDS.energy)
-    step = min(dt, float(t[-1] - t[0]))
-    min_energy = 0.5 * marionette.weight * g * (BOUNDS.coarse * step) ** 2
-    so_far = np.maximum.accumulate
-    potential = ledger["potential"]
-    exchanged = so_far(ledger["kinetic"], axis=-1) + so_far(potential, axis=-1)
-    exchanged = exchanged + so_far(-potential, axis=-1) + so_far(np.abs(ledger["work"]), axis=-1)
-    exchanged = exchanged + min_energy + BOUNDS.energy
-    damped = np.abs(np.diff(ledger["damping"])) / np.maximum(np.diff(t) / dt, 1.0)
-    late = np.zeros((*damped.shape[:-1], damped.shape[-1] + 2))
-    late[..., 1:-1] = damped
-    late = np.maximum(late[..., 1:], late[..., :-1])
-    return np.maximum(np.abs(ledger["residual"]) - late, 0.0) / exchanged
-
-
-def swings(marionette: Marionette, q_D: Array, q_K: Array, dt: float) -> bool:
-    """Whether fast springs or chains make the energy of sound steps oscillate by a tenth.
-
-    If the step is the fraction s of the longest stable one, it oscillates by 2 s / (1 - s), without
-    growth.
-    """
-    try:
-        check_step(marionette, "timestepping", q_D, q_K, BOUNDS.coarse * dt)
-    except StateError:
-        return True
-    return False
+from fantoccini.dynamics.steppers import (
+    BOUNDS,
+    LedgerCheck,
+    Overlap,
+    decide,
+    deepest,
+    excused,
+    fault,
+    swings,
+)
+from fantoccini.motion import Trajectory, pair_name
 
 
 def ends_fast(v_D: Array, dt: float) -> Mask:
@@ -160,13 +60,14 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
     fast = ends_fast(run.v_D[-1], dt)
     left = left_by_last_step(marionette, run.q_D[-1], run.q_K[-1]) if fast else {}
     largest = max([float(np.max(table.values, initial=worst)), *left.values()])
-    shares = unbooked(marionette, ledger, run.t, dt)
-    gain, share = float(gains(marionette, ledger)), float(np.max(shares))
-    if share > BOUNDS.unbooked and (
-        run.method != "timestepping" or swings(marionette, run.q_D[0], run.q_K[0], dt)
-    ):
-        share = 0.0
-    status = verdict(largest, gain, share)
+    start = {name: ledger[name][0] for name in ledger.names}
+    check = LedgerCheck(marionette, dt, start, run.t[0])
+    shares = check.add({name: ledger[name][1:] for name in ledger.names}, run.t[1:])
+    gain = float(check.gain)
+    share = excused(
+        run.method, float(check.share), lambda: swings(marionette, run.q_D[0], run.q_K[0], dt)
+    )
+    status = fault(largest, gain, share)
     advice = _advice(marionette, run, dt)
     if status is Status.OVERSTEPPED:
         what = _overstepped(run, worst, left)
@@ -193,6 +94,12 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
         )
         return status, text
     return status, ""
+
+
+def with_verdict(marionette: Marionette, run: Trajectory, dt: float) -> Trajectory:
+    """A run with fixed steps whose status is its verdict, by violations at its samples alone."""
+    status = decide(run.status, None, [lambda: judged(marionette, run, dt, 0.0)]).status
+    return run if status is run.status else dataclasses.replace(run, status=status)
 
 
 def prescribed_verdict(overlaps: tuple[Overlap, ...]) -> tuple[Status, str]:
