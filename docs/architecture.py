@@ -285,7 +285,7 @@ TASKS = (
             ("validation of the start state", ("dynamics/compiled/checks.py",)),
             (
                 "checks of its results",
-                ("dynamics/simulation/soundness.py", "dynamics/simulation/batch_verdicts.py"),
+                ("dynamics/steppers/soundness.py", "dynamics/simulation/batch_verdicts.py"),
             ),
             ("its name on the command line", ("app/cli_support/options.py",)),
         ),

@@ -153,6 +153,7 @@ def test_one_place_decides_the_status_of_a_run():
     assert calling == {
         "dynamics/derivatives/step_linearisation.py",
         "dynamics/simulation/batch_verdicts.py",
+        "dynamics/simulation/judging.py",
         "dynamics/simulation/run.py",
         "dynamics/steppers/stepper.py",
     }
@@ -162,7 +163,11 @@ def test_one_place_decides_the_status_of_a_run():
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute) and node.attr in ("GAINED_ENERGY", "UNBALANCED")
     }
-    assert checking == {"dynamics/simulation/batch_verdicts.py", "dynamics/simulation/soundness.py"}
+    assert checking == {
+        "base/errors.py",
+        "dynamics/simulation/judging.py",
+        "dynamics/steppers/soundness.py",
+    }
 
 
 def test_one_discrete_linearisation():

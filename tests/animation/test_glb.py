@@ -188,6 +188,23 @@ def test_chains_run_through_their_masses(tmp_path: Path) -> None:
     assert np.abs(rings - wanted).max() < TOLERANCE
 
 
+def test_a_string_over_many_points_runs_through_them(tmp_path: Path) -> None:
+    """Its joints are numbered beyond 255: such strings were drawn between other points."""
+    n = 140
+    points = [[round(0.02 * k, 4), 0.05 * (k % 2), 2.0] for k in range(n)]
+    path = ", ".join(f"{{world: {point}}}" for point in points)
+    puppet = fan.loads(f"""
+puppet: laced
+bodies: [{{name: bob, joint: {{type: translation, axes: [x, y, z], at: [0, 0, 1]}}, mass: 1}}]
+strings: [{{name: lace, path: [{{body: bob}}, {path}], length: driven}}]
+""")
+    run = fan.simulate(puppet, puppet.rest(), t_end=0.1, method="timestepping")
+    player, t = Player(fan.export(run, tmp_path / "run.glb")), np.array([0.0, 0.1])
+    rings = player.vertices("lace", t).reshape(len(t), -1, 3, 3).mean(axis=2)
+    wanted = np.repeat(np.array(points), 2, axis=0)[:-1] @ UP.T
+    assert np.abs(rings[:, 1:] - wanted).max() < TOLERANCE
+
+
 def test_keys_at_a_rate_are_exact_at_its_frames(thrown: fan.Trajectory, tmp_path: Path) -> None:
     player = Player(fan.export(thrown, tmp_path / "run.glb", fps=24))
     sampler = player.samplers["bob", "translation"]

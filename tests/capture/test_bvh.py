@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -316,6 +317,47 @@ def test_padding_and_blanks_around_labels_are_read(tmp_path, ending, label):
     text = ARM.replace("Frames: 2\n", label.format(2)).replace("Frame Time: ", "Frame  Time:")
     clip = fan.theatre.load_bvh(written(tmp_path, text + ending))
     assert clip.t == pytest.approx([0.0, 0.025]) and clip.notes == ()
+
+
+@pytest.mark.parametrize("width", [1, 3, 4, 9, 10])
+def test_frames_may_be_wrapped_over_lines(tmp_path, width):
+    """Some programs break lines after so many numbers; a frame begins on a new line."""
+    *head, first, last = ARM.splitlines()
+    lines = list(head)
+    for row in (first, last):
+        words = row.split()
+        lines += [" ".join(words[k : k + width]) for k in range(0, len(words), width)]
+    clip = fan.theatre.load_bvh(written(tmp_path, "\n".join(lines) + "\n"))
+    plain = fan.theatre.load_bvh(written(tmp_path, ARM))
+    assert np.array_equal(clip.positions, plain.positions) and not clip.notes
+    start, n = len(head) + -(-len(first.split()) // width) + 1, width if width < 10 else 11
+    with pytest.raises(FileError, match=rf"clip\.bvh:{start}: found {n} number"):
+        fan.theatre.load_bvh(written(tmp_path, "\n".join([*lines[:-1], f"{lines[-1]} 7"])))
+
+
+@pytest.mark.parametrize("encoding", ["cp932", "utf-8", "utf-16", "latin-1", "gbk"])
+@pytest.mark.parametrize("layout", ["glued", "one line", "end site"])
+def test_braces_may_be_glued_to_names(tmp_path, encoding, layout):
+    """Also behind characters whose second byte is a brace in Shift-JIS or GBK."""
+    names = {"latin-1": ("Clavé", "Ñandú", "Fußß")}.get(encoding, ("頭", "本体", "体本"))
+    text = ARM
+    for plain, name in zip(("hips", "upper arm", "hand"), names, strict=True):
+        text = text.replace(plain, name)
+    if layout == "one line":
+        for name in names:
+            text = re.sub(rf"{name}\n\s*{{\n\s*", f"{name} {{ ", text)
+    else:
+        for name in names:
+            text = re.sub(rf"{name}\n\s*{{", f"{name}{{", text)
+    if layout == "end site":
+        text = re.sub(r"End Site\s*{\s*(OFFSET [^\n]*)\n\s*}", r"End Site { \1 }", text)
+    path = tmp_path / "clip.bvh"
+    path.write_bytes(text.encode(encoding))
+    clip, plain = fan.theatre.load_bvh(path), fan.theatre.load_bvh(written(tmp_path, ARM))
+    assert len(set(clip.skeleton.names)) == 4
+    if encoding in ("utf-8", "utf-16", "latin-1"):
+        assert clip.skeleton.names[:3] == names
+    assert np.array_equal(clip.positions, plain.positions)
 
 
 def test_damaged_files_end_in_one_error(tmp_path):

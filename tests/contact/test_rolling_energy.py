@@ -87,3 +87,35 @@ def test_rolling_follows_the_event_driven_run(egg):
         run = fan.simulate(egg, x, t_end=0.5, method=fan.TimeStepping(dt=dt))
         off.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
     assert off[1] < 0.6 * off[0] < 0.6 * 5e-3
+
+
+def test_gradients_of_rolling_are_those_of_the_rollout_and_converge(egg):
+    """A rollout's points stop at the start of a step, those of a live run in its middle.
+
+    The derivative of the end by the speed is that of the rollout to 1e-5; beside the event-driven
+    one it is wrong by up to 5 % in steps of 2 ms, and half as much in steps of 1 ms.
+    """
+    rng, d = np.random.default_rng(0), 1e-4
+    turn, axis = [(rng.normal(size=4), rng.normal(size=3)) for _ in range(10)][9]
+
+    def start(share: float) -> fan.State:
+        return rolling(egg, turn, axis, 20.0 * (1.0 + share))
+
+    def slope(end) -> float:
+        return float(end(d).q_D[-1, 0] - end(-d).q_D[-1, 0]) / (2.0 * d)
+
+    exact = slope(lambda share: fan.simulate(egg, start(share), t_end=0.5, effort=False))
+    off = []
+    for dt in (2e-3, 1e-3):
+        acc_K = np.zeros((round(0.5 / dt), 0))
+        run = egg.rollout(start(0.0), acc_K, dt=dt)
+        by_end = np.zeros((len(acc_K) + 1, 6))
+        by_end[-1, 0] = 1.0
+        v_D = (start(d).v_D - start(-d).v_D) / (2.0 * d)
+        gradient = float(run.gradient(q_D=by_end).v_D @ v_D)
+        assert gradient == pytest.approx(
+            slope(lambda share, dt=dt, acc_K=acc_K: egg.rollout(start(share), acc_K, dt=dt)),
+            rel=1e-5,
+        )
+        off.append(abs(gradient / exact - 1.0))
+    assert off[1] < 0.6 * off[0] < 0.6 * 0.06

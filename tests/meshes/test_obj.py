@@ -182,7 +182,9 @@ def test_a_mistake_of_an_obj_has_its_line(line, says, tmp_path):
 def textured(folder: Path, library: str) -> fan.model.meshes.MeshFile:
     """A cube in a material with a red image."""
     red = np.zeros((4, 4, 3), "uint8") + np.array([255, 0, 0], "uint8")
-    Image.fromarray(red).save(folder / "p.png")
+    for name in ("p.png", "my picture.png", "50%25.png"):
+        Image.fromarray(red).save(folder / name)
+    Image.fromarray(0 * red).save(folder / "picture.png")
     (folder / "a.mtl").write_bytes(library.encode())
     text = "mtllib a.mtl\nusemtl m\nvt 0.5 0.5\n"
     text += "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS.tolist())
@@ -208,6 +210,11 @@ LIBRARY = "newmtl m\nKd 0 1 0\nmap_Kd p.png\nd 0.5\n"
         lambda t: t.replace("d 0.5", "Tr\t0.5"),
         lambda t: t.replace("map_Kd p.png", "map_Kd\t-s 1 1 1 p.png"),
         lambda t: t.replace("map_Kd p.png", "map_Kd\tC:\\textures\\p.png"),
+        lambda t: t.replace("p.png", '"p.png"'),
+        lambda t: t.replace("p.png", "P.PNG"),
+        lambda t: t.replace("p.png", "my picture.png"),
+        lambda t: t.replace("p.png", "-clamp on\t-s 2\t-mm 0 1 my picture.png"),
+        lambda t: t.replace("p.png", "50%25.png"),
     ],
 )
 def test_image_and_transparency_are_found_with_any_separators(change, tmp_path):

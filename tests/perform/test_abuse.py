@@ -193,14 +193,14 @@ def test_if_the_stepper_fails_the_hands_stop_and_the_recording_ends(monkeypatch)
     home, _ = live.place("hand")
     live.move("hand", home + np.array([0.3, 0.0, 0.0]))
     live.advance(0.1)
-    status, failed = Stepper.status.fget, []
+    reported, failed = Stepper.reported.fget, []
 
     def fails(stepper):
         """Fail for the first stepper, not for its replacements."""
         failed[:] = failed or [stepper]
-        return fan.Status.NOT_SETTLED if stepper is failed[0] else status(stepper)
+        return fan.Status.NOT_SETTLED if stepper is failed[0] else reported(stepper)
 
-    monkeypatch.setattr(Stepper, "status", property(fails))
+    monkeypatch.setattr(Stepper, "reported", property(fails))
     x = live.step()
     assert np.all(x.v_K == 0) and np.all(np.isfinite(x.q_D))
     assert "stopped" in live.lagging["hand"]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import pickle
+import re
+
 import numpy as np
 import pytest
 from tests.harness import method_of
 
 import fantoccini as fan
-from fantoccini.dynamics.simulation.soundness import unbooked
-from fantoccini.dynamics.steppers import Stepper
+from fantoccini.dynamics.steppers import LedgerCheck, Stepper
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
@@ -212,6 +214,83 @@ def test_a_ledger_that_does_not_balance_ends_with_a_status():
         assert batch.status[0] == status
 
 
+def in_pieces(puppet, ledger, t, ends) -> tuple[LedgerCheck, np.ndarray]:
+    """Check of a ledger that is added in pieces, and the shares of the last piece."""
+    start = {name: column[0] for name, column in ledger.items()}
+    check, first = LedgerCheck(puppet, 0.002, start, t[0]), 1
+    for end in ends:
+        part = {name: column[first:end] for name, column in ledger.items()}
+        shares, first = check.add(part, t[first:end]), end
+    return check, shares
+
+
+def test_a_ledger_is_checked_in_pieces_as_in_one():
+    arm, rng = fan.puppets.arm2d(), np.random.default_rng(0)
+    t = np.linspace(0.0, 1.0, 501)
+    names = ("kinetic", "potential", "work", "damping", "residual")
+    for _ in range(20):
+        ledger = {name: np.cumsum(rng.normal(size=len(t))) for name in names}
+        ledger["residual"] -= ledger["residual"][0]
+        whole = in_pieces(arm, ledger, t, [len(t)])[0]
+        cuts = np.sort(rng.choice(np.arange(2, len(t)), 7, replace=False))
+        parts = in_pieces(arm, ledger, t, [*cuts, len(t)])[0]
+        assert parts.share == pytest.approx(float(whole.share), rel=1e-12)
+        assert parts.gain == pytest.approx(float(whole.gain), rel=1e-12)
+
+
+@pytest.mark.parametrize("w, dt", [(40, 0.002), (113, 0.002), (113, 0.0005), (300, 0.002)])
+def test_live_runs_are_judged_as_they_go(w, dt):
+    """A stepper, and batches of them, end with the status of `simulate`, and go on.
+
+    They were DONE with any energy.
+    """
+    puppet, method = fan.loads(CAPSULE), fan.TimeStepping(dt=dt)
+    x = spun(puppet, [0, 0, 0, w, 0.1 * w, w])
+    expected = fan.simulate(puppet, x, t_end=2.0, method=method, throw=False).status
+    still = puppet.state()
+    stepper, batch = puppet.stepper(x, method), puppet.stepper_batch([x, still, x], method=method)
+    for _ in range(50):
+        stepper.advance(0.04)
+        assert batch.advance(0.04).all()
+    assert stepper.status is expected and stepper.arrived
+    assert stepper.state.t == pytest.approx(2.0)
+    assert stepper.reported is fan.Status.DONE
+    assert batch.status.tolist() == [expected, fan.Status.DONE, expected]
+    copied = pickle.loads(pickle.dumps(stepper))
+    assert copied.status is expected and copied.advance(0.01) == stepper.advance(0.01)
+    batch.reset([0], still)
+    assert batch.status.tolist() == [fan.Status.DONE, fan.Status.DONE, expected]
+    batch.advance(0.04)
+    assert batch.status.tolist() == [fan.Status.DONE, fan.Status.DONE, expected]
+
+
+def test_a_live_run_says_when_its_energy_is_lost():
+    """The status changes in the course of the run, at the time that `simulate` names."""
+    puppet = fan.loads(CAPSULE)
+    x = spun(puppet, [0, 0, 0, 113, 11, 113])
+    with pytest.raises(fan.errors.SimulationError) as caught:
+        fan.simulate(puppet, x, t_end=2.0, method="timestepping")
+    since = float(re.search(r"from t = ([\d.e-]+) s on", str(caught.value))[1])
+    stepper = puppet.stepper(x)
+    while stepper.status is not fan.Status.UNBALANCED:
+        stepper.advance(0.002)
+    assert stepper.state.t == pytest.approx(since, abs=0.0025)
+
+
+@pytest.mark.parametrize("k", [25.0, 5000.0])
+def test_springs_that_swing_by_their_own_size_are_no_fault_of_live_runs(k):
+    puppet = fan.loads(SPRUNG).with_parameters({"k": k})
+    x = puppet.state().replace(q_D=np.array([0.0, 0.0, 0.11]))
+    method = fan.TimeStepping(dt=0.005)
+    expected = fan.simulate(puppet, x, t_end=1.0, method=method, throw=False).status
+    stepper, batch = puppet.stepper(x, method), puppet.stepper_batch([x], method=method)
+    stepper.advance(1.0)
+    for _ in range(200):
+        batch.advance(0.005)
+    assert stepper.status is expected is fan.Status.DONE
+    assert batch.status.tolist() == [fan.Status.DONE]
+
+
 def test_energy_gained_early_is_not_excused_by_later_work():
     """Regression: a residual of 0.3 J in 1 J was compared with 100 J of work done later."""
     arm, t = fan.puppets.arm2d(), np.linspace(0.0, 2.0, 1001)
@@ -219,7 +298,7 @@ def test_energy_gained_early_is_not_excused_by_later_work():
     ledger = {name: np.zeros_like(t) for name in ("potential", "damping")}
     ledger |= {"kinetic": 1.0 + 100.0 * late, "work": 100.0 * late}
     ledger["residual"] = np.where(t < 0.5, 0.0, 0.3)
-    shares = unbooked(arm, ledger, t, 0.002)
+    shares = in_pieces(arm, ledger, t, [len(t)])[1]
     assert np.max(shares[t < 0.499]) == 0.0
     assert shares[t > 0.501][0] == pytest.approx(0.3, rel=0.05)
     assert shares[-1] < 0.01

@@ -259,6 +259,19 @@ strings:
   - {name: lifts, path: [{body: load, at: [0, 0, 0.1]}, {world: [2, 0, 1.2]}], length: driven}
 """
 
+LIFTS = """
+stand: lifts
+axes:
+  lifts:
+    motor: {type: servo, torque: 6, inertia: 1.0e-6}
+    transmission: {type: drum, radius: 0.02}
+    moves: {lifts.length: 1}
+    travel: [0.5, 5]
+    speed: 5
+    acceleration: 50
+  leans: {like: lifts, moves: {leans.length: 1}}
+"""
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["event", "timestepping"])
@@ -277,9 +290,14 @@ def test_four_corners_of_a_sole_alone_are_not_marked(method):
     stepper = standing.stepper(x0, method)
     stepper.advance(0.1)
     assert "lifts" in stepper.undetermined and "leans" not in stepper.undetermined
+    steppers = standing.stepper_batch(x0, 2, method)
+    steppers.advance(0.1)
+    assert steppers.undetermined(1) == stepper.undetermined
     # A batch does not keep the points of contact that share the weight.
-    assert fan.simulate_batch(standing, x0, t_end=0.05, save="all").undetermined is None
+    batch = fan.simulate_batch(standing, x0, t_end=0.05, save="all")
+    assert batch.undetermined is None
+    winches = loads_stand(LIFTS)
+    assert "no contact points" in str(check_stand(winches, batch.trajectory(0), standing).notes)
+    assert "no contact points" not in str(check_stand(winches, run, standing).notes)
     with pytest.raises(ValueError, match="does not keep the contact points"):
         fan.simulate_batch(standing, x0, t_end=0.05, save="undetermined")
-    with pytest.raises(fan.errors.StateError, match="does not keep the contact points"):
-        standing.stepper_batch(x0, 2).undetermined(0)

@@ -23,6 +23,7 @@ from fantoccini.base.datagrams import AddressError, ManyHearersError, socket_at,
 from fantoccini.base.drawing import output
 from fantoccini.base.errors import (
     ARRIVED,
+    UNSOUND,
     BuildError,
     ExchangeError,
     FantocciniError,
@@ -59,6 +60,7 @@ from fantoccini.base.vectors import cross, perpendicular, unit
 __all__ = [
     "ARRIVED",
     "N_COEF",
+    "UNSOUND",
     "AddressError",
     "Array",
     "BuildError",

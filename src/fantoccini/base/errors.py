@@ -187,11 +187,11 @@ class Status(enum.IntEnum):
     )
     TOO_MANY_SAMPLES = 16, "the samples of the run reached the bound on memory"
     REDUNDANT_STRINGS = 17, "redundant strings contradict one another"
-    OVERSTEPPED = 18, "the end was reached, but strings, limits or contacts were overstepped"
-    GAINED_ENERGY = 19, "the end was reached, but the fixed step made energy out of nothing"
+    OVERSTEPPED = 18, "the run went on, but strings, limits or contacts were overstepped"
+    GAINED_ENERGY = 19, "the run went on, but the fixed step made energy out of nothing"
     TOO_MANY_CONTACTS = 20, "more points touched at once than a step has room for"
     NO_UNIQUE_MOTION = 21, "friction jams what slides (Painlevé): no finite force, or several"
-    UNBALANCED = 22, "the end was reached, but the ledger of the fixed steps does not balance"
+    UNBALANCED = 22, "the run went on, but the ledger of the fixed steps does not balance"
     OUT_OF_TIME = 23, "the time limit on computing ended the run"
 
 
@@ -207,8 +207,13 @@ class Outcome(enum.Enum):
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)
 """Statuses of compiled runs that may have reached their end; ``RUNAWAY`` may end early.
 
-Only ``DONE`` means success. ``OVERSTEPPED``, ``GAINED_ENERGY`` and ``UNBALANCED`` are assigned
-later, by checks of the results of runs that reached their end.
+Only ``DONE`` means success.
+"""
+
+UNSOUND = (Status.OVERSTEPPED, Status.GAINED_ENERGY, Status.UNBALANCED)
+"""Statuses of runs in fixed steps that went on, with wrong results.
+
+They are assigned later, by checks of the results.
 """
 
 

@@ -47,7 +47,8 @@ class Trajectories:
         q_D, v_D, acc_D, q_K, v_K, acc_K: (n, T, ...) motion, as in :class:`Trajectory`.
         tension, limit_force, taut, ledger, slip: (n, T) columns, as in :class:`Trajectory`.
         contact_residual: (n, T) violation of the contact laws, as in :class:`Trajectory`.
-        undetermined: (n, T) undetermined tensions and efforts, as in :class:`Trajectory`.
+        undetermined: (n, T) undetermined tensions and efforts, as in :class:`Trajectory`; None for
+            puppets with contact, whose points a batch does not keep.
     """
 
     t: Times

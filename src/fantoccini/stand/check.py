@@ -229,7 +229,7 @@ def check_stand(
         hits,
         _lost(bound, marionette, motion, np.where(unknown, 0.0, torque), available, hits),
         unknown,
-        _notes(run, bound, unknown),
+        _notes(run, marionette, bound, unknown),
     )
 
 
@@ -313,7 +313,9 @@ def _lost(
     return lost_of_axes
 
 
-def _notes(run: Trajectory, bound: AxisMap, unknown: Mask) -> tuple[str, ...]:
+def _notes(
+    run: Trajectory, marionette: Marionette, bound: AxisMap, unknown: Mask
+) -> tuple[str, ...]:
     notes = []
     axes = [a.name for a, flags in zip(bound.axes, unknown.T, strict=True) if np.any(flags)]
     if axes:
@@ -332,6 +334,12 @@ def _notes(run: Trajectory, bound: AxisMap, unknown: Mask) -> tuple[str, ...]:
         notes.append(
             f"the run has samples {1e3 * np.max(gap[coarse]):.0f} ms apart where its forces change "
             f"(at t = {run.t[coarse[0]]:.3f} s): peaks between them may be missed"
+        )
+    if run.contact is None and marionette.contacts is not None:
+        notes.append(
+            "the run has no contact points, as runs of a batch: forces of contact on driven bodies "
+            "are left out, and those that contact shares with strings are taken as determined; "
+            "check a run of `simulate`"
         )
     if run.status is not Status.DONE:
         notes.append(f"the run itself did not end well: {run.status.message}")

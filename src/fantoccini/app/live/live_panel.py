@@ -16,6 +16,7 @@ from fantoccini.app.live.recorder import Recorder
 from fantoccini.app.live.score_tab import ScoreTab
 from fantoccini.app.live.stage import Stage
 from fantoccini.app.pages import VIEWS, Plot, SceneNodes, SceneState, Views, bars, note
+from fantoccini.base import UNSOUND
 from fantoccini.output.html import Content, element, lines, to_html
 from fantoccini.output.view import Theme, to_hex
 from fantoccini.theatre.perform import Balance, Performance
@@ -272,6 +273,8 @@ class LivePanel:
         rows = [element("div", *clock)]
         if live.balance is not None:
             rows.append(element("div", f"The hands balance it: {live.balance.summary}"))
+        if (status := live.performance.status) in UNSOUND:
+            rows.append(element("div", status.message, style=f"color:{_RED}"))
         for name, reason in lagging.items():
             rows.append(element("div", f"{name}: {reason}", style=f"color:{_RED}"))
         for message in dict.fromkeys((live.recorder.status, self._message)):

@@ -3,6 +3,7 @@
 from fantoccini.dynamics.simulation.batch import simulate_batch
 from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
 from fantoccini.dynamics.simulation.intervals import interval_derivatives
+from fantoccini.dynamics.simulation.judging import with_verdict
 from fantoccini.dynamics.simulation.pace import SlowRunWarning
 from fantoccini.dynamics.simulation.run import simulate, trajectory_of_samples
 from fantoccini.dynamics.simulation.saltation import Passage
@@ -18,4 +19,5 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "trajectory_of_samples",
+    "with_verdict",
 ]

@@ -28,10 +28,10 @@ from fantoccini.dynamics.compiled import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.batch_verdicts import BatchVerdicts
 from fantoccini.dynamics.simulation.checks import check_marionette, save_times
-from fantoccini.dynamics.simulation.ledgers import ledgers_of_terms
 from fantoccini.dynamics.steppers import (
     ForceSamples,
     force_names,
+    ledgers_of_terms,
     may_be_redundant,
     parted_starts,
     undetermined,

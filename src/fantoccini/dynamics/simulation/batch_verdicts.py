@@ -8,26 +8,23 @@ import numpy as np
 
 from fantoccini.base import ARRIVED, Array, Status, Times
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.ledgers import ledgers_of_terms
-from fantoccini.dynamics.simulation.soundness import (
-    ends_fast,
-    gains,
-    left_by_last_step,
-    swings,
-    unbooked,
-    verdict,
-    verdicts,
-)
+from fantoccini.dynamics.simulation.judging import ends_fast, left_by_last_step
 from fantoccini.dynamics.steppers import (
     CONTRADICTION_STATUSES,
     Contradiction,
+    LedgerCheck,
     contradiction,
     decide,
     deepest,
+    excused,
+    fault,
+    faults,
     first_excess_tension,
+    ledgers_of_terms,
     may_be_redundant,
     measuring_times,
     prescribed_overlaps,
+    swings,
 )
 from fantoccini.kernel.runtime import Batch
 from fantoccini.motion import LEDGER, Inputs, State
@@ -49,7 +46,7 @@ class BatchVerdicts:
     def __init__(self, marionette: Marionette, batch: Batch, inputs: Inputs, method: str):
         self._marionette = marionette
         self._batch, self._inputs = batch, inputs
-        self._fixed, self._stepping = method != "event", method == "timestepping"
+        self._method, self._fixed = method, method != "event"
         self._redundant = may_be_redundant(self._marionette)
         self._at_end = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
         self._depths: dict[tuple[int, int], float] = {}
@@ -57,7 +54,7 @@ class BatchVerdicts:
         if self._fixed:
             self._gain, self._share = self._energies()
             self._fast = ends_fast(batch.end_v_D, batch.options.dt)
-            outcome = verdicts(batch.violation, self._gain, self._share)
+            outcome = faults(batch.violation, self._gain, self._share)
             self._doubtful = self._at_end & (self._fast | (outcome != Status.DONE))
 
     def decide(self) -> None:
@@ -111,16 +108,17 @@ class BatchVerdicts:
         return i if len(self._inputs) > 1 else 0
 
     def _energies(self) -> tuple[Array, Array]:
-        """Relative energy gains and unbooked energies (n,); see :mod:`soundness`."""
+        """Gains and shares (n,) of the ledgers; see :class:`LedgerCheck`."""
         batch, done = self._batch, self._at_end
         gain, share = np.zeros(batch.n), np.zeros(batch.n)
         if "energy_terms" in batch.parts and np.any(done):
             columns = np.moveaxis(ledgers_of_terms(batch.parts["energy_terms"][done]), -1, 0)
             ledger = dict(zip(LEDGER, columns, strict=True))
-            gain[done] = gains(self._marionette, ledger)
-            if self._stepping:
-                dt = batch.options.dt
-                share[done] = np.max(unbooked(self._marionette, ledger, batch.times, dt), axis=-1)
+            start = {name: values[:, 0] for name, values in ledger.items()}
+            check = LedgerCheck(self._marionette, batch.options.dt, start, batch.times[0])
+            later = {name: values[:, 1:] for name, values in ledger.items()}
+            check.add(later, batch.times[1:])
+            gain[done], share[done] = check.gain, check.share
         return gain, share
 
     def _sound(self, i: int) -> tuple[Status, str]:
@@ -130,13 +128,14 @@ class BatchVerdicts:
         if self._fast[i]:
             q_K = self._inputs[self._own(i)].evaluate(batch.t_end)[0]
             largest = max([largest, *left_by_last_step(marionette, batch.end_q_D[i], q_K).values()])
-        outcome = verdict(largest, float(self._gain[i]), float(self._share[i]))
-        if outcome is Status.UNBALANCED:
+
+        def swing() -> bool:
             q_K = self._inputs[self._own(i)].evaluate(batch.t)[0]
             q_D = batch.q_D[i if len(batch.q_D) > 1 else 0]
-            if swings(marionette, q_D, q_K, batch.options.dt):
-                outcome = Status.DONE
-        return outcome, ""
+            return swings(marionette, q_D, q_K, batch.options.dt)
+
+        share = excused(self._method, float(self._share[i]), swing)
+        return fault(largest, float(self._gain[i]), share), ""
 
     def _prescribed(self, i: int) -> tuple[Status, str]:
         """Verdict on inputs that move solids through one another, without text."""

@@ -30,9 +30,8 @@ from fantoccini.dynamics.compiled import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.checks import check_marionette, check_one_run, save_times
 from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
-from fantoccini.dynamics.simulation.ledgers import ledger_of
+from fantoccini.dynamics.simulation.judging import judged, prescribed_verdict
 from fantoccini.dynamics.simulation.pace import Pace, chatter
-from fantoccini.dynamics.simulation.soundness import judged, prescribed_verdict
 from fantoccini.dynamics.simulation.weak_motors import weak_motors
 from fantoccini.dynamics.steppers import (
     CONTRADICTION_STATUSES,
@@ -41,6 +40,7 @@ from fantoccini.dynamics.steppers import (
     contradiction,
     decide,
     first_excess_tension,
+    ledger_of,
     measuring_times,
     overlap_events,
     parted,

@@ -1,6 +1,7 @@
 """Steppers: runs advanced step by step; correction of start states with small overlaps."""
 
 from fantoccini.dynamics.steppers.determinacy import ForceSamples, force_names, undetermined
+from fantoccini.dynamics.steppers.ledgers import ledger_of, ledgers_of_terms
 from fantoccini.dynamics.steppers.parting import parted, parted_starts
 from fantoccini.dynamics.steppers.prescribed import (
     Overlap,
@@ -16,15 +17,25 @@ from fantoccini.dynamics.steppers.redundant import (
     first_excess_tension,
     may_be_redundant,
 )
+from fantoccini.dynamics.steppers.soundness import (
+    BOUNDS,
+    LedgerCheck,
+    excused,
+    fault,
+    faults,
+    swings,
+)
 from fantoccini.dynamics.steppers.stepper import Stepper, held_input
 from fantoccini.dynamics.steppers.stepper_batch import StepperBatch
 from fantoccini.dynamics.steppers.verdict import Check, Verdict, decide
 
 __all__ = [
+    "BOUNDS",
     "CONTRADICTION_STATUSES",
     "Check",
     "Contradiction",
     "ForceSamples",
+    "LedgerCheck",
     "Overlap",
     "Stepper",
     "StepperBatch",
@@ -32,14 +43,20 @@ __all__ = [
     "contradiction",
     "decide",
     "deepest",
+    "excused",
+    "fault",
+    "faults",
     "first_excess_tension",
     "force_names",
     "held_input",
+    "ledger_of",
+    "ledgers_of_terms",
     "may_be_redundant",
     "measuring_times",
     "overlap_events",
     "parted",
     "parted_starts",
     "prescribed_overlaps",
+    "swings",
     "undetermined",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -39,6 +40,7 @@ from fantoccini.dynamics.steppers.redundant import (
     Contradiction,
     contradiction,
 )
+from fantoccini.dynamics.steppers.running_ledgers import RunningLedger
 from fantoccini.dynamics.steppers.verdict import decide
 from fantoccini.kernel.contract import EVENT_AT
 from fantoccini.kernel.runtime import HeldInput, Piece, Run, RunOptions, contact_points
@@ -84,6 +86,7 @@ class Stepper:
         self._options, self._run, self._held = options, *self._new_run(options)
         piece = self._run.present()
         self.samples, self.events, self.contacts = piece.samples[-1:], *piece[1:]
+        self._ledger = self._new_ledger(self.samples)
         self.tension = self.samples[0, marionette.sample_layout.places["tension"]]
         self.contradiction: Contradiction | None = None
 
@@ -109,7 +112,7 @@ class Stepper:
     def __getstate__(self) -> dict[str, Any]:
         # The run belongs to the library, which returns it as bytes.
         return {name: x for name, x in vars(self).items() if name not in ("_run", "_held")} | {
-            "_status": int(self.status),
+            "_status": int(self._run.status),
             "_memory": (self._run.library.key, self._run.checkpoint()),
         }
 
@@ -118,15 +121,29 @@ class Stepper:
         status, (library, memory) = pickled.pop("_status"), pickled.pop("_memory")
         self.__dict__.update(pickled)
         self._run, self._held = self._new_run(self._options)
-        self._run.present()
+        present = self._run.present()
         if self._run.library.key == library:
             self._run.restore(memory)
-        if status not in (Status.DONE, Status.RUNNING):
-            self._run.status = status
+            self._ledger = copy.copy(self._ledger)
+        else:
+            self._ledger = self._new_ledger(present.samples[-1:])
+        self._run.status = Status(status)
 
     @property
     def status(self) -> Status:
-        """Status of the last advance; ``LOST_STEPS`` or ``RUNAWAY`` after a drive was too weak."""
+        """Status of the run so far, of which some do not end it.
+
+        ``LOST_STEPS`` or ``RUNAWAY``: a drive was too weak. ``OVERSTEPPED``, ``GAINED_ENERGY`` or
+        ``UNBALANCED``: the fixed steps are too long, by the check of :func:`simulate`.
+        """
+        ledger = self._ledger
+        if ledger is None:
+            return self.reported
+        return decide(self.reported, None, [lambda: (ledger.status(self.violation), "")]).status
+
+    @property
+    def reported(self) -> Status:
+        """Status that the steps report, without the check of their accuracy."""
         return self._run.status
 
     @property
@@ -175,7 +192,7 @@ class Stepper:
     @property
     def arrived(self) -> bool:
         """Whether the last advance reached its end, even with lost steps."""
-        status = self.status
+        status = self.reported
         return status is Status.DONE or (status in ARRIVED and self.state.t >= self._end)
 
     def advance(
@@ -196,7 +213,8 @@ class Stepper:
             inputs: alternative to acc_K: inputs in absolute time from the present configuration.
             u_D: (n_vD,) user forces, constant over the piece (not together with ``inputs``).
             throw: whether to raise :class:`SimulationError` if the run cannot go on. Lost steps of
-                stepper motors do not end it: see ``status`` and ``events``.
+                stepper motors and wrong energies of fixed steps do not end it: see ``status`` and
+                ``events``.
 
         Ctrl-C leaves the stepper in the state reached, from which it can be advanced again.
 
@@ -277,6 +295,14 @@ class Stepper:
         layout, last = self.marionette.sample_layout, self.samples[-1]
         self.state = layout.state(last)
         self.tension = last[layout.places["tension"]]
+        if self._ledger is not None:
+            self._ledger.take(self.samples)
+
+    def _new_ledger(self, sample: Array) -> RunningLedger | None:
+        """Ledger from a sample (1, width) at the present state on; None for ``event``."""
+        if self.method == "event":
+            return None
+        return RunningLedger(self.marionette, self.method, self._options.dt, self.state, sample)
 
     def _measure(self, chosen: Input | HeldInput) -> None:
         """Adds touches and lifts of solids with prescribed relative motion."""
@@ -301,11 +327,11 @@ class Stepper:
 
     def _diagnose(self) -> None:
         """Sets status and contradiction if redundant strings may have stopped the run."""
-        if self.status not in CONTRADICTION_STATUSES or not len(self.samples):
+        if self.reported not in CONTRADICTION_STATUSES or not len(self.samples):
             return
         acc_K = self.marionette.sample_layout.split(self.samples[-1:])["acc_K"][0]
         self.contradiction = contradiction(self.marionette, self.state, acc_K)
-        self._run.status = decide(self.status, self.contradiction).status
+        self._run.status = decide(self.reported, self.contradiction).status
 
     def _hold(self, duration: float, acc_K: Accelerations | None, u_D: Array | None) -> None:
         """Sets the held input to constant accelerations and forces from the present state."""

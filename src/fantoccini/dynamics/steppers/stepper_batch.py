@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.base import (
     ARRIVED,
+    UNSOUND,
     Array,
     Indices,
     MaskRows,
@@ -31,24 +31,15 @@ from fantoccini.dynamics.compiled import (
     vectors,
 )
 from fantoccini.dynamics.steppers.determinacy import ForceSamples, undetermined
+from fantoccini.dynamics.steppers.running_ledgers import LaneLedgers
+from fantoccini.dynamics.steppers.separate_runs import Engine, SeparateRuns
 from fantoccini.dynamics.steppers.stepper import Stepper
-from fantoccini.kernel.contract import SUMS
-from fantoccini.kernel.runtime import LaneRecord, LaneSteppers, RunOptions, default_threads, whole
+from fantoccini.kernel.runtime import LaneRecord, LaneSteppers, default_threads, whole
 from fantoccini.motion import State, States
 
 T = TypeVar("T", bound=np.generic)
 
 _STATE = ("q_D", "v_D", "q_K", "v_K", "slip")
-
-
-class _Engine(Protocol):
-    """Advances the runs of a lane record; a checkpoint is its memory beyond the record."""
-
-    def checkpoint(self) -> Any: ...
-
-    def restore(self, checkpoint: Any) -> None: ...
-
-    def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None: ...
 
 
 class StepperBatch:
@@ -66,6 +57,8 @@ class StepperBatch:
             winches and friction, since the start of each run [J].
         violation: (n,) largest h of all rows since the start, for time-stepping [m, rad or 1].
         status: (n,) :class:`Status` numbers; a run that stopped keeps its state until its reset.
+            ``OVERSTEPPED``, ``GAINED_ENERGY`` and ``UNBALANCED`` do not stop it: the fixed steps
+            are too long, by the check of :func:`simulate` at the ends of all pieces.
         p: (n, n_p) parameters.
         method: name of the method.
 
@@ -105,16 +98,17 @@ class StepperBatch:
         self.p, self.tension, self.taut = record.p, record.tension, record.taut
         self.q_D, self.v_D, self.q_K, self.v_K = record.q_D, record.v_D, record.q_K, record.v_K
         self.slip, self.energy_terms = record.slip, record.energy_terms
-        self.violation, self.status = record.violation, record.status
+        self.violation, self.status = record.violation, record.status.copy()
+        self._ledgers: LaneLedgers | None = None
         self._starts, self._parameters = states, p
         self._options, self._threads = options, threads
         self._engine = self._new_engine()
         self.reset()
 
-    def _new_engine(self) -> _Engine:
+    def _new_engine(self) -> Engine:
         options, threads, record = self._options, self._threads, self._record
         if self.method != "timestepping":
-            return _Runs(self.marionette, self.method, options, record, self.t, threads)
+            return SeparateRuns(self.marionette, self.method, options, record, self.t, threads)
         library = self.marionette.libraries.lanes
         return LaneSteppers(library, record, threads, options, self.marionette.winches)
 
@@ -133,6 +127,8 @@ class StepperBatch:
             self._engine.restore(memory)
         else:
             self._record.fresh[:] = True
+            self._engine.advance(0.0, np.zeros((1, self.marionette.coordinates.n_vK)), None)
+            self._ledgers = LaneLedgers(self.marionette, self._options.dt, self._record, self.t)
 
     def __copy__(self) -> Self:
         """An independent batch: the arrays of a batch are written in place."""
@@ -154,7 +150,7 @@ class StepperBatch:
     @property
     def arrived(self) -> MaskRows:
         """Mask (n,) of the runs that reached the end of the last piece, even with lost steps."""
-        return np.isin(self.status, ARRIVED)
+        return np.isin(self.status, (*ARRIVED, *UNSOUND))
 
     def causes(self, i: int, min_share: float = 0.1) -> tuple[str, ...]:
         """Names with a share above ``min_share`` in causing the status of run i."""
@@ -168,16 +164,14 @@ class StepperBatch:
     def undetermined(self, i: int) -> tuple[str, ...]:
         """Strings and driven velocities with other tensions and efforts for the motion of run i.
 
-        Raises:
-            StateError: the puppet has contact, whose points are not known here.
+        Lanes do not keep contact points: with contact, those of the next step with constant driven
+        velocities share the forces.
         """
-        if self.marionette.contacts is not None:
-            raise StateError(
-                "undetermined: a batch does not keep the contact points that share the forces; use "
-                "marionette.stepper() or simulate() for this run"
-            )
-        own = [i]
-        marionette = self.marionette.with_p(self.p[i])
+        if isinstance(self._engine, SeparateRuns):
+            return self._engine.stepper(i).undetermined
+        own, marionette = [i], self.marionette.with_p(self.p[i])
+        if marionette.contacts is not None:
+            return Stepper(marionette, self.state(i), self.method, self._options).undetermined
         samples = ForceSamples(
             q_D=self.q_D[own],
             v_D=self.v_D[own],
@@ -249,6 +243,12 @@ class StepperBatch:
         self.p[runs], self.t[runs] = p, times
         self._record.fresh[runs] = True
         self._engine.advance(0.0, np.zeros((1, marionette.coordinates.n_vK)), None)
+        if self.method == "timestepping":
+            if self._ledgers is None:
+                self._ledgers = LaneLedgers(marionette, self._options.dt, self._record, self.t)
+            else:
+                self._ledgers.restart(runs, self._record, self.t)
+        self._judge()
 
     def advance(
         self,
@@ -277,7 +277,19 @@ class StepperBatch:
         going = self.arrived
         self._engine.advance(duration, acc, force)
         self.t[going] += self._record.advanced[going]
+        if self._ledgers is not None:
+            self._ledgers.add(self._record, self.t)
+        self._judge()
         return self.arrived
+
+    def _judge(self) -> None:
+        """Sets ``status`` from the status of the steps, and from the ledgers of lanes."""
+        self.status[:] = self._record.status
+        if self._ledgers is not None:
+            going = np.isin(self.status, ARRIVED)
+            faults = self._ledgers.faults(self.violation)
+            faulty = going & (faults != Status.DONE)
+            self.status[faulty] = faults[faulty]
 
     def _accelerations(self, array: Array | Mapping[str, Array | float] | None) -> Array:
         """Accelerations (1 or n, n_vK) of all runs."""
@@ -293,73 +305,6 @@ class StepperBatch:
                 raise UnknownNameError("driven velocity", name, table.v_K)
             acc[:, table.v_K.index(name)] = values
         return vectors("acc_K", acc, table.n_vK)
-
-
-class _Runs:
-    """Runs of methods without lanes: a stepper for each run, on threads."""
-
-    def __init__(
-        self,
-        marionette: CompiledPuppet,
-        method: MethodName,
-        options: RunOptions,
-        record: LaneRecord,
-        t: Array,
-        threads: int,
-    ):
-        self._marionette, self._method, self._options = marionette, method, options
-        self._record, self._t = record, t
-        self._steppers: list[Stepper | None] = [None] * len(t)
-        self._pool = ThreadPoolExecutor(threads)
-
-    def checkpoint(self) -> list[Stepper | None]:
-        """The steppers; see :meth:`restore`."""
-        return self._steppers
-
-    def restore(self, checkpoint: list[Stepper | None]) -> None:
-        """Continues with the steppers of a checkpoint."""
-        self._steppers = checkpoint
-
-    def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None:
-        def one(i: int) -> None:
-            self._begin(i)
-            stepper = self._steppers[i]
-            assert stepper is not None
-            start = stepper.state.t
-            if duration > 0.0 and stepper.status in (Status.RUNNING, *ARRIVED):
-                force = None if u_D is None else u_D[i % len(u_D)]
-                stepper.advance(duration, acc_K[i % len(acc_K)], u_D=force, throw=False)
-            self._take(i, stepper, stepper.state.t - start)
-
-        list(self._pool.map(one, range(len(self._t))))
-
-    def _begin(self, i: int) -> None:
-        record = self._record
-        if not record.fresh[i]:
-            return
-        record.fresh[i] = False
-        marionette = self._marionette.with_p(record.p[i])
-        x0 = State(
-            float(self._t[i]),
-            taut=np.zeros(marionette.tree.n_rows, dtype=bool),
-            coordinates=marionette.coordinates,
-            **{name: getattr(record, name)[i] for name in _STATE},
-        )
-        self._steppers[i] = Stepper(marionette, x0, self._method, self._options)
-
-    def _take(self, i: int, stepper: Stepper, advanced: float) -> None:
-        record, x = self._record, stepper.state
-        for name in _STATE:
-            getattr(record, name)[i] = getattr(x, name)
-        record.taut[i], record.tension[i] = x.taut, stepper.tension
-        record.advanced[i] = advanced
-        status = stepper.status
-        record.status[i] = Status.DONE if status is Status.RUNNING else status
-        record.attribution[i] = stepper.attribution
-        if len(stepper.samples):
-            split = self._marionette.sample_layout.split(stepper.samples[-1:])
-            record.energy_terms[i] = [split[name][0] for name in SUMS]
-        record.violation[i] = stepper.violation
 
 
 def _numbers(which: Indices | MaskRows | None, n: int) -> NDArray[np.intp]:

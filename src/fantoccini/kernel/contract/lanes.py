@@ -20,6 +20,7 @@ LANE: tuple[Field, ...] = (
         OUT,
         f"(n, {len(SUMS)}) work, damping, impact, slip loss, friction; written [J]",
     ),
+    Field("energy", OUT, "(n, 2) kinetic and potential; written [J]"),
     Field("violation", OUT, "(n,) largest since it began; written"),
     Field("advanced", OUT, "(n,) time by which it was advanced in the piece; written [s]"),
     Field("status", "int*", "(n,) Status; written"),

@@ -33,6 +33,7 @@ class LaneRecord:
         tension: (n, n_rows) forces of strings and limits [N or N m].
         taut: (n, n_rows).
         energy_terms: (n, 5) the contract's ``SUMS``, since each began [J].
+        energy: (n, 2) kinetic and potential energy [J].
         violation: (n,) largest violation since each began [m, rad or 1].
         advanced: (n,) duration by which each was advanced in the last piece [s].
         status: (n,) :class:`Status` numbers.
@@ -53,6 +54,7 @@ class LaneRecord:
     tension: Array
     taut: MaskRows
     energy_terms: Array
+    energy: Array
     violation: Array
     advanced: Array
     status: NDArray[np.int32]

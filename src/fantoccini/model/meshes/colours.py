@@ -70,8 +70,8 @@ def linked_image(path: str, beside: LinkedFiles) -> np.ndarray | None:
 
     Paths are often those of the machine that wrote the file. None if neither can be read.
     """
-    name = unquote(path).replace("\\", "/").removeprefix("./")
-    for place in (name, posixpath.basename(name)):
+    names = [p.replace("\\", "/").removeprefix("./") for p in (unquote(path), path)]
+    for place in dict.fromkeys([*names, *map(posixpath.basename, names)]):
         try:
             return image(beside.read(quote(place)), repr(place[:40]))
         except ValueError:

@@ -26,7 +26,7 @@ class LinkedFiles:
         self.contents: dict[str, bytes | None] = {}
 
     def read(self, name: str) -> bytes:
-        """The content of a file, by its name in a URI.
+        """The content of a file, by its name in a URI; upper and lower case may differ.
 
         Raises:
             ValueError: the file lies outside the folder, or cannot be read.
@@ -61,7 +61,10 @@ class LinkedFiles:
                 name = _shown(path.as_posix())
                 raise ValueError(f"it names {name}, which leads out of the folder")
             if not place.is_file():
-                return None
+                alike = [p for p in place.parent.iterdir() if p.name.lower() == place.name.lower()]
+                if len(alike) != 1 or alike[0].is_symlink() or not alike[0].is_file():
+                    return None
+                place = alike[0]
             if place.stat().st_size > LIMITS.max_bytes:
                 limit = f"{LIMITS.max_bytes / 1e6:.0f} MB"
                 raise ValueError(f"{_shown(path.as_posix())} is larger than {limit}")

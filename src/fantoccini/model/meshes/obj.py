@@ -28,6 +28,11 @@ _ANY_COMMENT = re.compile("#")
 _NUMERIC = ("v", "vt", "vn", "f")
 """Keywords of lines of numbers."""
 
+_OPTIONS = {"-s": (1, 3), "-o": (1, 3), "-t": (1, 3), "-mm": (2, 2)} | dict.fromkeys(
+    ("-blendu", "-blendv", "-clamp", "-cc", "-bm", "-boost", "-texres", "-imfchan", "-type"), (1, 1)
+)
+"""Options of images -> smallest and largest number of values."""
+
 
 @dataclass
 class _Material:
@@ -243,8 +248,7 @@ def _materials(text: str) -> dict[str, _Material]:
             case "kd":
                 material.diffuse = _three(words[1:])
             case "map_kd" if rest:
-                # Options precede the name.
-                material.image = words[-1] if rest.startswith("-") else rest
+                material.image = _image_name(rest)
             case "d":
                 material.transparent |= _last(words, 1.0) != 1.0
             case "tr":
@@ -279,6 +283,27 @@ def _statements(text: str) -> Iterator[tuple[int, list[str], str]]:
 def _rest(line: str, words: list[str]) -> str:
     """The rest of a line after its first word."""
     return line.strip()[len(words[0]) :].strip()
+
+
+def _image_name(rest: str) -> str:
+    """Name of an image, which may contain spaces, behind its options such as ``-s 2 2 1``."""
+    while (option := rest.split(maxsplit=1)) and option[0].lower() in _OPTIONS:
+        fewest, most = _OPTIONS[option[0].lower()]
+        rest = option[1] if len(option) > 1 else ""
+        for k in range(most):
+            value, _, after = rest.replace("\t", " ").partition(" ")
+            if not after.strip() or (k >= fewest and not _is_number(value)):
+                break
+            rest = after.strip()
+    return rest.strip("\"")
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _three(words: list[str]) -> tuple[float, ...]:

@@ -23,6 +23,7 @@ _VIEWS: dict[str, dict[str, int]] = {
     "vectors": {"target": 34962, "byteStride": 12},
     "weights": {"target": 34962, "byteStride": 16},
     "joints": {"target": 34962, "byteStride": 4},
+    "many joints": {"target": 34962, "byteStride": 8},
 }
 """Parts of the buffer. Vertex attributes have one part for each stride."""
 

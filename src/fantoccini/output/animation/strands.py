@@ -136,7 +136,9 @@ class Strands:
         attributes = {
             "POSITION": add("vectors", (radius * normals).astype(np.float32), True),
             "NORMAL": add("vectors", normals.astype(np.float32)),
-            "JOINTS_0": add("joints", joints.astype(np.uint8)),
+            "JOINTS_0": add("many joints", joints.astype(np.uint16))
+            if np.max(joints) > np.iinfo(np.uint8).max
+            else add("joints", joints.astype(np.uint8)),
             "WEIGHTS_0": add("weights", weights.astype(np.float32)),
         }
         colour = COLOUR if line.colour is None else line.colour

@@ -127,10 +127,17 @@ class _Words:
                 self.fail(f"the file ends; needed: {what}")
         return self._row.pop(0)
 
-    def rest_of_line(self) -> str:
-        """Remaining words of the line, joined."""
-        words, self._row = " ".join(self._row), []
+    def before_brace(self) -> list[str]:
+        """Remaining words of the line before an opening brace."""
+        n = self._row.index("{") if "{" in self._row else len(self._row)
+        words, self._row = self._row[:n], self._row[n:]
         return words
+
+    def opens(self) -> bool:
+        """Whether the next word is an opening brace."""
+        if not self._row:
+            self._row = next(self._rows, [])
+        return self._row[:1] == ["{"]
 
     def expect(self, *words: str) -> str:
         """Next word in lower case, if it is one of these."""
@@ -151,20 +158,17 @@ class _Words:
         return value
 
     def numbers(self, rows: int, columns: int) -> Array:
-        """Remaining numbers, as rows of equal length."""
+        """Remaining numbers: a frame of equal length per row, which begins on a new line."""
         if self._row:
             self.fail(f"found {shown(' '.join(self._row))}; needed: a new line with numbers")
         if rows * columns > self._size:
             self.fail(f"the file is too short for {rows} frames of {columns} numbers")
         values = np.empty((rows + 1, columns))
         for i in range(rows + 1):
-            row = next(self._rows, [])
+            row = self._frame(columns)
             if not row:
                 rows = self._counted(i, rows)
                 break
-            if len(row) != columns:
-                many = "number" if len(row) == 1 else "numbers"
-                self.fail(f"found {len(row)} {many}; needed: {columns}, one for each channel")
             try:
                 values[i] = [float(word) for word in row]
             except ValueError:
@@ -176,6 +180,21 @@ class _Words:
                 self.fail(f"more than {rows + 1} frames; its header says {rows}")
             rows = self._counted(rows + 1, rows)
         return values[:rows]
+
+    def _frame(self, columns: int) -> list[str]:
+        """Words of the next frame, from one line or several; empty at the end of the file."""
+        row = next(self._rows, [])
+        start, n = self.line, len(row)
+        while 0 < len(row) < columns and (more := next(self._rows, [])):
+            row = row + more
+        if row and len(row) != columns:
+            self.line = start
+            many = "number" if n == 1 else "numbers"
+            self.fail(
+                f"found {n} {many}; needed: {columns}, one for each channel, in a line or in "
+                "several that hold nothing else"
+            )
+        return row
 
     def _counted(self, found: int, said: int) -> int:
         """Number of frames in the file, which may differ by one from its header."""
@@ -219,7 +238,7 @@ def _joint(words: _Words, joints: list[_Joint], parent: int, columns: int) -> in
             above.append(_named(words, joints, i))
         elif word == "end":
             words.expect("SITE")
-            words.rest_of_line()
+            words.before_brace()
             words.expect("{")
             words.expect("OFFSET")
             offset = tuple(words.number("three numbers of an offset") for _ in range(3))
@@ -232,10 +251,12 @@ def _joint(words: _Words, joints: list[_Joint], parent: int, columns: int) -> in
 
 def _named(words: _Words, joints: list[_Joint], parent: int) -> int:
     """Adds a joint, named by the rest of the line; returns its index."""
-    name = words.next("the joint's name")
-    suffix = words.rest_of_line()
-    opened = suffix.endswith("{")
-    name = " ".join([name, suffix.removesuffix("{").strip()]).strip()
+    name = " ".join([words.next("the joint's name"), *words.before_brace()])
+    # A brace behind a byte of another encoding opens the joint unless another one follows.
+    opened = name.endswith("{") and not words.opens()
+    name = name.removesuffix("{") if opened else name
+    if not name or name == "{":
+        words.fail("found a joint without a name; needed: JOINT or ROOT, a name and {")
     if name in [joint.name for joint in joints]:
         words.fail(f"found a second joint {shown(name)}")
     if len(joints) >= _MAX_JOINTS:

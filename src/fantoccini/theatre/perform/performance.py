@@ -9,7 +9,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, Vec3, check_positive
+from fantoccini.base import Array, StateError, Status, Vec3, check_positive
 from fantoccini.dynamics.compiled import check_start
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import ContactPoints, State, check_same_puppet
@@ -164,6 +164,12 @@ class Performance:
         """Contact points at the end of the last tick; None for a puppet without contact."""
         with self._lock:
             return self._run.contact
+
+    @property
+    def status(self) -> Status:
+        """Status of the steps since the last start, reset, recording or stop of the hands."""
+        with self._lock:
+            return self._run.stepper.status
 
     @property
     def performed(self) -> Marionette:

@@ -15,7 +15,7 @@ import numpy as np
 from fantoccini.base import Array, Status, Times, check_positive, floats, frozen, npz
 from fantoccini.dynamics.compiled import MethodName
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation import trajectory_of_samples
+from fantoccini.dynamics.simulation import trajectory_of_samples, with_verdict
 from fantoccini.dynamics.steppers import Stepper
 from fantoccini.kernel.runtime import Piece
 from fantoccini.motion import RECORDING_FORMATS, Input, State, Trajectory
@@ -98,6 +98,8 @@ class Recording:
     @cached_property
     def trajectory(self) -> Trajectory:
         """Recorded trajectory, one sample per tick; :meth:`replay` of an edited recording.
+
+        Its status is checked as that of :func:`simulate`, by the samples.
 
         That of a file is simulated again: to the same bits on the machine that made it. On a
         machine with other rounding, each second is simulated from the recorded state.
@@ -229,7 +231,7 @@ class Recording:
             if not stepper.arrived:
                 break
             recorder.add(acc_K, stepper)
-        return recorder.written(stepper.status)
+        return recorder.written(stepper.reported)
 
     def _in_parts(self, checks: Checks) -> Written:
         """Output from each saved sample to the next, simulated from the first of the two."""
@@ -252,7 +254,7 @@ class Recording:
         return Written(Piece.joined(parts), checks.status)
 
     def _of(self, written: Written) -> Trajectory:
-        return trajectory_of_samples(
+        run = trajectory_of_samples(
             self.marionette,
             written.output,
             written.status,
@@ -260,6 +262,7 @@ class Recording:
             with_effort=True,
             attribution=np.zeros(len(self.marionette.tree.attributable)),
         )
+        return with_verdict(self.marionette, run, self.dt)
 
 
 class Recorder:
@@ -285,7 +288,7 @@ class Recorder:
         """Adds the stepper's last tick."""
         self._acc_K.append(acc_K)
         self._output.append(_last_of(stepper))
-        self._status = stepper.status
+        self._status = stepper.reported
 
     def written(self, status: Status | None = None) -> Written:
         """Output so far, with the status of the last tick by default."""

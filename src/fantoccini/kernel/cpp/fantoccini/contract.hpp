@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x77b2933a9a585e2b;
+constexpr long long contract_digest = 0x5147527cc30c735a;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, the number of
 // trajectories or configurations that are advanced together, and the puppet's sizes.
@@ -62,11 +62,11 @@ enum Status : int {
   RUNAWAY = 15,
   TOO_MANY_SAMPLES = 16,  // the samples of the run reached the bound on memory
   REDUNDANT_STRINGS = 17,  // redundant strings contradict one another
-  OVERSTEPPED = 18,  // the end was reached, but strings, limits or contacts were overstepped
-  GAINED_ENERGY = 19,  // the end was reached, but the fixed step made energy out of nothing
+  OVERSTEPPED = 18,  // the run went on, but strings, limits or contacts were overstepped
+  GAINED_ENERGY = 19,  // the run went on, but the fixed step made energy out of nothing
   TOO_MANY_CONTACTS = 20,  // more points touched at once than a step has room for
   NO_UNIQUE_MOTION = 21,  // friction jams what slides (Painlevé): no finite force, or several
-  UNBALANCED = 22,  // the end was reached, but the ledger of the fixed steps does not balance
+  UNBALANCED = 22,  // the run went on, but the ledger of the fixed steps does not balance
   OUT_OF_TIME = 23,  // the time limit on computing ended the run
 };
 
@@ -304,6 +304,7 @@ struct StepperArrays {
   double* tension;  // (n, n_rows) written
   unsigned char* taut;  // (n, n_rows) written
   double* energy_terms;  // (n, 5) work, damping, impact, slip loss, friction; written [J]
+  double* energy;  // (n, 2) kinetic and potential; written [J]
   double* violation;  // (n,) largest since it began; written
   double* advanced;  // (n,) time by which it was advanced in the piece; written [s]
   int* status;  // (n,) Status; written

@@ -130,8 +130,13 @@ class LaneStepper {
   void write(TimeSteppingTrajectory<Model, Real>& bundle, long long first, int n) {
     const StepperArrays& in = arrays_;
     const auto& inputs = bundle.inputs();
-    Real energy_terms[5];
+    Real energy_terms[5], energy[2];
     bundle.energy_terms(energy_terms);
+    struct {
+      Real *T, *V;
+    } parts{energy, energy + 1};
+    Call<Model, Real>::energy(
+        bundle.q_D(), bundle.v_D(), inputs.q_K, inputs.v_K, bundle.p(), parts);
     for (int l = 0; l < n; ++l) {
       const long long index = first + l;
       take_lane(bundle.q_D(), NQ, l, in.q_D + index * NQ);
@@ -145,6 +150,7 @@ class LaneStepper {
       take_lane(bundle.tension(), M, l, in.tension + index * M);
       take_lane(bundle.taut(), M, l, in.taut + index * M);
       take_lane(energy_terms, 5, l, in.energy_terms + index * 5);
+      take_lane(energy, 2, l, in.energy + index * 2);
       in.violation[index] = lane_of(bundle.worst_violation, l);
       in.advanced[index] = lane_of(bundle.t, l);
       in.status[index] = verdict(bundle, l);

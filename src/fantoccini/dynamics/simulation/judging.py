@@ -1,0 +1,153 @@
+"""Verdict on a run of fixed steps that reached its end, with the reason in words."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from fantoccini.base import Array, Mask, Status
+from fantoccini.dynamics.compiled import critical_step_of_tensions
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.steppers import (
+    BOUNDS,
+    LedgerCheck,
+    Overlap,
+    decide,
+    deepest,
+    excused,
+    fault,
+    swings,
+)
+from fantoccini.motion import Trajectory, pair_name
+
+
+def ends_fast(v_D: Array, dt: float) -> Mask:
+    """Whether the last step of a run may have caused violations that no step has measured: (...,).
+
+    Steps measure violations at their start, and add to them by their curvature only. ``v_D``
+    (..., n_vD) is the velocity at the end, ``dt`` the length of the step [s].
+    """
+    return ~(dt * np.max(np.abs(v_D), axis=-1, initial=0.0) <= BOUNDS.fast)
+
+
+def left_by_last_step(marionette: Marionette, q_D: Array, q_K: Array) -> dict[str, float]:
+    """Rows and parts that are violated too far at the end of a run -> violation [m or rad].
+
+    Strings on winches that may slip are excluded.
+    """
+    tree = marionette.tree
+    h = np.array(marionette.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h)
+    h[marionette.two_sided] = np.abs(h[marionette.two_sided])
+    h[np.isfinite(marionette.upper)] = 0.0
+    names = [*(s.name for s in tree.strings), *(limit.name for limit in tree.limits)]
+    rows = {name: float(x) for name, x in zip(names, h, strict=True) if x > BOUNDS.violation}
+    return rows | marionette.overlaps(q_D, q_K, BOUNDS.violation)
+
+
+def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> tuple[Status, str]:
+    """Status of a run with fixed steps that reached its end, and the reason in words.
+
+    Args:
+        marionette: the puppet.
+        run: the run.
+        dt: length of the steps [s].
+        worst: largest violation of all steps [m or rad]; samples may have smaller ones.
+    """
+    ledger, table = run.ledger, run.violation
+    if table is None:
+        return Status.DONE, ""
+    fast = ends_fast(run.v_D[-1], dt)
+    left = left_by_last_step(marionette, run.q_D[-1], run.q_K[-1]) if fast else {}
+    largest = max([float(np.max(table.values, initial=worst)), *left.values()])
+    start = {name: ledger[name][0] for name in ledger.names}
+    check = LedgerCheck(marionette, dt, start, run.t[0])
+    shares = check.add({name: ledger[name][1:] for name in ledger.names}, run.t[1:])
+    gain = float(check.gain)
+    share = excused(
+        run.method, float(check.share), lambda: swings(marionette, run.q_D[0], run.q_K[0], dt)
+    )
+    status = fault(largest, gain, share)
+    advice = _advice(marionette, run, dt)
+    if status is Status.OVERSTEPPED:
+        what = _overstepped(run, worst, left)
+        text = f"{what}. {advice}; or the puppet cannot follow the inputs"
+        if run.contact is None:
+            text += ", which method='event' finds out"
+        return status, text
+    if status is Status.GAINED_ENERGY:
+        text = (
+            f"the ledger's residual reached {np.max(ledger['residual']):.3g} J, {gain:.2g} times "
+            f"all available energy. {advice}"
+        )
+        return status, text
+    if status is Status.UNBALANCED:
+        increments = np.diff(ledger["residual"])
+        k = int(np.argmax(np.abs(increments)))
+        turn = dt * float(np.max(np.abs(run.v_D[k : k + 2])))
+        first = run.t[int(np.argmax(~(shares <= BOUNDS.unbooked)))]
+        text = (
+            f"the ledger's residual reached {100 * share:.2g} % of the energy exchanged, more than "
+            f"{100 * BOUNDS.unbooked:g} % from t = {first:.6g} s on; most of it, "
+            f"{increments[k]:.3g} J, arose from t = {run.t[k]:.6g} to {run.t[k + 1]:.6g} s, where "
+            f"a coordinate moves by {turn:.2g} rad or m in a step. {advice}"
+        )
+        return status, text
+    return status, ""
+
+
+def with_verdict(marionette: Marionette, run: Trajectory, dt: float) -> Trajectory:
+    """A run with fixed steps whose status is its verdict, by violations at its samples alone."""
+    status = decide(run.status, None, [lambda: judged(marionette, run, dt, 0.0)]).status
+    return run if status is run.status else dataclasses.replace(run, status=status)
+
+
+def prescribed_verdict(overlaps: tuple[Overlap, ...]) -> tuple[Status, str]:
+    """Status and error message of a run whose inputs move solids through one another."""
+    if not deepest(overlaps):
+        return Status.DONE, ""
+    worst: dict[tuple[str, str], Overlap] = {}
+    for overlap in overlaps:
+        if overlap.names not in worst or overlap.depth > worst[overlap.names].depth:
+            worst[overlap.names] = overlap
+    named = sorted(worst.values(), key=lambda overlap: -overlap.depth)[: BOUNDS.max_named]
+    listed = "; ".join(str(overlap) for overlap in named if deepest((overlap,)))
+    return Status.OVERSTEPPED, (
+        f"{listed}. Both follow the inputs, so that no force parts them: move the driven "
+        "coordinates otherwise, or let the two pass through one another by contact.pairs with "
+        "meet: false"
+    )
+
+
+def _overstepped(run: Trajectory, worst: float, left: dict[str, float]) -> str:
+    """Violated rows or parts, their violations, and the time of the first, in words."""
+    table = run.violation
+    assert table is not None
+    largest = np.max(table.values, axis=0)
+    rows = [
+        r for r in np.argsort(-largest)[: BOUNDS.max_named] if not largest[r] <= BOUNDS.violation
+    ]
+    if rows:
+        names = ", ".join(f"{table.names[r]} by {largest[r]:.3g}" for r in rows)
+        first = int(np.argmax(~(np.max(table.values, axis=1, initial=0.0) <= BOUNDS.violation)))
+        when = f"from t = {run.t[first]:.6g} s on"
+        return f"{names} m or rad, more than {BOUNDS.violation:g} {when}"
+    if not worst <= BOUNDS.violation:
+        if run.contact is not None and -run.contact.gap.min(initial=0.0) > 0.0:
+            deepest = int(np.argmin(run.contact.gap))
+            name = pair_name(run.contact.names[run.contact.pair[deepest]])
+            return f"{name} overlap by {-run.contact.gap[deepest]:.3g} m"
+        return f"by {worst:.3g} m or rad in a step between the samples that were written"
+    names = ", ".join(f"{name} by {x:.3g}" for name, x in left.items())
+    return f"{names} m or rad after the last step, at t = {run.t[-1]:.6g} s"
+
+
+def _advice(marionette: Marionette, run: Trajectory, dt: float) -> str:
+    start = run.q_D[0], run.q_K[0], run.tension.values[0]
+    longest = critical_step_of_tensions(marionette, *start)
+    if dt <= longest:
+        return f"Take a dt shorter than {dt:g} s"
+    return (
+        f"The tensions at the start make vibrations that grow in steps above {longest:.2g} s: take "
+        f"a dt below that instead of {dt:g} s"
+    )

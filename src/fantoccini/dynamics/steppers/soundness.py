@@ -1,0 +1,192 @@
+"""Bounds of sound runs in fixed steps, and the check of their energy ledgers, piece by piece.
+
+Fixed steps never stop by themselves. A run is sound only if its rows hold and its energy has a
+source. Whole runs, batches and steppers are judged by the functions of this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, StateError, Status, Times
+from fantoccini.dynamics.compiled import CompiledPuppet, check_step
+from fantoccini.motion import Columns
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds beyond which a run is not sound."""
+
+    violation: float = 0.02  # Largest violation of a string, limit or contact [m or rad]
+    fast: float = 0.02
+    """Largest move in a step above which violations after the last step are computed; the curvature
+    of slower steps causes violations far below ``violation`` [rad or m]."""
+    gain: float = 5.0
+    """Energy without a source, relative to all available energy. Near the critical step of a spring
+    the energy oscillates with several times its value, and does not grow."""
+    unbooked: float = 0.2
+    """Largest residual of the ledger, relative to the energy exchanged. Over many small impacts,
+    errors of sound steps add up: the bundled walk has 0.105 with 2 ms, half of it with 1 ms."""
+    coarse: float = 20.0
+    """Number of coarse steps: the energy of a fall of this duration is wrong by its own size; and
+    that of springs oscillates by its own size, if this many steps are their longest stable one."""
+    fall: float = 1e-3  # Fall of the puppet whose energy always counts as available [m]
+    energy: float = 1e-9  # Energy that always counts as available [J]
+    max_named: int = 5  # Maximum number of rows named in a message
+
+
+BOUNDS = Bounds()
+_ENTRIES = ("kinetic", "potential", "work", "damping", "residual")
+"""Entries of a ledger that are checked."""
+
+
+def faults(violation: Array, gain: Array, unbooked: Array) -> Array:
+    """``Status`` numbers (...,): DONE or the fault; NaN counts as too large.
+
+    Args:
+        violation: (...,) largest violations of strings, limits and contacts [m or rad].
+        gain: (...,) gains of a :class:`LedgerCheck`.
+        unbooked: (...,) its shares.
+    """
+    status = np.where(unbooked <= BOUNDS.unbooked, int(Status.DONE), int(Status.UNBALANCED))
+    status = np.where(gain <= BOUNDS.gain, status, int(Status.GAINED_ENERGY))
+    return np.where(violation <= BOUNDS.violation, status, int(Status.OVERSTEPPED))
+
+
+def fault(violation: float, gain: float, unbooked: float) -> Status:
+    """Status of one run; see :func:`faults`."""
+    numbers = map(np.asarray, (violation, gain, unbooked))
+    return Status(int(faults(*numbers)))
+
+
+def excused(method: str, share: float, swings: Callable[[], bool]) -> float:
+    """Share of a :class:`LedgerCheck`, or 0 if sound steps of the method have such a share too.
+
+    Args:
+        method: method of the run.
+        share: share.
+        swings: callback for :func:`swings`, which is called for large shares only.
+    """
+    if share > BOUNDS.unbooked and (method != "timestepping" or swings()):
+        return 0.0
+    return share
+
+
+def swings(marionette: CompiledPuppet, q_D: Array, q_K: Array, dt: float) -> bool:
+    """Whether fast springs or chains make the energy of sound steps oscillate by a tenth.
+
+    If the step is the fraction s of the longest stable one, it oscillates by 2 s / (1 - s), without
+    growth.
+    """
+    try:
+        check_step(marionette, "timestepping", q_D, q_K, BOUNDS.coarse * dt)
+    except StateError:
+        return True
+    return False
+
+
+class LedgerCheck:
+    """Check of the energy ledgers of one or more runs, which takes their samples piece by piece.
+
+    The energy exchanged until a sample is the largest T, the range of V and the largest work until
+    then, and the energy of a fall over the number of coarse steps. What comes later does not count:
+    a run that gains energy is not sound because its inputs do more work afterwards. The damping of
+    the steps beside a sample is not counted, because it is booked a step late.
+
+    The energy available over the run is T at the start, the largest fall of V, and all work, taken
+    as positive: near the longest stable step of a spring the residual oscillates, and exceeds at
+    first by far what was available until then.
+
+    Attributes:
+        share: (...,) largest residuals of either sign, relative to the energy exchanged until then.
+        gain: (...,) largest residuals, relative to the energy available until now.
+
+    Args:
+        marionette: the puppet.
+        dt: length of the steps [s].
+        ledger: entries (...,) of the ledgers at the start [J].
+        t: (...,) times of the start [s].
+    """
+
+    def __init__(
+        self, marionette: CompiledPuppet, dt: float, ledger: Mapping[str, Array], t: Times
+    ):
+        g = marionette.weight / max(marionette.mass, BOUNDS.energy)
+        self._dt = dt
+        self._coarse = 0.5 * marionette.weight * g * BOUNDS.coarse**2  # [J/s^2]
+        self._available = BOUNDS.fall * marionette.weight + BOUNDS.energy
+        self._at = _start(ledger, t)
+
+    def restart(self, runs: Indices, ledger: Mapping[str, Array], t: Times) -> None:
+        """Begins again with some of the runs: entries (m,) of their ledgers, and times (m,)."""
+        for name, values in _start(ledger, t).items():
+            self._at[name] = self._at[name].copy()
+            self._at[name][..., runs] = values
+
+    def add(self, ledger: Mapping[str, Array] | Columns, t: Times) -> Array:
+        """Adds samples, and returns the shares (..., T + 1) of the last sample and of these.
+
+        Args:
+            ledger: entries (..., T) of the ledgers [J].
+            t: (..., T) or (T,) their times [s].
+        """
+        at = self._at
+        new = np.stack([np.asarray(ledger[name]) for name in _ENTRIES])
+        entries = np.concatenate([at["entries"][..., None], new], axis=-1)
+        t = np.concatenate([at["t"][..., None], np.broadcast_to(t, new.shape[1:])], axis=-1)
+        peaks = _peaks(entries)
+        peaks[..., 0] = np.maximum(peaks[..., 0], at["peaks"])
+        peaks = np.maximum.accumulate(peaks, axis=-1)
+        step = np.minimum(self._dt, t - at["since"][..., None])
+        exchanged = np.sum(peaks, axis=0) + self._coarse * step**2 + BOUNDS.energy
+        _, _, work, damping, residual = entries
+        damped = np.zeros((*t.shape[:-1], t.shape[-1] + 1))
+        damped[..., 0] = at["damped"]
+        damped[..., 1:-1] = np.abs(np.diff(damping)) / np.maximum(np.diff(t) / self._dt, 1.0)
+        late = np.maximum(damped[..., 1:], damped[..., :-1])
+        shares = np.maximum(np.abs(residual) - late, 0.0) / exchanged
+        self._at = at | {
+            "entries": entries[..., -1],
+            "t": t[..., -1],
+            "peaks": peaks[..., -1],
+            "damped": damped[..., -2],
+            "worked": at["worked"] + np.sum(np.abs(np.diff(work)), axis=-1),
+            "risen": np.maximum(at["risen"], np.max(residual, axis=-1)),
+            "earlier": np.maximum(at["earlier"], np.max(shares[..., :-1], axis=-1, initial=0.0)),
+            "share": shares[..., -1],
+        }
+        return shares
+
+    @property
+    def share(self) -> Array:
+        return np.maximum(self._at["earlier"], self._at["share"])
+
+    @property
+    def gain(self) -> Array:
+        at = self._at
+        fallen = at["V_0"] + at["peaks"][2]
+        return np.asarray(at["risen"] / (at["T_0"] + fallen + at["worked"] + self._available))
+
+    def __copy__(self) -> LedgerCheck:
+        # The arrays are replaced, and never written in place.
+        other = object.__new__(LedgerCheck)
+        other.__dict__.update(self.__dict__, _at=dict(self._at))
+        return other
+
+
+def _start(ledger: Mapping[str, Array], t: Times) -> dict[str, Array]:
+    """Memory of a :class:`LedgerCheck` at the start of its runs."""
+    entries = np.stack([np.asarray(ledger[name], dtype=float) for name in _ENTRIES])
+    t = np.array(np.broadcast_to(t, entries.shape[1:]), dtype=float)
+    at = {"entries": entries, "t": t, "since": t, "peaks": _peaks(entries)}
+    at |= {"T_0": entries[0], "V_0": entries[1]}
+    return at | dict.fromkeys(("damped", "worked", "risen", "earlier", "share"), np.zeros(t.shape))
+
+
+def _peaks(entries: Array) -> Array:
+    """(4, ...) energies whose largest values are those exchanged: T, V, -V, and work [J]."""
+    T, V, work = entries[:3]
+    return np.stack([T, V, -V, np.abs(work)])
