@@ -223,17 +223,17 @@ def check_stand(
     sampled = bound.motion_of(run)
     if run.effort is None:
         run = with_effort(run, marionette)
-    times, forces = _check_times(run), _forces(bound, run)
+    times = _check_times(run)
+    forces = between(run.t, _forces(bound, run), times)
     impacts = impacts_of(bound, marionette, run)
     unknown = _unknown(bound, marionette, run, times)
     limits: list[Limit] = []
     kicks: list[Kick] = []
     lost = {}
-    # One axis after the other: all axes of an hour need gigabytes.
+    # One axis after the other: everything about all axes takes gigabytes in an hour.
     for k, axis in enumerate(bound.axes):
         series = sampled.between(k, times)
-        force = between(run.t, forces[:, k : k + 1], times)[:, 0]
-        load = load_of(axis, k, times, series, force, impacts, unknown[:, k])
+        load = load_of(axis, k, times, series, forces[:, k], impacts, unknown[:, k])
         limits += limits_of(stand, axis, times, series, load)
         kicks += load.kicks
         steps = _lost(axis, marionette, times, load)
