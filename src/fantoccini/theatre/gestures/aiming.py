@@ -21,6 +21,7 @@ from fantoccini.model.puppet import bundled_files
 from fantoccini.motion import State
 from fantoccini.theatre.gestures.ends import BODY, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.reachable import reachable_part
 from fantoccini.theatre.gestures.walking import there_and_back
 
 To = str | Sequence[float]
@@ -45,8 +46,8 @@ _PARTS = {
     "point": ("upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right"),
 }
 """Bodies that move in the poses of looking and pointing."""
-_HEIGHT_TOLERANCE = 0.005
-"""Tolerance of the height at which a hand can still point [m]."""
+_LOWER = 0.01
+"""Steps by which a place that is too high is lowered [m]."""
 _MIN_DISTANCE = 0.02
 """Least distance of a place from the shoulder or the neck [m]."""
 
@@ -209,17 +210,14 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
 
 def _why_not(place: Array, shoulder: Array, pose_towards: Callable[[Array], ReachedPose]) -> str:
     """Reason why a hand cannot point at a place, and by how much a lower place would do."""
-    low, high, up = min(0.0, float(shoulder[2] - place[2])), 0.0, np.array([0.0, 0.0, 1.0])
-    if not low or not pose_towards(place + low * up):
-        (distance,) = pose_towards(place).distances.values()
-        return f"it comes no nearer to that direction than {100.0 * distance:.0f} cm"
-    while high - low > _HEIGHT_TOLERANCE:
-        middle = 0.5 * (low + high)
-        if pose_towards(place + middle * up):
-            low = middle
-        else:
-            high = middle
-    return f"the place is too high; needed: {-low:.2f} m lower, or farther away"
+    n = max(0, int(np.ceil((place[2] - shoulder[2]) / _LOWER)))
+    down = np.array([0.0, 0.0, -_LOWER])
+    part = reachable_part(lambda k: bool(pose_towards(place + (n - k) * down)), n) if n else None
+    if part is not None:
+        lower = (n - part) * _LOWER
+        return f"the place is too high; needed: {lower:.2f} m lower, or farther away"
+    (distance,) = pose_towards(place).distances.values()
+    return f"it comes no nearer to that direction than {100.0 * distance:.0f} cm"
 
 
 @cache
