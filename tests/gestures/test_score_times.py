@@ -165,7 +165,7 @@ def test_a_phrase_is_played_like_a_gesture(marionette, tmp_path):
         (HOLDS, ("hold: 2", "hold: -1"), 5, "from 0.001 to 1000"),
         (HOLDS, ("seated.start + 1", "seated.up"), 10, "seated has no mark 'up'"),
         (PHRASES, ("first.end + 1", "hello.up"), 8, "the names are first.end"),
-        (PHRASES, ("on: {up: 1}", "on: {up: 0.2}"), 7, "0.70 s before the phrase"),
+        (PHRASES, ("on: {up: 1}", "on: {up: 0.2}"), 7, r"beats \(0\.70 s\) before the phrase"),
         (PHRASES, ("gesture: bow", "phrase: both"), 10, "part of itself: both -> both"),
         (PHRASES, ("phrase: hello, at", "phrase: helo, at"), 13, "did you mean 'hello'"),
         (PHRASES, ("gesture: nod", "gesture: nodd"), 8, "did you mean 'nod'"),

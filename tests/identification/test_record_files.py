@@ -294,6 +294,16 @@ def test_the_report_is_a_page_or_numbers_by_its_ending(folder, tmp_path):
     assert all(f"<td>{name}</td>" in text for name in ("upper.mass", "tie", "tip.at.z", "wrist.y"))
 
 
+def test_doubts_have_an_exit_code(folder):
+    """All numbers are determined and the search converges, but residuals exceed the noise."""
+    path = folder / "quiet.yaml"
+    path.write_text(TEXT + "noise: {wrist.x: 1.0e-6}\n", encoding="utf-8")
+    done = identify(path)
+    assert "more than the noise given" in done.output
+    assert "does not determine" not in done.output and "cut short" not in done.output
+    assert done.exit_code == 1
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

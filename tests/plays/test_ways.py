@@ -225,13 +225,21 @@ def test_too_long_a_wait_names_its_end():
 
 
 def test_a_path_cannot_start_at_an_impossible_place():
-    for start, options in (
-        (Footing(0.1, 0.1), {"blocked": [TABLE]}),
-        (WEST, {"others": [straight("columbine", (-1, 0.2), (1, 0.2), 0, 9)]}),
-        (Footing(-2.0, 0.0), {}),
+    """The reason has the distance and the needed one, both from the puppet's middle."""
+    post = Box("post", (0.0, 0.0), (0.2, 0.3))
+    for start, options, reason in (
+        (Footing(0.32, 0.1), {"blocked": [post]}, "post at the start: its middle is 0.120 m from"),
+        (
+            WEST,
+            {"others": [straight("columbine", (-1, 0.2), (1, 0.2), 0, 9)]},
+            "columbine at the start: its middle is 0.050 m from",  # 0.2 m less her radius
+        ),
+        (Footing(-2.0, 0.0), {}, "outside of the hands' space"),
     ):
         nothing = found(start, EAST, **options)
         assert isinstance(nothing, NoWay) and nothing.kind is Hindrance.START_BLOCKED
+        assert reason in nothing.reason
+        assert not options or nothing.reason.endswith(f"needed: {RADIUS:.3f} m")
 
 
 def test_touching_disks_may_part_and_meet():

@@ -18,6 +18,7 @@ from fantoccini.base.arrays import (
     floats,
     frozen,
     is_number,
+    kept,
 )
 from fantoccini.base.datagrams import AddressError, ManyHearersError, socket_at, socket_to
 from fantoccini.base.drawing import output
@@ -109,6 +110,7 @@ __all__ = [
     "frozen",
     "interpolate",
     "is_number",
+    "kept",
     "lines_of",
     "moved",
     "multiply",

@@ -95,6 +95,13 @@ def _float(value: Any) -> float:
         return np.inf if value > 0 else -np.inf
 
 
+def kept(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """:func:`frozen`, but without a copy of an array that is read-only already."""
+    array = np.asarray(values)
+    as_wanted = array.dtype == dtype and array.flags.c_contiguous
+    return array if as_wanted and not array.flags.writeable else frozen(values, dtype)
+
+
 def frozen(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """A read-only, C-contiguous copy of the values; complex numbers and text are a TypeError."""
     numbers = floats(values) if dtype in (float, np.float64) else values

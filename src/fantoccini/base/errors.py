@@ -123,17 +123,19 @@ class StandError(FantocciniError):
 
 
 class StreamError(StandError):
-    """A controller refused a line, or does not answer.
+    """A controller refused a line, restarted, does not answer, or is no longer connected.
 
     Args:
         line: number of the line in the file, from 1.
         text: text of the line.
-        reason: answer of the controller.
+        reason: answer of the controller, or cause.
+        controller: name of the controller among several.
     """
 
-    def __init__(self, line: int, text: str, reason: str):
-        self.line, self.text, self.reason = line, text, reason
-        super().__init__(f"line {line}: {text!r}: {reason}")
+    def __init__(self, line: int, text: str, reason: str, controller: str = ""):
+        self.line, self.text, self.reason, self.controller = line, text, reason, controller
+        name = f"{controller}: " if controller else ""
+        super().__init__(f"{name}line {line}: {text!r}: {reason}")
 
 
 class PacketError(StandError):

@@ -17,8 +17,8 @@ from fantoccini.base import (
     Times,
     UnknownNameError,
     floats,
-    frozen,
     interpolate,
+    kept,
     npz,
     output,
     write_table,
@@ -120,7 +120,7 @@ class Trajectory:
         table, n = self.coordinates, len(self.t)
         widths = (table.n_qD, table.n_vD, table.n_vD, table.n_qK, table.n_vK, table.n_vK)
         for name, width in zip(("t", *_MOTION), (None, *widths), strict=True):
-            value = frozen(getattr(self, name))
+            value = kept(getattr(self, name))
             shape = (n,) if width is None else (n, width)
             if value.shape != shape:
                 raise ValueError(f"{name} has the shape {value.shape}; it must be {shape}")
@@ -129,7 +129,7 @@ class Trajectory:
             if len(columns.values) != n:
                 raise ValueError(f"{name} has {len(columns.values)} samples; it must have {n}")
         if self.contact_residual is not None:
-            object.__setattr__(self, "contact_residual", frozen(self.contact_residual))
+            object.__setattr__(self, "contact_residual", kept(self.contact_residual))
             if self.contact_residual.shape != (n,):
                 raise ValueError(
                     f"contact_residual has the shape {self.contact_residual.shape}; it must be "
@@ -321,6 +321,8 @@ class Trajectory:
             FileError: the file is not a trajectory.
         """
         with npz.opened(path, archive.FORMAT, "a trajectory") as (arrays, about):
+            for array in arrays.values():
+                array.setflags(write=False)  # so that they are not copied
             return cls(**archive.fields_of(arrays, about, str(path)))
 
     def summary(self) -> dict[str, Any]:

@@ -3,13 +3,21 @@
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
 from fantoccini.stand.check import StandCheck, check_stand
 from fantoccini.stand.controllers import ArtNet, Grbl, Marlin, Osc
-from fantoccini.stand.emulator import Emulator, GrblMachine
-from fantoccini.stand.gcode_text import GrblSettings, gcode, gentle_feed, grbl_settings
+from fantoccini.stand.emulator import Emulator, GrblMachine, positions_together, start_waits
+from fantoccini.stand.gcode_text import (
+    GrblSettings,
+    Program,
+    gcode,
+    gentle_feed,
+    grbl_settings,
+    program,
+)
 from fantoccini.stand.limits import QUANTITIES, Limit
 from fantoccini.stand.packets import packets_of
 from fantoccini.stand.point_files import ENDINGS, joint_trajectory, save_points
-from fantoccini.stand.points import SetPoints, controller_of, set_points
+from fantoccini.stand.points import SetPoints, controlled, set_points
 from fantoccini.stand.receiving import Receiver
+from fantoccini.stand.resuming import first_lost, resumed, resumed_points
 from fantoccini.stand.sending import Sending, check_first, send_points, udp_sender
 from fantoccini.stand.stand_file import (
     Stand,
@@ -21,12 +29,12 @@ from fantoccini.stand.stand_file import (
 )
 from fantoccini.stand.streaming import (
     STOPPED,
+    Channel,
     Streamed,
-    first_lost,
     lines_of,
-    resumed,
     serial_port,
     stream,
+    stream_together,
 )
 from fantoccini.stand.suggestions import lost_lines, remedies
 from fantoccini.stand.tempo import SlowedRun, inputs_of, slowed, slower
@@ -39,6 +47,7 @@ __all__ = [
     "Axis",
     "AxisMap",
     "AxisMotion",
+    "Channel",
     "Emulator",
     "Grbl",
     "GrblMachine",
@@ -46,6 +55,7 @@ __all__ = [
     "Limit",
     "Marlin",
     "Osc",
+    "Program",
     "Receiver",
     "Sending",
     "SetPoints",
@@ -56,7 +66,7 @@ __all__ = [
     "axes_of",
     "check_first",
     "check_stand",
-    "controller_of",
+    "controlled",
     "first_lost",
     "gcode",
     "gentle_feed",
@@ -69,8 +79,11 @@ __all__ = [
     "loads_stand",
     "lost_lines",
     "packets_of",
+    "positions_together",
+    "program",
     "remedies",
     "resumed",
+    "resumed_points",
     "save_points",
     "send_points",
     "serial_port",
@@ -79,6 +92,8 @@ __all__ = [
     "slower",
     "stand_names",
     "stand_schema",
+    "start_waits",
     "stream",
+    "stream_together",
     "udp_sender",
 ]

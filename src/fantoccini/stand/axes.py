@@ -25,6 +25,8 @@ from fantoccini.stand.stand_file import AxisFile, Stand
 
 MAX_COUPLED = 1e-4
 """Largest residual of coordinates that coupled axes move [m or rad]."""
+_PIECE = 50_000
+"""Number of times at which axes are interpolated together."""
 MAX_HELD = 1e-6
 """Largest change of a coordinate that no axis moves [m or rad]."""
 
@@ -86,6 +88,10 @@ class Axis:
         return -1 if self.file.reversed else 1
 
 
+Series = tuple[Array, Array, Array]
+"""(T,) position, velocity and acceleration of an axis [m or rad, per s, per s^2]."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class AxisMotion(ShortRepr):
     """Positions of all axes over time; T samples, n axes.
@@ -105,10 +111,35 @@ class AxisMotion(ShortRepr):
     def __len__(self) -> int:
         return len(self.t)
 
-    def of(self, name: str) -> tuple[Array, Array, Array]:
+    def of(self, name: str) -> Series:
         """(T,) position, velocity and acceleration of an axis."""
         k = [axis.name for axis in self.axes].index(name)
         return self.position[:, k], self.velocity[:, k], self.acceleration[:, k]
+
+    def between(self, k: int, times: Times) -> Series:
+        """(m,) position, velocity and acceleration of axis number ``k`` between the samples.
+
+        At an impact, which is two samples at one time, they are those after it.
+        """
+        samples = (
+            self.position[:, k : k + 1],
+            self.velocity[:, k : k + 1],
+            self.acceleration[:, k : k + 1],
+        )
+        series = np.empty((3, len(times)))
+        # In pieces: the interpolation takes ten times the memory of its result.
+        for first in range(0, len(times), _PIECE):
+            piece = slice(first, first + _PIECE)
+            left, right, s = interpolate.bracket(self.t, times[piece], "right")
+            values = interpolate.motion(self.t, samples, ((0, 0),), (), left, right, s)
+            series[:, piece] = [value[:, 0] for value in values]
+        return series[0], series[1], series[2]
+
+    def of_axes(self, axes: tuple[Axis, ...]) -> AxisMotion:
+        """The motion of some of the axes, in their order."""
+        series = zip(*(self.of(axis.name) for axis in axes), strict=True)
+        position, velocity, acceleration = (np.stack(columns, axis=1) for columns in series)
+        return AxisMotion(axes, self.t, position, velocity, acceleration)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,7 +150,7 @@ class AxisMap(ShortRepr):
         stand: the stand.
         axes: n axes, in the file's order.
         names: m driven coordinates that they move.
-        held: driven coordinates that no axis moves.
+        held: driven coordinates that nothing moves.
         q, v: (m,) places of the moved ones in q_K and v_K.
         held_q: places of the held ones in q_K.
         J: (m, n) factors.
@@ -150,9 +181,12 @@ class AxisMap(ShortRepr):
                 if name not in places:
                     text = _not_driven(name, table, places)
                     mistakes.append((("axes", axis, "moves", name), text))
+        for i, name in enumerate(stand.elsewhere):
+            if name not in table.q_K:
+                mistakes.append((("elsewhere", i), _not_driven(name, table, places)))
         stand.refuse(mistakes)
         names, J = factors({name: axis.moves for name, axis in stand.axes.items()})
-        held = [name for name in table.q_K if name not in names]
+        held = [name for name in table.q_K if name not in {*names, *stand.elsewhere}]
         return cls(
             stand,
             axes_of(stand),
@@ -189,14 +223,12 @@ class AxisMap(ShortRepr):
             if times is None:
                 raise ValueError("an input has no samples; needed: times")
             return self.motion(times, *moved.evaluate(times))
-        samples, table = (moved.q_K, moved.v_K, moved.acc_K), moved.coordinates
+        sampled = self.motion(moved.t, moved.q_K, moved.v_K, moved.acc_K)
         if times is None:
-            return self.motion(moved.t, *samples)
-        left, right, s = interpolate.bracket(moved.t, times, "right")
-        between = interpolate.motion(
-            moved.t, samples, table.scalars_K, table.quaternions_K, left, right, s
-        )
-        return self.motion(times, *between)
+            return sampled
+        columns = [sampled.between(k, times) for k in range(len(self.axes))]
+        p, v, acc = (np.stack(series, axis=1) for series in zip(*columns, strict=True))
+        return AxisMotion(self.axes, times, p, v, acc)
 
     def refuse_held(self, t: Times, q_K: Array) -> None:
         """Raises a FileError if a motion (T, n_qK) moves a coordinate that no axis moves."""
@@ -205,6 +237,12 @@ class AxisMap(ShortRepr):
     def coordinates_of(self, position: Array) -> Array:
         """(..., m) driven coordinates [m or rad] at axis positions (..., n)."""
         return self.zero + position @ self.J.T
+
+    def part(self, stand: Stand) -> AxisMap:
+        """The map of the axes of a part of the stand; their forces, not their motion, follow."""
+        names = [axis.name for axis in self.axes]
+        J = self.J[:, [names.index(axis) for axis in stand.axes]]
+        return dataclasses.replace(self, stand=stand, axes=axes_of(stand), J=J)
 
     def forces(self, effort: Array) -> Array:
         """(..., n) forces F = J^T f_K of the axes on their loads, for efforts f_K (..., n_vK)."""
@@ -218,7 +256,8 @@ class AxisMap(ShortRepr):
                 first = t[np.argmax(change > MAX_HELD)]
                 text = (
                     f"no axis moves {name}, and the motion moves it from t = {first:.4g} s on, by "
-                    f"up to {np.max(change):.4g}; hold it still, or let an axis move it"
+                    f"up to {np.max(change):.4g}; hold it still, let an axis move it, or list it "
+                    "under `elsewhere` if another stand or a hand moves it"
                 )
                 mistakes.append((("axes",), text))
         return mistakes

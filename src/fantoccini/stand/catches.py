@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, Mask
+from fantoccini.base import Array, Mask, Times
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import EventKind, Trajectory
-from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
+from fantoccini.stand.axes import Axis, AxisMap
 from fantoccini.stand.motors import Stepper
 
 MIN_IMPULSE = 1e-9
@@ -90,7 +90,13 @@ def impacts_of(bound: AxisMap, marionette: Marionette, run: Trajectory) -> Impac
 
 
 def kicks(
-    impacts: Impacts | None, axis: Axis, k: int, motion: AxisMotion, torque: Array, unknown: Mask
+    impacts: Impacts | None,
+    axis: Axis,
+    k: int,
+    t: Times,
+    velocity: Array,
+    torque: Array,
+    unknown: Mask,
 ) -> list[Kick]:
     """The catches that hit a stepper, in order; other motors have none.
 
@@ -98,18 +104,19 @@ def kicks(
         impacts: impacts of the run.
         axis: the axis.
         k: its number.
-        motion: motion of the axes, (T, n).
+        t: (T,) times [s].
+        velocity: (T,) of the axis [m/s or rad/s].
         torque: (T,) of its motor [N m].
         unknown: (T,) times at which the motion does not determine the torque; catches there are
             left out.
     """
     if impacts is None or not isinstance(axis.motor, Stepper):
         return []
-    at = np.minimum(np.searchsorted(motion.t, impacts.t), len(motion.t) - 1)
+    at = np.minimum(np.searchsorted(t, impacts.t), len(t) - 1)
     impulses = np.abs(impacts.impulse[:, k]) / axis.ratio
     hit = np.flatnonzero((impulses > MIN_IMPULSE) & (impacts.lost > 0.0) & ~unknown[at])
     samples, impulse = at[hit], impulses[hit]
-    speed = motion.velocity[samples, k] * axis.ratio
+    speed = velocity[samples] * axis.ratio
     largest = max_impulse(axis, np.abs(torque[samples]), speed, impulse**2 / impacts.lost[hit])
     margin = 100.0 * (1.0 - impulse / np.maximum(largest, impulse / MAX_IMPULSE_RATIO))
     return [

@@ -16,19 +16,20 @@ from __future__ import annotations
 import dataclasses
 import os
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
-from fantoccini.base import Array, Mask, Status
+from fantoccini.base import Array, Mask, Status, Times
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import contact_effort
 from fantoccini.dynamics.steppers import undetermined
 from fantoccini.motion import Columns, Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.catches import Impacts, Kick, impacts_of
-from fantoccini.stand.limits import Limit, limits_of, load_of
+from fantoccini.stand.limits import Limit, Load, limits_of, load_of
 from fantoccini.stand.motors import Stepper
 from fantoccini.stand.stand_file import Stand, load_stand
 from fantoccini.stand.step_loss import LostSteps, lost_steps
@@ -39,6 +40,8 @@ COARSE_SAMPLES = 0.02, 0.2
 """Time between samples [s], and change of a force between them relative to its largest value. Where
 a run exceeds both, peaks may be missed."""
 
+SAME_TIME = 1e-9
+"""Times that differ by less count as the same [s]."""
 INTERPOLATION_REACH = 3
 """Samples on either side on which an interpolated value depends."""
 MIN_SMOOTH_SAMPLES = 3
@@ -53,10 +56,7 @@ class StandCheck:
         map: the stand, bound to the run's puppet.
         run: the checked run.
         marionette: the run's puppet.
-        motion: motion of the axes.
-        force: (T, n) F = J^T f_K of the axes on their loads [N or N m].
-        torque: (T, n) of the motors, positive where it acts along growing position [N m].
-        available: (T, n) the motors' largest torque at each sample [N m].
+        times: (T,) times of the check [s].
         limits: one for every axis and quantity, in order.
         impacts: impacts of the run; None if it has none.
         kicks: catches of strings that hit an axis.
@@ -69,10 +69,7 @@ class StandCheck:
     map: AxisMap
     run: Trajectory
     marionette: Marionette
-    motion: AxisMotion
-    force: Array
-    torque: Array
-    available: Array
+    times: Times
     limits: tuple[Limit, ...]
     impacts: Impacts | None
     kicks: tuple[Kick, ...]
@@ -84,6 +81,35 @@ class StandCheck:
     def axes(self) -> tuple[Axis, ...]:
         """The axes."""
         return self.map.axes
+
+    @cached_property
+    def motion(self) -> AxisMotion:
+        """Motion of the axes."""
+        return self.map.motion_of(self.run, self.times)
+
+    @cached_property
+    def force(self) -> Array:
+        """(T, n) F = J^T f_K of the axes on their loads [N or N m]."""
+        return between(self.run.t, _forces(self.map, self.run), self.times)
+
+    @cached_property
+    def torque(self) -> Array:
+        """(T, n) of the motors, positive where it acts along growing position [N m]."""
+        return np.stack([load.torque for load in self._loads], axis=1)
+
+    @cached_property
+    def available(self) -> Array:
+        """(T, n) the motors' largest torque at each time [N m]."""
+        return np.stack([load.available for load in self._loads], axis=1)
+
+    @cached_property
+    def _loads(self) -> tuple[Load, ...]:
+        return tuple(self._load(axis, k) for k, axis in enumerate(self.axes))
+
+    def _load(self, axis: Axis, k: int) -> Load:
+        series = self.motion.of(axis.name)
+        force, unknown = self.force[:, k], self.unknown[:, k]
+        return load_of(axis, k, self.times, series, force, self.impacts, unknown)
 
     @property
     def ok(self) -> bool:
@@ -105,7 +131,7 @@ class StandCheck:
     def undetermined(self) -> dict[str, float]:
         """Axis -> first time at which the motion does not determine its force [s]."""
         return {
-            axis.name: float(self.motion.t[np.argmax(flags)])
+            axis.name: float(self.times[np.argmax(flags)])
             for axis, flags in zip(self.axes, self.unknown.T, strict=True)
             if np.any(flags)
         }
@@ -133,8 +159,8 @@ class StandCheck:
 
     def limits_with(self, k: int, axis: Axis) -> tuple[Limit, ...]:
         """The limits of axis number ``k`` with another motor or transmission, for this motion."""
-        load = load_of(axis, k, self.motion, self.force, self.impacts, self.unknown[:, k])
-        return tuple(limits_of(self.map.stand, axis, k, self.motion, load))
+        series = self.motion.of(axis.name)
+        return tuple(limits_of(self.map.stand, axis, self.times, series, self._load(axis, k)))
 
     def power(self) -> Array:
         """(T, n) power of the motors [W]."""
@@ -194,43 +220,43 @@ def check_stand(
     ):
         raise ValueError(f"the run is not one of {marionette.name}: it has other coordinates")
     bound = AxisMap.of(stand, run.coordinates)
-    bound.motion_of(run)  # raises at the run's own samples if the axes cannot make the motion
+    sampled = bound.motion_of(run)
     if run.effort is None:
         run = with_effort(run, marionette)
-    assert run.effort is not None
     times = _check_times(run)
-    motion = bound.motion_of(run, times)
-    force = between(run.t, bound.forces(run.effort.values), times)
+    forces = between(run.t, _forces(bound, run), times)
     impacts = impacts_of(bound, marionette, run)
     unknown = _unknown(bound, marionette, run, times)
-    loads = [
-        load_of(axis, k, motion, force, impacts, unknown[:, k]) for k, axis in enumerate(bound.axes)
-    ]
-    torque, available = (
-        np.stack([getattr(load, name) for load in loads], axis=1)
-        for name in ("torque", "available")
-    )
-    hits = tuple(sorted((hit for load in loads for hit in load.kicks), key=lambda hit: hit.t))
-    limits = [
-        limit
-        for k, axis in enumerate(bound.axes)
-        for limit in limits_of(stand, axis, k, motion, loads[k])
-    ]
+    limits: list[Limit] = []
+    kicks: list[Kick] = []
+    lost = {}
+    # One axis after the other: everything about all axes takes gigabytes in an hour.
+    for k, axis in enumerate(bound.axes):
+        series = sampled.between(k, times)
+        load = load_of(axis, k, times, series, forces[:, k], impacts, unknown[:, k])
+        limits += limits_of(stand, axis, times, series, load)
+        kicks += load.kicks
+        steps = _lost(axis, marionette, times, load)
+        if steps is not None:
+            lost[axis.name] = steps
     return StandCheck(
         bound,
         run,
         marionette,
-        motion,
-        force,
-        torque,
-        available,
+        times,
         tuple(limits),
         impacts,
-        hits,
-        _lost(bound, marionette, motion, np.where(unknown, 0.0, torque), available, hits),
+        tuple(sorted(kicks, key=lambda kick: kick.t)),
+        lost,
         unknown,
         _notes(run, marionette, bound, unknown),
     )
+
+
+def _forces(bound: AxisMap, run: Trajectory) -> Array:
+    """(T, n) forces of the axes on their loads at a run's samples [N or N m]."""
+    assert run.effort is not None
+    return bound.forces(run.effort.values)
 
 
 def _unknown(bound: AxisMap, marionette: Marionette, run: Trajectory, times: Array) -> Mask:
@@ -282,35 +308,28 @@ def with_effort(run: Trajectory, marionette: Marionette) -> Trajectory:
     return dataclasses.replace(run, effort=columns)
 
 
-def _check_times(run: Trajectory) -> Array:
-    """Times at which a run is checked: its own samples and evenly spaced ones."""
+def _check_times(run: Trajectory) -> Times:
+    """Times at which a run is checked: its own samples, and evenly spaced ones between them."""
     n = max(2, round(run.duration * CHECK_RATE) + 1)
-    return np.union1d(run.t, np.linspace(run.t[0], run.t[-1], n))
+    even = np.linspace(run.t[0], run.t[-1], n)
+    right = np.clip(np.searchsorted(run.t, even), 1, len(run.t) - 1)
+    distance = np.minimum(np.abs(run.t[right] - even), np.abs(even - run.t[right - 1]))
+    return np.union1d(run.t, even[distance > SAME_TIME])
 
 
-def _lost(
-    bound: AxisMap,
-    marionette: Marionette,
-    motion: AxisMotion,
-    torque: Array,
-    available: Array,
-    hits: tuple[Kick, ...],
-) -> dict[str, LostSteps]:
-    lost_of_axes = {}
-    for k, axis in enumerate(bound.axes):
-        if isinstance(axis.motor, Stepper):
-            puppet_inertia = marionette.mass / axis.ratio**2
-            lost = lost_steps(
-                axis.motor.steps,
-                motion.t,
-                np.abs(torque[:, k]),
-                available[:, k],
-                axis.inertia + puppet_inertia,
-                [hit.t for hit in hits if hit.axis == axis.name and hit.margin < 0.0],
-            )
-            if lost is not None:
-                lost_of_axes[axis.name] = lost
-    return lost_of_axes
+def _lost(axis: Axis, marionette: Marionette, times: Times, load: Load) -> LostSteps | None:
+    """Steps that the motor of an axis loses; None if it is no stepper, or its torque suffices."""
+    if not isinstance(axis.motor, Stepper):
+        return None
+    puppet_inertia = marionette.mass / axis.ratio**2
+    return lost_steps(
+        axis.motor.steps,
+        times,
+        np.where(load.known, np.abs(load.torque), 0.0),
+        load.available,
+        axis.inertia + puppet_inertia,
+        [hit.t for hit in load.kicks if hit.margin < 0.0],
+    )
 
 
 def _notes(

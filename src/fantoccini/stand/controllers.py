@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
@@ -12,6 +13,8 @@ MAX_FRAME_RATE = 44.0
 """Largest frame rate of DMX [1/s]."""
 MAX_NAME_LENGTH = 128
 """Largest length of a controller's name of an axis [characters]."""
+LETTERS = {"grbl": "XYZABC", "fluidnc": "XYZABC", "marlin": "XYZABCUVW"}
+"""Kind of controller -> letters of the axes that it has."""
 
 
 def _axis_name(value: Any) -> Any:
@@ -174,7 +177,60 @@ class ArtNet(ControllerBase):
     """Bits per axis: 0 is the lower end of its travel, the largest number the upper end."""
 
 
+Axes = Annotated[tuple[Name, ...], Field(min_length=1)]
+
+
+class GrblPart(Grbl):
+    """A GRBL or FluidNC that moves a part of a stand's axes."""
+
+    axes: Axes
+    """Its axes, in its order."""
+
+
+class MarlinPart(Marlin):
+    """A Marlin that moves a part of a stand's axes."""
+
+    axes: Axes
+    """Its axes, in its order."""
+
+
+ControllerPart = Annotated[GrblPart | MarlinPart, Field(discriminator="type")]
+"""One of several controllers of a stand; all take G-code."""
 Controller = Annotated[
     Grbl | Klipper | Marlin | Sampled | ODrive | Dynamixel | Ros2 | Osc | ArtNet,
     Field(discriminator="type"),
 ]
+
+
+def axis_letters(
+    controller: ControllerBase, kind: str, axes: Sequence[str]
+) -> tuple[str, dict[str, str]]:
+    """Letters of a controller's axes in order, and axis -> mistake in its name.
+
+    Args:
+        controller: the controller.
+        kind: its kind, one of :data:`LETTERS`.
+        axes: names of its axes, not more than it has letters.
+    """
+    allowed, names, used = LETTERS[kind], controller.names, list[str]()
+    free = [letter for letter in allowed if letter not in names.values()]
+    mistakes = {}
+    for axis in axes:
+        name = str(names[axis]) if axis in names else free.pop(0)
+        if name not in allowed or name in used:
+            mistakes[axis] = (
+                f"found {name!r}; needed: a letter of {allowed}, a different one for each axis"
+            )
+        used.append(name)
+    return "".join(used), mistakes
+
+
+def too_many(kind: str, n_axes: int) -> str:
+    """Reason why a kind of controller cannot move this number of axes; "" if it can."""
+    most = len(LETTERS[kind]) if kind in LETTERS else n_axes
+    if n_axes <= most:
+        return ""
+    return (
+        f"{kind} moves up to {most} axes, found {n_axes}; needed: several `controllers`, each with "
+        "some of the `axes`, or klipper"
+    )

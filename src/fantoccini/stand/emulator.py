@@ -19,7 +19,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -273,6 +273,22 @@ class GrblMachine:
         self.executed.append(block)
 
 
+def start_waits(machines: Sequence[GrblMachine]) -> list[float]:
+    """Times for which machines that start together wait after their first dwells [s]."""
+    begins = [machine.starts[0] if machine.starts else 0.0 for machine in machines]
+    return [max(begins) - begin for begin in begins]
+
+
+def positions_together(machines: Sequence[GrblMachine], times: Times) -> Array:
+    """(T, n) positions of the motors of machines that start together, in their order [units]."""
+    series = []
+    for machine, wait in zip(machines, start_waits(machines), strict=True):
+        begin = machine.starts[0] if machine.starts else 0.0
+        own = np.where(times < begin + wait, np.minimum(times, begin), times - wait)
+        series.append(machine.positions(own))
+    return np.concatenate(series, axis=1)
+
+
 class Emulator:
     """An emulated controller at the other end of a pseudo-terminal; runs in its own thread.
 
@@ -318,10 +334,12 @@ class Emulator:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._stop.set()
+        self.unplug()
         self._thread.join()
-        os.close(self._slave)
-        os.close(self._master)
+
+    def unplug(self) -> None:
+        """Ends the connection soon, as a pulled plug does."""
+        self._stop.set()
 
     def wait_until_read(self) -> None:
         """Waits until all its answers have been read, at most five seconds."""
@@ -341,6 +359,8 @@ class Emulator:
                     self._receive(bytes([character]))
             if self._ready:
                 self._answer_line()
+        os.close(self._slave)
+        os.close(self._master)
 
     @property
     def _ready(self) -> bool:

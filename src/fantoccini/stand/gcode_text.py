@@ -14,13 +14,11 @@ import numpy as np
 
 from fantoccini.base import Array, StandError
 from fantoccini.stand.axes import Axis, axes_of
-from fantoccini.stand.controllers import Grbl, Klipper, Marlin
+from fantoccini.stand.controllers import Grbl, Klipper, Marlin, axis_letters
 from fantoccini.stand.points import GENTLE, SetPoints
 from fantoccini.stand.stand_file import Stand
 from fantoccini.stand.timed_moves import Limits, TimedMoves, timed_moves
 
-LETTERS = {"grbl": "XYZABC", "fluidnc": "XYZABC", "marlin": "XYZABCUVW"}
-"""Letters of the axes that a controller has."""
 RAMP_RESERVE = 3.0
 """The controller's acceleration over that of the axes: its ramps between set points are then short.
 """
@@ -68,38 +66,11 @@ def units(axes: tuple[Axis, ...]) -> Array:
     return np.array([1000.0 if axis.unit == "m" else np.degrees(1.0) for axis in axes])
 
 
-def letters(stand: Stand, controller: Any) -> str:
-    """Letters of a stand's axes, in order.
-
-    Raises:
-        StandError: the controller has too few axes.
-        FileError: a name in the file is not a free letter of the controller.
-    """
-    allowed, axes = LETTERS[controller.type], tuple(stand.axes)
-    if len(axes) > len(allowed):
-        raise StandError(
-            f"{controller.type} moves up to {len(allowed)} axes, the stand has {len(axes)}; "
-            "needed: several controllers, or klipper"
-        )
-    names = controller.names
-    free = [letter for letter in allowed if letter not in names.values()]
-    used, mistakes = [], []
-    for axis in axes:
-        name = str(names[axis]) if axis in names else free.pop(0)
-        if name not in allowed or name in used:
-            text = f"found {name!r}; needed: a letter of {allowed}, a different one for each axis"
-            mistakes.append((("controller", "names", axis), text))
-        used.append(name)
-    stand.refuse([*mistakes])
-    return "".join(used)
-
-
 def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
     """Settings that a controller needs for a stand and a rate of set points.
 
     Raises:
-        StandError, FileError: see :func:`letters`; the controller is not GRBL, FluidNC or
-            Marlin.
+        StandError: the controller is not GRBL, FluidNC or Marlin.
     """
     if not isinstance(controller, Grbl | Marlin):
         raise StandError(f"{controller.type} is not grbl, fluidnc or marlin; give --controller")
@@ -113,10 +84,30 @@ def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
         acceleration,
         max(MIN_JUNCTION_DEVIATION, junction),
         controller.planner,
-        letters(stand, controller),
+        axis_letters(controller, controller.type, tuple(stand.axes))[0],
         tuple(axis.direction < 0 for axis in axes),
         controller.buffer if isinstance(controller, Grbl) else 128,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """G-code of a controller, with the times of its moves.
+
+    Attributes:
+        text: the lines.
+        first: number of the first line of the motion, from 1.
+        begin: (m,) times in the set points at which the lines from there on begin [s].
+    """
+
+    text: str
+    first: int
+    begin: Array
+
+    def time_of(self, line: int) -> float:
+        """Time in the set points at which a line begins [s]; 0 before the motion."""
+        k = min(line - self.first, len(self.begin) - 1)
+        return float(self.begin[k]) if k >= 0 else 0.0
 
 
 def gcode(points: SetPoints, inverse: bool = True) -> str:
@@ -131,6 +122,11 @@ def gcode(points: SetPoints, inverse: bool = True) -> str:
     """
     if isinstance(points.controller, Klipper):
         return _klipper(points)
+    return program(points, inverse).text
+
+
+def program(points: SetPoints, inverse: bool = True) -> Program:
+    """:func:`gcode` for GRBL, FluidNC and Marlin, with the times of its moves."""
     if not isinstance(points.controller, Grbl | Marlin):
         raise StandError(
             f"{points.controller.type} takes no G-code; needed: another ending, or --controller "
@@ -142,7 +138,10 @@ def gcode(points: SetPoints, inverse: bool = True) -> str:
     text = GcodeWriter(points, settings, inverse and not marlin, marlin)
     lines = [*_header(points, settings, marlin), *text.before(), *text.timed(moves), *text.after()]
     _check_port_speed(points, moves, lines)
-    return "\n".join([*lines, ""])
+    begin = moves.begin
+    if points.resumed is not None:
+        begin = np.interp(begin, points.motion.t, points.resumed)
+    return Program("\n".join([*lines, ""]), lines.index("; motion") + 2, begin)
 
 
 def gentle_feed(points: SetPoints) -> float:
@@ -164,7 +163,10 @@ class GcodeWriter:
         """Lines before the motion: units, homing, slack, and the move to the start."""
         points, names = self.points, self.settings.letters
         lines = ["G21", "G90", "G94"]
-        if points.home:
+        if points.resumed is not None:
+            words = self._words(self._whole_steps(points.motion.position[0] * self.scale))
+            lines.append(f"G1{words}F{gentle_feed(points):g}")
+        elif points.home:
             home = self._words(self._whole_steps(points.at_home() * self.scale))
             lines += ["G28" if self.marlin else "$H", self._set_position(home)]
         else:

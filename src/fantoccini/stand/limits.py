@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, Mask
-from fantoccini.stand.axes import Axis, AxisMotion
+from fantoccini.base import Array, Mask, Times
+from fantoccini.stand.axes import Axis, Series
 from fantoccini.stand.catches import Impacts, Kick, kicks
 from fantoccini.stand.motors import Stepper
 from fantoccini.stand.stand_file import Stand
@@ -85,18 +85,35 @@ class Load:
 
 
 def load_of(
-    axis: Axis, k: int, motion: AxisMotion, force: Array, impacts: Impacts | None, unknown: Mask
+    axis: Axis,
+    k: int,
+    t: Times,
+    series: Series,
+    force: Array,
+    impacts: Impacts | None,
+    unknown: Mask,
 ) -> Load:
-    """The load of axis number ``k``; the arguments are attributes of a check."""
-    torque = torque_of(axis, motion, force, k)
-    available = axis.motor.largest(axis.ratio * motion.velocity[:, k], torque)
-    return Load(torque, available, ~unknown, kicks(impacts, axis, k, motion, torque, unknown))
+    """The load of an axis.
+
+    Args:
+        axis: the axis.
+        k: its number.
+        t: (T,) times [s].
+        series: its position, velocity and acceleration.
+        force: (T,) on its load [N or N m].
+        impacts: impacts of the run.
+        unknown: (T,) times at which the motion does not determine the force.
+    """
+    torque = torque_of(axis, series, force)
+    available = axis.motor.largest(axis.ratio * series[1], torque)
+    hits = kicks(impacts, axis, k, t, series[1], torque, unknown)
+    return Load(torque, available, ~unknown, hits)
 
 
-def limits_of(stand: Stand, axis: Axis, k: int, motion: AxisMotion, load: Load) -> list[Limit]:
-    """The limits of one axis."""
-    p, v, acc = motion.position[:, k], motion.velocity[:, k], motion.acceleration[:, k]
-    t, unit, file = motion.t, axis.unit, axis.file
+def limits_of(stand: Stand, axis: Axis, t: Times, series: Series, load: Load) -> list[Limit]:
+    """The limits of one axis; arguments as for :func:`load_of`."""
+    p, v, acc = series
+    unit, file = axis.unit, axis.file
     low, high = axis.travel
     to_end = np.minimum(p - low, high - p)
     nearest = int(np.argmin(to_end))
@@ -118,8 +135,7 @@ def limits_of(stand: Stand, axis: Axis, k: int, motion: AxisMotion, load: Load) 
         ("speed", f"{unit}/s", np.abs(v), np.full(len(t), file.speed)),
         ("acceleration", f"{unit}/s^2", np.abs(acc), np.full(len(t), file.acceleration)),
     ]
-    controller = stand.controller
-    pulses = getattr(controller, "step_rate", None)
+    pulses = getattr(stand.controller_of(axis.name), "step_rate", None)
     if isinstance(axis.motor, Stepper) and pulses is not None:
         rate = np.abs(v) * axis.counts
         rates.append(("step rate", "steps/s", rate, np.full(len(t), pulses)))
@@ -167,10 +183,10 @@ def _first_time(t: Array, broken: Mask) -> float | None:
     return float(t[np.argmax(broken)]) if np.any(broken) else None
 
 
-def torque_of(axis: Axis, motion: AxisMotion, force: Array, k: int) -> Array:
-    """(T,) motor torque of axis number ``k`` for forces (T, n) of all axes [N m]."""
-    n, v, acc = axis.ratio, motion.velocity[:, k], motion.acceleration[:, k]
-    load = force[:, k] / n
+def torque_of(axis: Axis, series: Series, force: Array) -> Array:
+    """(T,) torque of an axis' motor for the force (T,) on its load [N m]."""
+    n, (_, v, acc) = axis.ratio, series
+    load = force / n
     direction = np.sign(load * v)  # 1 where the motor drives its load
     gain = axis.file.efficiency**-direction
     torque = load * gain + axis.inertia * n * acc

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from dataclasses import dataclass
 from typing import Any
@@ -9,12 +10,21 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from fantoccini.base import Array, FileError, Indices, Mistake, StandError, nearest, polynomial
+from fantoccini.base import (
+    Array,
+    FileError,
+    Indices,
+    Mistake,
+    StandError,
+    Times,
+    nearest,
+    polynomial,
+)
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.check import check_stand
-from fantoccini.stand.controllers import Controller
+from fantoccini.stand.controllers import Controller, too_many
 from fantoccini.stand.motors import Drum
 from fantoccini.stand.stand_file import Stand, load_stand
 
@@ -22,6 +32,9 @@ GCODE_RATE = 50.0
 """Set points per second of G-code."""
 GENTLE = 0.2
 """Speed of moves to the start and to the parking position, over an axis' largest speed."""
+RAMP_TIME_FACTOR = 2.0
+"""Duration of a change between rest and motion along the path, over the time that the axes need for
+their largest speed."""
 PULL_OFF_DISTANCE = 0.002
 """Distance from the switch after homing and when parked [m or rad]."""
 TYPES = (
@@ -46,33 +59,73 @@ class SetPoints:
 
     Attributes:
         map: the stand, bound to the puppet.
-        controller: the controller that takes them.
         rate: points per second; the last interval may be shorter.
         motion: positions, velocities and accelerations at times from 0 on.
         home: whether the controller homes the axes first.
         slack: length that drums let out and wind in again before the start [m].
         park: whether the axes go home at the end.
+        resumed: (T,) times in the whole motion, of one that was stopped and goes on: the controller
+            knows the positions of its axes, and moves them slowly to the first point.
     """
 
     map: AxisMap
-    controller: Any
     rate: float
     motion: AxisMotion
     home: bool = False
     slack: float = 0.0
     park: bool = False
+    resumed: Times | None = None
 
     def __len__(self) -> int:
         return len(self.motion)
 
     def __repr__(self) -> str:
-        name, kind = self.map.stand.name, self.controller.type
-        return f"<SetPoints: {len(self)} of {len(self.axes)} axes of {name}, for {kind}>"
+        kinds = ", ".join(part.controller.type for part in self.parts.values())
+        return (
+            f"<SetPoints: {len(self)} of {len(self.axes)} axes of {self.map.stand.name}, for "
+            f"{kinds}>"
+        )
+
+    @property
+    def controller(self) -> Any:
+        """The controller that takes them.
+
+        Raises:
+            StandError: the stand has several; each takes one of the ``parts``.
+        """
+        if self.map.stand.controllers:
+            names = ", ".join(self.map.stand.controllers)
+            raise StandError(
+                f"{self.map.stand.name} has several controllers ({names}); needed: the set points "
+                "of one of them, `points.parts[NAME]`"
+            )
+        return self.map.stand.controller
+
+    @property
+    def parts(self) -> dict[str, SetPoints]:
+        """Name of a controller -> its set points; {"": self} with one controller."""
+        if not self.map.stand.controllers:
+            return {"": self}
+        maps = {name: self.map.part(stand) for name, stand in self.map.stand.parts.items()}
+        return {
+            name: dataclasses.replace(self, map=bound, motion=self.motion.of_axes(bound.axes))
+            for name, bound in maps.items()
+        }
 
     @property
     def axes(self) -> tuple[Axis, ...]:
         """The axes."""
         return self.map.axes
+
+    @property
+    def ramp_time(self) -> float:
+        """Duration of a change between rest and motion along the path [s].
+
+        The axes then need at most half more than their largest acceleration.
+        """
+        return RAMP_TIME_FACTOR * max(
+            (axis.file.speed or 0.0) / (axis.file.acceleration or np.inf) for axis in self.axes
+        )
 
     @property
     def counts(self) -> Indices:
@@ -178,8 +231,8 @@ def set_points(
     """
     if not isinstance(stand, Stand):
         stand = load_stand(stand)
-    chosen = controller_of(stand, controller)
-    rate = getattr(chosen, "rate", GCODE_RATE) if rate is None else rate
+    chosen = controlled(stand, controller)
+    rate = getattr(chosen.controller, "rate", GCODE_RATE) if rate is None else rate
     if not 1.0 <= rate <= 10_000.0:
         raise ValueError(f"rate: found {rate:g}; needed: 1 to 10000 set points per second")
     if not 0.0 <= slack <= 1.0:
@@ -192,10 +245,10 @@ def set_points(
     t = np.arange(n + 1) / rate
     if run.duration - t[-1] > 1e-6:
         t = np.append(t, run.duration)
-    bound = AxisMap.of(stand, run.coordinates)
+    bound = AxisMap.of(chosen, run.coordinates)
     moved = bound.motion_of(run, run.t[0] + t)
     motion = AxisMotion(moved.axes, t, moved.position, moved.velocity, moved.acceleration)
-    points = SetPoints(bound, chosen, rate, motion, home, slack, park)
+    points = SetPoints(bound, rate, motion, home, slack, park)
     _check_sequences(stand, points)
     return points
 
@@ -216,26 +269,32 @@ def _check_sequences(stand: Stand, points: SetPoints) -> None:
                 )
 
 
-def controller_of(stand: Stand, kind: str | None = None) -> Any:
-    """The controller of a stand, or one of another kind with its default values.
+def controlled(stand: Stand, kind: str | None = None) -> Stand:
+    """The stand with its own controllers, or with one of another kind with its default values.
 
     Raises:
         FileError: the stand has no controller, or there is no such kind.
+        StandError: that kind moves fewer axes.
     """
-    controller = stand.controller
-    if kind is None or (controller is not None and controller.type == kind):
-        if controller is None:
-            text = "this key is missing: it names the controller; or give --controller"
-            stand.refuse([(("controller",), text)])
-        return controller
+    own = [part.controller for part in stand.parts.values()]
+    if kind is None and own == [None]:
+        text = "this key is missing: it names the controller; or give --controller"
+        stand.refuse([(("controller",), text)])
+    if kind is None or all(
+        controller is not None and controller.type == kind for controller in own
+    ):
+        return stand
     if kind not in TYPES:
         text = f"found {kind!r}{nearest(kind, TYPES)}"
         raise FileError([Mistake("--controller", None, "", text)])
+    if reason := too_many(kind, len(stand.axes)):
+        raise StandError(reason)
     adapter: TypeAdapter[Any] = TypeAdapter(Controller)
     try:
-        return adapter.validate_python({"type": kind})
+        controller = adapter.validate_python({"type": kind})
     except ValidationError as error:  # pragma: no cover - defaults are valid
         raise AssertionError(kind) from error
+    return stand.model_copy(update={"controller": controller, "controllers": {}})
 
 
 def _unwinding_direction(axis: Axis) -> float:

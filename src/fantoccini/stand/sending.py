@@ -32,8 +32,6 @@ REPEATED = 0.25
 """Time for which the first position is repeated before the motion, and the last after it [s]."""
 LATEST = 0.1
 """Largest delay of a packet [s]; after a longer pause the axes would jump."""
-HOLD_TIME_FACTOR = 2.0
-"""Duration of a hold's slowing down over the time that the axes need from their largest speed."""
 
 Send = Callable[[bytes], object]
 """Function that sends a packet."""
@@ -125,9 +123,7 @@ class Sender:
         self.path = CubicHermiteSpline(motion.t, motion.position, motion.velocity)
         self.end = float(motion.t[-1])
         self.interval = 1.0 / points.rate
-        self.stop_time = HOLD_TIME_FACTOR * max(
-            (a.file.speed or 0.0) / (a.file.acceleration or np.inf) for a in points.axes
-        )
+        self.stop_time = points.ramp_time
         self.send, self.counts, self.latest = send, counts, latest
         self.due, self.epoch = time.monotonic(), _monotonic_epoch()
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -40,7 +41,14 @@ from fantoccini.base.documents import (
 )
 from fantoccini.model.puppet import QUANTITIES, named_file
 from fantoccini.stand.axis_rank import undetermined
-from fantoccini.stand.controllers import Controller
+from fantoccini.stand.controllers import (
+    LETTERS,
+    Controller,
+    ControllerBase,
+    ControllerPart,
+    axis_letters,
+    too_many,
+)
 from fantoccini.stand.motors import AxisFriction, Efficiency, Motor, Transmission
 
 STANDS = Path(__file__).parent / "stands"
@@ -151,8 +159,12 @@ class Stand(Document):
     """Name -> axis, in the controller's order."""
     zero: dict[Coordinate, Angle] = Field(default_factory=dict)
     """Driven coordinate -> its value where all axes are at 0; 0 by default."""
+    elsewhere: tuple[Coordinate, ...] = ()
+    """Driven coordinates that something else moves: another stand, or a hand."""
     controller: Controller | None = None
     """The controller that takes the set points."""
+    controllers: dict[Name, ControllerPart] = Field(default_factory=dict)
+    """Name -> controller, each for some of the axes, in place of `controller`."""
 
     @field_validator("axes")
     @classmethod
@@ -178,15 +190,19 @@ class Stand(Document):
 
     @model_validator(mode="after")
     def _known(self) -> Stand:
-        """Raises for unknown coordinates in `zero` and unknown axes in `names`."""
+        """Raises for unknown names, and for controllers that do not fit the axes."""
         coordinates = {coordinate for axis in self.axes.values() for coordinate in axis.moves}
-        names = {} if self.controller is None else self.controller.names
-        refuse(
-            [
-                *unknown_names(self.zero, coordinates, "no axis moves {}", ("zero",)),
-                *unknown_names(names, self.axes, "there is no axis {}", ("controller", "names")),
-            ]
-        )
+        mistakes = [*unknown_names(self.zero, coordinates, "no axis moves {}", ("zero",))]
+        for i, name in enumerate(self.elsewhere):
+            if name in coordinates:
+                text = f"an axis of this stand moves {shown(name)}"
+                mistakes.append((("elsewhere", i), text))
+        refuse([*mistakes, *_shared_out(self)])
+        if self.controller is not None:
+            mistakes += _misfits(self.controller, tuple(self.axes), ("controller",))
+        for name, part in self.controllers.items():
+            mistakes += _misfits(part, part.axes, ("controllers", name))
+        refuse(mistakes)
         return self
 
     def __hash__(self) -> int:
@@ -211,6 +227,25 @@ class Stand(Document):
         """
         return None if self.puppet is None else named_file(self.puppet, self.located)
 
+    @property
+    def parts(self) -> dict[str, Stand]:
+        """Name of a controller -> the stand with only its axes; {"": self} with one controller."""
+        return {
+            name: self.model_copy(
+                update={
+                    "axes": {axis: self.axes[axis] for axis in part.axes},
+                    "controller": part,
+                    "controllers": {},
+                }
+            )
+            for name, part in self.controllers.items()
+        } or {"": self}
+
+    def controller_of(self, axis: str) -> ControllerBase | None:
+        """The controller that moves an axis; None if the file names none."""
+        parts = self.controllers.values()
+        return next((part for part in parts if axis in part.axes), self.controller)
+
 
 def _like(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -> AxisFile:
     """An axis completed by the keys of its `like`; mistakes are appended to the list."""
@@ -231,6 +266,46 @@ def _like(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -> A
         inherited = {key: getattr(other, key) for key in keys} | inherited
     written = axis.model_fields_set
     return axis.model_copy(update={k: v for k, v in inherited.items() if k not in written})
+
+
+def _shared_out(stand: Stand) -> Iterator[Finding]:
+    """Mistakes in which axes are shared out among several controllers."""
+    if not stand.controllers:
+        return
+    if stand.controller is not None:
+        text = "found `controller` and `controllers`; allowed: one of them"
+        yield ("controllers",), text
+    owners = Counter(axis for part in stand.controllers.values() for axis in part.axes)
+    ports = Counter(part.port for part in stand.controllers.values() if part.port is not None)
+    for name, part in stand.controllers.items():
+        at = ("controllers", name)
+        for i, axis in enumerate(part.axes):
+            if axis not in stand.axes:
+                text = f"there is no axis {shown(axis)}{nearest(axis, stand.axes)}"
+                yield (*at, "axes", i), text
+            elif owners[axis] > 1:
+                yield (*at, "axes", i), f"found {axis!r} twice; needed: one controller for it"
+        if ports[part.port] > 1:
+            text = f"found {part.port!r} twice; needed: a port of its own"
+            yield (*at, "port"), text
+    for axis in stand.axes:
+        if not owners[axis]:
+            text = f"no controller has the axis {axis!r}; needed: each axis in the `axes` of one"
+            yield ("controllers",), text
+
+
+def _misfits(
+    controller: ControllerBase, axes: tuple[str, ...], at: tuple[str, ...]
+) -> list[Finding]:
+    """Mistakes of a controller with respect to its axes: too many, or with wrong names."""
+    mistakes = [*unknown_names(controller.names, axes, "there is no axis {}", (*at, "names"))]
+    kind: str = getattr(controller, "type", "")
+    if reason := too_many(kind, len(axes)):
+        mistakes.append((at, reason))
+    if kind not in LETTERS or mistakes:
+        return mistakes
+    _, wrong = axis_letters(controller, kind, axes)
+    return [((*at, "names", axis), text) for axis, text in wrong.items()]
 
 
 def stand_names() -> tuple[str, ...]:

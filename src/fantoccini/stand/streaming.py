@@ -1,4 +1,8 @@
-"""Streaming of G-code to a controller, with no more unanswered characters than its buffer holds."""
+"""Streaming of G-code to controllers, with no more unanswered characters than their buffers hold.
+
+Several controllers begin their motions together, when all have made the moves before them. Their
+clocks then run by themselves.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -18,8 +22,6 @@ SILENCE = 30.0
 """Time without an answer after which a stream gives up [s]; dwells and homing take long."""
 STOPPED = "stopped here"
 """Reason of a stream that was held and not resumed."""
-RETURN_FEED = 600.0
-"""Feed of the move to where a stream resumes [mm/min]."""
 ERRORS = {
     1: "a word does not begin with a letter",
     2: "a number is missing or wrong",
@@ -37,7 +39,10 @@ ERRORS = {
 
 _COMMENT = re.compile(r"\([^)]*\)|;.*")
 _ERROR = re.compile(r"(error|alarm):\s*(\d+)?", re.IGNORECASE)
-_WORD = re.compile(r"([A-Z])(-?[\d.]+)")
+_RESTART = re.compile(r"grbl\w* |\[MSG:INFO: FluidNC|marlin |start$|rst:0x|ets ", re.IGNORECASE)
+"""First words of GRBL, FluidNC, Marlin and the loader of an ESP32 after a reset."""
+POLL_INTERVAL = 1e-3
+"""Interval at which silent controllers are checked for answers [s]."""
 HOLD_TIME = 0.5
 """Time within which a feed hold comes to rest [s]."""
 GREETING_TIME = 2.0
@@ -45,13 +50,17 @@ GREETING_TIME = 2.0
 
 
 class Port(Protocol):
-    """The methods of a serial port that a stream uses."""
+    """The methods of a serial port that a stream uses; they raise an OSError when it is lost."""
 
     def write(self, data: bytes) -> Any:
         """Sends data."""
 
-    def readline(self) -> bytes:
-        """The next line, or the part of it that arrived within a short timeout."""
+    @property
+    def in_waiting(self) -> int:
+        """Number of characters that have arrived."""
+
+    def read(self, size: int) -> bytes:
+        """The next characters."""
 
 
 @dataclass(frozen=True)
@@ -93,53 +102,128 @@ def lines_of(text: str) -> list[Line]:
     return lines
 
 
-def first_lost(text: str, last: int, planner: int) -> int:
-    """Number of the first line that a reset may have lost, if ``last`` was acknowledged last.
-
-    Acknowledged moves wait in the controller's planner; only a dwell guarantees that all were made.
-    """
-    taken = [line for line in lines_of(text) if line.number <= last]
-    first = last
-    for line in reversed(taken[-planner:]):
-        if not line.text.startswith(("G1", "X")):
-            break
-        first = line.number
-    return first
-
-
-def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
-    """The lines from number ``first`` on, after lines that restore the controller's state.
-
-    The controller must still know its axes' positions. The modes are set again, and the axes go
-    slowly to the end of the previous line. Homing and set positions are not repeated.
+class Channel:
+    """A controller, and the lines for it.
 
     Args:
-        text: text of the file.
-        first: number of the first line to send.
-        feed: feed of the move to the end of the previous line [mm/min].
+        port: port of the controller.
+        lines: the lines.
+        buffer: size of the controller's buffer, of which one stays free [characters].
+        counting: whether to fill the buffer by counting characters; otherwise every line waits for
+            the ``ok`` of the previous one.
+        name: name of the controller among several.
+        start: number of the first line that waits until all controllers are ready; none by default.
+
+    Attributes:
+        counts: lines sent and acknowledged.
+        heard: time of the last answer, or of the last line after a pause [s].
 
     Raises:
-        StandError: there is no such line.
+        StreamError: a line is longer than the buffer.
     """
-    lines = lines_of(text)
-    rest = [line for line in lines if line.number >= first]
-    if not rest:
-        raise StandError(f"there is no line {first} to go on from; the last is {lines[-1].number}")
-    positions: dict[str, str] = {}
-    mode = "G94"
-    for line in lines:
-        if line.number >= first:
-            break
-        if line.text in ("G93", "G94"):
-            mode = line.text
-        for letter, value in _WORD.findall(line.text) if _sets_position(line.text) else ():
-            if letter in "XYZABCUVW":
-                positions[letter] = value
-    words = "".join(letter + value for letter, value in positions.items())
-    preamble = ["G21", "G90", "G94"]
-    if words:
-        preamble += [f"G1{words}F{feed:g}", "G4P0.1"]
-    return [*(Line(first, text) for text in [*preamble, mode]), *rest]
+
+    def __init__(
+        self,
+        port: Port,
+        lines: Sequence[Line],
+        buffer: int = 128,
+        counting: bool = True,
+        *,
+        name: str = "",
+        start: int | None = None,
+        counts: Streamed | None = None,
+    ):
+        self.port, self.name, self.counts = port, name, counts or Streamed()
+        self.n_lines, self.heard = len(lines), time.monotonic()
+        self._counting, self._start, self._capacity = counting, start, buffer - 1
+        self._unsent, self._unanswered = deque(lines), deque[Line]()
+        self._received = b""
+        for line in lines:
+            if len(line.text) + 1 > self._capacity:
+                text = f"longer than the buffer of {buffer}"
+                raise StreamError(line.number, line.text, text, name)
+
+    @property
+    def ended(self) -> bool:
+        """Whether all lines are acknowledged."""
+        return not self._unsent and not self._unanswered
+
+    @property
+    def waits(self) -> bool:
+        """Whether only lines that wait for the other controllers are left."""
+        if self._start is None or self._unanswered:
+            return False
+        return bool(self._unsent) and self._unsent[0].number >= self._start
+
+    def send(self, started: bool) -> bool:
+        """Sends the next line if the buffer takes it; returns whether it did."""
+        if not self._unsent or (self._unanswered and not self._counting):
+            return False
+        line = self._unsent[0]
+        if not started and self._start is not None and line.number >= self._start:
+            return False
+        n_unanswered = sum(len(line.text) + 1 for line in self._unanswered) + len(line.text) + 1
+        if n_unanswered > self._capacity:
+            return False
+        if not self._unanswered:
+            self.heard = time.monotonic()
+        self.write(line.text.encode("ascii", "replace") + b"\n")
+        self._unanswered.append(self._unsent.popleft())
+        self.counts.sent += 1
+        self.counts.most = max(self.counts.most, n_unanswered)
+        return True
+
+    def hear(self) -> bool:
+        """Reads the answers that have arrived; returns whether there were any.
+
+        Raises:
+            StreamError: the controller refused a line or restarted, or the connection is lost.
+        """
+        try:
+            self._received += self.port.read(self.port.in_waiting)
+        except OSError as error:
+            raise self.lost(error) from None
+        *answers, self._received = self._received.split(b"\n")
+        for answer in answers:
+            self._understand(answer.decode("ascii", "replace").strip())
+        return bool(answers)
+
+    def write(self, data: bytes) -> None:
+        """Sends data.
+
+        Raises:
+            StreamError: the connection is lost.
+        """
+        try:
+            self.port.write(data)
+        except OSError as error:
+            raise self.lost(error) from None
+
+    def check_silence(self, silence: float) -> None:
+        """Raises a StreamError if an answer is missing for longer than ``silence`` [s]."""
+        if self._unanswered and time.monotonic() - self.heard > silence:
+            raise self.error(f"no answer in {silence:g} s")
+
+    def error(self, reason: str) -> StreamError:
+        """An error at the first line that is not acknowledged."""
+        line = (self._unanswered or self._unsent or [Line(self.counts.last, "")])[0]
+        return StreamError(line.number, line.text, reason, self.name)
+
+    def lost(self, error: OSError) -> StreamError:
+        """The error of a lost connection."""
+        return self.error(f"the connection is lost: {error.strerror or error}")
+
+    def _understand(self, answer: str) -> None:
+        if answer:
+            self.heard = time.monotonic()
+        error = _ERROR.match(answer)
+        if error:
+            raise self.error(_reason(answer, error))
+        if _RESTART.match(answer):
+            raise self.error(f"the controller restarted and dropped its lines ({answer})")
+        if self._unanswered and (answer.lower() == "ok" or answer.lower().startswith("ok ")):
+            line = self._unanswered.popleft()
+            self.counts.done, self.counts.last = self.counts.done + 1, line.number
 
 
 def stream(
@@ -157,64 +241,85 @@ def stream(
     """Sends lines, and returns when the controller has acknowledged them all.
 
     Args:
-        port: port of the controller.
-        lines: the lines.
-        buffer: size of the controller's buffer, of which one stays free [characters].
-        counting: whether to fill the buffer by counting characters; otherwise every line waits for
-            the ``ok`` of the previous one.
+        port, lines, buffer, counting: see :class:`Channel`.
+        progress, silence, hold: see :func:`stream_together`.
+        counts: object that is updated, so that it is available after an exception.
+        go_on: callback that decides, during a hold, whether to go on.
+
+    Raises:
+        StreamError: the controller refused a line, restarted or does not answer, the connection is
+            lost, or it was held and reset.
+    """
+    channel = Channel(port, lines, buffer, counting, counts=counts)
+    ask = None if go_on is None else lambda: go_on(channel.counts)
+    stream_together([channel], progress=progress, silence=silence, hold=hold, go_on=ask)
+    return channel.counts
+
+
+def stream_together(
+    channels: Sequence[Channel],
+    *,
+    progress: OnProgress | None = None,
+    silence: float = SILENCE,
+    hold: threading.Event | None = None,
+    go_on: Callable[[], bool] | None = None,
+) -> None:
+    """Sends lines to several controllers, and returns when they have acknowledged them all.
+
+    After an error of one, all are stopped.
+
+    Args:
+        channels: the controllers with their lines.
         progress: callback after every acknowledged line.
         silence: longest wait for an answer [s].
-        counts: object that is updated, so that it is available after an exception.
         hold: event that another thread sets to hold all motion.
         go_on: callback that decides, during a hold, whether to go on.
 
     Raises:
-        StreamError: the controller refused a line or does not answer, or it was held and reset.
+        StreamError: see :func:`stream`.
     """
-    done = counts or Streamed()
-    unanswered: deque[Line] = deque()
-    unsent = deque(lines)
-    capacity = buffer - 1
-    for line in lines:
-        if len(line.text) + 1 > capacity:
-            raise StreamError(line.number, line.text, f"longer than the buffer of {buffer}")
-    last_answer = time.monotonic()
-    while unsent or unanswered:
-        if hold is not None and hold.is_set():
-            port.write(HOLD)
+    try:
+        _send_all(channels, progress, silence, hold or threading.Event(), go_on)
+    except StreamError:
+        _stop(channels)
+        raise
+
+
+def _send_all(
+    channels: Sequence[Channel],
+    progress: OnProgress | None,
+    silence: float,
+    hold: threading.Event,
+    go_on: Callable[[], bool] | None,
+) -> None:
+    """Sends all lines; raises a StreamError without stopping the controllers."""
+    total, done, started = sum(channel.n_lines for channel in channels), 0, False
+    while not all(channel.ended for channel in channels):
+        if hold.is_set():
             hold.clear()
-            line = unanswered[0] if unanswered else unsent[0]
-            if go_on is None or not go_on(done):
-                _stop(port)
-                raise StreamError(line.number, line.text, STOPPED)
-            port.write(RESUME)
-            last_answer = time.monotonic()
-        n_unanswered = sum(len(line.text) + 1 for line in unanswered)
-        fits_buffer = bool(unsent) and n_unanswered + len(unsent[0].text) + 1 <= capacity
-        if fits_buffer and (counting or not unanswered):
-            line = unsent.popleft()
-            port.write(line.text.encode("ascii", "replace") + b"\n")
-            unanswered.append(line)
-            done.sent += 1
-            done.most = max(done.most, n_unanswered + len(line.text) + 1)
-            continue
-        answer = port.readline().decode("ascii", "replace").strip()
-        error = _ERROR.match(answer)
-        if error:
-            _stop(port)
-            raise StreamError(unanswered[0].number, unanswered[0].text, _reason(answer, error))
-        if answer:
-            last_answer = time.monotonic()
-        elif time.monotonic() - last_answer > silence:
-            _stop(port)
-            text = f"no answer in {silence:g} s"
-            raise StreamError(unanswered[0].number, unanswered[0].text, text)
-        if answer.lower() == "ok" or answer.lower().startswith("ok "):
-            line = unanswered.popleft()
-            done.done, done.last = done.done + 1, line.number
-            if progress is not None:
-                progress(Progress(done=done.done, total=len(lines)))
-    return done
+            _hold(channels, go_on)
+        started = started or all(channel.waits or channel.ended for channel in channels)
+        busy = [channel.send(started) for channel in channels]
+        busy += [channel.hear() for channel in channels]
+        if not any(busy):
+            time.sleep(POLL_INTERVAL)
+        for channel in channels:
+            channel.check_silence(silence)
+        acknowledged = sum(channel.counts.done for channel in channels)
+        for count in range(done + 1, acknowledged + 1) if progress is not None else ():
+            progress(Progress(done=count, total=total))
+        done = acknowledged
+
+
+def _hold(channels: Sequence[Channel], go_on: Callable[[], bool] | None) -> None:
+    """Holds all controllers until ``go_on`` lets them go on; raises a StreamError otherwise."""
+    for channel in channels:
+        channel.write(HOLD)
+    if go_on is None or not go_on():
+        raise next(channel for channel in channels if not channel.ended).error(STOPPED)
+    for channel in channels:
+        channel.write(RESUME)
+        channel.heard = time.monotonic()
 
 
 @contextmanager
@@ -241,15 +346,13 @@ def serial_port(name: str, baud: int) -> Iterator[Port]:
         yield port
 
 
-def _sets_position(text: str) -> bool:
-    return text.startswith(("G1", "G0", "X", "G92")) or text.startswith("G10L20P1")
-
-
-def _stop(port: Port) -> None:
+def _stop(channels: Sequence[Channel]) -> None:
     """Stops by a feed hold and then a reset, which keeps positions because nothing moves."""
-    port.write(HOLD)
-    time.sleep(HOLD_TIME)
-    port.write(RESET)
+    for command, pause in ((HOLD, HOLD_TIME), (RESET, 0.0)):
+        for channel in channels:
+            with suppress(OSError):  # of a lost connection
+                channel.port.write(command)
+        time.sleep(pause)
 
 
 def _reason(answer: str, error: re.Match[str]) -> str:

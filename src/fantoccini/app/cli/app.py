@@ -317,7 +317,8 @@ def identify(
 ) -> None:
     """Identify lengths, masses, damping and delay of a puppet from a record of its motion.
 
-    Exits with 1 if the record does not determine every number, or the search did not converge.
+    Exits with 1 if there are reasons to doubt the result, such as a number that the record does not
+    determine, a search that did not converge, or residuals that are not noise.
     """
     from fantoccini.app.cli.identify import identify_record
 

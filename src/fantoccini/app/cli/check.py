@@ -108,7 +108,9 @@ def _stand(file: str, inputs: list[Path], quiet: bool) -> bool:
             if axis_map is None or not axis_map.held
             else f", {len(axis_map.held)} coordinates held"
         )
-        write(f"{file}: no mistakes; {len(stand.axes)} axes, {moves}{held_text}")
+        n_controllers = len(stand.controllers)
+        controllers = f" on {n_controllers} controllers" if n_controllers else ""
+        write(f"{file}: no mistakes; {len(stand.axes)} axes{controllers}, {moves}{held_text}")
     clean = True
     for inputs_file in inputs:
         if puppet is None or axis_map is None:

@@ -44,7 +44,8 @@ def identify_record(
 ) -> None:
     """Identifies, prints the results and writes the outputs.
 
-    Exits with 1 if the record does not determine every number or the search did not converge.
+    Exits with 1 if there are reasons to doubt the result: among others, the record does not
+    determine every number, or the search did not converge.
     """
     for option, path, endings in (
         ("--out", out, (".yaml", ".yml")),
@@ -91,7 +92,7 @@ def identify_record(
                 motions[0].save(suggest)
         if not quiet:
             print_motions(motions)
-    if result.combinations or not result.converged:
+    if doubts(result):
         raise typer.Exit(FAILED)
 
 

@@ -70,9 +70,13 @@ class StandStreamArguments(StandMotionOptions):
 
     stand: StandFile
     run: RunFile
-    port: Annotated[str | None, typer.Option(metavar="NAME", help="Serial port [the stand's].")] = (
-        None
-    )
+    port: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PORT",
+            help="Serial port; CONTROLLER=PORT for each of several controllers [the stand's].",
+        ),
+    ] = None
     baud: Annotated[
         int | None, typer.Option(metavar="N", min=300, help="Bits per second [the stand's].")
     ] = None
@@ -88,7 +92,8 @@ class StandStreamArguments(StandMotionOptions):
         typer.Option(
             metavar="S",
             min=0.0,
-            help="Continue from this time of the set points; axes must be there (OSC, Art-Net).",
+            help="Continue from this time of the set points: several controllers, or OSC and "
+            "Art-Net with axes that are there.",
         ),
     ] = None
     dry_run: Annotated[

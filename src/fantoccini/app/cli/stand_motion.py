@@ -6,7 +6,7 @@ import contextlib
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -34,11 +34,13 @@ from fantoccini.stand import (
     SetPoints,
     Stand,
     check_stand,
-    controller_of,
+    controlled,
     grbl_settings,
     load_stand,
+    positions_together,
     save_points,
     set_points,
+    start_waits,
 )
 
 _RATE = 50.0
@@ -52,27 +54,34 @@ def export(arguments: StandExportArguments) -> None:
     check_output(arguments.out, ENDINGS, "OUT")
     with Steps(arguments.quiet) as steps:
         points = _points(arguments, arguments.stand, arguments.run, steps)
-        steps.step(f"writing {arguments.out}")
-        with writing(arguments.out):
-            save_points(points, arguments.out)
+        parts = {_path_of(arguments.out, name): part for name, part in points.parts.items()}
+        for path, part in parts.items():
+            steps.step(f"writing {path}")
+            with writing(path):
+                save_points(part, path)
     if not arguments.quiet:
-        seconds = points.motion.t[-1]
-        write(
-            f"{arguments.out}: {len(points)} set points of {len(points.axes)} axes, {seconds:g} s"
-        )
+        for path, part in parts.items():
+            seconds = part.motion.t[-1]
+            write(f"{path}: {len(part)} set points of {len(part.axes)} axes, {seconds:g} s")
+
+
+def _path_of(out: Path, name: str) -> Path:
+    """Path of the file for one of several controllers: OUT with its name before the ending."""
+    return out.with_name(f"{out.stem}-{name}{out.suffix}") if name else out
 
 
 def stream_run(arguments: StandStreamArguments) -> None:
     """Sends the set points of a run: G-code to a serial port, or packets over a network."""
     with Steps(arguments.quiet) as steps:
         points = _points(arguments, arguments.stand, arguments.run, steps)
-    if isinstance(points.controller, Osc | ArtNet):
+    controllers = [part.controller for part in points.parts.values()]
+    if isinstance(controllers[0], Osc | ArtNet):
         send_packets(points, arguments)
-    elif isinstance(points.controller, Grbl | Marlin):
+    elif isinstance(controllers[0], Grbl | Marlin):
         send_lines(points, arguments)
     else:
         raise StandError(
-            f"{points.controller.type} cannot be streamed to; needed: grbl, fluidnc, marlin, osc "
+            f"{controllers[0].type} cannot be streamed to; needed: grbl, fluidnc, marlin, osc "
             "or artnet (--controller); `stand export` writes files for other controllers"
         )
 
@@ -85,53 +94,78 @@ def emulate(
     out: Path | None,
     quiet: bool,
 ) -> None:
-    """Emulates a controller until a program ends or packets stop."""
+    """Emulates the controllers until their programs end or packets stop."""
     if out is not None:
         check_output(out, (".csv",), "--out")
-    loaded_stand = load_stand(stand)
-    kind = controller_of(loaded_stand, controller)
-    names = list(loaded_stand.axes)
-    if isinstance(kind, Osc | ArtNet):
+    whole = controlled(load_stand(stand), controller)
+    kinds = [part.controller for part in whole.parts.values()]
+    types = ", ".join(getattr(kind, "type", "") for kind in kinds)
+    if isinstance(kinds[0], Osc | ArtNet):
         if rate is not None:
-            fail(f"applies to G-code, and the controller is {kind.type}", "--rate")
-        receiver = _listen(loaded_stand, kind, listen, quiet)
-        csv_text = (
-            _positions_csv(receiver.t[-1], receiver.positions, names) if len(receiver) else ""
-        )
+            fail(f"applies to G-code, and the controller is {types}", "--rate")
+        receiver = _listen(whole, kinds[0], listen, quiet)
+        csv_text = ""
+        if len(receiver):
+            csv_text = _positions_csv(receiver.t[-1], receiver.positions, list(whole.axes))
     else:
         if listen is not None:
-            fail(f"applies to osc and artnet, and the controller is {kind.type}", "--listen")
-        machine = _serve(grbl_settings(loaded_stand, kind, rate or _RATE), quiet)
-        csv_text = _positions_csv(machine.time, machine.positions, names)
+            fail(f"applies to osc and artnet, and the controller is {types}", "--listen")
+        csv_text = _emulate_lines(whole, rate or _RATE, quiet)
     if out is not None and csv_text:
         with writing(out), replacing(out) as temporary:
             temporary.write_text(csv_text, encoding="utf-8")
 
 
-def _serve(settings: GrblSettings, quiet: bool) -> GrblMachine:
-    """Emulates GRBL on a pseudo-terminal."""
-    machine, ended = GrblMachine(settings), threading.Event()
+def _emulate_lines(stand: Stand, rate: float, quiet: bool) -> str:
+    """Emulates the GRBLs of a stand until their programs end; returns the motors' positions."""
+    parts = stand.parts
+    settings = {name: grbl_settings(part, part.controller, rate) for name, part in parts.items()}
+    machines = _serve(settings, quiet)
+    order = [axis for part in parts.values() for axis in part.axes]
+    columns = [order.index(name) for name in stand.axes]
+    waits = start_waits(machines)
+    return _positions_csv(
+        max(machine.time + wait for machine, wait in zip(machines, waits, strict=True)),
+        lambda t: positions_together(machines, t)[:, columns],
+        list(stand.axes),
+    )
+
+
+def _serve(settings: Mapping[str, GrblSettings], quiet: bool) -> list[GrblMachine]:
+    """Emulates GRBLs on pseudo-terminals, whose names it prints; returns them after their ends."""
+    emulators = [_emulator(name, own, quiet) for name, own in settings.items()]
+    with contextlib.ExitStack() as stack:
+        for name, (emulator, _) in zip(settings, emulators, strict=True):
+            stack.enter_context(emulator)
+            write(f"{name}={emulator.port}" if name else emulator.port)
+        sys.stdout.flush()
+        with contextlib.suppress(KeyboardInterrupt):
+            while not all(ended.wait(0.1) for _, ended in emulators):
+                pass
+        for emulator, _ in emulators:
+            emulator.wait_until_read()
+    for name, (emulator, _) in zip(settings, emulators, strict=True):
+        emulator.machine.finish()
+        if not quiet:
+            before = f"{name}: " if name else ""
+            say(
+                f"{before}{len(emulator.lines)} lines, {emulator.machine.time:.3f} s of motion, at "
+                f"most {emulator.fullest} characters in the buffer, {emulator.overrun} lost"
+            )
+    return [emulator.machine for emulator, _ in emulators]
+
+
+def _emulator(name: str, settings: GrblSettings, quiet: bool) -> tuple[Emulator, threading.Event]:
+    """An emulated GRBL, and an event that is set at the end of its program."""
+    ended = threading.Event()
 
     def heard(text: str, answer: str) -> None:
         if not quiet and answer != "ok":
-            say(f"{text}: {answer}")
+            say(f"{name}: {text}: {answer}" if name else f"{text}: {answer}")
         if text == "M2":
             ended.set()
 
-    with Emulator(machine, heard=heard) as emulator:
-        write(emulator.port)
-        sys.stdout.flush()
-        with contextlib.suppress(KeyboardInterrupt):
-            while not ended.wait(0.1):
-                pass
-        emulator.wait_until_read()
-    machine.finish()
-    if not quiet:
-        say(
-            f"{len(emulator.lines)} lines, {machine.time:.3f} s of motion, at most "
-            f"{emulator.fullest} characters in the buffer, {emulator.overrun} lost"
-        )
-    return machine
+    return Emulator(GrblMachine(settings), heard=heard), ended
 
 
 def _listen(stand: Stand, controller: Osc | ArtNet, listen: str | None, quiet: bool) -> Receiver:

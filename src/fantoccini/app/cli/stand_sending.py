@@ -8,7 +8,7 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from types import FrameType
 
 import numpy as np
@@ -21,20 +21,23 @@ from fantoccini.base import PacketError, StreamError
 from fantoccini.stand import (
     STOPPED,
     ArtNet,
+    Channel,
     Grbl,
+    Program,
     Sending,
     SetPoints,
     Streamed,
     check_first,
     first_lost,
-    gcode,
     gentle_feed,
     lines_of,
     packets_of,
+    program,
     resumed,
+    resumed_points,
     send_points,
     serial_port,
-    stream,
+    stream_together,
     udp_sender,
 )
 
@@ -43,61 +46,126 @@ _POLL_INTERVAL = 0.1
 
 
 def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
-    """Sends G-code to a serial port, or prints it with ``--dry-run``."""
-    kind = points.controller.type
-    for option, value in (("--to", arguments.to), ("--from-time", arguments.from_time)):
-        if value is not None:
-            fail(f"applies to osc and artnet, and the controller is {kind}", option)
+    """Sends G-code to the serial port of every controller, or prints it with ``--dry-run``."""
+    _check_line_options(points, arguments)
     with Steps(arguments.quiet) as steps:
         steps.step("timing the moves")
-        text = gcode(points)
-    lines = lines_of(text)
+        if arguments.from_time is not None:
+            points = resumed_points(points, arguments.from_time)
+        parts = points.parts
+        programs = {name: program(part) for name, part in parts.items()}
+    lines = {name: lines_of(own.text) for name, own in programs.items()}
     if arguments.from_line is not None:
-        lines = resumed(text, arguments.from_line, gentle_feed(points))
+        (text,) = (own.text for own in programs.values())
+        lines = {"": resumed(text, arguments.from_line, gentle_feed(points))}
     if arguments.dry_run:
-        for line in lines:
-            write(line.text)
+        for name, own_lines in lines.items():
+            for line in own_lines:
+                write(f"{name}: {line.text}" if name else line.text)
         return
-    controller = points.controller
-    name = arguments.port or controller.port
-    if name is None:
-        fail("the stand's controller names no port; needed: --port NAME", "--port")
-    counting = isinstance(controller, Grbl)
-    buffer = controller.buffer if counting else 4096
-    counts = Streamed()
+    ports = _ports(parts, arguments.port or [])
+    counts = {name: Streamed() for name in parts}
     try:
-        with (
-            _hold_on_interrupt() as hold,
-            serial_port(name, arguments.baud or controller.baud) as port,
-        ):
-            stream(
-                port,
-                lines,
-                buffer,
-                counting,
-                counts=counts,
-                hold=hold,
-                go_on=lambda sent: _ask(f"line {sent.last}"),
-            )
+        with contextlib.ExitStack() as stack:
+            hold = stack.enter_context(_hold_on_interrupt())
+            channels = []
+            for name, part in parts.items():
+                controller = part.controller
+                port = serial_port(ports[name], arguments.baud or controller.baud)
+                counting = isinstance(controller, Grbl)
+                channels.append(
+                    Channel(
+                        stack.enter_context(port),
+                        lines[name],
+                        controller.buffer if counting else 4096,
+                        counting,
+                        name=name,
+                        start=programs[name].first if name else None,
+                        counts=counts[name],
+                    )
+                )
+            stream_together(channels, hold=hold, go_on=lambda: _ask(_lines_text(counts)))
     except StreamError as error:
         say(f"fantoccini: {error}")
-        if counts.last:
-            first = first_lost(text, counts.last, controller.planner)
-            say(
-                f"the controller accepted all lines up to {counts.last}, and may have dropped "
-                "lines in its buffer; if it still knows its position, continue with --from-line "
-                f"{first}"
-            )
+        _say_how_to_continue(parts, programs, counts)
         raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
     if not arguments.quiet:
-        write(f"{counts.done} lines; up to {counts.most} characters in transit")
+        for name, own in counts.items():
+            before = f"{name}: " if name else ""
+            write(f"{before}{own.done} lines; up to {own.most} characters in transit")
+
+
+def _check_line_options(points: SetPoints, arguments: StandStreamArguments) -> None:
+    """Raises a usage error for options that do not apply to the controllers."""
+    kinds = ", ".join(part.controller.type for part in points.parts.values())
+    several = len(points.parts) > 1
+    if arguments.to is not None:
+        fail(f"applies to osc and artnet, and the controller is {kinds}", "--to")
+    if arguments.from_time is not None and not several:
+        text = (
+            f"applies to osc and artnet and to several controllers, and the controller is {kinds}"
+        )
+        fail(f"{text}; needed: --from-line N", "--from-time")
+    if arguments.from_line is not None and several:
+        text = "applies to one controller; several continue together"
+        fail(f"{text}; needed: --from-time S", "--from-line")
+
+
+def _ports(parts: Mapping[str, SetPoints], given: list[str]) -> dict[str, str]:
+    """Name of a controller -> its serial port: as given, otherwise that of the stand's file."""
+    ports = {name: part.controller.port for name, part in parts.items()}
+    several = "" not in parts
+    for text in given:
+        name, _, port = text.partition("=") if several else ("", "", text)
+        if name not in ports or not port:
+            names = ", ".join(ports)
+            fail(f"found {text!r}; needed: NAME=PORT, NAME one of {names}", "--port")
+        ports[name] = port
+    for name, port in ports.items():
+        if port is None:
+            what = f"the controller {name}" if name else "the stand's controller"
+            fail(f"{what} names no port; needed: --port {f'{name}=' if name else ''}PORT", "--port")
+    return ports
+
+
+def _lines_text(counts: Mapping[str, Streamed]) -> str:
+    """The last acknowledged line of every controller, in words."""
+    texts = [f"line {own.last}" + (f" of {name}" if name else "") for name, own in counts.items()]
+    return " and ".join(texts)
+
+
+def _say_how_to_continue(
+    parts: Mapping[str, SetPoints], programs: Mapping[str, Program], counts: Mapping[str, Streamed]
+) -> None:
+    """Says from which line, or with several controllers from which time, a stream can continue."""
+    if not any(own.last for own in counts.values()):
+        return
+    lost = {
+        name: first_lost(programs[name].text, own.last, parts[name].controller.planner)
+        for name, own in counts.items()
+    }
+    if "" in lost:
+        say(
+            f"the controller accepted all lines up to {counts[''].last}, and may have dropped "
+            "lines in its buffer; if it still knows its position, continue with --from-line "
+            f"{lost['']}"
+        )
+        return
+    t = min(programs[name].time_of(line) for name, line in lost.items())
+    if t > 0.0:
+        # Rounded down, so that no move is skipped.
+        say(
+            f"the controllers accepted all lines up to {_lines_text(counts)}, and may have dropped "
+            "lines in their buffers; if they still know their positions, continue with "
+            f"--from-time {np.floor(1e3 * t) / 1e3:.3f}"
+        )
 
 
 def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
     """Sends packets over a network in real time, or prints their contents."""
     controller = points.controller
     for option, value in (
-        ("--port", arguments.port),
+        ("--port", arguments.port or None),
         ("--baud", arguments.baud),
         ("--from-line", arguments.from_line),
     ):

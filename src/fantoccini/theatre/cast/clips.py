@@ -19,6 +19,7 @@ from fantoccini.theatre.retarget import (
     OVER,
     ClipGesture,
     PlacedClip,
+    TooShortError,
     clip_gesture,
     load_mapping,
     place_on_spot,
@@ -85,7 +86,10 @@ class Clip:
             )
             return cache.get(key, job)
 
-        first = follow(faster, lasts)
+        try:
+            first = follow(faster, lasts)
+        except TooShortError as error:
+            raise TooShortError(error.name, error.lasts, error.ways, beat) from None
         why = _lacks(first)
         if not why:
             return first.gesture

@@ -7,20 +7,21 @@ face.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError, polynomial
 from fantoccini.base.documents import Mistakes, value_of
-from fantoccini.control.optimal import reach
+from fantoccini.control.optimal import ReachedPose, reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import bundled_files
 from fantoccini.motion import State
 from fantoccini.theatre.gestures.ends import BODY, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.reachable import reachable_part
 from fantoccini.theatre.gestures.walking import there_and_back
 
 To = str | Sequence[float]
@@ -45,6 +46,8 @@ _PARTS = {
     "point": ("upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right"),
 }
 """Bodies that move in the poses of looking and pointing."""
+_LOWER = 0.01
+"""Steps by which a place that is too high is lowered [m]."""
 _MIN_DISTANCE = 0.02
 """Least distance of a place from the shoulder or the neck [m]."""
 
@@ -144,14 +147,21 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     pose = puppet.pose(x0, forearm)
     shoulder, elbow = puppet.pose(x0, arm)[:3, 3], pose[:3, 3]
     length = float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(at))
-    goal = shoulder + _ARM_SHARE * length * aim.direction(shoulder, mistakes)
+    bounds = aim.held(string)
+    aim.direction(shoulder, mistakes)
+
+    def pose_towards(place: Array) -> ReachedPose:
+        way = place - shoulder
+        goal = shoulder + _ARM_SHARE * length * way / np.linalg.norm(way)
+        return reach(puppet, {(forearm, at): goal}, x0, bounds=bounds)[0]
+
     try:
-        solution = reach(puppet, {(forearm, at): goal}, x0, bounds=aim.held(string))[0]
-        summary = "" if solution else solution.summary()
+        solution = pose_towards(aim.place)
+        reason = "" if solution else _why_not(aim.place, shoulder, pose_towards)
     except StateError as error:
-        summary = str(error)
-    if summary:
-        mistakes.add(("to",), f"the {side} hand cannot point there: {summary}")
+        reason = str(error)
+    if reason:
+        mistakes.add(("to",), f"the {side} hand cannot point there: {reason}")
     mistakes.refuse()
     names = [f"{string}.{part}" for part in ("x", "y", "length")]
     own = {name: float(solution.state[name] - ends.start[ends.of + name]) for name in names}
@@ -196,6 +206,18 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     for name, offset in own.items():
         ends.add(name, times(offset, curve))
     return ends.gesture(t, "look", {"there": way}, travels=False)
+
+
+def _why_not(place: Array, shoulder: Array, pose_towards: Callable[[Array], ReachedPose]) -> str:
+    """Reason why a hand cannot point at a place, and by how much a lower place would do."""
+    n = max(0, int(np.ceil((place[2] - shoulder[2]) / _LOWER)))
+    down = np.array([0.0, 0.0, -_LOWER])
+    part = reachable_part(lambda k: bool(pose_towards(place + (n - k) * down)), n) if n else None
+    if part is not None:
+        lower = (n - part) * _LOWER
+        return f"the place is too high; needed: {lower:.2f} m lower, or farther away"
+    (distance,) = pose_towards(place).distances.values()
+    return f"it comes no nearer to that direction than {100.0 * distance:.0f} cm"
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -11,7 +12,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field, WithJsonSchema, model_validator
 
-from fantoccini.base import FileError, Mistake, StateError, UnknownNameError, nearest
+from fantoccini.base import Array, FileError, Mistake, StateError, UnknownNameError, nearest
 from fantoccini.base.documents import (
     ANGLES,
     LENGTHS,
@@ -31,7 +32,7 @@ from fantoccini.base.documents import (
     refuse,
     unknown_names,
 )
-from fantoccini.control.optimal import What, reach
+from fantoccini.control.optimal import ReachedPose, What, reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import CoordinateTable
@@ -40,6 +41,7 @@ from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import To
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
+from fantoccini.theatre.gestures.reachable import reachable_part
 
 _FOLDER = Path(__file__).parent / "marionette"
 _MAX_REST_PEAK = 1e-9
@@ -274,7 +276,8 @@ def _of_poses(
     mistakes.refuse()
     strings = {prefix + string for string in poses.strings}
     held = tuple(name for name, owner in owners.items() if owner not in strings)
-    targets: dict[What, Any] = {}
+    homes: dict[What, Array] = {}
+    offsets: dict[What, Array] = {}
     for body, places in poses.points.items():
         at = poses.of.get(body, (0.0, 0.0, 0.0))
         try:
@@ -282,8 +285,8 @@ def _of_poses(
         except UnknownNameError as error:
             mistakes.add(("poses", "points", body), str(error))
             continue
-        home = pose[:3, 3] + pose[:3, :3] @ np.array(at)
-        targets[prefix + body, at] = home + np.array(places)
+        homes[prefix + body, at] = pose[:3, 3] + pose[:3, :3] @ np.array(at)
+        offsets[prefix + body, at] = np.array(places)
     mistakes.refuse()
     pose_offsets = {
         table.q_K[q]: (np.array(poses.at), np.empty(len(poses.at)))
@@ -301,15 +304,28 @@ def _of_poses(
             start_of_search = puppet.rest(
                 {table.q_K[q]: float(q_K_of_moves[i, q]) for q, _ in table.scalars_K}
             )
-        pose_targets = {what: places[i] for what, places in targets.items()}
+
+        def pose_at(share: float, i: int = i, start: State = start_of_search) -> ReachedPose:
+            places = {what: home + share * offsets[what][i] for what, home in homes.items()}
+            return reach(puppet, places, start, bounds=Bounds(held=held))[0]
+
         try:
-            reached = reach(puppet, pose_targets, start_of_search, bounds=Bounds(held=held))[0]
+            reached = pose_at(1.0)
+            if not reached:
+                text = _why_not(reached, pose_at)
+                mistakes.add(("poses", "at", i), f"at {poses.at[i]:g} s: {text}")
         except StateError as error:
             raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
-        if not reached:
-            mistakes.add(("poses", "at", i), f"at {poses.at[i]:g} s: {reached.summary()}")
         for q, _ in table.scalars_K:
             if table.q_K[q] in pose_offsets:
                 pose_offsets[table.q_K[q]][1][i] = reached.state.q_K[q] - x0.q_K[q]
     mistakes.refuse()
     return pose_offsets
+
+
+def _why_not(reached: ReachedPose, pose_at: Callable[[float], ReachedPose]) -> str:
+    """Reason why a key pose cannot be reached, and which part of it can."""
+    name, distance = max(reached.distances.items(), key=lambda item: item[1])
+    text = f"{name} comes no nearer to its place than {100.0 * distance:.1f} cm"
+    percent = reachable_part(lambda k: bool(pose_at(k / 100.0)), 100)
+    return text if percent is None else f"{text}; {percent} % of the way there can be reached"

@@ -148,7 +148,7 @@ def _cues(
 def _within(t: float, spot: Spot, log: ScriptLog, of: str = "score") -> float:
     """The time, at least 0 [s]; records a mistake if it is negative."""
     if t < 0.0:
-        log.mistakes.add(spot, f"comes {-t:.2f} s before the {of}")
+        log.mistakes.add(spot, f"comes {log.duration_in_words(-t)} before the {of}")
     return max(t, 0.0)
 
 
@@ -203,7 +203,8 @@ class _Verbs:
                 once, _ = self._cue_gestures[turn.spot]
                 t -= once.marks[mark]
                 if t < 0.0:
-                    text = f"{once.name} would begin {-t:.2f} s before the {self._of}"
+                    early = self._log.duration_in_words(-t)
+                    text = f"{once.name} would begin {early} before the {self._of}"
                     self._log.mistakes.add(spot, text)
         return max(t, 0.0)
 
@@ -222,7 +223,8 @@ class _Verbs:
 
         def why() -> str:
             before = self._name(turn.cue.before[0]) if turn.cue.before else ""
-            reason = f"the way there takes {lead:.2f} s" + (f" after {before}" if before else "")
+            reason = f"the way there takes {self._log.duration_in_words(lead)}"
+            reason += f" after {before}" if before else ""
             if due < free - LATE:
                 reason = f"{before} ends {in_words(free, self._phrase)}"
             times = in_words(begun, self._phrase), in_words(due, self._phrase)
@@ -243,11 +245,12 @@ class _Verbs:
         assert isinstance(entry, PlayedCue)
         longer = whole.duration - entry.repeat * once.duration
         if longer > LATE:
+            words = self._log.duration_in_words
             self._log.change(
                 spot,
-                f"{whole.name} takes {whole.duration:.2f} s instead of "
-                f"{whole.duration - longer:.2f} s: it ends elsewhere than it begins, and goes back "
-                "each time",
+                f"{whole.name} takes {words(whole.duration)} instead of "
+                f"{words(whole.duration - longer)}: it ends elsewhere than it begins, and goes "
+                "back each time",
             )
         if not whole.turns:
             return

@@ -50,6 +50,7 @@ class Approaching:
         begin: float,
         wait: float,
         *,
+        act_start: float,
         beside: str = "",
         step: float = STEP,
     ) -> OnStage:
@@ -72,6 +73,7 @@ class Approaching:
                 arrives=None,
                 free_from=free,
                 carries=bool(carries),
+                act_start=act_start,
             )
             if way is None:
                 raise CannotBe(why)

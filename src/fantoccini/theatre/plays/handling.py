@@ -137,7 +137,9 @@ class Handling:
         here = giver.last
         there = Footing(*handing.place(here.x, here.y, here.heading))
         before = self._steps.apart(there, receiver, here, giver)
-        stage = self._steps.come(stage, to, before, there, begin, wait, beside=who)
+        stage = self._steps.come(
+            stage, to, before, there, begin, wait, act_start=turn.start, beside=who
+        )
         receiver = stage.actors[to].rested()
         soon = receiver.hands.end - prop_gestures.CARRY_TIME
         giver = carry_pose(giver.rested(), held.side, max(begin, soon), self._gestures)
@@ -173,7 +175,9 @@ class Handling:
         clear = self._steps.clear_of(there, 1.0, actor)
         clearance, step = APPROACHES[self._corrections.approaches.get(turn.spot, 0)]
         before = self._steps.clear_of(there, 1.0, actor, abs(clear.place - there.place) + clearance)
-        stage = self._steps.come(stage, who, before, there, begin, wait, step=step)
+        stage = self._steps.come(
+            stage, who, before, there, begin, wait, act_start=turn.start, step=step
+        )
         since = stage.actors[who].ways[-1].begin
         stage, start = self._calmed(stage, turn, who)
         stage, end = self._steps.do(stage, who, sits.down, start)
@@ -209,7 +213,9 @@ class Handling:
         puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(turn))
         there = self._put_place(onto, puts, actor)
         before = self._steps.clear_of(there, -1.0, actor, _MIN_STEP_UP)
-        stage = self._steps.come(stage, who, before, there, begin, wait, step=_MAX_TABLE_STEP)
+        stage = self._steps.come(
+            stage, who, before, there, begin, wait, act_start=turn.start, step=_MAX_TABLE_STEP
+        )
         stage, start = self._calmed(stage, turn, who)
         stage, end = self._steps.do(stage, who, puts.gesture, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
@@ -240,7 +246,9 @@ class Handling:
         z = stands.place - np.exp(1j * stands.heading) * complex(puts.forward, puts.left)
         there = Footing(z.real, z.imag, stands.heading)
         before = self._steps.clear_of(there, -1.0, actor, _MIN_STEP_UP)
-        stage = self._steps.come(stage, who, before, there, begin, wait, step=_MAX_TABLE_STEP)
+        stage = self._steps.come(
+            stage, who, before, there, begin, wait, act_start=turn.start, step=_MAX_TABLE_STEP
+        )
         stage, start = self._calmed(stage, turn, who)
         stage, end = self._steps.do(stage, who, puts.gesture, start)
         pairs = standing(prop, thing.on) | {hanging(who, side, prop)}

@@ -217,7 +217,8 @@ class _Verbs:
         t, start, go = turn.wanted, turn.start, self._timeline.gos.get(turn.spot)
         if t < start - LATE:
             begins = self._in_words(turn, start)
-            raise CannotBe(f"its time is {start - t:.2f} s before its act, which begins {begins}")
+            early = self._log.duration_in_words(start - t)
+            raise CannotBe(f"its time is {early} before its act, which begins {begins}")
         if go is not None and t < turn.moments[go.spot][START] - LATE:
             line, then = self._log.located.line(go.spot), turn.moments[go.spot][START]
             raise CannotBe(
@@ -272,6 +273,7 @@ class _Verbs:
             arrives=arrival,
             free_from=free,
             carries=bool(carries),
+            act_start=turn.start,
         )
         if way is None:
             raise CannotBe(why)

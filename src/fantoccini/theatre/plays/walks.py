@@ -11,7 +11,7 @@ import numpy as np
 from fantoccini.base import Array, Times
 from fantoccini.base.documents import value_of
 from fantoccini.model.puppet import Box as BoxShape, Shape
-from fantoccini.theatre.cast import Cast, Footing, Player, PlayProp, Way, extent
+from fantoccini.theatre.cast import Cast, Footing, Player, PlayProp, Way, act_time_in_words, extent
 from fantoccini.theatre.gestures import SWAY
 from fantoccini.theatre.plays.player_gestures import step_time
 from fantoccini.theatre.script import ScriptLog
@@ -73,6 +73,7 @@ class Walks:
         near: float,
         arrives: float | None,
         free_from: float,
+        act_start: float,
         carries: bool = False,
     ) -> tuple[Way | None, str]:
         """Way by several footings past all other players.
@@ -86,6 +87,7 @@ class Walks:
             near: largest distance from the last goal at which it may end [m].
             arrives: wanted time of arrival [s]; as soon as possible by default.
             free_from: time from which the player can begin [s].
+            act_start: start of the act [s], for times in the reason.
             carries: whether something hangs on its forearm: it then steps more slowly.
 
         Returns:
@@ -95,7 +97,7 @@ class Walks:
             begin = free_from
         way = self._by_goals(player, start, goals, begin, wait, others, near, carries)
         if isinstance(way, NoWay):
-            return None, self._why(player, way)
+            return None, self._why(player, way, act_start)
         if arrives is None:
             return way, ""
         for _ in range(_MAX_TRIES):
@@ -236,8 +238,11 @@ class Walks:
         r = player.radius + SWAY
         return Rectangle((a + r, c + r), (b - r, d - r))
 
-    def _why(self, player: Player, found: NoWay) -> str:
+    def _why(self, player: Player, found: NoWay, act_start: float) -> str:
         text = f"{player.name} cannot get there: {found.reason}"
+        if found.earliest is not None:
+            when = act_time_in_words(found.earliest, act_start, self._log.beat)
+            text += f"; it could be there {when}"
         if found.nearest is not None:
             x, y = found.nearest.x, found.nearest.y
             text += f"; the nearest place that can be reached is [{x:.2f}, {y:.2f}]"

@@ -14,6 +14,7 @@ from fantoccini.theatre.retarget.gesturing import (
     BEGINS,
     OVER,
     ClipGesture,
+    TooShortError,
     clip_gesture,
     place_on_spot,
 )
@@ -48,6 +49,7 @@ __all__ = [
     "PlacedClip",
     "Placing",
     "Retargeted",
+    "TooShortError",
     "clip_gesture",
     "figure_of",
     "find_mapping",

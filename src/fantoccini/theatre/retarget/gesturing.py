@@ -195,6 +195,25 @@ def _gesture_with_lean(
     return ClipGesture(gesture, retargeted, at, run, report, crossings_in(marionette, run))
 
 
+class TooShortError(StateError):
+    """A clip would last no longer than the ways into it and back.
+
+    Args:
+        name: name of the clip.
+        lasts: wanted duration [s].
+        ways: duration of the ways [s].
+        beat: duration of a beat, in which the message gives times; in seconds by default [s].
+    """
+
+    def __init__(self, name: str, lasts: float, ways: float, beat: float | None = None):
+        self.name, self.lasts, self.ways = name, lasts, ways
+        unit, scale = ("s", 1.0) if beat is None else ("beats", beat)
+        super().__init__(
+            f"found {lasts / scale:.3g} {unit} for {name}; needed: more than {ways / scale:.3g} "
+            f"{unit}, which the ways into it and back take"
+        )
+
+
 def _raised(placed: PlacedClip, by: float) -> PlacedClip:
     """The clip with all targets raised [m]."""
     up = np.array([0.0, 0.0, by])
@@ -215,10 +234,7 @@ def _faster(clip: Retargeted, lasts: float, others: float) -> float:
     """Speed of the clip with which it and the other parts last a given time [s]."""
     own = lasts - others
     if own <= 0.0:
-        raise StateError(
-            f"{clip.clip.name} lasts longer than {others:.2f} s, which the ways into it and back "
-            f"take; found {lasts:.2f} s"
-        )
+        raise TooShortError(clip.clip.name, lasts, others)
     return float(clip.t[-1]) / max(own - _EASE, 0.5 * own)
 
 

@@ -40,3 +40,9 @@ class ScriptLog:
         if self._tempo is None:
             return f"at {t:.2f} s{end}"
         return f"on beat {t / self.beat:.2f}{end} ({t:.2f} s)"
+
+    def duration_in_words(self, seconds: float) -> str:
+        """A duration in words: ``1.50 beats (0.90 s)``, or in seconds if times are in seconds."""
+        if self._tempo is None:
+            return f"{seconds:.2f} s"
+        return f"{seconds / self.beat:.2f} beats ({seconds:.2f} s)"

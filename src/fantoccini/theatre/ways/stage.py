@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,20 @@ _BESIDE_OTHERS = 2e-3
 clearance adds for the time between samples."""
 _ASIDE = 1.1
 """Distance of the places beside a path from it, relative to that at which two players pass."""
+
+
+class Near(NamedTuple):
+    """An obstacle or another player that is too near to a place.
+
+    Attributes:
+        name: its name.
+        distance: distance of the place from its border, below 0 inside [m].
+        needed: least distance [m].
+    """
+
+    name: str
+    distance: float
+    needed: float
 
 
 class Stage:
@@ -57,14 +72,16 @@ class Stage:
 
     # -- checks ------------------------------------------------------------------------------
 
-    def too_near(self, place: complex, t: float) -> str | None:
-        """Name of an obstacle or player too near to a place at a time [s]; None if it is free."""
+    def too_near(self, place: complex, t: float) -> Near | None:
+        """An obstacle or player too near to a place at a time [s]; None if it is free."""
         for region in self.standing:
-            if region.distance(np.array(place)) < self.radius - EDGE:
-                return region.name
+            distance = float(region.distance(np.array(place)))
+            if distance < self.radius - EDGE:
+                return Near(region.name, distance, self.radius)
         for other in self.movers:
-            if abs(other.at(np.array(t)) - place) < self.radius + other.radius - CLOSER:
-                return other.name
+            distance = float(abs(other.at(np.array(t)) - place)) - other.radius
+            if distance < self.radius - CLOSER:
+                return Near(other.name, distance, self.radius)
         return None
 
     def is_free(self, places: Complex) -> Mask:

@@ -88,10 +88,14 @@ def _at_the_start(stage: Stage) -> NoWay | None:
     if not stage.space.holds(np.array(place)):
         text = "it is outside of the hands' space at the start"
         return NoWay(Hindrance.START_BLOCKED, text)
-    name = stage.too_near(place, stage.begin)
-    if name is None:
+    near = stage.too_near(place, stage.begin)
+    if near is None:
         return None
-    return NoWay(Hindrance.START_BLOCKED, f"it is too near to {name} at the start", (name,))
+    text = (
+        f"it is too near to {near.name} at the start: its middle is {near.distance:.3f} m from "
+        f"it; needed: {near.needed:.3f} m"
+    )
+    return NoWay(Hindrance.START_BLOCKED, text, (near.name,))
 
 
 def _at_the_goal(stage: Stage, goal: Footing) -> NoWay | None:
@@ -99,9 +103,10 @@ def _at_the_goal(stage: Stage, goal: Footing) -> NoWay | None:
     if not stage.space.holds(np.array(goal.place)):
         text = f"the place is {outside:.2f} m outside of the hands' space"
         return NoWay(Hindrance.GOAL_OUTSIDE, text)
-    name = stage.too_near(goal.place, np.inf)
-    if name is None:
+    near = stage.too_near(goal.place, np.inf)
+    if near is None:
         return None
+    name = near.name
     if name in {region.name for region in stage.blocked}:
         return NoWay(Hindrance.GOAL_BLOCKED, f"{name} is there", (name,))
     return NoWay(Hindrance.GOAL_OCCUPIED, f"{name} stands there when it would arrive", (name,))
@@ -116,7 +121,7 @@ def _between(stage: Stage, goal: Footing, late: Way | None) -> NoWay:
     if late is None:
         text = f"{_listed(movers)} {_verb(movers)} in the way, and no way leads past"
         return NoWay(Hindrance.OTHERS_IN_THE_WAY, text, movers)
-    text = f"{_listed(movers)} {_verb(movers)} in the way; it could be there at {late.end:.1f} s"
+    text = f"{_listed(movers)} {_verb(movers)} in the way"
     return NoWay(Hindrance.OTHERS_IN_THE_WAY, text, movers, earliest=late.end)
 
 

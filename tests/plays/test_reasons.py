@@ -1,0 +1,134 @@
+"""Reasons for refused cues: in the unit of the file, in one sentence, with what is possible."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.base.documents import Located
+from fantoccini.base.errors import FileError, InputError, StateError
+from fantoccini.theatre.cast import Footing, Hindrance, NoWay, clips as clips_module
+from fantoccini.theatre.cast.clips import Clip
+from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.retarget import TooShortError
+from fantoccini.theatre.script import ScriptLog
+
+pytestmark = pytest.mark.medium
+TEMPO = 120.0
+
+
+@pytest.fixture(scope="module")
+def marionette():
+    return fan.puppets.marionette()
+
+
+def test_a_way_that_is_free_later_says_when_in_beats_of_the_act(monkeypatch):
+    walks = Walks.__new__(Walks)
+    walks._log = ScriptLog(Located(), TEMPO)
+    late = NoWay(Hindrance.OTHERS_IN_THE_WAY, "columbine is in the way", earliest=12.0)
+    monkeypatch.setattr(Walks, "_by_goals", lambda *_: late)
+
+    class Pierrot:
+        name = "pierrot"
+
+    way, why = walks.way(
+        Pierrot(),
+        Footing(0.0, 0.0),
+        [Footing(1.0, 0.0)],
+        5.0,
+        0.0,
+        [],
+        near=0.0,
+        arrives=None,
+        free_from=5.0,
+        act_start=4.0,
+    )
+    assert way is None
+    assert why == (
+        "pierrot cannot get there: columbine is in the way; it could be there on beat 16.0 of the "
+        "act (12.00 s)"
+    )
+
+
+def test_a_clip_that_lasts_too_short_is_answered_in_beats(monkeypatch):
+    def too_short(*_, **__):
+        raise TooShortError("wave", 0.8, 1.55)
+
+    class Cache:
+        def get(self, _, job):
+            return job()
+
+    monkeypatch.setattr(clips_module, "clip_gesture", too_short)
+    stage = type("Stage", (), {"speed": 1.0, "acceleration": 1.0})
+    with pytest.raises(StateError) as caught:
+        Clip(None, "").gesture(1.0, 1.0, 0.8, stage, 60.0 / TEMPO, Cache())
+    assert str(caught.value) == (
+        "found 1.6 beats for wave; needed: more than 3.1 beats, which the ways into it and back "
+        "take"
+    )
+    assert str(TooShortError("wave", 0.8, 1.55)).startswith("found 0.8 s for wave")
+
+
+def test_durations_of_scripts_are_in_the_unit_of_their_file():
+    assert ScriptLog(Located(), TEMPO).duration_in_words(1.25) == "2.50 beats (1.25 s)"
+    assert ScriptLog(Located(), None).duration_in_words(1.25) == "1.25 s"
+
+
+def test_a_place_that_is_too_high_to_point_at_says_how_much_lower_it_may_be(marionette):
+    high = np.array([0.1, 0.1, 0.9])
+    with pytest.raises(InputError) as caught:
+        fan.theatre.load_gesture(marionette, "point", to=high)
+    (mistake,) = caught.value.mistakes
+    told = re.fullmatch(
+        r"the left hand cannot point there: the place is too high; needed: (\d\.\d\d) m lower, or "
+        r"farther away",
+        mistake.message,
+    )
+    lower = float(told[1])
+    assert fan.theatre.load_gesture(marionette, "point", to=high - [0.0, 0.0, lower]).marks
+    with pytest.raises(InputError, match="the place is too high"):
+        fan.theatre.load_gesture(marionette, "point", to=high - [0.0, 0.0, lower - 0.04])
+
+
+POSES = """gesture: offer
+poses:
+  strings: [hand_right]
+  at: [0, 1, 2]
+  points: {forearm_right: [[0, 0, 0], [0.02, 0, UP], [0, 0, 0]]}
+  of: {forearm_right: [0, 0, -0.09]}
+"""
+
+
+def test_a_key_pose_out_of_reach_says_how_much_of_it_can_be_reached(marionette, tmp_path):
+    path = tmp_path / "offer.yaml"
+    path.write_text(POSES.replace("UP", "0.5"))
+    with pytest.raises(FileError) as caught:
+        fan.theatre.load_gesture(marionette, path)
+    (mistake,) = caught.value.mistakes
+    assert mistake.line == 4 and "\n" not in mistake.message
+    told = re.fullmatch(
+        r"at 1 s: forearm_right comes no nearer to its place than \d+\.\d cm; (\d+) % of the way "
+        r"there can be reached",
+        mistake.message,
+    )
+    share = int(told[1]) / 100.0
+    for factor, can in ((share, True), (share + 0.03, False)):
+        place = f"[{0.02 * factor}, 0, {0.5 * factor}]"
+        path.write_text(POSES.replace("[0.02, 0, UP]", place))
+        if can:
+            assert fan.theatre.load_gesture(marionette, path).uses
+        else:
+            with pytest.raises(FileError, match="comes no nearer"):
+                fan.theatre.load_gesture(marionette, path)
+
+
+def test_a_time_before_the_act_is_answered_in_beats(plays):
+    play = plays.compiled(
+        """{who: pierrot, does: wave, when: 6}
+        {who: columbine, does: bow, when: wave.start - 9}"""
+    )
+    (refused,) = [cue for cue in play.cues if cue.refused]
+    assert "its time is 3.00 beats (1.80 s) before its act" in refused.refused
