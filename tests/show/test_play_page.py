@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from threading import Event
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from tests.perform.played import PLAY
-from tests.show.browser import chrome, until
+from tests.show.browser import chrome, picture, until, words
 from tests.show.viewer import Viewer
 from websockets.sync.client import connect
 
@@ -89,3 +91,48 @@ def test_a_browser_shows_the_tab_and_the_space_bar_is_go(scene):
 
 def _labels(viewer: Viewer) -> list[str]:
     return [props.get("label", "") for _, props in viewer.controls.items()]
+
+
+def test_the_page_opens_with_the_play_from_the_audiences_side(scene):
+    """It opened with the strings, without GO, cue and caption in view, from the side."""
+    labels = [
+        props["_tab_labels"] for _, props in scene.viewer.controls.items() if "_tab_labels" in props
+    ]
+    assert labels == [("Play", "Strings", "Gestures", "Takes")]
+    camera = scene.page.server.viser.initial_camera
+    sight = np.array(camera.look_at) - np.array(camera.position)
+    assert sight[0] < 0.0  # the audience sits at +x
+    assert abs(sight[1]) < 1e-9 * abs(sight[0])
+
+
+def test_a_flood_of_jobs_does_not_hold_the_puppet(scene):
+    live, performance, ended = scene.page.show, scene.show.performance, Event()
+
+    def again() -> None:
+        if not ended.is_set():
+            live.jobs.put(again)
+
+    begun = performance.t
+    live.jobs.put(again)
+    try:
+        until(lambda: performance.t > begun + 0.1, "time goes on")
+    finally:
+        ended.set()
+
+
+def test_a_browser_shows_go_the_cue_and_the_caption_at_once(scene):
+    with chrome() as browser:
+        browser.get(scene.page.url)
+        until(lambda: "stands by for GO" in words(browser), "the tab is shown")
+        picture(browser, "play-opened")
+        browser.find_element("tag name", "body").send_keys(" ")
+        until(lambda: "Good evening!" in words(browser), "the caption")
+        picture(browser, "play-begun")
+        for text in ("GO (Space)", "GO begins", "Good evening!"):
+            (bottom,) = browser.execute_script(
+                "return [...document.querySelectorAll('button, div')]"
+                ".filter((e) => !e.querySelector('div') && e.textContent.includes(arguments[0]))"
+                ".slice(-1).map((e) => e.getBoundingClientRect().bottom / innerHeight)",
+                text,
+            )
+            assert 0.0 < bottom <= 1.0, text
