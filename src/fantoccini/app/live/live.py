@@ -53,6 +53,8 @@ class _Timing(NamedTuple):
 
 
 _TIMING = _Timing()
+_PANEL_WIDTH = 340.0
+"""Width of viser's panel with its margins [px]."""
 _FULL_FORCE = 0.25
 """Force of a long arrow, relative to the puppet's weight, which several points share."""
 
@@ -409,9 +411,16 @@ class Live(PageLoop):
             )
 
     def _fit(self, client: viser.ClientHandle) -> None:
-        """Moves the camera of a narrow window, such as a phone's, farther away."""
-        if client.camera.aspect < 1.0:
-            self.nodes.aim_camera(client.camera, self._viewpoint)
+        """Moves the camera of a narrow window, such as a phone's, farther away.
+
+        In a wide one, the panel must not cover a play's stage.
+        """
+        camera = client.camera
+        if camera.aspect < 1.0:
+            self.nodes.aim_camera(camera, self._viewpoint)
+        elif self.stage.show is not None:
+            covered = min(_PANEL_WIDTH / camera.image_width, 0.5)
+            self.nodes.aim_camera(camera, self._viewpoint, covered)
 
     def _line_of_sight(self, camera: viser.CameraHandle | None) -> np.ndarray:
         """(3,) line of sight of a camera; without one, of the last camera or the initial view."""

@@ -147,12 +147,25 @@ class SceneNodes:
         return View(camera.eye, _target(camera, 0.5 * (centres.min(axis=0) + centres.max(axis=0))))
 
     def aim_camera(
-        self, camera: viser.CameraHandle | viser.InitialCameraConfig, viewpoint: Viewpoint
+        self,
+        camera: viser.CameraHandle | viser.InitialCameraConfig,
+        viewpoint: Viewpoint,
+        covered: float = 0.0,
     ) -> None:
-        """Points a camera of viser (a client's, or the initial one) as in a view."""
+        """Points a camera of viser as in a view.
+
+        Args:
+            camera: camera of a client, or the initial one.
+            viewpoint: see :meth:`view`.
+            covered: share of the window's width, at its right, in which nothing is to be seen.
+        """
         aspect = getattr(camera, "aspect", _ASPECT)
-        view = self.view(viewpoint, min(aspect, _ASPECT) if aspect > 0.0 else _ASPECT)
-        camera.position, camera.look_at = view.eye, view.target
+        free = aspect * (1.0 - covered)
+        view = self.view(viewpoint, min(free, _ASPECT) if free > 0.0 else _ASPECT)
+        sight = view.target - view.eye
+        right = np.cross(sight, [0.0, 0.0, 1.0])  # as long as the sight if that is level
+        shift = covered * aspect * np.tan(0.5 * _FIELD_OF_VIEW) * right
+        camera.position, camera.look_at = view.eye + shift, view.target + shift
         camera.fov = float(_FIELD_OF_VIEW)
 
     # -- built once ----------------------------------------------------------------------------
