@@ -76,3 +76,18 @@ def test_a_bar_that_turns_is_in_the_plot():
     assert lines["bar.rotation y"].get_ydata()[[0, -1]] == pytest.approx([0.0, 1.0])
     assert np.abs(lines["bar.rotation x"].get_ydata()).max() < 1e-9
     assert {"bar.x", "bar.y", "bar.z"} <= set(lines)
+
+
+@pytest.mark.parametrize("name", ["marionette", "string_pendulum", "marionette_bar"])
+def test_legends_are_inside_the_figure(name, tmp_path):
+    """The legend of 21 inputs was cut off at the right."""
+    figure = view.plot(swinging(bundled(name)), tmp_path / "plot.png", scale=1.0)
+    boxes = [axes.get_legend() for axes in figure.axes if axes.get_legend() is not None]
+    assert boxes
+    for axes in figure.axes:
+        box = axes.get_legend()
+        if box is not None:
+            extent, panel = box.get_window_extent(), axes.get_window_extent()
+            assert panel.x1 < extent.x0 and extent.x1 < figure.bbox.x1
+            assert extent.height < 1.1 * panel.height
+    assert len({round(axes.get_position().x1, 9) for axes in figure.axes}) == 1

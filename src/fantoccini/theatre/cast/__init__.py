@@ -38,7 +38,7 @@ from fantoccini.theatre.cast.prop_gestures import (
     summed,
 )
 from fantoccini.theatre.cast.props import PlayProp, PropState, top_of
-from fantoccini.theatre.cast.result_cache import OutOfTime, ResultCache, digest
+from fantoccini.theatre.cast.result_cache import NUMBERS, OutOfTime, ResultCache, digest, run_form
 from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
 
@@ -46,6 +46,7 @@ __all__ = [
     "CARRIED",
     "ERRORS",
     "FEET",
+    "NUMBERS",
     "OTHER_SIDE",
     "SEATED",
     "Actor",
@@ -86,6 +87,7 @@ __all__ = [
     "prop_gestures",
     "read_cast",
     "read_clip",
+    "run_form",
     "settled",
     "sign_of",
     "sitting",
