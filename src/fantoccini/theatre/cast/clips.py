@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from fantoccini.base import Array, FileError, Mistake, StateError, Status
 from fantoccini.base.documents import has_key
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.cast.casting import Player
-from fantoccini.theatre.cast.result_cache import Form, ResultCache
+from fantoccini.theatre.cast.result_cache import (
+    Form,
+    ResultCache,
+    gesture_form,
+    text_array,
+    text_in,
+)
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.retarget import (
     BEGINS,
@@ -118,17 +121,14 @@ def _followed(
 
 def _form(marionette: Marionette) -> Form[tuple[Gesture, str]]:
     """Form on disk of a puppet's gestures with their deviations in words."""
+    form = gesture_form(marionette)
 
     def pack(followed: tuple[Gesture, str]) -> list[Array]:
         gesture, lacks = followed
-        words = json.dumps([gesture.name, dict(gesture.marks), gesture.turns, lacks])
-        numbers = gesture.breaks, gesture.coef, gesture.named, gesture.travel
-        return [np.frombuffer(words.encode(), dtype=np.uint8), *numbers]
+        return [text_array(lacks), *form.pack(gesture)]
 
     def unpack(arrays: Sequence[Array]) -> tuple[Gesture, str]:
-        name, marks, turns, lacks = json.loads(arrays[0].tobytes())
-        numbers = arrays[1], arrays[2], arrays[3], arrays[4]
-        return Gesture(marionette.coordinates, *numbers, name, marks, turns), lacks
+        return form.unpack(arrays[1:]), str(text_in(arrays[0]))
 
     return Form(pack, unpack)
 

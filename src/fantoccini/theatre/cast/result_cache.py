@@ -6,6 +6,7 @@ Keys hold all that results depend on; on disk, also the package, the libraries a
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import time
 from collections import OrderedDict
@@ -58,6 +59,30 @@ def run_form(marionette: Marionette) -> Form[Trajectory]:
     """Runs of a puppet."""
     puppet, table = marionette.described, marionette.coordinates
     return Form(pack_run, lambda arrays: unpack_run(arrays, puppet, table))
+
+
+def gesture_form(marionette: Marionette) -> Form[Gesture]:
+    """Gestures of a puppet."""
+
+    def pack(gesture: Gesture) -> list[Array]:
+        words = text_array([gesture.name, dict(gesture.marks), gesture.turns])
+        return [words, gesture.breaks, gesture.coef, gesture.named, gesture.travel]
+
+    def unpack(arrays: Sequence[Array]) -> Gesture:
+        words, breaks, coef, named, travel = arrays
+        return Gesture(marionette.coordinates, breaks, coef, named, travel, *text_in(words))
+
+    return Form(pack, unpack)
+
+
+def text_array(value: Any) -> Array:
+    """A value as JSON, in an array of bytes."""
+    return np.frombuffer(json.dumps(value).encode(), dtype=np.uint8)
+
+
+def text_in(array: Array) -> Any:
+    """The inverse of :func:`text_array`."""
+    return json.loads(array.tobytes())
 
 
 class OutOfTime(Exception):
