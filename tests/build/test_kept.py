@@ -86,7 +86,7 @@ def test_the_fingerprint_of_results_covers_flags_and_libraries(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setenv("FANTOCCINI_CXXFLAGS", "-O3")
         assert build.results_fingerprint() != first
-    version = "fantoccini.kernel.build.key._version"
+    version = "fantoccini.kernel.build.key.version_of"
     with monkeypatch.context() as patch:
         patch.setattr(version, lambda name: "0.1" if name == "scipy" else "1.0")
         other = build.results_fingerprint()

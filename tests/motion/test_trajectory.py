@@ -329,15 +329,15 @@ def test_a_part_has_the_samples_and_events_there(table):
     part = run.between(0.62, 1.49)
     inner = run.t[(run.t > 0.62) & (run.t < 1.49)]
     assert np.array_equal(part.t, [0.62, *inner, 1.49])
-    kept = np.isin(run.t, inner)
+    inside = np.isin(run.t, inner)
     for name in ("q_D", "v_D", "acc_D", "q_K"):
-        assert np.array_equal(getattr(part, name)[1:-1], getattr(run, name)[kept]), name
+        assert np.array_equal(getattr(part, name)[1:-1], getattr(run, name)[inside]), name
     for t, k in ((0.62, 0), (1.49, -1)):
         q, v, _ = course(np.array([t]))
         assert part.q_D[k] == pytest.approx(q[0], abs=1e-9)
         assert part.v_D[k] == pytest.approx(v[0], abs=1e-7)
     assert [event.t for event in part.events] == [1.0]
-    assert np.array_equal(part.tension["hand"][1:-1], run.tension["hand"][kept])
+    assert np.array_equal(part.tension["hand"][1:-1], run.tension["hand"][inside])
     assert np.array_equal(run.between(0.0, 2.0).q_D, run.q_D)
 
 

@@ -421,7 +421,7 @@ def test_a_flood_is_counted_and_prints_nothing(desk, caplog, capfd):
         time.sleep(1e-4)  # otherwise the system drops datagrams
     desk.settled("refused", 100)
     desk.settled("wrong", 200)
-    assert len(desk.jobs) <= osc._MAX_WAITING
+    assert len(desk.jobs) <= osc.MAX_WAITING
     assert "100 commands wait already" in desk.osc.counts.last or desk.osc.counts.wrong
     assert "\n" not in str(desk.osc.counts) and len(str(desk.osc.counts)) < 300
     assert caplog.records == []

@@ -239,8 +239,8 @@ def test_a_check_simulates_nothing_and_a_change_keeps_the_clip(
         raise AssertionError("a clip is made again")
 
     monkeypatch.setattr(clips, "clip_gesture", refuse)
-    for kept in ({"before": first}, {"on_disk": True}):
-        changed = plays.compiled(cues.replace("nod", "bow"), **kept)
+    for options in ({"before": first}, {"on_disk": True}):
+        changed = plays.compiled(cues.replace("nod", "bow"), **options)
         motions = changed.motions["pierrot"], first.motions["pierrot"]
         assert np.array_equal(motions[0].coef[:20], motions[1].coef[:20])
     check_play(plays.folder / "trial.yaml")

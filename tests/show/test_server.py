@@ -218,7 +218,7 @@ STRAY = {
     "no host": b"GET / HTTP/1.1\r\n\r\n",
     "half an address": b"GET / HTTP/1.1\r\nHost: [::1\r\n\r\n",
     "two hosts": b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: localhost\r\n\r\n",
-    "an origin that is none": b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://[a\r\n\r\n",
+    "a broken origin": b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://[a\r\n\r\n",
     "a long line": b"GET /" + b"a" * 20_000 + b" HTTP/1.1\r\n\r\n",
     "a websocket without a key": b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
     b"Connection: Upgrade\r\n\r\n",

@@ -52,7 +52,7 @@ def results_fingerprint() -> str:
     It depends on all files of the package, on the versions of Python and of libraries that compute,
     and, as :func:`fingerprint`, on the compiler, its flags and the processor.
     """
-    versions = [f"{name} {_version(name)}" for name in _COMPUTING]
+    versions = [f"{name} {version_of(name)}" for name in _COMPUTING]
     return fingerprint("", package_hash(), [platform.python_version(), *versions])
 
 
@@ -85,10 +85,11 @@ def runtime_hash(folder: Path) -> str:
 
 def casadi_version() -> str:
     """The installed CasADi's version from its metadata, which is much faster than an import."""
-    return _version("casadi")
+    return version_of("casadi")
 
 
-def _version(name: str) -> str:
+def version_of(name: str) -> str:
+    """Version of an installed distribution; ``none`` without it."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:

@@ -217,14 +217,17 @@ class Capture:
         """
         first, last = self.t[0], self.t[-1]
         low, high = (first if begin is None else begin), (last if end is None else end)
-        kept = (self.t >= low - _ROUNDING) & (self.t <= high + _ROUNDING)
-        if np.sum(kept) < 2:
+        inside = (self.t >= low - _ROUNDING) & (self.t <= high + _ROUNDING)
+        if np.sum(inside) < 2:
             raise StateError(
-                f"{self.name or 'the clip'} has {np.sum(kept)} frames from {low:g} s to {high:g} s "
+                f"{self.name or 'the clip'} has {np.sum(inside)} frames from {low:g} s to {high:g} s "
                 f"and lasts from {first:g} s to {last:g} s; needed: two frames or more"
             )
         return replace(
-            self, t=self.t[kept], positions=self.positions[kept], rotations=self.rotations[kept]
+            self,
+            t=self.t[inside],
+            positions=self.positions[inside],
+            rotations=self.rotations[inside],
         )
 
     def upright(self, up: str | None = None) -> Capture:

@@ -31,7 +31,7 @@ _ECHO_TIME = 1.0
 """Time after a cue is reported in which a message that starts it counts as an echo [s]."""
 _MAX_REPORT = 120
 """Largest length of a report on a message [characters]."""
-_MAX_WAITING = 100
+MAX_WAITING = 100
 """Largest number of commands that wait for the show; a flood of further ones is refused."""
 
 
@@ -128,7 +128,7 @@ class Osc:
         self.counts = Counts()
         self._library = osc_library()
         self._sent_at: dict[int, float] = {}
-        self._waiting = threading.BoundedSemaphore(_MAX_WAITING)
+        self._waiting = threading.BoundedSemaphore(MAX_WAITING)
         self._end = threading.Event()
         self._out: socket.socket | None = None
         self._in: socket.socket | None = None
@@ -203,7 +203,7 @@ class Osc:
         if self._waiting.acquire(blocking=False):
             self._later(lambda: self._do(address, do))
         else:
-            self._refuse(address, f"{_MAX_WAITING} commands wait already")
+            self._refuse(address, f"{MAX_WAITING} commands wait already")
 
     def _do(self, address: str, do: Callable[[], None]) -> None:
         self._waiting.release()
