@@ -46,7 +46,7 @@ ONLY_IN = {
     "coal": {"dynamics.clearance", "kernel.runtime"},  # exact meshes; how well pieces fit them
     "mcap_protobuf": {"output.animation"},
     "foxglove_schemas_protobuf": {"output.animation"},
-    "pythonosc": {"theatre.perform", "stand"},
+    "pythonosc": {"base"},
     "pxr": {"output.animation"},
     "pyvista": {"output.view"},
     "viser": {"app.web", "app.pages", "app.live"},

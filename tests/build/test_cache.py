@@ -207,7 +207,8 @@ def test_describe_names_the_compiler_and_the_cache(cache, key, source):
     facts = build.describe()
     assert facts["compiler"].startswith(build.find_compiler().version)
     assert facts["cache"] == str(cache)
-    assert facts["cache entries"].startswith("1 ")
+    assert facts["compiled libraries"].startswith("1 ")
+    assert facts["results of plays"].startswith("0 ")
     assert "problem" not in facts
 
 

@@ -43,6 +43,7 @@ COMMANDS = (
     "validate-reduction",
     "stand",
     "demo",
+    "cache",
     "doctor",
 )
 PARTS = ("stand check", "stand export", "stand stream", "stand emulate")

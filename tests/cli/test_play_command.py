@@ -14,9 +14,17 @@ from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
 
 import fantoccini as fan
 from fantoccini.base.media import ffmpeg
+from fantoccini.kernel.build import ArrayStore
 from fantoccini.output import reports
+from fantoccini.theatre.cast import result_cache
 
 pytestmark = pytest.mark.medium
+
+
+@pytest.fixture(autouse=True)
+def kept(tmp_path, monkeypatch):
+    """No test uses the runs that another one has kept on disk."""
+    monkeypatch.setattr(result_cache, "RESULTS", ArrayStore(str(tmp_path / "kept")))
 
 
 @pytest.fixture(scope="module")

@@ -322,3 +322,38 @@ def test_shapes_are_checked(table, change):
 def test_time_does_not_run_backwards(table):
     with pytest.raises(ValueError, match="not decreasing"):
         run_of(table, np.array([1.0, 0.0]))
+
+
+def test_a_part_has_the_samples_and_events_there(table):
+    run = run_of(table, np.linspace(0.0, 2.0, 41))
+    part = run.between(0.62, 1.49)
+    inner = run.t[(run.t > 0.62) & (run.t < 1.49)]
+    assert np.array_equal(part.t, [0.62, *inner, 1.49])
+    inside = np.isin(run.t, inner)
+    for name in ("q_D", "v_D", "acc_D", "q_K"):
+        assert np.array_equal(getattr(part, name)[1:-1], getattr(run, name)[inside]), name
+    for t, k in ((0.62, 0), (1.49, -1)):
+        q, v, _ = course(np.array([t]))
+        assert part.q_D[k] == pytest.approx(q[0], abs=1e-9)
+        assert part.v_D[k] == pytest.approx(v[0], abs=1e-7)
+    assert [event.t for event in part.events] == [1.0]
+    assert np.array_equal(part.tension["hand"][1:-1], run.tension["hand"][inside])
+    assert np.array_equal(run.between(0.0, 2.0).q_D, run.q_D)
+
+
+def test_a_part_keeps_both_samples_of_an_impact_inside_and_one_at_its_ends(table):
+    t = np.array([0.0, 0.5, 1.0, 1.0, 1.5, 2.0])
+    v_D = np.zeros((6, table.n_vD))
+    v_D[:, 0] = [1.0, 1.0, 1.0, -2.0, -2.0, -2.0]
+    run = run_of(table, t, v_D=v_D)
+    assert np.array_equal(run.between(0.5, 1.5).v_D[:, 0], [1.0, 1.0, -2.0, -2.0])
+    assert np.array_equal(run.between(1.0, 2.0).v_D[:, 0], [-2.0, -2.0, -2.0])
+    assert np.array_equal(run.between(0.0, 1.0).v_D[:, 0], [1.0, 1.0, 1.0])
+
+
+def test_a_part_is_inside_of_the_run(table):
+    run = run_of(table, np.linspace(0.0, 2.0, 11))
+    with pytest.raises(StateError, match="outside of the run, 0 s to 2 s"):
+        run.between(0.5, 2.1)
+    with pytest.raises(ValueError, match="the end must be after the start"):
+        run.between(1.0, 1.0)

@@ -409,3 +409,24 @@ def test_a_refused_address_leaves_nothing_open(stage, monkeypatch):
     with pytest.raises(StateError, match="is no address"):
         Osc(stage.show, Address("a..b", 1), Address("127.0.0.1", 53000), lambda do: None)
     assert not listeners and sockets[0][0].fileno() == -1
+
+
+def test_a_flood_is_counted_and_prints_nothing(desk, caplog, capfd):
+    """python-osc printed a line for every message that it read in part."""
+    unknown = b"#bundle\0" + bytes(7) + b"\1" + b"\0\0\0\4" + b"none"
+    for _ in range(300):
+        desk.raw(b"/go\0,x\0\0")
+        desk.raw(unknown)
+        desk.send("/og")
+        time.sleep(1e-4)  # otherwise the system drops datagrams
+    desk.settled("refused", 100)
+    desk.settled("wrong", 200)
+    assert len(desk.jobs) <= osc.MAX_WAITING
+    assert "100 commands wait already" in desk.osc.counts.last or desk.osc.counts.wrong
+    assert "\n" not in str(desk.osc.counts) and len(str(desk.osc.counts)) < 300
+    assert caplog.records == []
+    assert tuple(capfd.readouterr()) == ("", "")
+    desk.obeyed(1)
+    desk.send("/go")
+    desk.obeyed()
+    assert desk.stage.show.voice is not None

@@ -230,7 +230,7 @@ def test_a_check_simulates_nothing_and_a_change_keeps_the_clip(
     plays: Plays, short: Path, monkeypatch: pytest.MonkeyPatch
 ):
     cues = "{who: pierrot, does: clips/up.bvh}\n{who: columbine, does: nod}"
-    first = plays.compiled(cues)
+    first = plays.compiled(cues, on_disk=True)
     again = plays.compiled(cues)
     for name, motion in first.motions.items():
         assert np.array_equal(motion.coef, again.motions[name].coef)
@@ -239,8 +239,10 @@ def test_a_check_simulates_nothing_and_a_change_keeps_the_clip(
         raise AssertionError("a clip is made again")
 
     monkeypatch.setattr(clips, "clip_gesture", refuse)
-    changed = plays.compiled(cues.replace("nod", "bow"), before=first)
-    assert np.array_equal(changed.motions["pierrot"].coef[:20], first.motions["pierrot"].coef[:20])
+    for options in ({"before": first}, {"on_disk": True}):
+        changed = plays.compiled(cues.replace("nod", "bow"), **options)
+        motions = changed.motions["pierrot"], first.motions["pierrot"]
+        assert np.array_equal(motions[0].coef[:20], motions[1].coef[:20])
     check_play(plays.folder / "trial.yaml")
     short.write_text(short.read_text() + "\n")  # another file with equal content
     with pytest.raises(AssertionError, match="made again"):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from threading import Event
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from tests.perform.played import PLAY
-from tests.show.browser import chrome, until
+from tests.show.browser import chrome, picture, pixel, until, words
 from tests.show.viewer import Viewer
 from websockets.sync.client import connect
 
@@ -71,17 +73,21 @@ def test_a_note_of_a_midi_device_is_go(scene):
         until(lambda: scene.show.voice is not None, "it plays")
 
 
-def test_a_browser_shows_the_tab_and_the_space_bar_is_go(scene):
-    from selenium.webdriver.common.by import By
-
+def test_a_browser_shows_go_the_cue_and_the_caption_at_once_and_the_space_bar_is_go(scene):
+    """It opened with the strings, and GO, the cue and the caption were not in view."""
     with chrome() as browser:
         browser.get(scene.page.url)
-        tabs = until(
-            lambda: browser.find_elements(By.XPATH, "//*[normalize-space(text())='Play']"), "a tab"
+        until(lambda: "stands by for GO" in words(browser), "the tab is shown")
+        shown = "GO (Space)", "GO begins 1 pierrot: wave", "pierrot: Good evening!"
+        ends = browser.execute_script(
+            "return arguments[0].map((text) => [...document.querySelectorAll('*')]"
+            ".filter((e) => e.textContent.trim() === text).pop()"
+            ".getBoundingClientRect().bottom / innerHeight)",
+            shown,
         )
-        tabs[-1].click()
-        until(lambda: "stands by for GO" in browser.page_source, "the tab is shown")
-        browser.find_element(By.TAG_NAME, "body").send_keys(" ")
+        assert all(0.0 < end <= 1.0 for end in ends)
+        picture(browser, "play-opened")
+        browser.find_element("tag name", "body").send_keys(" ")
         until(lambda: scene.show.voice is not None, "it plays")
         errors = [e for e in browser.get_log("browser") if e["level"] == "SEVERE"]
         assert [e for e in errors if "favicon" not in e["message"]] == []
@@ -89,3 +95,41 @@ def test_a_browser_shows_the_tab_and_the_space_bar_is_go(scene):
 
 def _labels(viewer: Viewer) -> list[str]:
     return [props.get("label", "") for _, props in viewer.controls.items()]
+
+
+def test_the_page_opens_with_the_play_from_the_audiences_side(scene):
+    """It opened with the strings, from the side."""
+    labels = [
+        props["_tab_labels"] for _, props in scene.viewer.controls.items() if "_tab_labels" in props
+    ]
+    assert labels == [["Play", "Strings", "Gestures", "Takes"]]
+    camera = scene.page.server.viser.initial_camera
+    sight = np.array(camera.look_at) - np.array(camera.position)
+    assert sight[0] < 0.0  # the audience sits at +x
+    assert abs(sight[1]) < 1e-9 * abs(sight[0])
+
+
+def test_the_panel_does_not_cover_the_stage(scene):
+    (client,) = scene.page.server.viser.get_clients().values()
+    window = {"x": 0.0, "y": 0.0, "width": 800.0, "height": 600.0}
+    until(lambda: client.camera.look_at[1] != 0.0, "the camera is moved")
+    x, marionette = scene.show.play.x0, scene.show.performance.marionette
+    places = np.asarray(marionette.poses(x.q_D, x.q_K))[:, :, 3]
+    across, down = np.array([pixel(client, place, window) for place in places]).T
+    assert across.min() > 0.0 and across.max() < 800.0 - 320.0
+    assert down.min() > 0.0 and down.max() < 600.0
+
+
+def test_a_flood_of_jobs_does_not_hold_the_puppet(scene):
+    live, performance, ended = scene.page.show, scene.show.performance, Event()
+
+    def again() -> None:
+        if not ended.is_set():
+            live.jobs.put(again)
+
+    begun = performance.t
+    live.jobs.put(again)
+    try:
+        until(lambda: performance.t > begun + 0.1, "time goes on")
+    finally:
+        ended.set()

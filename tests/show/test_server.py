@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import gc
+import logging
 import socket
+import struct
+import time
 from http.client import HTTPConnection
 from urllib.parse import urlsplit
 
+import msgspec.msgpack
 import pytest
-from websockets.exceptions import InvalidStatus
+import viser
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from fantoccini.app.pages.server import Server, ServerError, free_port
@@ -190,3 +196,92 @@ def test_no_file_can_be_sent(server):
     handled = server.viser._websock_server._incoming_handlers
     assert _messages.FileTransferStartUpload not in handled
     assert _messages.FileTransferPart not in handled
+
+
+def test_a_request_for_headers_only_is_answered_without_content(server):
+    """`curl -I` got no answer, and a traceback was printed over the page's address."""
+    for path, expected in (("/", 200), ("/x", 404)):
+        connection = HTTPConnection("127.0.0.1", server.port, timeout=10)
+        connection.request("HEAD", path)
+        got = connection.getresponse()
+        assert (got.status, got.read()) == (expected, b"")
+        length = len(answer(server, path)[1].encode())
+        assert int(got.getheader("Content-Length")) == length
+
+
+STRAY = {
+    "nothing": b"",
+    "half a request": b"GET / HT",
+    "another protocol": b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(200),
+    "another method": b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 3\r\n\r\nabc",
+    "an old version": b"GET / HTTP/1.0\r\n\r\n",
+    "no host": b"GET / HTTP/1.1\r\n\r\n",
+    "half an address": b"GET / HTTP/1.1\r\nHost: [::1\r\n\r\n",
+    "two hosts": b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: localhost\r\n\r\n",
+    "a broken origin": b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://[a\r\n\r\n",
+    "a long line": b"GET /" + b"a" * 20_000 + b" HTTP/1.1\r\n\r\n",
+    "a websocket without a key": b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
+    b"Connection: Upgrade\r\n\r\n",
+}
+"""Requests of port scanners and of programs that are no browsers."""
+
+
+@pytest.fixture
+def silent(capfd, caplog):
+    """Fails if anything is printed or logged."""
+    yield
+    time.sleep(0.2)  # the server's thread ends its connections
+    gc.collect()  # exceptions of tasks are logged when these are collected
+    records = [*caplog.get_records("call"), *caplog.records]
+    own = [r for r in records if r.name != "websockets.client"]  # the client of the tests
+    assert [r.getMessage() for r in own if r.levelno >= logging.WARNING] == []
+    assert tuple(capfd.readouterr()) == ("", "")
+
+
+@pytest.mark.parametrize("data", STRAY.values(), ids=STRAY)
+def test_stray_requests_print_nothing(server, silent, data):
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as client:
+        client.sendall(data)
+        client.shutdown(socket.SHUT_WR)
+        got = client.recv(65536)
+    assert not got or got.startswith(b"HTTP/1.1 4")
+    assert answer(server)[0] == 200
+
+
+def test_connections_that_are_reset_print_nothing(server, silent):
+    for data in (b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"):
+        with socket.create_connection(("127.0.0.1", server.port), timeout=5) as client:
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            client.sendall(data)
+    with connect(f"ws://127.0.0.1:{server.port}/echo") as client:
+        client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        client.socket.close()
+    assert answer(server)[0] == 200
+
+
+@pytest.mark.parametrize("subprotocol", [None, "viser-v0.0.0", "viser-v" + "9" * 300])
+def test_other_clients_are_closed_with_a_reason_and_without_a_line(server, silent, subprotocol):
+    """A tab of another version connects again every second, and viser printed a line each time."""
+    url = f"ws://127.0.0.1:{server.port}/"
+    with (
+        connect(url, subprotocols=subprotocol and [subprotocol]) as client,
+        pytest.raises(ConnectionClosed) as closed,
+    ):
+        client.recv(timeout=5)
+    assert closed.value.rcvd.code == 1002
+    assert closed.value.rcvd.reason.startswith("Version mismatch. Client: ")
+
+
+@pytest.mark.parametrize(
+    "message",
+    [b"\xc1", b"", "text", msgspec.msgpack.encode({"type": "NoSuchMessage"})],
+    ids=["no message", "empty", "text", "unknown"],
+)
+def test_messages_that_cannot_be_read_end_the_connection_silently(server, silent, message):
+    url = f"ws://127.0.0.1:{server.port}/"
+    with connect(url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as client:
+        client.send(message)
+        with pytest.raises(ConnectionClosed):
+            while True:
+                client.recv(timeout=5)
+    assert answer(server)[0] == 200

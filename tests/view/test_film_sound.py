@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import wave
+from dataclasses import replace
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -173,3 +174,36 @@ def test_other_formats_are_read(beep, tmp_path, ending):
     command = [FFMPEG, "-v", "error", "-i", f"file:{beep.path}", str(path)]
     subprocess.run(command, check=True, capture_output=True)
     assert sound_duration(path) == pytest.approx(0.5, abs=0.08)
+
+
+@pytest.mark.parametrize("size", [(160, 120), (320, 240), (426, 240)])
+def test_captions_take_a_fifth_of_small_films_at_most(puppet, tmp_path, size):
+    """They covered a third."""
+    m, run = puppet
+    still = run.resample(np.zeros(2)).q_D[:1]
+    still = replace(run, q_D=np.repeat(still, len(run), axis=0))
+    words = "Ladies and gentlemen, tonight we show you a tale of love and of strings, in two acts"
+    captions = [Caption(1.0, 2.0, words, "pierrot"), Caption(1.0, 2.0, "Hush!", "columbine")]
+    film = view.film(m, still, tmp_path / "a.mp4", captions=captions, fps=1, size=size)
+    without, with_captions = pictures(film)
+    changed = np.abs(with_captions - without).max(axis=(1, 2)) > 60.0
+    rows = np.flatnonzero(changed[size[1] // 3 :]) + size[1] // 3  # below the clock
+    assert 0.1 * size[1] < np.ptp(rows) <= 0.2 * size[1]
+
+
+def test_captions_are_written_for_players(tmp_path):
+    captions = [
+        Caption(3661.5, 3662.0, "Late"),
+        Caption(1.0, 2.5, "Good evening!\n\n2\nladies", "pierrot"),
+        Caption(2.0, 4.0, "Ah!"),
+        Caption(0.0, 0.5, "Early"),
+    ]
+    path = view.save_captions(captions, tmp_path / "a.srt", 1.5, 4000.0)
+    assert path.read_text(encoding="utf-8") == (
+        "1\n00:00:00,000 --> 00:00:01,000\npierrot: Good evening! 2 ladies\n\n"
+        "2\n00:00:00,500 --> 00:00:02,500\nAh!\n\n"
+        "3\n01:01:00,000 --> 01:01:00,500\nLate\n"
+    )
+    read = [FFMPEG, "-v", "error", "-i", str(path), "-f", "webvtt", "pipe:1"]
+    shown = subprocess.run(read, capture_output=True, check=True, text=True).stdout
+    assert "00:00.000 --> 00:01.000\npierrot: Good evening! 2 ladies" in shown

@@ -6,9 +6,19 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from fantoccini.model.puppet import loads
 from fantoccini.output import view
 from fantoccini.output.view.theme import DARK, LIGHT, rgb
-from view.still_life import bundled, swinging
+from view.still_life import StillLife, bundled, swinging
+
+BALL = """\
+puppet: ball
+bodies:
+  - name: ball
+    joint: {type: translation, axes: [x, y, z]}
+    shapes: [{type: sphere, radius: 0.05, mass: 0.2}]
+strings:
+"""
 
 # Machado, Oliveira and Fernandes (2009): sight without one kind of cone, in linear RGB.
 SEEN = {
@@ -76,3 +86,28 @@ def test_a_bar_that_turns_is_in_the_plot():
     assert lines["bar.rotation y"].get_ydata()[[0, -1]] == pytest.approx([0.0, 1.0])
     assert np.abs(lines["bar.rotation x"].get_ydata()).max() < 1e-9
     assert {"bar.x", "bar.y", "bar.z"} <= set(lines)
+
+
+def many_strings(n: int) -> StillLife:
+    """A ball on strings with long names, each on a winch of its own."""
+    rows = "".join(
+        f"  - {{name: columbine_shoulder_{k}, path: [{{body: ball}}, {{world: [0, 0, 1]}}], "
+        "length: driven}\n"
+        for k in range(n)
+    )
+    return StillLife(loads(BALL + rows))
+
+
+@pytest.mark.parametrize("m", [bundled("marionette_bar"), many_strings(1), many_strings(21)])
+def test_legends_are_inside_the_figure(m, tmp_path):
+    """The legend of 21 inputs was cut off at the right."""
+    figure = view.plot(swinging(m), tmp_path / "plot.png", scale=1.0)
+    boxes = [axes.get_legend() for axes in figure.axes if axes.get_legend() is not None]
+    assert boxes
+    for axes in figure.axes:
+        box = axes.get_legend()
+        if box is not None:
+            extent, panel = box.get_window_extent(), axes.get_window_extent()
+            assert panel.x1 < extent.x0 and extent.x1 < figure.bbox.x1
+            assert extent.height < 1.1 * panel.height
+    assert len({round(axes.get_position().x1, 9) for axes in figure.axes}) == 1

@@ -51,6 +51,7 @@ from fantoccini.base.hanging import catenary
 from fantoccini.base.interpolate import Places
 from fantoccini.base.media import MediaError, ffmpeg, sound_duration, sound_input
 from fantoccini.base.nonnegative import nonnegative_least_squares
+from fantoccini.base.osc import osc_library
 from fantoccini.base.polynomial import N_COEF, shifted
 from fantoccini.base.progress import OnProgress, Progress, progress_bar, reporting
 from fantoccini.base.rotation import exp, multiply
@@ -117,6 +118,7 @@ __all__ = [
     "nearest",
     "nonnegative_least_squares",
     "npz",
+    "osc_library",
     "output",
     "perpendicular",
     "polynomial",

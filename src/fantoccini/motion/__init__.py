@@ -11,6 +11,7 @@ from fantoccini.motion.input import Input
 from fantoccini.motion.input_derivative import InputDerivative
 from fantoccini.motion.inputs import Inputs
 from fantoccini.motion.overload import Overload, overloads
+from fantoccini.motion.packing import pack_run, unpack_run
 from fantoccini.motion.pieces import channel_names, constants
 from fantoccini.motion.reading import Table
 from fantoccini.motion.state import EventKind, EventRecord, State, States, check_size
@@ -50,8 +51,10 @@ __all__ = [
     "joints",
     "mesh_files",
     "overloads",
+    "pack_run",
     "pair_name",
     "pieces",
     "reading",
     "restored",
+    "unpack_run",
 ]

@@ -55,6 +55,11 @@ _folders: list[TemporaryDirectory[str]] = []
 
 def save(fields: Mapping[str, Any], path: str | Path) -> None:
     """Writes the fields of a trajectory: arrays, and names and puppet as JSON."""
+    npz.write(path, *contents_of(fields))
+
+
+def contents_of(fields: Mapping[str, Any]) -> tuple[dict[str, Array], dict[str, Any]]:
+    """The fields of a trajectory as arrays by name, and the others as values for JSON."""
     tables: dict[str, Columns] = {n: fields[n] for n in _TABLES if fields[n] is not None}
     table: CoordinateTable = fields["coordinates"]
     events: tuple[EventRecord, ...] = fields["events"]
@@ -84,7 +89,7 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         arrays |= {f"{_CONTACT}{name}": getattr(contact, name) for name in _POINTS}
     if puppet is not None:
         arrays |= npz.packed(_MESH, mesh_files(puppet))
-    npz.write(path, arrays, about)
+    return arrays, about
 
 
 def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from fantoccini.base import (
     Array,
+    Indices,
     StateError,
     Status,
     Times,
@@ -205,7 +206,33 @@ class Trajectory:
         times = self._inside(floats(times))
         if times.ndim != 1 or not len(times) or np.any(np.diff(times) < 0):
             raise ValueError("times must be a list of one time or more, not decreasing")
-        left, right, s = interpolate.bracket(self.t, times, side)
+        return self._interpolated(times, *interpolate.bracket(self.t, times, side))
+
+    def between(self, start: float, end: float) -> Trajectory:
+        """The part of the run between two times [s], with the samples and events there.
+
+        It begins after an impact at its start, and ends before an impact at its end. Times, and
+        ledger entries that accumulate, still count from the start of the whole run.
+
+        Raises:
+            StateError: a time is outside of the run.
+            ValueError: the end is not after the start.
+        """
+        ends = self._inside(floats([start, end]))
+        if not ends[0] < ends[1]:
+            raise ValueError(f"found {start:g} s to {end:g} s; the end must be after the start")
+        inner = np.arange(
+            np.searchsorted(self.t, ends[0], "right"), np.searchsorted(self.t, ends[1], "left")
+        )
+        first = interpolate.bracket(self.t, ends[:1], "right")
+        last = interpolate.bracket(self.t, ends[1:], "left")
+        exact = inner, inner, np.zeros(len(inner))
+        left, right, s = (np.concatenate(parts) for parts in zip(first, exact, last, strict=True))
+        times = np.concatenate([ends[:1], self.t[inner], ends[1:]])
+        return self._interpolated(times, left, right, s)
+
+    def _interpolated(self, times: Times, left: Indices, right: Indices, s: Array) -> Trajectory:
+        """The run at times (m,), from the results of :func:`interpolate.bracket` for them."""
         table = self.coordinates
         changes: dict[str, Any] = {}
         places = {

@@ -23,5 +23,6 @@ from .view import (
     pose_times as pose_times,
     puppet_html as puppet_html,
     run_html as run_html,
+    save_captions as save_captions,
     strip as strip,
 )

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, MissingLibraryError, StandError
+from fantoccini.base import Array, Indices, StandError, osc_library
 from fantoccini.stand.axes import Axis, axes_of
 from fantoccini.stand.controllers import MAX_FRAME_RATE, ArtNet, Osc
 from fantoccini.stand.stand_file import Stand
@@ -68,18 +68,13 @@ class OscPackets:
     """
 
     def __init__(self, addresses: tuple[str, ...]):
-        try:
-            from pythonosc.osc_bundle_builder import OscBundleBuilder
-            from pythonosc.osc_message_builder import OscMessageBuilder
-        except ImportError:
-            raise MissingLibraryError("OSC", "python-osc", "osc") from None
-        self.addresses, self._bundle, self._message = addresses, OscBundleBuilder, OscMessageBuilder
+        self.addresses, self._library = addresses, osc_library()
 
     def encode(self, position: Array, when: float) -> bytes:
         """The bundle for positions, as in :class:`Packets`."""
-        bundle = self._bundle(when)
+        bundle = self._library.BundleBuilder(when)
         for address, value in zip(self.addresses, position, strict=True):
-            message = self._message(address)
+            message = self._library.MessageBuilder(address)
             message.add_arg(float(value), "f")
             bundle.add_content(message.build())
         data: bytes = bundle.build().dgram

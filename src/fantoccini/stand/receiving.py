@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import AddressError, Array, MissingLibraryError, StandError, Times, socket_at
+from fantoccini.base import AddressError, Array, StandError, Times, osc_library, socket_at
 from fantoccini.stand.axes import axes_of
 from fantoccini.stand.controllers import ArtNet, Osc
 from fantoccini.stand.gcode_text import units
@@ -133,16 +133,12 @@ def _reader(stand: Stand, controller: Any) -> _OscReader | _ArtNetReader:
 
 class _OscReader:
     def __init__(self, addresses: tuple[str, ...]):
-        try:
-            from pythonosc.osc_packet import OscPacket
-        except ImportError:
-            raise MissingLibraryError("OSC", "python-osc", "osc") from None
-        self._packet, self._addresses = OscPacket, addresses
+        self._library, self._addresses = osc_library(), addresses
 
     def position(self, data: bytes) -> Array | None:
         """(n,) positions in a packet; None if it cannot be read."""
         try:
-            messages = [timed.message for timed in self._packet(data).messages]
+            messages = [timed.message for timed in self._library.Packet(data).messages]
             values = {m.address: float(m.params[0]) for m in messages if len(m.params) == 1}
         except Exception:  # python-osc raises more than its own on broken datagrams
             return None

@@ -11,11 +11,10 @@ import typer
 
 from fantoccini.app.cli.stand_app import stand_app
 from fantoccini.app.cli_support import (
-    Bodies,
     CommandGroup,
+    ExportArguments,
     File,
     FollowArguments,
-    Fps,
     OptimiseArguments,
     PerformArguments,
     PlanArguments,
@@ -185,40 +184,16 @@ def equations(
     print_equations(file, latex)
 
 
-@app.command()
-def export(
-    file: Annotated[
-        str, typer.Argument(metavar="FILE", help="Puppet, or run, recording or plan (.npz).")
-    ],
-    out: Annotated[
-        Path,
-        typer.Argument(
-            metavar="OUT",
-            help="For a puppet, a folder, created if missing. For a motion, a file, whose ending "
-            "selects the format, as for --out of simulate.",
-        ),
-    ],
-    force: Annotated[
-        bool, typer.Option("--force", help="Write into a folder that is not empty.")
-    ] = False,
-    fps: Fps = None,
-    bodies: Bodies = None,
-    problem: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Problem file of a plan, if it is not bundled."),
-    ] = None,
-    quiet: Quiet = False,
-) -> None:
+@app.command("export")
+@takes(ExportArguments)
+def export(arguments: ExportArguments) -> None:
     """Write a puppet's equations as C99, or a saved motion as animation, film or numbers.
 
     The C99 files depend only on libm. The header documents every argument.
     """
-    from fantoccini.app.cli.export import export_c99, export_motion
+    from fantoccini.app.cli.export import export_file
 
-    if file.lower().endswith(".npz"):
-        export_motion(file, out, force, fps, bodies, problem, quiet)
-    else:
-        export_c99(file, out, force, fps, bodies, problem, quiet)
+    export_file(arguments)
 
 
 @app.command("import")
@@ -431,6 +406,19 @@ def demo(
     from fantoccini.app.cli.demo import show_demo
 
     show_demo(out, quiet)
+
+
+@app.command()
+def cache(
+    clear: Annotated[
+        bool, typer.Option("--clear", help="Remove everything; it is made again when needed.")
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """List what is kept between runs: compiled puppets, meshes in convex pieces, runs of plays."""
+    from fantoccini.app.cli.cache import describe_cache
+
+    describe_cache(clear, quiet)
 
 
 @app.command()

@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 from fantoccini.app.cli_support import (
+    ExportArguments,
     OutputOptions,
     Steps,
     check_folder,
@@ -26,73 +27,58 @@ from fantoccini.kernel import codegen
 _OPTION = "OUT"
 
 
-def export_motion(
-    file: str,
-    out: Path,
-    force: bool,
-    fps: float | None,
-    bodies: str | None,
-    problem: str | None,
-    quiet: bool,
-) -> None:
-    """Writes a saved motion; the ending of ``out`` selects the format.
+def export_file(arguments: ExportArguments) -> None:
+    """Writes a saved motion, or the equations of a puppet."""
+    if arguments.file.lower().endswith(".npz"):
+        _export_motion(arguments)
+    else:
+        _export_c99(arguments)
 
-    Args:
-        file: run, recording or plan (.npz).
-        out: file to write.
-        force: an error, because it applies to puppets only.
-        fps, bodies: options of films and animations.
-        problem: problem file of a plan whose problem is not bundled.
-        quiet: do not report that the run stopped early.
-    """
-    if force:
+
+def _export_motion(arguments: ExportArguments) -> None:
+    """Writes a saved motion; the ending of ``out`` selects the format."""
+    if arguments.force:
         fail("applies to puppets; a file is replaced in any case", "--force")
-    output_options = OutputOptions.of(None, None, None, None, fps, bodies=bodies)
-    check_outputs([out], None, _OPTION)
-    output_options.check([out])
+    output_options = OutputOptions.of(
+        None, None, None, None, arguments.fps, bodies=arguments.bodies
+    ).of_part(arguments.begin, arguments.end)
+    out = [arguments.out]
+    check_outputs(out, None, _OPTION)
+    output_options.check(out)
     from fantoccini.app.web import subject_of
 
-    with Steps(quiet) as steps:
-        subject = subject_of(file, problem, steps.named)
+    with Steps(arguments.quiet) as steps:
+        subject = subject_of(arguments.file, arguments.problem, steps.named)
         assert subject.run is not None
         write_outputs(
-            subject.marionette, subject.run, [out], None, steps, output_options=output_options
+            subject.marionette, subject.run, out, None, steps, output_options=output_options
         )
     run = subject.run
-    if run.status is not Status.DONE and not quiet:
+    if run.status is not Status.DONE and not arguments.quiet:
         say(f"fantoccini: the run ended at t = {run.t[-1]:g} s: {run.status.message}")
 
 
-def export_c99(
-    file: str,
-    folder: Path,
-    force: bool,
-    fps: float | None,
-    bodies: str | None,
-    problem: str | None,
-    quiet: bool,
-) -> None:
-    """Writes the C99 files; each appears only when complete.
-
-    Args:
-        file: FILE argument.
-        folder: folder for the files, created if it does not exist.
-        force: write into a folder that is not empty, replacing files of the same name.
-        fps, bodies, problem: an error, because they apply to motions only.
-        quiet: do not list the files.
-    """
-    for option, value in (("--fps", fps), ("--bodies", bodies), ("--problem", problem)):
+def _export_c99(arguments: ExportArguments) -> None:
+    """Writes the C99 files; each appears only when complete."""
+    for option, value in (
+        ("--fps", arguments.fps),
+        ("--bodies", arguments.bodies),
+        ("--problem", arguments.problem),
+        ("--from", arguments.begin),
+        ("--to", arguments.end),
+    ):
         if value is not None:
             fail("applies to motions (.npz)", option)
-    _check(folder, force)
-    puppet = marionette(file)
-    with Steps(quiet) as steps:
+    folder = arguments.out
+    _check(folder, arguments.force)
+    puppet = marionette(arguments.file)
+    with Steps(arguments.quiet) as steps:
         steps.step("deriving the equations of motion")
         check_mass_matrix(puppet.puppet, puppet.tree)
         files = codegen.c99_files(puppet.equations)
     with writing(folder):
         _write(files, folder)
-    if not quiet:
+    if not arguments.quiet:
         for name in files:
             write(folder / name)
 

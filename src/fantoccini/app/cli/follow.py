@@ -13,6 +13,7 @@ from fantoccini.app.cli_support import (
     Steps,
     check_output,
     check_outputs,
+    check_part,
     marionette,
     say,
     table,
@@ -50,6 +51,7 @@ def follow_file(arguments: FollowArguments) -> None:
         clip = load_bvh(arguments.clip)
         for note in clip.notes:
             say(note)
+        check_part(arguments.begin, arguments.end, float(clip.t[0]), float(clip.t[-1]))
         puppet = marionette(arguments.file, steps.named)
         placed = place_clip(
             puppet,
@@ -58,6 +60,8 @@ def follow_file(arguments: FollowArguments) -> None:
             travel=arguments.travel,
             up=arguments.up and arguments.up.value,
             of=arguments.of,
+            begin=arguments.begin,
+            end=arguments.end,
         )
         for note in placed.clip.notes[len(clip.notes) :]:
             say(note)

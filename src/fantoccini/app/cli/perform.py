@@ -30,7 +30,7 @@ def perform_play(arguments: PerformArguments) -> None:
         raise FileError([Mistake(str(arguments.file), None, "", message)])
     with Steps(arguments.quiet) as steps:
         steps.step(f"compiling {arguments.file}")
-        show = LivePlay(load_play(arguments.file))
+        show = LivePlay(load_play(arguments.file, on_disk=True))
         steps.step("opening the page")
         page = open_show(
             show,
@@ -47,7 +47,11 @@ def perform_play(arguments: PerformArguments) -> None:
             say(f"OSC messages are received at {osc.heard_at}")
         if send is not None:
             say(f"OSC messages are sent to {send}")
-    serve(page, arguments)
+    try:
+        serve(page, arguments)
+    finally:
+        if osc is not None and not arguments.quiet:
+            say(f"OSC messages: {osc.counts}")
 
 
 def address_of(text: str | None, option: str) -> Address | None:

@@ -13,8 +13,10 @@ from fantoccini.app.cli_support import (
     FAILED,
     PlayArguments,
     Steps,
+    check_captions,
     check_output,
     check_outputs,
+    check_part,
     film_options,
     report_score,
     say,
@@ -35,14 +37,18 @@ def play_file(arguments: PlayArguments) -> None:
     faults.
     """
     out, report = arguments.out or [], arguments.report
-    check_outputs(out, None)
+    check_outputs(out, None, captions=True)
     arguments.output_options.check(out)
     if report is not None:
         check_output(report, (".html",), "--report")
     with Steps(arguments.quiet) as steps:
         began = time.perf_counter()
-        play = load_play(arguments.file, progress=steps.named, within=arguments.within)
+        play = load_play(
+            arguments.file, progress=steps.named, within=arguments.within, on_disk=True
+        )
         compiled = time.perf_counter()
+        check_captions(out, play.score.captions)
+        check_part(arguments.begin, arguments.end, 0.0, play.duration)
         steps.step(f"simulating and measuring {play.duration:.1f} s")
         within = arguments.within
         remaining = None if within is None else max(within - (compiled - began), 0.0)

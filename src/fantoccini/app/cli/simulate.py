@@ -19,7 +19,9 @@ from fantoccini.app.cli_support import (
     Steps,
     StringModel,
     check_bodies,
+    check_captions,
     check_outputs,
+    check_part,
     fail,
     load_recording,
     marionette,
@@ -73,7 +75,7 @@ def simulate_file(arguments: SimulateArguments) -> None:
     """
     _check_options(arguments)
     out, output_options = arguments.out or [], arguments.output_options
-    check_outputs(out, arguments.plot)
+    check_outputs(out, arguments.plot, captions=True)
     output_options.check(out, arguments.plot)
     start_values = read_values(arguments.start or [])
     with Steps(arguments.quiet) as steps:
@@ -82,6 +84,8 @@ def simulate_file(arguments: SimulateArguments) -> None:
         check_bodies(puppet, output_options)
         file_motion = _input_motion(puppet, arguments, steps)
         inputs = None if file_motion is None else file_motion.inputs
+        films = {} if file_motion is None else file_motion.film_options
+        check_captions(out, films.get("captions", ()))
         recording = load_recording(arguments.inputs)
         if recording is not None:
             puppet = with_recorded_winches(puppet, recording, arguments.quiet)
@@ -91,10 +95,10 @@ def simulate_file(arguments: SimulateArguments) -> None:
         x0 = None if recording is None or start_values else recorded_start(puppet, recording)
         if x0 is None:
             x0 = start_state(puppet, inputs, start_values, arguments.quiet)
+        check_part(arguments.begin, arguments.end, x0.t, x0.t + duration)
         method, options = _method(arguments, x0.t, duration)
         options["time_limit"] = arguments.time_limit
         run, seconds, reason = timed(steps, puppet, x0, inputs, duration, method, **options)
-        films = {} if file_motion is None else file_motion.film_options
         not_written = None
         try:
             write_outputs(

@@ -1,13 +1,11 @@
 """The names of the package, and where each is defined."""
 
 from .arguments import (
+    ExportArguments as ExportArguments,
     FollowArguments as FollowArguments,
     OptimiseArguments as OptimiseArguments,
-    PageOptions as PageOptions,
-    PerformArguments as PerformArguments,
     PlanArguments as PlanArguments,
     PlayArguments as PlayArguments,
-    ShowArguments as ShowArguments,
     SimulateArguments as SimulateArguments,
     takes as takes,
 )
@@ -46,12 +44,18 @@ from .options import (
     positive as positive,
     resolve_bundled as resolve_bundled,
 )
-from .output_options import OutputOptions as OutputOptions
+from .output_options import OutputOptions as OutputOptions, check_part as check_part
 from .outputs import (
     check_bodies as check_bodies,
+    check_captions as check_captions,
     check_extras as check_extras,
     check_outputs as check_outputs,
     write_outputs as write_outputs,
+)
+from .page_arguments import (
+    PageOptions as PageOptions,
+    PerformArguments as PerformArguments,
+    ShowArguments as ShowArguments,
 )
 from .plausibility import (
     inputs_warnings as inputs_warnings,

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 import typer
 
 from fantoccini.app.cli_support.options import (
+    Begin,
     Bodies,
+    End,
     File,
     Focus,
     Fps,
@@ -101,7 +103,49 @@ class PictureOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulateArguments(PictureOptions):
+class MotionOptions(PictureOptions):
+    """Options of commands that write a motion, or part of it."""
+
+    begin: Begin = None
+    end: End = None
+
+    @property
+    def output_options(self) -> OutputOptions:
+        """Parsed options; raises a usage error if an option has an invalid value."""
+        return super().output_options.of_part(self.begin, self.end)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportArguments:
+    """Arguments of ``fantoccini export``."""
+
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="Puppet, or run, recording or plan (.npz).")
+    ]
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT",
+            help="For a puppet, a folder, created if missing. For a motion, a file, whose ending "
+            "selects the format, as for --out of simulate.",
+        ),
+    ]
+    force: Annotated[
+        bool, typer.Option("--force", help="Write into a folder that is not empty.")
+    ] = False
+    begin: Begin = None
+    end: End = None
+    fps: Fps = None
+    bodies: Bodies = None
+    problem: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Problem file of a plan, if it is not bundled."),
+    ] = None
+    quiet: Quiet = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateArguments(MotionOptions):
     """Arguments of ``fantoccini simulate``."""
 
     file: File
@@ -166,7 +210,7 @@ class SimulateArguments(PictureOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanArguments(PictureOptions):
+class PlanArguments(MotionOptions):
     """Arguments of ``fantoccini plan``."""
 
     file: Annotated[
@@ -213,7 +257,7 @@ class PlanArguments(PictureOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OptimiseArguments(PictureOptions):
+class OptimiseArguments(MotionOptions):
     """Arguments of ``fantoccini optimise``."""
 
     file: Annotated[
@@ -284,6 +328,14 @@ class FollowArguments(PictureOptions):
             metavar="NAME", help="Member of a scene that follows; by default its only person."
         ),
     ] = ""
+    begin: Annotated[
+        float | None,
+        typer.Option("--from", metavar="S", help="Begin of the part of the clip to follow [s]."),
+    ] = None
+    end: Annotated[
+        float | None,
+        typer.Option("--to", metavar="S", help="End of the part of the clip to follow [s]."),
+    ] = None
     speed: Annotated[
         float | None,
         typer.Option(metavar="V", callback=positive, help="Largest speed of the hands [m/s] [2]."),
@@ -301,7 +353,7 @@ class FollowArguments(PictureOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlayArguments(PictureOptions):
+class PlayArguments(MotionOptions):
     """Arguments of ``fantoccini play``."""
 
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Play file (YAML).")]
@@ -318,72 +370,3 @@ class PlayArguments(PictureOptions):
         ),
     ] = None
     out: Out = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class PageOptions:
-    """Options of commands that serve a live page."""
-
-    theme: Annotated[Theme, typer.Option(help="Theme of the page.")] = Theme.LIGHT
-    host: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Address to listen on; other machines can connect if it is not local.",
-        ),
-    ] = "127.0.0.1"
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="First port to try; 0 for any free port.")
-    ] = 8080
-    no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
-    ] = False
-    record_to: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for recordings, gestures and films.")
-    ] = Path(".")
-    quiet: Quiet = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class PerformArguments(PageOptions):
-    """Arguments of ``fantoccini perform``."""
-
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Play (.yaml).")]
-    osc_in: Annotated[
-        str | None,
-        typer.Option(metavar="HOST:PORT", help="Address that receives OSC messages [none]."),
-    ] = None
-    osc_out: Annotated[
-        str | None,
-        typer.Option(metavar="HOST:PORT", help="Address to send OSC messages to [none]."),
-    ] = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShowArguments(PageOptions):
-    """Arguments of ``fantoccini show``."""
-
-    file: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE",
-            help="Puppet file, name of a bundled puppet, or run, recording or plan (.npz).",
-        ),
-    ]
-    html: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Write a run as a page that plays offline: .html."),
-    ] = None
-    forces: Annotated[
-        bool, typer.Option("--forces", help="Draw the forces of contacts in that file.")
-    ] = False
-    balance: Annotated[
-        bool, typer.Option("--balance", help="Balance a live puppet by motions of the hands.")
-    ] = False
-    score: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Score that a live puppet plays.")
-    ] = None
-    problem: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Problem file of a plan, if it is not bundled."),
-    ] = None

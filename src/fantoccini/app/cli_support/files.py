@@ -19,6 +19,7 @@ from fantoccini.output.animation import ENDINGS
 NUMBERS = (".npz", ".csv")
 PICTURES = (".png", ".svg", ".pdf")
 FILMS = (".mp4", ".gif")
+CAPTIONS = (".srt",)
 ANIMATIONS = tuple(ending for ending in ENDINGS if ending not in NUMBERS)
 
 

@@ -71,7 +71,8 @@ Out = Annotated[
     typer.Option(
         metavar="PATH",
         help="Write the motion. The ending selects the format: .npz .csv (numbers), .png .svg .pdf "
-        "(strip of poses), .mp4 .gif (film), .glb .usda .usdc .bvh .mcap (animation); repeatable.",
+        "(strip of poses), .mp4 .gif (film), .glb .usda .usdc .bvh .mcap (animation), .srt "
+        "(captions of scores and plays); repeatable.",
     ),
 ]
 Fps = Annotated[
@@ -88,6 +89,16 @@ Bodies = Annotated[
         metavar="NAME,...",
         help="Bodies in animations [all], or with poses in .csv [none]; or: all.",
     ),
+]
+Begin = Annotated[
+    float | None,
+    typer.Option(
+        "--from", metavar="S", help="Begin of the part to write [s] [start of the motion]."
+    ),
+]
+End = Annotated[
+    float | None,
+    typer.Option("--to", metavar="S", help="End of the part to write [s] [end of the motion]."),
 ]
 SaveInputs = Annotated[
     Path | None,

@@ -5,21 +5,25 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fantoccini.app.cli_support.files import FILMS, PICTURES, fail
+from fantoccini.app.cli_support.files import FILMS, PICTURES, OutputError, fail
 from fantoccini.app.cli_support.options import Focus, Theme
+from fantoccini.base import ARRIVED
 from fantoccini.output.animation import ENDINGS
 
 if TYPE_CHECKING:
+    from fantoccini.motion import Trajectory
     from fantoccini.output.animation import Bodies
 
 _VIEWS = ("auto", "front", "side", "three-quarter")
 _MIN_SIZE, _MAX_SIZE = 16, 8192
 """Width and height of a picture [px]."""
 _MAX_FPS = 240.0
+_ROUNDING = 1e-3
+"""Largest time outside of the motion that counts as its start or end [s]: messages round times."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,7 @@ class OutputOptions:
         fps: frames per second of a film, keys of an animation or rows of a table.
         forces: draw the forces of contacts.
         bodies: bodies in an animation or a table: names or ``all``.
+        begin, end: part of the motion that is written [s].
     """
 
     view: str | tuple[float, float] | None = None
@@ -43,6 +48,8 @@ class OutputOptions:
     fps: float | None = None
     forces: bool | None = None
     bodies: Bodies | None = None
+    begin: float | None = None
+    end: float | None = None
 
     @classmethod
     def of(
@@ -72,6 +79,36 @@ class OutputOptions:
             None if bodies is None else _names(bodies),
         )
 
+    def of_part(self, begin: float | None, end: float | None) -> OutputOptions:
+        """The options for a part of the motion.
+
+        Raises:
+            BadParameter: the times are not numbers, or not in order.
+        """
+        check_part(begin, end)
+        return replace(self, begin=begin, end=end)
+
+    def part(self, run: Trajectory) -> Trajectory:
+        """The part of a run that is written; of a run that stopped early, up to where it stopped.
+
+        Raises:
+            BadParameter: a time is outside of the run.
+            OutputError: the run stopped before the part begins.
+        """
+        if self.begin is None and self.end is None:
+            return run
+        first, last = float(run.t[0]), float(run.t[-1])
+        begin, end = self.begin, self.end
+        if run.status not in ARRIVED:
+            end = None if end is None else min(end, last)
+            if begin is not None and begin >= last:
+                raise OutputError(
+                    f"nothing is written from {begin:g} s on: the run stopped at {last:g} s"
+                )
+        check_part(begin, end, first, last)
+        begin, end = (first if begin is None else begin), (last if end is None else end)
+        return run.between(max(begin, first), min(end, last))
+
     def check(self, out: Sequence[Path], plot: Path | None = None) -> None:
         """Raises a usage error if an option applies to none of the output files."""
         endings = {path.suffix.lower() for path in out}
@@ -85,6 +122,8 @@ class OutputOptions:
             ("--fps", self.fps, film or moving, "a film, an animation or a table (.csv)"),
             ("--forces", self.forces, film or strip, "a strip or a film"),
             ("--bodies", self.bodies, moving, "an animation or a table (.csv)"),
+            ("--from", self.begin, bool(out), "the files of --out"),
+            ("--to", self.end, bool(out), "the files of --out"),
         ):
             if value is not None and not applies:
                 fail(f"applies to {outputs}, but none is written", option)
@@ -93,6 +132,26 @@ class OutputOptions:
         """The named attributes that are not None."""
         values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if value is not None}
+
+
+def check_part(
+    begin: float | None, end: float | None, first: float = -math.inf, last: float = math.inf
+) -> None:
+    """Raises a usage error if ``--from`` and ``--to`` are not times of a motion, in order.
+
+    Args:
+        begin, end: values of the options [s]; None for the start and the end of the motion.
+        first, last: times of the motion [s].
+    """
+    for option, t in (("--from", begin), ("--to", end)):
+        if t is not None and not math.isfinite(t):
+            fail(f"found {t}; needed: a time in seconds", option)
+        if t is not None and not first - _ROUNDING <= t <= last + _ROUNDING:
+            fail(f"found {t:g} s; the motion lasts from {first:g} s to {last:g} s", option)
+    low, high = (first if begin is None else begin), (last if end is None else end)
+    if not low < high:
+        option = "--from" if end is None else "--to"
+        fail(f"found {low:g} s to {high:g} s; needed: an end after the begin", option)
 
 
 def _view(text: str) -> str | tuple[float, float]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fantoccini.app.cli_support.files import (
     ANIMATIONS,
+    CAPTIONS,
     FILMS,
     NUMBERS,
     PICTURES,
@@ -25,18 +26,23 @@ from fantoccini.output.animation import ENDINGS, format_of
 
 if TYPE_CHECKING:
     from fantoccini.output.view import Guides
+    from fantoccini.theatre.gestures import Caption
 
 
-def check_outputs(out: Sequence[Path], plot: Path | None, option: str = "--out") -> None:
+def check_outputs(
+    out: Sequence[Path], plot: Path | None, option: str = "--out", captions: bool = False
+) -> None:
     """Raises a usage error if a file cannot be written, before any long computation.
 
     Args:
         out: numbers, strips, films and animations.
         plot: plot against time.
         option: option with ``out``, for the message.
+        captions: whether the command can write captions, too.
     """
+    endings = (*NUMBERS, *PICTURES, *FILMS, *ANIMATIONS, *(CAPTIONS if captions else ()))
     for path in out:
-        check_output(path, (*NUMBERS, *PICTURES, *FILMS, *ANIMATIONS), option)
+        check_output(path, endings, option)
         if path.suffix.lower() in ENDINGS:
             format_of(path, None)
     if plot is not None:
@@ -45,6 +51,13 @@ def check_outputs(out: Sequence[Path], plot: Path | None, option: str = "--out")
     for path in paths:
         if [p.absolute() for p in paths].count(path.absolute()) > 1:
             fail(f"{path} is given twice", option)
+
+
+def check_captions(out: Sequence[Path], captions: Sequence[Caption]) -> None:
+    """Raises a usage error if captions are to be written, and there are none."""
+    for path in out:
+        if path.suffix.lower() in CAPTIONS and not captions:
+            fail(f"{path}: there are no captions; scores and plays can have some", "--out")
 
 
 def check_extras(picture: Path | None, save: Path | None) -> None:
@@ -80,11 +93,12 @@ def write_outputs(
         marionette: the puppet.
         run: its motion.
         out: numbers, strips, films and animations.
-        plot: plot against time.
+        plot: plot against time, of the whole motion.
         steps: progress report.
         poses: times of a strip's poses; see :func:`fantoccini.output.strip`.
         output_options: options of the files.
-        films: captions and sounds, as arguments of :func:`fantoccini.output.film`.
+        films: captions and sounds, as arguments of :func:`fantoccini.output.film`. A film beside
+            a file with its captions (``bows.mp4``, ``bows.srt``) does not show them.
         guides: guides in strips and films, as for :func:`fantoccini.output.film`.
 
     Raises:
@@ -94,14 +108,19 @@ def write_outputs(
     check_bodies(marionette, output_options)
     if output_options.forces and run.contact is None:
         fail(f"{marionette.name} has no contacts, so there are no forces to draw", "--forces")
+    whole, run = run, output_options.part(run)
+    subtitled = {path.with_suffix("") for path in out if path.suffix.lower() in CAPTIONS}
     reasons, mistakes = [], []
     for path in (*out, *([] if plot is None else [plot])):
         try:
             with writing(path):
                 if path is plot:
-                    _plot(run, path, steps, output_options)
+                    _plot(whole, path, steps, output_options)
                 else:
-                    _write(marionette, run, path, steps, poses, output_options, films or {}, guides)
+                    own = dict(films or {})
+                    if path.suffix.lower() == ".mp4" and path.with_suffix("") in subtitled:
+                        own.pop("captions", None)  # players show those of the file beside it
+                    _write(marionette, run, path, steps, poses, output_options, own, guides)
         except (FileError, StateError, UnknownNameError) as error:
             mistakes.append(error)  # in the arguments; the other files are written first
         except FantocciniError as error:
@@ -137,6 +156,10 @@ def _write(
 
         steps.step(f"writing {path}")
         export(run, path, marionette=marionette, **output_options.nondefault("fps", "bodies"))
+    elif ending in CAPTIONS:
+        from fantoccini.output import view
+
+        view.save_captions(films["captions"], path, float(run.t[0]), float(run.t[-1]))
     elif ending in PICTURES:
         from fantoccini.output import view
 

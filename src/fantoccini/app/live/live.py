@@ -28,11 +28,12 @@ from fantoccini.app.pages import (
     SceneNodes,
     SceneState,
     Server,
+    Viewpoint,
     scene_of_state,
 )
 from fantoccini.base import FantocciniError
 from fantoccini.dynamics.derivatives import motion_at
-from fantoccini.output.view import Geometry, Theme, force_arrows, geometry_at
+from fantoccini.output.view import AUDIENCE, Geometry, Theme, force_arrows, geometry_at
 from fantoccini.theatre.perform import Balance, LivePlay, Performance
 
 if TYPE_CHECKING:
@@ -52,6 +53,8 @@ class _Timing(NamedTuple):
 
 
 _TIMING = _Timing()
+_PANEL_WIDTH = 340.0
+"""Width of viser's panel with its margins [px]."""
 _FULL_FORCE = 0.25
 """Force of a long arrow, relative to the puppet's weight, which several points share."""
 
@@ -107,6 +110,7 @@ class Live(PageLoop):
         self._past: deque[tuple[float, np.ndarray]] = deque()
         self._refused: dict[Viewer, float] = {}
         self._sight: np.ndarray | None = None
+        self._viewpoint: Viewpoint = "three-quarter" if show is None else AUDIENCE
         self._due = {"numbers": 0.0, "marks": 0.0, "sample": 0.0}
 
     @property
@@ -128,7 +132,7 @@ class Live(PageLoop):
         self.server = server
         self.panel = LivePanel(self, server.viser, self.theme)
         self._build()
-        self.nodes.aim_camera(server.viser.initial_camera, "three-quarter")
+        self.nodes.aim_camera(server.viser.initial_camera, self._viewpoint)
         server.viser.on_client_connect(self._fit)
         server.viser.on_client_disconnect(lambda client: self.holder.leave(client.client_id))
 
@@ -224,15 +228,17 @@ class Live(PageLoop):
             self._safely(partial(self._frame, now, duration))
 
     def _work(self, until: float) -> None:
-        """Runs queued jobs until the next frame is due."""
+        """Runs queued jobs until the next frame is due, at least those that wait already."""
+        n_waiting = self.jobs.qsize()
         while not self._end.is_set():
             remaining = until - time.perf_counter()
+            if remaining <= 0.0 and n_waiting <= 0:  # a flood of jobs must not hold the puppet
+                return
             try:
-                job = (
-                    self.jobs.get(timeout=remaining) if remaining > 0.0 else self.jobs.get_nowait()
-                )
+                job = self.jobs.get(timeout=max(remaining, 0.0))
             except queue.Empty:
                 return
+            n_waiting -= 1
             self._safely(job)
 
     def _safely(self, do: Callable[[], None]) -> None:
@@ -353,7 +359,7 @@ class Live(PageLoop):
             self.performance,
             self.theme,
             geometry.size,
-            self.nodes.view("three-quarter"),
+            self.nodes.view(self._viewpoint),
             self.act,
             lambda: self.panel.drag_winds,
             self.holder.leave,
@@ -405,15 +411,22 @@ class Live(PageLoop):
             )
 
     def _fit(self, client: viser.ClientHandle) -> None:
-        """Moves the camera of a narrow window, such as a phone's, farther away."""
-        if client.camera.aspect < 1.0:
-            self.nodes.aim_camera(client.camera, "three-quarter")
+        """Moves the camera of a narrow window, such as a phone's, farther away.
+
+        In a wide one, the panel must not cover a play's stage.
+        """
+        camera = client.camera
+        if camera.aspect < 1.0:
+            self.nodes.aim_camera(camera, self._viewpoint)
+        elif self.stage.show is not None:
+            covered = min(_PANEL_WIDTH / camera.image_width, 0.5)
+            self.nodes.aim_camera(camera, self._viewpoint, covered)
 
     def _line_of_sight(self, camera: viser.CameraHandle | None) -> np.ndarray:
         """(3,) line of sight of a camera; without one, of the last camera or the initial view."""
         if camera is not None:
             self._sight = line_of_sight(camera)
         if self._sight is None:
-            view = self.nodes.view("three-quarter")
+            view = self.nodes.view(self._viewpoint)
             self._sight = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
         return self._sight

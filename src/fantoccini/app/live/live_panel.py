@@ -99,6 +99,13 @@ class LivePanel:
         steps = gui.add_button_group("Time", ("Step", "Reset"))
         self._record = gui.add_button("Record", icon="player-record", color="red")
         tabs = gui.add_tab_group()
+        # The page opens with the first tab: a performance needs GO, the cue and the caption.
+        self._play: PlayTab | None = None
+        self._score: ScoreTab | None = None
+        if live.stage.show is not None:
+            self._play = PlayTab(live, gui, tabs.add_tab("Play"), self._command, live.stage.show)
+        elif live.stage.score is not None:
+            self._score = ScoreTab(live, gui, tabs.add_tab("Score"), self._command, theme)
         self._strings = tabs.add_tab("Strings")
         with self._strings:
             self._balance = gui.add_checkbox(
@@ -113,12 +120,6 @@ class LivePanel:
         gestures, takes = tabs.add_tab("Gestures"), tabs.add_tab("Takes")
         self._gestures = GesturesTab(live, gui, gestures, self._command)
         self.takes = TakesTab(live, gui, takes, self._command, theme.name)
-        self._score: ScoreTab | None = None
-        self._play: PlayTab | None = None
-        if live.stage.show is not None:
-            self._play = PlayTab(live, gui, tabs.add_tab("Play"), self._command, live.stage.show)
-        elif live.stage.score is not None:
-            self._score = ScoreTab(live, gui, tabs.add_tab("Score"), self._command, theme)
         self._pause.on_click(lambda e: live.later(e.client_id, live.pause))
         self._record.on_click(lambda e: live.later(e.client_id, live.record))
         steps.on_click(

@@ -3,7 +3,7 @@
 from .export import write_html as write_html
 from .labels import heights as heights
 from .loop import REFRESH as REFRESH, PageLoop as PageLoop
-from .nodes import VIEWS as VIEWS, SceneNodes as SceneNodes, View as View
+from .nodes import VIEWS as VIEWS, SceneNodes as SceneNodes, View as View, Viewpoint as Viewpoint
 from .panel import Plot as Plot, Views as Views, bars as bars, note as note
 from .plan_tree import PlanTree as PlanTree
 from .replay import Replay as Replay, ResampledRun as ResampledRun

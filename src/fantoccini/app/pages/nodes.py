@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 VIEWS = ("front", "side", "three-quarter", "top")
 """Points of view that have buttons on the page."""
+
+Viewpoint: TypeAlias = str | tuple[float, float]
+"""One of :data:`VIEWS`, or azimuth and elevation [deg]."""
 
 _FIELD_OF_VIEW = np.radians(30.0)
 _ASPECT = 1.25
@@ -130,23 +133,39 @@ class SceneNodes:
             for node in reversed(self._nodes):
                 node.remove()
 
-    def view(self, name: str, aspect: float = _ASPECT) -> View:
-        """Point of view with this name (see :data:`VIEWS`) and the whole motion in the window."""
+    def view(self, viewpoint: Viewpoint, aspect: float = _ASPECT) -> View:
+        """Point of view with the whole motion in the window."""
         geometry = self.geometry
         centres, radii = geometry.balls()
         centres = np.concatenate([centres, geometry.feet(centres)])
         radii = np.concatenate([radii, np.zeros(len(centres) - len(radii))])
-        preset = "front" if name == "top" else name
+        preset = "front" if viewpoint == "top" else viewpoint
         azimuth, elevation = point_of_view(preset, centres, geometry.plane)
-        elevation = np.radians(_ELEVATIONS[name]) if name in _ELEVATIONS else elevation
+        if isinstance(viewpoint, str) and viewpoint in _ELEVATIONS:
+            elevation = np.radians(_ELEVATIONS[viewpoint])
         camera = fit(centres, radii, azimuth, elevation, aspect, _FIELD_OF_VIEW, margin=0.09)
         return View(camera.eye, _target(camera, 0.5 * (centres.min(axis=0) + centres.max(axis=0))))
 
-    def aim_camera(self, camera: viser.CameraHandle | viser.InitialCameraConfig, name: str) -> None:
-        """Points a camera of viser (a client's, or the initial one) as in a view."""
+    def aim_camera(
+        self,
+        camera: viser.CameraHandle | viser.InitialCameraConfig,
+        viewpoint: Viewpoint,
+        covered: float = 0.0,
+    ) -> None:
+        """Points a camera of viser as in a view.
+
+        Args:
+            camera: camera of a client, or the initial one.
+            viewpoint: see :meth:`view`.
+            covered: share of the window's width, at its right, in which nothing is to be seen.
+        """
         aspect = getattr(camera, "aspect", _ASPECT)
-        view = self.view(name, min(aspect, _ASPECT) if aspect > 0.0 else _ASPECT)
-        camera.position, camera.look_at = view.eye, view.target
+        free = aspect * (1.0 - covered)
+        view = self.view(viewpoint, min(free, _ASPECT) if free > 0.0 else _ASPECT)
+        sight = view.target - view.eye
+        right = np.cross(sight, [0.0, 0.0, 1.0])  # as long as the sight if that is level
+        shift = covered * aspect * np.tan(0.5 * _FIELD_OF_VIEW) * right
+        camera.position, camera.look_at = view.eye + shift, view.target + shift
         camera.fov = float(_FIELD_OF_VIEW)
 
     # -- built once ----------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import gzip
 import ipaddress
@@ -13,10 +14,11 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from fantoccini.app.pages import viser_private
-from fantoccini.app.pages.viser_private import Filter, Handler
+from fantoccini.app.pages.viser_private import Handler
 from fantoccini.base import FantocciniError
 from fantoccini.output.html import element, to_html
 from fantoccini.output.view import Theme, rgb, to_bytes
@@ -108,24 +110,35 @@ class Server:
     def _dispatch(self, default: Handler) -> Handler:
         async def handle(connection: Any) -> None:
             path = connection.request.path.partition("?")[0]
-            await self._handlers.get(path, default)(connection)
+            with contextlib.suppress(ConnectionClosed):  # a tab that vanishes
+                await self._handlers.get(path, default)(connection)
 
         return handle
 
-    def _filter(self, default: Filter) -> Filter:
-        def answer(connection: Any, request: Request) -> Response | None:
-            if not self._accepts(request):
-                return _plain(403, "Forbidden", "this page is served to its own address only")
-            if request.headers.get("Upgrade", "").lower() == "websocket":
-                default(connection, request)  # suppresses the log of connections
-                return None
-            # Parses paths as viser does: every spelling of the page's address gives the page.
-            path = unquote(request.path.partition("?")[0]).replace("\\", "/")
-            if [part for part in path.split("/") if part not in ("", ".")] in ([], ["index.html"]):
-                return self._page(request)
-            return _plain(404, "Not Found", "there is only the page at /")
+    def _filter(self, connection: Any, request: Request) -> Response | None:
+        try:
+            response = self._answer(request)
+        except (LookupError, ValueError):  # repeated headers, or a host that is no address
+            response = _plain(400, "Bad Request", "the headers of the request are not valid")
+        if response is not None and connection.headers_only:
+            response.body = b""  # its length remains in the headers
+        return response
 
-        return answer
+    def _answer(self, request: Request) -> Response | None:
+        """Response to a request; None for a websocket.
+
+        Raises:
+            LookupError, ValueError: the request has headers that are not valid.
+        """
+        if not self._accepts(request):
+            return _plain(403, "Forbidden", "this page is served to its own address only")
+        if request.headers.get("Upgrade", "").lower() == "websocket":
+            return None
+        # Parses paths as viser does: every spelling of the page's address gives the page.
+        path = unquote(request.path.partition("?")[0]).replace("\\", "/")
+        if [part for part in path.split("/") if part not in ("", ".")] in ([], ["index.html"]):
+            return self._page(request)
+        return _plain(404, "Not Found", "there is only the page at /")
 
     def _accepts(self, request: Request) -> bool:
         host = request.headers.get("Host", "")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import threading
 from collections.abc import Awaitable, Callable
 from importlib.metadata import version
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 import viser
 import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
 
 from fantoccini.base import FantocciniError
 
@@ -53,6 +55,9 @@ MEMBERS = (
 
 MAX_TEXT = 200
 """Largest length of a text that a viewer can type [characters]."""
+MAX_CLOSE_REASON = 100
+"""Largest length of the reason for closing a connection [characters]; websockets allow 123 bytes.
+"""
 
 Handler = Callable[[Any], Awaitable[None]]
 """Handler of one websocket connection."""
@@ -97,6 +102,27 @@ CLIENT_SCRIPT = """
 
 _starting = threading.Lock()
 
+_CONNECTIONS = logging.getLogger("fantoccini.connections")
+"""Log of connections that fail. Port scanners and other programs that are no browsers make them
+fail, so that nothing is logged above the level of debugging."""
+_CONNECTIONS.addFilter(lambda _: _CONNECTIONS.isEnabledFor(logging.DEBUG))
+
+
+class Connection(ServerConnection):
+    """Connection that also takes requests for headers only (HEAD), which websockets refuses.
+
+    Attributes:
+        headers_only: whether the request is for the headers only.
+    """
+
+    headers_only = False
+
+    def data_received(self, data: bytes) -> None:
+        """Reads bytes of the network."""
+        if self.request is None and data.startswith(b"HEAD "):
+            self.headers_only, data = True, b"GET" + data.removeprefix(b"HEAD")
+        super().data_received(data)
+
 
 class ViserError(FantocciniError):
     """The installed version of viser is not supported."""
@@ -109,18 +135,15 @@ class ViserError(FantocciniError):
 
 
 def start(
-    host: str,
-    port: int,
-    title: str,
-    handler: Callable[[Handler], Handler],
-    request_filter: Callable[[Filter], Filter],
+    host: str, port: int, title: str, handler: Callable[[Handler], Handler], request_filter: Filter
 ) -> viser.ViserServer:
     """Starts a server of viser that accepts only values that its controls can have.
 
     Args:
         host, port: address on which it listens.
         title: title of the page.
-        handler, request_filter: wrappers of viser's own handler and filter of requests.
+        handler: wrapper of viser's own handler of connections.
+        request_filter: filter of requests, instead of viser's own.
 
     Raises:
         ViserError: this version of viser lacks something that is used here.
@@ -128,10 +151,16 @@ def start(
     module = vars(websockets.asyncio.server)
     original, wrapped = module["serve"], threading.Event()
 
-    def serve(own: Handler, *args: Any, process_request: Filter, **options: Any) -> Any:
+    def serve(own: Handler, *args: Any, process_request: object, **options: Any) -> Any:
         wrapped.set()
-        own_filter = request_filter(process_request)
-        return original(handler(own), *args, process_request=own_filter, **options)
+        return original(
+            handler(_refusing_other_clients(own)),
+            *args,
+            process_request=request_filter,
+            create_connection=Connection,
+            logger=_CONNECTIONS,
+            **options,
+        )
 
     with _starting, contextlib.redirect_stdout(io.StringIO()):
         module["serve"] = serve
@@ -195,6 +224,22 @@ def move(node: Any, position: np.ndarray, wxyz: np.ndarray | None = None) -> Non
         queue(messages.SetOrientationMessage(state.name, tuple(wxyz.tolist())))
 
 
+def _refusing_other_clients(default: Handler) -> Handler:
+    """viser's handler, for its own client only; for others it would print a line each."""
+    expected = f"viser-v{viser.__version__}"
+
+    async def handle(connection: Any) -> None:
+        if connection.subprotocol == expected:
+            await default(connection)
+            return
+        client = (connection.subprotocol or "unknown").removeprefix("viser-v")
+        # The client in the browser shows this reason.
+        reason = f"Version mismatch. Client: {client}, Server: {viser.__version__}"
+        await connection.close(1002, reason[:MAX_CLOSE_REASON])
+
+    return handle
+
+
 def _refuse_other_values(server: viser.ViserServer) -> None:
     """Restricts browsers to values that the page's controls can have.
 
@@ -206,7 +251,9 @@ def _refuse_other_values(server: viser.ViserServer) -> None:
 
     async def update(client: int, message: Any) -> None:
         control = gui._gui_input_handle_from_uuid.get(message.uuid)
-        if message.updates.keys() == {"value"} and fits(control, message.updates["value"]):
+        updates = message.updates
+        only_value = isinstance(updates, dict) and updates.keys() == {"value"}
+        if only_value and fits(control, updates["value"]):
             await gui._handle_gui_updates(client, message)
 
     socket.register_handler(messages.GuiUpdateMessage, update)

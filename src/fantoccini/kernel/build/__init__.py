@@ -4,29 +4,33 @@
 returns the library's folder, and derives and compiles only if the library is not in the cache.
 """
 
-from fantoccini.kernel.build.cache import clear, obtain
+from fantoccini.kernel.build.cache import clear, contents, obtain
 from fantoccini.kernel.build.closure import code_fingerprint
 from fantoccini.kernel.build.compiler import Compiler, compile_flags, default_flags, find_compiler
 from fantoccini.kernel.build.description import describe
 from fantoccini.kernel.build.entry import INFO, LIBRARY, Source
 from fantoccini.kernel.build.folders import cache_folder
-from fantoccini.kernel.build.kept import kept_arrays
-from fantoccini.kernel.build.key import fingerprint, runtime_folder
+from fantoccini.kernel.build.kept import RESULTS, ArrayStore, kept_arrays
+from fantoccini.kernel.build.key import fingerprint, results_fingerprint, runtime_folder
 
 __all__ = [
     "INFO",
     "LIBRARY",
+    "RESULTS",
+    "ArrayStore",
     "Compiler",
     "Source",
     "cache_folder",
     "clear",
     "code_fingerprint",
     "compile_flags",
+    "contents",
     "default_flags",
     "describe",
     "find_compiler",
     "fingerprint",
     "kept_arrays",
     "obtain",
+    "results_fingerprint",
     "runtime_folder",
 ]

@@ -43,6 +43,7 @@ from fantoccini.kernel.build.folders import (
     open_lock,
     private_folder,
 )
+from fantoccini.kernel.build.kept import PIECES, RESULTS
 from fantoccini.kernel.build.key import fingerprint, runtime_folder
 
 fcntl: ModuleType | None
@@ -113,7 +114,7 @@ def obtain(
 
 
 def clear() -> int:
-    """Removes all libraries and arrays from the cache folder; returns the number of libraries.
+    """Removes all libraries and results from the cache folder; returns the number of libraries.
 
     Raises:
         BuildError: the folder is another user's, or something in it cannot be removed.
@@ -125,17 +126,31 @@ def clear() -> int:
     try:
         for folder in [*libraries, *_leftovers(root)]:
             shutil.rmtree(folder)
-        for kind in ("lock", "npz"):
-            for file in root.glob(f"{_GROUP}/*.{kind}"):
-                if _KEY.fullmatch(file.stem):
-                    file.unlink()
-        for group in root.glob(_GROUP):
+        arrays = [*PIECES.files(), *RESULTS.files()]
+        for file in [*root.glob(f"{_GROUP}/*.lock"), *arrays]:
+            if _KEY.fullmatch(file.stem):
+                file.unlink()
+        for group in [*root.glob(_GROUP), *RESULTS.folder.glob(_GROUP), RESULTS.folder]:
             # A folder with other files in it stays.
             with contextlib.suppress(OSError):
                 group.rmdir()
     except OSError as error:
         raise BuildError(f"the cache cannot be cleared: {error}") from error
     return len(libraries)
+
+
+def contents() -> dict[str, tuple[int, int]]:
+    """Kind of entry -> number and total size [bytes] of those in the cache folder."""
+    libraries = [[*entry.iterdir()] for entry in entries(cache_folder())]
+    kinds = {
+        "compiled libraries": libraries,
+        "meshes in convex pieces": [[file] for file in PIECES.files()],
+        "results of plays": [[file] for file in RESULTS.files()],
+    }
+    return {
+        kind: (len(files), sum(file.stat().st_size for entry in files for file in entry))
+        for kind, files in kinds.items()
+    }
 
 
 def entries(root: Path) -> list[Path]:

@@ -7,7 +7,7 @@ import platform
 from pathlib import Path
 
 from fantoccini.base import BuildError
-from fantoccini.kernel.build.cache import entries
+from fantoccini.kernel.build.cache import contents
 from fantoccini.kernel.build.compiler import BASE_FLAGS, compile_flags, find_compiler
 from fantoccini.kernel.build.folders import cache_folder, distrust
 from fantoccini.kernel.build.key import casadi_version, processor
@@ -33,7 +33,7 @@ def describe() -> dict[str, str]:
     facts["casadi"] = casadi_version()
     root = cache_folder()
     facts["cache"] = str(root)
-    facts["cache entries"] = _count_and_size(root)
+    facts |= {kind: f"{n} ({size / 1e6:.1f} MB)" for kind, (n, size) in contents().items()}
     if trouble := distrust(root) or _unwritable(root):
         problems.append(f"the cache folder is not used: {trouble}")
     if problems:
@@ -46,13 +46,6 @@ def _features() -> str:
     have = processor().split()
     known = ("asimd", "neon", "sve", "sse2", "sse4_2", "avx", "avx2", "fma", "avx512f")
     return " ".join(name for name in known if name in have) or "unknown"
-
-
-def _count_and_size(root: Path) -> str:
-    """Number and total size of the entries below a cache folder."""
-    folders = entries(root)
-    size = sum(file.stat().st_size for entry in folders for file in entry.iterdir())
-    return f"{len(folders)} ({size / 1e6:.1f} MB)"
 
 
 def _unwritable(root: Path) -> str:

@@ -1,4 +1,9 @@
-"""Arrays that take seconds to compute, cached as ``<cache>/<key[:2]>/<key>.npz``."""
+"""Results that take seconds to compute, cached as lists of arrays.
+
+Convex pieces of meshes are in ``<cache>/<key[:2]>/<key>.npz``, other results in
+``<cache>/results/<key[:2]>/<key>.npz``. Files are written under a temporary name and renamed;
+nothing is pickled.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +11,7 @@ import contextlib
 import os
 import zipfile
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,44 +20,90 @@ from fantoccini.base import Array, replacing
 from fantoccini.kernel.build.folders import cache_folder, distrust, distrust_entry
 
 
-def kept_arrays(key: str, make: Callable[[], Sequence[Array]]) -> list[Array]:
-    """The arrays of a key: from the cache, or computed and cached.
+@dataclass(frozen=True)
+class ArrayStore:
+    """Lists of arrays by key, in the cache folder or a folder in it.
 
-    They are computed if the file is damaged or others can write it, and if the cache folder cannot
-    be used.
+    Attributes:
+        name: name of the folder in the cache folder; "" for the cache folder itself.
+    """
+
+    name: str
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the store."""
+        return cache_folder() / self.name
+
+    def read(self, key: str) -> list[Array] | None:
+        """The arrays of a key; None if they are missing or damaged, or if others can write them."""
+        file = self._file(key)
+        if self._distrusted(file.parent) or distrust_entry(file.parent, [file.name]):
+            return None
+        try:
+            with np.load(file, allow_pickle=False) as held:
+                arrays = [held[f"arr_{i}"] for i in range(len(held.files))]
+            os.utime(file)  # the files used least recently are removed first
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return None
+        return arrays
+
+    def write(self, key: str, arrays: Sequence[Array]) -> None:
+        """Stores arrays, unless the folder cannot be used: they are then computed again."""
+        file = self._file(key)
+        if self._distrusted(file.parent):
+            return
+        with contextlib.suppress(OSError):  # disk full or no permission
+            # One by one: mkdir applies the mode only to the last folder.
+            for folder in (cache_folder(), self.folder, file.parent):
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if self._distrusted(file.parent) or distrust_entry(file.parent, []):
+                return
+            with replacing(file) as part:
+                descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+                with os.fdopen(descriptor, "wb") as stream:
+                    np.savez(stream, *arrays)
+
+    def files(self) -> list[Path]:
+        """All files of the store."""
+        return [*self.folder.glob("[0-9a-f][0-9a-f]/*.npz")]
+
+    def trim(self, max_bytes: float) -> None:
+        """Removes the files used least recently, so that the others take at most ``max_bytes``."""
+        if distrust(cache_folder()) or distrust(self.folder):
+            return
+        sizes: list[tuple[float, int, Path]] = []
+        for file in self.files():
+            with contextlib.suppress(OSError):  # another process may remove it
+                facts = file.stat()
+                sizes.append((facts.st_mtime, facts.st_size, file))
+        total = 0
+        for _, size, file in sorted(sizes, reverse=True):
+            total += size
+            if total > max_bytes:
+                with contextlib.suppress(OSError):
+                    file.unlink()
+
+    def _file(self, key: str) -> Path:
+        return self.folder / key[:2] / f"{key}.npz"
+
+    def _distrusted(self, group: Path) -> bool:
+        return any(map(distrust, (cache_folder(), self.folder, group)))
+
+
+PIECES = ArrayStore("")
+RESULTS = ArrayStore("results")
+
+
+def kept_arrays(key: str, make: Callable[[], Sequence[Array]]) -> list[Array]:
+    """The arrays of a key: from the cache folder, or computed and stored there.
 
     Args:
         key: hash of everything that can change the arrays, in hexadecimal.
         make: function that computes them.
     """
-    root = cache_folder()
-    group = root / key[:2]
-    file = group / f"{key}.npz"
-    if distrust(root) or distrust(group):
-        return list(make())
-    arrays = None if distrust_entry(group, [file.name]) else _read(file)
+    arrays = PIECES.read(key)
     if arrays is None:
         arrays = list(make())
-        with contextlib.suppress(OSError):  # disk full or no permission: computed again next time
-            _write(root, file, arrays)
+        PIECES.write(key, arrays)
     return arrays
-
-
-def _read(file: Path) -> list[Array] | None:
-    try:
-        with np.load(file, allow_pickle=False) as held:
-            return [held[f"arr_{i}"] for i in range(len(held.files))]
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        return None
-
-
-def _write(root: Path, file: Path, arrays: Sequence[Array]) -> None:
-    # One by one: mkdir applies the mode only to the last folder.
-    root.mkdir(mode=0o700, parents=True, exist_ok=True)
-    file.parent.mkdir(mode=0o700, exist_ok=True)
-    if distrust(root) or distrust_entry(file.parent, []):
-        return
-    with replacing(file) as part:
-        descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(descriptor, "wb") as stream:
-            np.savez(stream, *arrays)

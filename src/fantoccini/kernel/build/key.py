@@ -7,11 +7,15 @@ import json
 import platform
 import sys
 from collections.abc import Iterable
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
 from fantoccini.kernel.build.compiler import BASE_FLAGS, compile_flags, find_compiler
 from fantoccini.kernel.build.significant import significant_cpp
+
+_COMPUTING = ("numpy", "scipy", "coacd", "coal", "trimesh")
+"""Libraries that compute numbers, beside CasADi."""
 
 
 def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> str:
@@ -42,6 +46,29 @@ def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> st
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 
 
+def results_fingerprint() -> str:
+    """A hash of everything that can change computed numbers, except the arguments.
+
+    It depends on all files of the package, on the versions of Python and of libraries that compute,
+    and, as :func:`fingerprint`, on the compiler, its flags and the processor.
+    """
+    versions = [f"{name} {version_of(name)}" for name in _COMPUTING]
+    return fingerprint("", package_hash(), [platform.python_version(), *versions])
+
+
+@cache
+def package_hash() -> str:
+    """SHA-256 of the names and contents of the package's files: Python, C++, YAML and others."""
+    folder = Path(__file__).resolve().parents[2]
+    total = hashlib.sha256()
+    for file in sorted(folder.rglob("*")):
+        if file.is_file() and "__pycache__" not in file.parts:
+            content = file.read_bytes()
+            total.update(f"{file.relative_to(folder).as_posix()}\0{len(content)}\0".encode())
+            total.update(content)
+    return total.hexdigest()
+
+
 def runtime_folder() -> Path:
     """The include folder of the C++ runtime."""
     return Path(__file__).resolve().parent.parent / "cpp"
@@ -58,8 +85,13 @@ def runtime_hash(folder: Path) -> str:
 
 def casadi_version() -> str:
     """The installed CasADi's version from its metadata, which is much faster than an import."""
+    return version_of("casadi")
+
+
+def version_of(name: str) -> str:
+    """Version of an installed distribution; ``none`` without it."""
     try:
-        return metadata.version("casadi")
+        return metadata.version(name)
     except metadata.PackageNotFoundError:
         return "none"
 

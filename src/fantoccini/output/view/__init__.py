@@ -33,6 +33,7 @@ from fantoccini.output.view.silhouettes import Solid, box, capsule
 from fantoccini.output.view.still import Drawable, Still
 from fantoccini.output.view.stills import AUDIENCE, Stills
 from fantoccini.output.view.studio import RENDERERS
+from fantoccini.output.view.subtitles import save_captions
 from fantoccini.output.view.theme import (
     DARK,
     LIGHT,
@@ -93,6 +94,7 @@ __all__ = [
     "rope",
     "round_down",
     "run_html",
+    "save_captions",
     "spread",
     "spring_ends",
     "strip",

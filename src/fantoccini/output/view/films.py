@@ -56,7 +56,7 @@ CODECS = {
     ),
 }
 """Arguments of ffmpeg, by file ending."""
-_MAX_CAPTION_SHARE = 0.4
+_MAX_CAPTION_SHARE = 0.2
 """Largest share of the picture's height that captions take."""
 
 MAX_GIF_FPS = 50.0

@@ -14,7 +14,7 @@ from fantoccini.output.view.drawing import PictureOptions, Sheet, dress, layout_
 from fantoccini.output.view.geometry import geometry_of
 from fantoccini.output.view.pictures import checked, pose_times, save
 from fantoccini.output.view.plans import PATH_COLOUR, fading_poses
-from fantoccini.output.view.plots import legend, line_style, short_numbers
+from fantoccini.output.view.plots import fit_legends, legend, line_style, short_numbers
 from fantoccini.output.view.theme import Theme, rgb
 
 if TYPE_CHECKING:
@@ -70,6 +70,7 @@ def optimum_picture(
     left, right, low, high = _PUPPET_SHARE + 0.055, 0.875, 0.07, 0.965
     gap = 0.025
     panel_height = (high - low - gap * (len(panels) - 1)) / len(panels)
+    stacked = []
     for k, paint in enumerate(panels):
         bottom = high - (k + 1) * panel_height - k * gap
         axes = sheet.figure.add_axes((left, bottom, right - left, panel_height))
@@ -81,6 +82,8 @@ def optimum_picture(
             axes.tick_params(labelbottom=False)
         else:
             axes.set_xlabel("time [s]", color=options.theme.ink)
+        stacked.append(axes)
+    fit_legends(stacked)
     return save(sheet.figure, path, scale)
 
 

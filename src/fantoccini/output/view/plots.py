@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +25,14 @@ Styles = dict[str, dict[str, Any]]
 
 MAX_LINES = 24
 """Largest number of driven coordinates that are drawn."""
+_LEGEND_SIZE = 8.0
+"""Font size of legends [pt]."""
+_ROW_GAP = 0.3
+"""Distance between two rows of a legend, relative to the font size."""
+_MARGIN = 14.0
+"""Distance of legends from the panels and the figure's edge, together [px]."""
+_MIN_PANEL_WIDTH = 0.25
+"""Least width of a panel, relative to the figure."""
 
 
 def plot(
@@ -85,6 +94,7 @@ def plot(
         dress(axes, theme, "x")
         for text in (*axes.get_yticklabels(), *axes.get_xticklabels()):
             text.set_parse_math(False)
+    fit_legends(stacked)
     stacked[-1].set_xlabel("time [s]", color=theme.ink)
     start, stop = float(run.t[0]), float(run.t[-1])
     stacked[-1].set_xlim(start, stop if stop > start else start + 1.0)
@@ -255,23 +265,42 @@ def _spans(t: np.ndarray, on: np.ndarray) -> list[tuple[float, float]]:
 
 
 def legend(axes: Axes, theme: Theme) -> None:
-    """Adds the legend at the right of the axes."""
+    """Adds the legend at the right of the axes, with as many columns as their height requires."""
     handles, labels = axes.get_legend_handles_labels()
     if not handles:
         return
+    row_height = (1.0 + _ROW_GAP) * _LEGEND_SIZE * axes.figure.dpi / 72.0
+    rows = max(1, int(axes.get_window_extent().height / row_height))
     box = axes.legend(
         handles,
         [plain(x, 24) for x in labels],
         loc="upper left",
         bbox_to_anchor=(1.005, 1.03),
         frameon=False,
-        fontsize=8,
+        fontsize=_LEGEND_SIZE,
         labelcolor=theme.ink,
         handlelength=1.3,
         borderaxespad=0.0,
-        labelspacing=0.3,
-        ncols=1 + (len(handles) > 12),
+        labelspacing=_ROW_GAP,
+        columnspacing=1.0,
+        ncols=math.ceil(len(handles) / rows),
     )
     for text in box.get_texts():
         text.set_parse_math(False)
         text.set_usetex(False)
+
+
+def fit_legends(panels: Sequence[Axes]) -> None:
+    """Narrows panels, all to the same right end, until the legends beside them are in the figure.
+
+    Panels keep at least a quarter of the figure's width.
+    """
+    boxes = [box for axes in panels if (box := axes.get_legend()) is not None]
+    if not boxes:
+        return
+    whole = panels[0].figure.bbox.width
+    right = 1.0 - (max(box.get_window_extent().width for box in boxes) + _MARGIN) / whole
+    for axes in panels:
+        place = axes.get_position()
+        width = max(min(place.width, right - place.x0), _MIN_PANEL_WIDTH)
+        axes.set_position((place.x0, place.y0, width, place.height))

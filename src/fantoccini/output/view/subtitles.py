@@ -1,11 +1,14 @@
-"""Captions at the lower edge of films."""
+"""Captions at the lower edge of films, and as files for players."""
 
 from __future__ import annotations
 
+import os
 import textwrap
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fantoccini.base import replacing
 from fantoccini.output.view.drawing import Sheet, plain
 
 if TYPE_CHECKING:
@@ -23,6 +26,37 @@ _SHRINK_FACTOR = 0.9
 """Factor on the font size while captions take too much of the picture."""
 _MAX_LETTERS = 400
 """Largest number of letters of a caption that are shown."""
+
+
+def save_captions(
+    captions: Sequence[Caption], path: str | os.PathLike[str], start: float, end: float
+) -> Path:
+    """Writes captions as a SubRip file (``.srt``), which players show over a film.
+
+    Args:
+        captions: captions, in the motion's time.
+        path: path of the file.
+        start, end: times of the motion at which the film begins and ends [s]. Other captions are
+            left out; times in the file count from the film's start.
+    """
+    shown = sorted((c for c in captions if c.start < end and c.end > start), key=lambda c: c.start)
+    entries = []
+    for k, caption in enumerate(shown, 1):
+        begin, until = max(caption.start, start) - start, min(caption.end, end) - start
+        words = plain(str(caption), len(str(caption)))  # an empty line would end the entry
+        entries.append(f"{k}\n{_time(begin)} --> {_time(until)}\n{words}\n")
+    path = Path(path)
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(entries), encoding="utf-8", newline="\n")
+    return path
+
+
+def _time(seconds: float) -> str:
+    """Time in a SubRip file: hours, minutes, seconds and milliseconds."""
+    milliseconds = round(1e3 * seconds)
+    minutes, milliseconds = divmod(milliseconds, 60_000)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours:02}:{minutes:02}:{milliseconds // 1000:02},{milliseconds % 1000:03}"
 
 
 class Subtitles:

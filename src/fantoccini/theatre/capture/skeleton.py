@@ -23,6 +23,8 @@ _MAX_ASYMMETRY = 0.02
 """Largest mean distance of a symmetric skeleton from its reflection, relative to its extent."""
 _MIN_STANDING_EXTENT = 0.9
 """Smallest extent along the vertical of a standing skeleton, relative to its rest pose."""
+_ROUNDING = 1e-6
+"""Rounding of the times of frames [s]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -206,6 +208,27 @@ class Capture:
         t = self.t[0] + np.array([0.0, seconds])
         positions, rotations = (np.repeat(x, 2, axis=0) for x in (self.positions, self.rotations))
         return replace(self, t=t, positions=positions, rotations=rotations)
+
+    def between(self, begin: float | None, end: float | None) -> Capture:
+        """Copy with the frames from one time to another [s]; None for the clip's start or end.
+
+        Raises:
+            StateError: fewer than two frames are there.
+        """
+        first, last = self.t[0], self.t[-1]
+        low, high = (first if begin is None else begin), (last if end is None else end)
+        inside = (self.t >= low - _ROUNDING) & (self.t <= high + _ROUNDING)
+        if np.sum(inside) < 2:
+            raise StateError(
+                f"{self.name or 'the clip'} has {np.sum(inside)} frames from {low:g} s to {high:g} s "
+                f"and lasts from {first:g} s to {last:g} s; needed: two frames or more"
+            )
+        return replace(
+            self,
+            t=self.t[inside],
+            positions=self.positions[inside],
+            rotations=self.rotations[inside],
+        )
 
     def upright(self, up: str | None = None) -> Capture:
         """Copy in metres, with z up. If y was up, x stays and z turns towards the viewer, to -y.

@@ -38,7 +38,14 @@ from fantoccini.theatre.cast.prop_gestures import (
     summed,
 )
 from fantoccini.theatre.cast.props import PlayProp, PropState, top_of
-from fantoccini.theatre.cast.result_cache import OutOfTime, ResultCache, digest
+from fantoccini.theatre.cast.result_cache import (
+    NUMBERS,
+    OutOfTime,
+    ResultCache,
+    digest,
+    gesture_form,
+    run_form,
+)
 from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
 
@@ -46,6 +53,7 @@ __all__ = [
     "CARRIED",
     "ERRORS",
     "FEET",
+    "NUMBERS",
     "OTHER_SIDE",
     "SEATED",
     "Actor",
@@ -76,6 +84,7 @@ __all__ = [
     "backwards",
     "digest",
     "extent",
+    "gesture_form",
     "gesture_of",
     "hanging",
     "is_clip",
@@ -86,6 +95,7 @@ __all__ = [
     "prop_gestures",
     "read_cast",
     "read_clip",
+    "run_form",
     "settled",
     "sign_of",
     "sitting",

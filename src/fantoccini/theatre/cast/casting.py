@@ -51,8 +51,8 @@ class Player:
 
     @cached_property
     def content(self) -> str:
-        """Hash of the puppet as its file describes it, and of the floor."""
-        return hashlib.blake2b(self.alone.puppet.to_yaml().encode()).hexdigest()
+        """Hash of the puppet and its meshes, and of the floor."""
+        return hashlib.blake2b(self.alone.puppet.canonical().encode()).hexdigest()
 
     @cached_property
     def middle(self) -> complex:

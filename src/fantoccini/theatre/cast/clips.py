@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from fantoccini.base import FileError, Mistake, StateError
+from fantoccini.base import Array, FileError, Mistake, StateError, Status
 from fantoccini.base.documents import has_key
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.cast.casting import Player
-from fantoccini.theatre.cast.result_cache import ResultCache
+from fantoccini.theatre.cast.result_cache import (
+    Form,
+    ResultCache,
+    gesture_form,
+    text_array,
+    text_in,
+)
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.retarget import (
     BEGINS,
@@ -79,32 +86,55 @@ class Clip:
         size = max(1.0, larger)
         bounds = stage.speed / size, stage.acceleration / size
 
-        def follow(faster: float, lasts: float | None) -> ClipGesture:
+        form = _form(self.placed.figure.marionette)
+
+        def follow(faster: float, lasts: float | None) -> tuple[Gesture, str]:
             key = repr((self.content, "clip", faster, lasts, *bounds))
-            job = partial(
-                clip_gesture, self.placed, faster, lasts, speed=bounds[0], acceleration=bounds[1]
-            )
-            return cache.get(key, job)
+            job = partial(_followed, self.placed, faster, lasts, bounds)
+            return cache.get(key, job, form)
 
         try:
-            first = follow(faster, lasts)
+            gesture, why = follow(faster, lasts)
         except TooShortError as error:
             raise TooShortError(error.name, error.lasts, error.ways, beat) from None
-        why = _lacks(first)
         if not why:
-            return first.gesture
+            return gesture
         text = f"within {bounds[0]:.3g} m/s and {bounds[1]:.3g} m/s^2 {why}"
         for share in _SLOWER:
             try:
-                slower = follow(share * faster, None if lasts is None else lasts / share)
+                slower, lacks = follow(share * faster, None if lasts is None else lasts / share)
             except StateError:
                 continue
-            if not _lacks(slower):
+            if not lacks:
                 can = f"`faster: {share * faster:.2g}`"
                 if lasts is not None:
-                    can = f"`lasts: {slower.gesture.duration / beat:.3g}`"
+                    can = f"`lasts: {slower.duration / beat:.3g}`"
                 raise StateError(f"{text}; with {can} it can be done")
         raise StateError(f"{text}, and at half its speed as well")
+
+
+def _followed(
+    placed: PlacedClip, faster: float, lasts: float | None, bounds: tuple[float, float]
+) -> tuple[Gesture, str]:
+    """Gesture of a clip, and its deviation from the clip in words."""
+    clip = clip_gesture(placed, faster, lasts, speed=bounds[0], acceleration=bounds[1])
+    if clip.run.status is Status.STOPPED:  # by Ctrl-C, which is no property of the clip
+        raise KeyboardInterrupt
+    return clip.gesture, _lacks(clip)
+
+
+def _form(marionette: Marionette) -> Form[tuple[Gesture, str]]:
+    """Form on disk of a puppet's gestures with their deviations in words."""
+    form = gesture_form(marionette)
+
+    def pack(followed: tuple[Gesture, str]) -> list[Array]:
+        gesture, lacks = followed
+        return [text_array(lacks), *form.pack(gesture)]
+
+    def unpack(arrays: Sequence[Array]) -> tuple[Gesture, str]:
+        return form.unpack(arrays[1:]), str(text_in(arrays[0]))
+
+    return Form(pack, unpack)
 
 
 def read_clip(player: Player, path: Path) -> Clip:

@@ -15,7 +15,7 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.model.puppet import FLOOR
+from fantoccini.model.puppet import FLOOR, Mesh
 from fantoccini.model.scene import Member, Scene
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pieces
@@ -229,6 +229,7 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
     obstacles = tuple(
         obstacle.model_copy(update={"name": names[obstacle.name]}) for obstacle in stand
     )
+    solids = [*obstacles, *(shape for thing in things for shape in thing.prop.shapes)]
     local = Staged(company, players[0].alone, prefixes, props, names, "").local
     content = repr(
         (
@@ -236,6 +237,7 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
             [thing.content for thing in things],
             sorted(sorted(map(local, pair)) for pair in company.pairs),
             [repr(obstacle) for obstacle in obstacles],
+            [solid.digest() for solid in solids if isinstance(solid, Mesh)],
             cast.file.stage.floor,
         )
     )

@@ -1,27 +1,88 @@
-"""Cache of the results of compiling, across rounds and calls; keys hold all they depend on."""
+"""Cache of the results of compiling, across rounds, calls and processes.
+
+Keys hold all that results depend on; on disk, also the package, the libraries and the processor.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from threading import Lock
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from fantoccini.motion import State
+from fantoccini.base import Array, npz
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel.build import RESULTS, results_fingerprint
+from fantoccini.motion import State, Trajectory, pack_run, unpack_run
 from fantoccini.theatre.gestures import Gesture
 
 T = TypeVar("T")
 
 _MAX_RESULTS = 600
 """Number of cached results; the least recently used ones are dropped first."""
+
+
+_MAX_BYTES = 1.5e9
+"""Size of the results on disk above which the ones used least recently are removed [bytes]."""
+
+
+@dataclass(frozen=True)
+class Form(Generic[T]):
+    """A kind of results that can be kept on disk, as arrays.
+
+    Attributes:
+        pack: arrays of a result.
+        unpack: result of such arrays, to the same bits.
+    """
+
+    pack: Callable[[T], Sequence[Array]]
+    unpack: Callable[[Sequence[Array]], T]
+
+
+NUMBERS: Form[Any] = Form(
+    lambda numbers: [np.array(numbers, dtype=float)], lambda arrays: tuple(arrays[0].tolist())
+)
+"""A tuple of numbers."""
+
+
+def run_form(marionette: Marionette) -> Form[Trajectory]:
+    """Runs of a puppet."""
+    puppet, table = marionette.described, marionette.coordinates
+    return Form(pack_run, lambda arrays: unpack_run(arrays, puppet, table))
+
+
+def gesture_form(marionette: Marionette) -> Form[Gesture]:
+    """Gestures of a puppet."""
+
+    def pack(gesture: Gesture) -> list[Array]:
+        words = text_array([gesture.name, dict(gesture.marks), gesture.turns])
+        return [words, gesture.breaks, gesture.coef, gesture.named, gesture.travel]
+
+    def unpack(arrays: Sequence[Array]) -> Gesture:
+        words, breaks, coef, named, travel = arrays
+        return Gesture(marionette.coordinates, breaks, coef, named, travel, *text_in(words))
+
+    return Form(pack, unpack)
+
+
+def text_array(value: Any) -> Array:
+    """A value as JSON, in an array of bytes."""
+    return np.frombuffer(json.dumps(value).encode(), dtype=np.uint8)
+
+
+def text_in(array: Array) -> Any:
+    """The inverse of :func:`text_array`."""
+    return json.loads(array.tobytes())
 
 
 class OutOfTime(Exception):
@@ -33,11 +94,14 @@ class ResultCache:
     """Results by key, for use from several threads.
 
     Attributes:
+        on_disk: whether results that have a form are read from the cache folder, and kept there
+            for the next process.
         n_computed: number of results computed because they were not cached.
         until: time of the monotonic clock after which no result is computed [s]; see
             :meth:`limited`.
     """
 
+    on_disk: bool = False
     n_computed: int = 0
     until: float = math.inf
     _results: OrderedDict[str, Any] = field(default_factory=OrderedDict)
@@ -52,12 +116,13 @@ class ResultCache:
         finally:
             self.until = math.inf
 
-    def get(self, key: str, job: Callable[[], T]) -> T:
+    def get(self, key: str, job: Callable[[], T], form: Form[T] | None = None) -> T:
         """Cached result, computed if it is missing.
 
         Args:
             key: text that determines the result.
             job: computes it.
+            form: its form on disk; None to keep it in memory only.
 
         Raises:
             OutOfTime: it is missing, and the time limit has passed.
@@ -67,14 +132,36 @@ class ResultCache:
                 self._results.move_to_end(key)
                 cached: T = self._results[key]
                 return cached
-        self.check()
-        result = job()
+        result = self._from_disk(key, form) if self.on_disk and form is not None else None
+        computed = result is None
+        if result is None:
+            self.check()
+            result = job()
+            if self.on_disk and form is not None:
+                RESULTS.write(self._file(key), form.pack(result))
         with self._lock:
-            self.n_computed += 1
+            self.n_computed += computed
             self._results[key] = result
             while len(self._results) > _MAX_RESULTS:
                 self._results.popitem(last=False)
         return result
+
+    def _from_disk(self, key: str, form: Form[T]) -> T | None:
+        """Result that an earlier process kept; None if it is missing or damaged."""
+        arrays = RESULTS.read(self._file(key))
+        try:
+            return None if arrays is None else form.unpack(arrays)
+        except npz.UNREADABLE:
+            return None
+
+    def _file(self, key: str) -> str:
+        """Key of a result on disk."""
+        return hashlib.sha256(f"{self._fingerprint} {key}".encode()).hexdigest()
+
+    @cached_property
+    def _fingerprint(self) -> str:
+        RESULTS.trim(_MAX_BYTES)
+        return results_fingerprint()
 
     def check(self, *_: object) -> None:
         """Raises OutOfTime after the time limit; can serve as a job's progress callback."""

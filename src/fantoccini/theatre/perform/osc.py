@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 from fantoccini.base import (
     AddressError,
     FantocciniError,
-    MissingLibraryError,
     StateError,
+    osc_library,
     socket_at,
     socket_to,
 )
@@ -31,6 +31,8 @@ _ECHO_TIME = 1.0
 """Time after a cue is reported in which a message that starts it counts as an echo [s]."""
 _MAX_REPORT = 120
 """Largest length of a report on a message [characters]."""
+MAX_WAITING = 100
+"""Largest number of commands that wait for the show; a flood of further ones is refused."""
 
 
 class Address(NamedTuple):
@@ -124,8 +126,9 @@ class Osc:
     def __init__(self, show: LivePlay, hear: Address | None, send: Address | None, later: Later):
         self._show, self._send, self._later = show, send, later
         self.counts = Counts()
-        self._packet, self._builder = _library()
+        self._library = osc_library()
         self._sent_at: dict[int, float] = {}
+        self._waiting = threading.BoundedSemaphore(MAX_WAITING)
         self._end = threading.Event()
         self._out: socket.socket | None = None
         self._in: socket.socket | None = None
@@ -170,7 +173,7 @@ class Osc:
 
     def _read(self, data: bytes) -> None:
         try:
-            messages = [timed.message for timed in self._packet(data).messages]
+            messages = [timed.message for timed in self._library.Packet(data).messages]
         except Exception as error:  # python-osc raises more than its own on broken datagrams
             self._wrong(f"{len(data)} bytes: {error or type(error).__name__}")
             return
@@ -197,16 +200,23 @@ class Osc:
         if time.monotonic() - self._sent_at.get(number, -_ECHO_TIME) < _ECHO_TIME:
             self.counts.echoes += 1
             return
-        self._later(lambda: self._do(address, do))
+        if self._waiting.acquire(blocking=False):
+            self._later(lambda: self._do(address, do))
+        else:
+            self._refuse(address, f"{MAX_WAITING} commands wait already")
 
     def _do(self, address: str, do: Callable[[], None]) -> None:
+        self._waiting.release()
         try:
             do()
         except FantocciniError as error:
-            self.counts.refused += 1
-            self.counts.last = f"{address}: {error}"[:_MAX_REPORT]
+            self._refuse(address, str(error))
             return
         self.counts.heard += 1
+
+    def _refuse(self, address: str, why: str) -> None:
+        self.counts.refused += 1
+        self.counts.last = f"{address}: {why}"[:_MAX_REPORT]
 
     def _command(self, address: str) -> Callable[[], None] | None:
         """Action of an address; None if it has none."""
@@ -242,7 +252,7 @@ class Osc:
                 self._sent_at[what.number] = time.monotonic()
         else:
             address, values = f"/{what.kind}", (what.name, what.t)
-        message = self._builder(address)
+        message = self._library.MessageBuilder(address)
         for value in values:
             message.add_arg(value)
         assert self._out is not None
@@ -259,13 +269,3 @@ def _number(address: str) -> int:
     """Number of the cue in ``/cue/N/start``; 0 for other addresses."""
     match = re.fullmatch(r"/cue/([0-9]{1,6})/start", address)
     return int(match[1]) if match else 0
-
-
-def _library() -> tuple[Any, Any]:
-    """Classes that read datagrams and build messages."""
-    try:
-        from pythonosc.osc_message_builder import OscMessageBuilder
-        from pythonosc.osc_packet import OscPacket
-    except ImportError:
-        raise MissingLibraryError("OSC", "python-osc", "osc") from None
-    return OscPacket, OscMessageBuilder

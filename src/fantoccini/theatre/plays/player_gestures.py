@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from fantoccini.theatre.cast import (
     Footing,
     Player,
     ResultCache,
+    gesture_form,
     is_clip,
     prop_gestures,
     read_clip,
@@ -56,12 +58,12 @@ class PlayerGestures:
 
     Attributes:
         cast: cast of the play.
-        cache: cached gestures of clips, for the next version.
+        cache: cached gestures of clips, and of looks and pointing hands, for the next version.
 
     Args:
         cast: cast of the play.
         log: collects mistakes.
-        cache: cached gestures of clips, for the next version.
+        cache: see above.
     """
 
     def __init__(self, cast: Cast, log: ScriptLog, cache: ResultCache):
@@ -116,8 +118,12 @@ class PlayerGestures:
         heading = stands.heading
         key = (name, player.alone, player.name, *np.round(own, 6), round(heading, 9))
         if key not in self._cache:
+            to = own.tolist()
+            job = partial(load_gesture, player.alone, name, player.hangs, to=to)
             try:
-                gesture = load_gesture(player.alone, name, player.hangs, to=own.tolist())
+                gesture = self.cache.get(
+                    repr((player.content, "aimed", name, to)), job, gesture_form(player.alone)
+                )
                 self._cache[key] = gesture.turned(heading)
             except InputError as error:
                 self._cache[key] = "; ".join(mistake.message for mistake in error.mistakes)

@@ -16,6 +16,7 @@ import numpy as np
 from fantoccini.kernel.runtime import default_threads
 from fantoccini.theatre.cast import (
     ERRORS,
+    NUMBERS,
     CannotBegin,
     Corrections,
     Footing,
@@ -272,7 +273,7 @@ def _calm(stage: Stage, results: Results, this_round: Round) -> Rule:
         x, label = run.at(start), f"calm {spot} {name}"
         key = digest(x, calm_gesture(player.alone, NONE), "calm", player.content)
         job = partial(_or, NONE, partial(calming, player.alone, x))
-        jobs[label] = partial(stage.cache.get, key, job)
+        jobs[label] = partial(stage.cache.get, key, job, NUMBERS)
         keys[label] = spot, name
     changed = False
     for label, offsets in stage.cache.side_by_side(jobs, default_threads()).items():
@@ -305,7 +306,7 @@ def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
         x, alone = run.at(begun), player.alone
         key = digest(x, Gesture(alone.coordinates, *own), longest, "pause", player.content)
         job = partial(_or, (0.0, 0.0, 0.0), partial(pause, alone, x, own, longest))
-        jobs[f"{number}"] = partial(stage.cache.get, key, job)
+        jobs[f"{number}"] = partial(stage.cache.get, key, job, NUMBERS)
         cues[f"{number}"] = number, cue
     pauses = stage.cache.side_by_side(jobs, default_threads())
     for label, (number, cue) in cues.items():

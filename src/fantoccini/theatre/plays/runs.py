@@ -35,6 +35,7 @@ from fantoccini.theatre.cast import (
     Stop,
     asked_pairs,
     digest,
+    run_form,
     spans,
     staged,
 )
@@ -278,7 +279,7 @@ class _Work:
         key = digest(x, motion, "part", stage.content, bounds.speed, bounds.acceleration, method)
         job = partial(_part, stage, x, motion, bounds, method, self.cache.check)
         try:
-            run = self.cache.get(key, job)
+            run = self.cache.get(key, job, run_form(stage.marionette))
         except ERRORS as error:
             return None, str(error)
         return run, "" if run.status is Status.DONE else str(run.status)

@@ -151,10 +151,16 @@ def place_clip(
     up: str | None = None,
     turning: float = 1.0,
     of: str = "",
+    begin: float | None = None,
+    end: float | None = None,
 ) -> PlacedClip:
-    """Targets of a puppet's parts in captured motion; arguments as in :func:`retarget_clip`.
+    """Targets of a puppet's parts in captured motion, or in a part of it.
 
     It does not search, so mistakes in a clip are reported at once.
+
+    Args:
+        marionette, clip, mapping, start, travel, up, turning, of: see :func:`retarget_clip`.
+        begin, end: part of the clip to follow, in its time [s]; all of it by default.
     """
     if not isinstance(clip, Capture):
         clip = load_bvh(clip)
@@ -167,7 +173,8 @@ def place_clip(
     elif not isinstance(mapping, MappingFile):
         mapping = load_mapping(mapping)
     joints = joints_of(mapping, clip.skeleton, name)
-    clip = clip.upright(_up(clip, joints) if up is None else up)
+    # The vertical and the unit are guessed from the whole clip.
+    clip = clip.upright(_up(clip, joints) if up is None else up).between(begin, end)
     start = marionette.rest() if start is None else start
     figure = figure_of(marionette, start, mapping.puppet, of)
     return PlacedClip(figure, start, clip, place(figure, clip, joints, travel, turning))

@@ -1,0 +1,27 @@
+"""``fantoccini cache``: describes or clears the cache folder."""
+
+from __future__ import annotations
+
+from fantoccini.app.cli_support import say, table, write
+from fantoccini.kernel import build
+
+
+def describe_cache(clear: bool, quiet: bool) -> None:
+    """Prints the folder with numbers and sizes of its entries; removes them first, if asked.
+
+    Args:
+        clear: remove all entries.
+        quiet: do not say what was removed.
+    """
+    before = build.contents()
+    if clear:
+        build.clear()
+        if not quiet:
+            size = sum(size for _, size in before.values())
+            say(f"removed {size / 1e6:.1f} MB")
+    write(build.cache_folder())
+    table(
+        "Contents",
+        ("", "number>", "MB>"),
+        [(kind, n, f"{size / 1e6:.1f}") for kind, (n, size) in build.contents().items()],
+    )
