@@ -18,11 +18,14 @@ from fantoccini.theatre.retarget.gesturing import (
     place_on_spot,
 )
 from fantoccini.theatre.retarget.mapping import (
+    PARTS,
     MappingFile,
+    Recognised,
     find_mapping,
     load_mapping,
     mapping_names,
     mapping_schema,
+    recognise,
 )
 from fantoccini.theatre.retarget.placing import Placing
 from fantoccini.theatre.retarget.retargeting import (
@@ -37,6 +40,7 @@ __all__ = [
     "BEGINS",
     "MAX_ERROR",
     "OVER",
+    "PARTS",
     "SPEED",
     "ClipGesture",
     "Figure",
@@ -47,6 +51,7 @@ __all__ = [
     "PartError",
     "PlacedClip",
     "Placing",
+    "Recognised",
     "Retargeted",
     "clip_gesture",
     "figure_of",
@@ -57,5 +62,6 @@ __all__ = [
     "mapping_schema",
     "place_clip",
     "place_on_spot",
+    "recognise",
     "retarget_clip",
 ]
