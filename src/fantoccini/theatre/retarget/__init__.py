@@ -1,6 +1,7 @@
 """Retargeting: hanging poses and motions of a puppet nearest to a captured clip."""
 
 from fantoccini.theatre.retarget.deviations import Loss, PartError
+from fantoccini.theatre.retarget.drafting import draft_mapping
 from fantoccini.theatre.retarget.figure import Figure, figure_of
 from fantoccini.theatre.retarget.following import (
     ACCELERATION,
@@ -54,6 +55,7 @@ __all__ = [
     "Recognised",
     "Retargeted",
     "clip_gesture",
+    "draft_mapping",
     "figure_of",
     "find_mapping",
     "follow_clip",
