@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.capture.skeletons import CONVENTIONS, POSES, skeleton_of
+from tests.cli.command import fantoccini, mistake
 
+import fantoccini as fan
 from fantoccini.base.errors import FileError, StateError
-from fantoccini.theatre.capture import Skeleton
-from fantoccini.theatre.retarget import recognise
+from fantoccini.theatre.capture import Capture, Skeleton
+from fantoccini.theatre.retarget import draft_mapping, load_mapping, place_clip, recognise
 from fantoccini.theatre.retarget.finding import guess_joints
 from fantoccini.theatre.retarget.mapping import PARTS
 
@@ -102,11 +104,14 @@ def test_sides_that_contradict_the_toes_are_a_doubt():
     ]
 
 
-def test_joints_of_a_rest_pose_along_one_axis_are_found():
-    """LAFAN1's bones all point along x; the frames of a clip have the directions."""
+@pytest.mark.parametrize("legs", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
+def test_joints_of_a_rest_pose_along_the_bones_axes_are_found(legs):
+    """As in LAFAN1 and Bandai-Namco's data; the frames of a clip have the directions."""
     named = skeleton_of(CONVENTIONS["bandai"], "down", "y")
     lengths = np.linalg.norm(named.offsets, axis=1)
-    folded = lengths[:, None] * [1.0, 0.0, 0.0]
+    folded = lengths[:, None] * np.array([1.0, 0.0, 0.0])
+    limbs = [i for i, name in enumerate(named.names) if name.startswith(("Lower", "Foot", "Hand"))]
+    folded[limbs] = lengths[limbs, None] * np.array(legs)
     skeleton = Skeleton(anonymous(named).names, named.parents, folded)
     joints = names_of(named, guess_joints(skeleton, named.rest[None]).joints)
     assert joints | {"head": "Head"} == CONVENTIONS["bandai"].joints()
@@ -156,6 +161,35 @@ def test_animals_are_refused():
     assert len(guess_joints(skeleton_of(CONVENTIONS["vrm"], "down")).joints) == len(PARTS)
 
 
+def test_two_pairs_that_are_called_legs_are_an_animals():
+    skeleton = skeleton_of(CONVENTIONS["smpl"])
+    words = {"Shoulder": "Thigh2", "Elbow": "Knee2", "Wrist": "Ankle2", "Hand": "Foot2"}
+    names = skeleton.names
+    for arm, leg in words.items():
+        names = tuple(name.replace(arm, leg) for name in names)
+    with pytest.raises(FileError, match="both long pairs of limbs are called legs"):
+        recognise(Skeleton(names, skeleton.parents, skeleton.offsets))
+
+
+def test_a_collar_bone_longer_than_a_forearm_is_none():
+    """Without names, a collar bone that begins between the shoulders tells itself apart."""
+    named = skeleton_of(CONVENTIONS["bandai"])
+    offsets = named.offsets.copy()
+    index = {name: i for i, name in enumerate(named.names)}
+    for side in "LR":
+        collar, arm = (index[f"{part}_{side}"] for part in ("Shoulder", "UpperArm"))
+        forearm = index[f"Hand_{side}"]
+        offsets[arm] += offsets[collar]
+        offsets[collar] = 0.0
+        offsets[arm] *= 1.5
+        offsets[forearm] *= 0.7
+        assert np.linalg.norm(offsets[arm]) > np.linalg.norm(offsets[forearm])
+    for skeleton in (named, anonymous(named)):
+        longer = Skeleton(skeleton.names, skeleton.parents, offsets)
+        joints = names_of(named, guess_joints(longer).joints)
+        assert joints | {"head": "Head"} == CONVENTIONS["bandai"].joints()
+
+
 def test_several_people_are_refused():
     person = skeleton_of(CONVENTIONS["bandai"])
     n = len(person.names)
@@ -182,3 +216,113 @@ def test_the_error_names_the_reason_and_the_command():
     skeleton = Skeleton(("a", "b"), (-1, 0), np.ones((2, 3)))
     with pytest.raises(FileError, match=r"found no pairs of limbs.*`fantoccini mapping`.*a, b"):
         recognise(skeleton)
+
+
+def captured(skeleton: Skeleton) -> Capture:
+    rest = skeleton.rest[None]
+    turns = np.tile(np.eye(3), (1, len(skeleton.names), 1, 1))
+    return Capture(skeleton, np.zeros(1), rest, turns, "clip")
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_a_draft_is_a_mapping_file_of_the_joints_that_are_found(convention, tmp_path):
+    skeleton = skeleton_of(CONVENTIONS[convention])
+    text = draft_mapping(captured(skeleton))
+    (tmp_path / "mine.yaml").write_text(text)
+    joints = load_mapping(tmp_path / "mine.yaml").find(skeleton)
+    assert names_of(skeleton, joints) == CONVENTIONS[convention].joints()
+    listed = [line.removeprefix("#").strip() for line in text.splitlines() if line[:2] == "# "]
+    assert set(skeleton.names) <= set(listed)
+
+
+def test_a_draft_has_its_doubts_beside_the_joints():
+    skeleton = skeleton_of(CONVENTIONS["smpl"])
+    names = tuple(
+        name.replace("L_Hip", "L_Knie").replace("L_Knee", "L_Thigh") for name in skeleton.names
+    )
+    text = draft_mapping(captured(Skeleton(names, skeleton.parents, skeleton.offsets * [-1, 1, 1])))
+    assert "# Doubtful: the toes point backwards" in text
+    (line,) = [line for line in text.splitlines() if line.startswith("  knee_left:")]
+    assert line.startswith("  knee_left: L_Thigh  ") and "# 'L_Thigh' is called as" in line
+
+
+def test_a_draft_of_no_person_is_to_be_filled_in(tmp_path):
+    text = draft_mapping(captured(anonymous(dog())))
+    assert "  head:" in text and text.count("# which joint?") == len(PARTS)
+    assert "#         b4" in text
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises(FileError, match=r"mine\.yaml:4: joints\.head"):
+        load_mapping(tmp_path / "mine.yaml")
+
+
+def puppet_with_other_names() -> fan.Marionette:
+    text = fan.puppets.path("marionette").read_text()
+    for old, new in (
+        ("torso", "rumpf"),
+        ("skull", "kopf"),
+        ("thigh", "schenkel"),
+        ("shin", "wade"),
+    ):
+        text = text.replace(old, new)
+    return fan.loads(text)
+
+
+def test_a_draft_names_the_bodies_of_a_puppet_with_other_names(marionette, tmp_path):
+    clip = captured(skeleton_of(CONVENTIONS["bandai"]))
+    assert "puppet:" not in draft_mapping(clip, marionette)
+    (tmp_path / "mine.yaml").write_text(draft_mapping(clip, puppet_with_other_names()))
+    bodies = load_mapping(tmp_path / "mine.yaml").puppet
+    named = {part: body_file.body for part, body_file in bodies.items()}
+    assert named["trunk"] == "rumpf" and named["head"] == "kopf"
+    for side in ("left", "right"):
+        assert named[f"thigh_{side}"] == f"schenkel_{side}"
+        assert named[f"shin_{side}"] == f"wade_{side}"
+        assert named[f"upper_arm_{side}"] == f"upper_arm_{side}"
+        np.testing.assert_allclose(bodies[f"shin_{side}"].end, [0.02, 0, -0.126], atol=0.02)
+
+
+@pytest.mark.medium
+def test_the_command_writes_a_mapping_file(tmp_path):
+    out = tmp_path / "mine.yaml"
+    done = fantoccini("mapping", "jumps", "marionette", "--out", out)
+    assert done.exit_code == 0, done.stderr
+    assert load_mapping(out).joints["elbow_left"] == "LeftForeArm"
+    printed = fantoccini("mapping", "jumps", "--quiet")
+    assert printed.stdout == out.read_text()
+    assert "exists already" in mistake("mapping", "jumps", "--out", out)
+    assert "--out" in mistake("mapping", "jumps", "--out", tmp_path / "mine.txt")
+
+
+@pytest.mark.medium
+def test_our_own_bvh_export_comes_back(marionette, tmp_path):
+    """The targets are the places that the parts had in the run, relative to the hips.
+
+    The head's are not: its mean over a clip is taken as upright.
+    """
+    x0 = marionette.rest()
+    length = x0["hand_left.length"]
+    lift = fan.Input.waypoints(
+        marionette, {"hand_left.length": [(0.0, length), (1.0, length - 0.1)]}
+    )
+    run = fan.simulate(marionette, x0, lift, t_end=1.0, effort=False)
+    path = fan.export(run, tmp_path / "run.bvh", fps=20)
+    placed = place_clip(marionette, path)
+    assert any("Found by shape" in note for note in placed.clip.notes)
+    assert not any("doubtful" in note for note in placed.clip.notes)
+    places = placed.places
+    again = run.resample(placed.clip.t - placed.clip.t[0] + run.t[0])
+    poses = marionette.poses(again.q_D, again.q_K)
+    for part, (body, at) in placed.figure.points.items():
+        if part == "head":
+            continue
+        own = point_in(marionette, poses, (body, at)) - point_in(
+            marionette, poses, placed.figure.points["trunk"]
+        )
+        off = places.parts[part] - places.parts["trunk"] - own
+        assert np.max(np.linalg.norm(off, axis=1)) < 0.02, part
+
+
+def point_in(marionette: fan.Marionette, poses: np.ndarray, point) -> np.ndarray:
+    """(T, 3) position of a point of a body."""
+    frame = poses[:, marionette.link_index(point[0])]
+    return frame[:, :, :3] @ np.array(point[1]) + frame[:, :, 3]

@@ -124,6 +124,10 @@ def _legs_and_arms(tree: JointTree, a: Pair, b: Pair) -> tuple[Pair, Pair, list[
         tree.height(a.junction) > tree.height(b.junction)
     )
     called = [limb_called([tree.plain[i] for i in pair.path]) for pair in (a, b)]
+    if called == ["leg", "leg"]:
+        raise StateError(
+            "both long pairs of limbs are called legs, as an animal's; needed: a person"
+        )
     words = (called[0] == "leg") - (called[0] == "arm") - (called[1] == "leg")
     words = int(np.sign(words + (called[1] == "arm")))
     longer = 1 if a.length > b.length else -1
@@ -181,13 +185,14 @@ def _called_head(tree: JointTree, joint: int) -> int | None:
 
 
 def _standing(skeleton: Skeleton, positions: Array | None, legs: Pair, arms: Pair) -> Array | None:
-    """(T, n, 3) poses with directions: the rest pose or, if limbs fold into one another, a clip's.
+    """(T, n, 3) poses with directions: the rest pose if it stands, or a clip's.
 
-    In some files all bones of the rest pose point along one axis.
+    In some files the bones of the rest pose point along the axes of their joints.
     """
     rest = skeleton.rest[None]
     trunk, down, _ = _directions(rest, legs, arms)
-    if float(trunk[0] @ down[0]) < _MIN_STANDING:
+    upright = -float(trunk[0] @ down[0])
+    if upright > _MIN_STANDING or (positions is None and upright > -_MIN_STANDING):
         return rest
     return positions
 

@@ -28,6 +28,8 @@ _MAX_DIFFERENCE = 0.1
 """Largest relative difference of the bones of two limbs of a pair."""
 _MAX_TWIN_DIFFERENCE = 0.4
 """The same for limbs whose names differ in their side only."""
+_MIN_START = 0.04
+"""Least distance of a shoulder or hip from the joint between both, relative to the limb."""
 _NEARLY = 0.7
 """Length relative to the largest from which names decide."""
 _MAX_INNER = 0.6
@@ -194,9 +196,11 @@ def _longest(tree: JointTree, path: Sequence[int], kept: Sequence[int]) -> Limb 
     ends = np.concatenate([[0.0], np.cumsum(tree.lengths[list(path[1:])])])
     bones = np.diff(ends[list(kept)])
     sums = bones[:-1] + bones[1:]
-    choices = np.flatnonzero(np.minimum(bones[:-1], bones[1:]) > 0.0)
-    if not len(choices):
+    valid = np.minimum(bones[:-1], bones[1:]) > 0.0
+    if not np.any(valid):
         return None
+    away = tree.lengths[path[0]] + ends[list(kept[:-2])] > _MIN_START * sums.max()
+    choices = np.flatnonzero(valid & away if np.any(valid & away) else valid)
     near = choices[sums[choices] > _NEARLY * sums[choices].max()]
     joints = [(path[kept[i]], path[kept[i + 1]], path[kept[i + 2]]) for i in near]
     called = [_agreement([tree.plain[k] for k in three]) for three in joints]
