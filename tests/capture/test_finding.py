@@ -249,7 +249,7 @@ def test_a_draft_has_its_doubts_beside_the_joints():
 def test_a_draft_of_no_person_is_to_be_filled_in(tmp_path):
     text = draft_mapping(captured(anonymous(dog())))
     assert "  head:" in text and text.count("# which joint?") == len(PARTS)
-    assert "#         b4" in text
+    assert "#           b4" in text
     (tmp_path / "mine.yaml").write_text(text)
     with pytest.raises(FileError, match=r"mine\.yaml:4: joints\.head"):
         load_mapping(tmp_path / "mine.yaml")
