@@ -111,7 +111,7 @@ class RandomTree:
 
 
 def test_positions_near_zero_are_relative_to_offsets(tmp_path):
-    """As in MakeHuman's poses, whose joints would all lie in one point."""
+    """Poses of MakeHuman are written so; their joints would all lie in one point."""
     text = ARM.replace("CHANNELS 1 Zrotation", "CHANNELS 4 Xposition Yposition Zposition Zrotation")
     text = text.replace("1 2 3 0 0 0 90 ", "1 2 3 0 0 0 0.01 0 0 90 ")
     text = text.replace("0 0 0 90 0 0 0 ", "0 0 0 90 0 0 0 0.02 0 0 ")
@@ -120,8 +120,8 @@ def test_positions_near_zero_are_relative_to_offsets(tmp_path):
     np.testing.assert_allclose(clip.positions[1][1], [-10.02, 0, 0], atol=1e-12)
     (note,) = clip.notes
     assert "taken as relative to their offsets" in note
-    far = text.replace("0.01 0 0 90", "0 12 0 90").replace("0 0.02 0 0", "0 11 0 0")
-    clip = fan.theatre.load_bvh(written(tmp_path, far))
+    other = text.replace("0.01 0 0 90", "0 12 0 90").replace("0 0.02 0 0", "0 11 0 0")
+    clip = fan.theatre.load_bvh(written(tmp_path, other))
     np.testing.assert_allclose(clip.positions[0][1], [1, 14, 3], atol=1e-12)
     assert clip.notes == ()
 

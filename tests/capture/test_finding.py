@@ -66,15 +66,15 @@ def test_without_names_the_toes_tell_left_from_right(convention, pose):
 
 def without(skeleton: Skeleton, *words: str) -> Skeleton:
     """A skeleton without joints of these words, and those below them."""
-    kept, index = [], {-1: -1}
+    joints, index = [], {-1: -1}
     for i, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents, strict=True)):
         if parent in index and not any(word in name for word in words):
-            index[i] = len(kept)
-            kept.append(i)
+            index[i] = len(joints)
+            joints.append(i)
     return Skeleton(
-        tuple(skeleton.names[i] for i in kept),
-        tuple(index[skeleton.parents[i]] for i in kept),
-        skeleton.offsets[kept],
+        tuple(skeleton.names[i] for i in joints),
+        tuple(index[skeleton.parents[i]] for i in joints),
+        skeleton.offsets[joints],
     )
 
 
@@ -106,7 +106,7 @@ def test_sides_that_contradict_the_toes_are_a_doubt():
 
 @pytest.mark.parametrize("legs", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
 def test_joints_of_a_rest_pose_along_the_bones_axes_are_found(legs):
-    """As in LAFAN1 and Bandai-Namco's data; the frames of a clip have the directions."""
+    """LAFAN1 and Bandai-Namco's data are such; the frames of a clip have the directions."""
     named = skeleton_of(CONVENTIONS["bandai"], "down", "y")
     lengths = np.linalg.norm(named.offsets, axis=1)
     folded = lengths[:, None] * np.array([1.0, 0.0, 0.0])

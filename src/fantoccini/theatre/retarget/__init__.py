@@ -19,6 +19,7 @@ from fantoccini.theatre.retarget.gesturing import (
     place_on_spot,
 )
 from fantoccini.theatre.retarget.mapping import (
+    DOUBTFUL,
     PARTS,
     MappingFile,
     Recognised,
@@ -39,6 +40,7 @@ from fantoccini.theatre.retarget.retargeting import (
 __all__ = [
     "ACCELERATION",
     "BEGINS",
+    "DOUBTFUL",
     "MAX_ERROR",
     "OVER",
     "PARTS",

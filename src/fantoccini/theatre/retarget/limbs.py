@@ -150,10 +150,10 @@ class JointTree:
         longest branch has fewer than two bones.
         """
         path = [first]
-        while kept := [k for k in self.children[path[-1]] if not self.added(k)]:
-            path.append(max(kept, key=lambda k: self.lengths[k] + self.depth[k]))
+        while below := [k for k in self.children[path[-1]] if not self.added(k)]:
+            path.append(max(below, key=lambda k: self.lengths[k] + self.depth[k]))
         merged = [i for i in range(len(path)) if not i or not self._same_bone(*path[i - 1 : i + 1])]
-        limbs = [_longest(self, path, kept) for kept in (merged, range(len(path)))]
+        limbs = [_longest(self, path, places) for places in (merged, range(len(path)))]
         return next((limb for limb in limbs if limb and limb.plausible), limbs[0] or limbs[1])
 
     def _same_bone(self, above: int, joint: int) -> bool:
@@ -163,15 +163,17 @@ class JointTree:
 
     def pairs(self, joint: int = 0) -> list[Pair]:
         """Pairs of limbs in the branch of a joint, without those within a limb."""
-        kept = [k for k in self.children[joint] if not self.added(k)]
-        inner = {k: self.pairs(k) for k in kept}
-        limbs = {k: limb for k in kept if (limb := self.limb(k)) and not self._has(inner[k], limb)}
+        children = [k for k in self.children[joint] if not self.added(k)]
+        inner = {k: self.pairs(k) for k in children}
+        limbs = {
+            k: limb for k in children if (limb := self.limb(k)) and not self._has(inner[k], limb)
+        }
         pairs, taken = [], set[int]()
         for _, a, b in sorted(self._alike(limbs)):
             if not taken & {a, b}:
                 pairs.append(Pair(joint, (limbs[a], limbs[b])))
                 taken |= {a, b}
-        return pairs + [pair for k in kept if k not in taken for pair in inner[k]]
+        return pairs + [pair for k in children if k not in taken for pair in inner[k]]
 
     def _has(self, inner: Sequence[Pair], limb: Limb) -> bool:
         """Whether a branch has limbs of its own, and is no limb."""
@@ -187,27 +189,27 @@ class JointTree:
                 yield (not twins, difference), a, b
 
 
-def _longest(tree: JointTree, path: Sequence[int], kept: Sequence[int]) -> Limb | None:
-    """Limb of the largest two consecutive bones between the kept places of a path.
+def _longest(tree: JointTree, path: Sequence[int], places: Sequence[int]) -> Limb | None:
+    """Limb of the largest two consecutive bones between given places of a path.
 
     Among bones nearly as long, those decide whose joints are called as parts of a limb: some collar
     bones are longer than forearms.
     """
     ends = np.concatenate([[0.0], np.cumsum(tree.lengths[list(path[1:])])])
-    bones = np.diff(ends[list(kept)])
+    bones = np.diff(ends[list(places)])
     sums = bones[:-1] + bones[1:]
     valid = np.minimum(bones[:-1], bones[1:]) > 0.0
     if not np.any(valid):
         return None
-    away = tree.lengths[path[0]] + ends[list(kept[:-2])] > _MIN_START * sums.max()
+    away = tree.lengths[path[0]] + ends[list(places[:-2])] > _MIN_START * sums.max()
     choices = np.flatnonzero(valid & away if np.any(valid & away) else valid)
     near = choices[sums[choices] > _NEARLY * sums[choices].max()]
-    joints = [(path[kept[i]], path[kept[i + 1]], path[kept[i + 2]]) for i in near]
+    joints = [(path[places[i]], path[places[i + 1]], path[places[i + 2]]) for i in near]
     called = [_agreement([tree.plain[k] for k in three]) for three in joints]
     best = max(range(len(near)), key=lambda j: (called[j], sums[near[j]]))
     i = int(near[best])
     lengths = float(bones[i]), float(bones[i + 1])
-    return Limb(tuple(path), joints[best], lengths, float(ends[-1] - ends[kept[i + 2]]))
+    return Limb(tuple(path), joints[best], lengths, float(ends[-1] - ends[places[i + 2]]))
 
 
 def _agreement(names: Sequence[str]) -> int:

@@ -30,6 +30,8 @@ from fantoccini.theatre.retarget.finding import Doubt, guess_joints
 from fantoccini.theatre.retarget.naming import END, plain_names
 
 _FOLDER = Path(__file__).parent / "mappings"
+DOUBTFUL = "doubtful"
+"""Word of a note that a joint may be wrong."""
 _MAX_LISTED = 60
 """Largest number of joints that an error lists."""
 SIDES = ("left", "right")
@@ -121,7 +123,7 @@ class Recognised:
             return ()
         joints = ", ".join(f"{part} {joint}" for part, joint in self.mapping.joints.items())
         warnings = (
-            f"{name}: doubtful: {doubt}; to change it, write a mapping file with `fantoccini "
+            f"{name}: {DOUBTFUL}: {doubt}; to change it, write a mapping file with `fantoccini "
             "mapping` (--mapping)"
             for doubt in self.doubts
         )

@@ -40,7 +40,7 @@ _LIMB_WORDS = {
 
 
 def plain_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Names without namespaces (``mixamorig:``) and prefixes that nearly all have (``Bip01 ``)."""
+    """Names without prefixes: those with a colon, and those that nearly all have (``Bip01 ``)."""
     plain = [name.rsplit(":", 1)[-1] for name in names]
     while True:
         prefixes = Counter(
