@@ -111,6 +111,22 @@ class RandomTree:
         self.lines.append(f"{pad}}}")
 
 
+def test_positions_near_zero_are_relative_to_offsets(tmp_path):
+    """Poses of MakeHuman are written so; their joints would all lie in one point."""
+    text = ARM.replace("CHANNELS 1 Zrotation", "CHANNELS 4 Xposition Yposition Zposition Zrotation")
+    text = text.replace("1 2 3 0 0 0 90 ", "1 2 3 0 0 0 0.01 0 0 90 ")
+    text = text.replace("0 0 0 90 0 0 0 ", "0 0 0 90 0 0 0 0.02 0 0 ")
+    clip = fan.theatre.load_bvh(written(tmp_path, text))
+    np.testing.assert_allclose(clip.positions[0][1], [1.01, 12, 3], atol=1e-12)
+    np.testing.assert_allclose(clip.positions[1][1], [-10.02, 0, 0], atol=1e-12)
+    (note,) = clip.notes
+    assert "taken as relative to their offsets" in note
+    other = text.replace("0.01 0 0 90", "0 12 0 90").replace("0 0.02 0 0", "0 11 0 0")
+    clip = fan.theatre.load_bvh(written(tmp_path, other))
+    np.testing.assert_allclose(clip.positions[0][1], [1, 14, 3], atol=1e-12)
+    assert clip.notes == ()
+
+
 def test_random_trees_agree_with_scipy(tmp_path):
     rng = np.random.default_rng(0)
     for _ in range(20):

@@ -36,6 +36,7 @@ COMMANDS = (
     "optimise",
     "identify",
     "follow",
+    "mapping",
     "play",
     "show",
     "perform",

@@ -192,7 +192,6 @@ def _spin(angles: np.ndarray) -> np.ndarray:
         ("clips/up.bvh", ("HIERARCHY", "HIERARKY"), "up.bvh:1: found 'HIERARKY'; needed: "),
         # One frame too few is only remarked on.
         ("clips/up.bvh", ("Frames: 60", "Frames: 62"), "the file ends after 60 frames"),
-        ("clips/up.bvh", ("LeftForeArm", "Elbow"), "elbow_left is missing; give a mapping file "),
     ],
 )
 def test_mistakes_of_clips_are_reported_at_their_cue(
@@ -202,6 +201,27 @@ def test_mistakes_of_clips_are_reported_at_their_cue(
         short.write_text(short.read_text().replace(*change))
     (message,) = checked_messages(plays, f"{{who: pierrot, does: {name}}}")
     assert said in message
+
+
+def test_joints_that_are_not_found_ask_for_a_mapping_file_beside_the_clip(
+    plays: Plays, short: Path
+):
+    text = short.read_text().replace("LeftForeArm", "Elbow")
+    short.write_text(re.sub("OFFSET .*", "OFFSET 0 0 0", text))
+    (message,) = checked_messages(plays, "{who: pierrot, does: clips/up.bvh}")
+    assert "elbow_left is missing; by their shape: found no pairs of limbs" in message
+    assert "give a mapping file up.yaml beside it (`fantoccini mapping`" in message
+
+
+def test_doubtful_joints_of_a_clip_are_a_warning(plays: Plays, short: Path):
+    """The clip's left is its right; a mapping file beside it would decide."""
+    text = short.read_text().replace("Left", "L-").replace("Right", "Left").replace("L-", "Right")
+    short.write_text(text.replace("LeftForeArm", "LeftElbow"))
+    path = plays.written(
+        "acts:\n  - act: one\n    cues:\n      - {who: pierrot, does: clips/up.bvh}\n"
+    )
+    with pytest.warns(UserWarning, match="up: doubtful: the toes point backwards"):
+        check_play(path)
 
 
 def test_a_player_without_a_persons_bodies_is_reported(plays: Plays, short: Path):

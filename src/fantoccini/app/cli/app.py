@@ -312,6 +312,27 @@ def follow(arguments: FollowArguments) -> None:
     follow_file(arguments)
 
 
+@app.command()
+def mapping(
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Captured motion (.bvh).")],
+    puppet: Annotated[
+        str | None, typer.Argument(metavar="PUPPET", help="Puppet that will follow it.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the mapping file (.yaml); by default printed."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a mapping file for a clip, to check and fill in.
+
+    Joints are found by their names, or by the skeleton's shape; doubts stand beside them.
+    """
+    from fantoccini.app.cli.mapping import write_mapping
+
+    write_mapping(clip, puppet, out, quiet)
+
+
 @app.command("play")
 @takes(PlayArguments)
 def play(arguments: PlayArguments) -> None:

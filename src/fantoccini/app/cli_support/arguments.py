@@ -310,7 +310,7 @@ class FollowArguments(PictureOptions):
         str | None,
         typer.Option(
             metavar="FILE",
-            help="Mapping file, or name of a bundled one; by default chosen by the joints' names.",
+            help="Mapping file, or name of a bundled one; by default found by names or shape.",
         ),
     ] = None
     travel: Annotated[

@@ -26,6 +26,8 @@ _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Rotation matrix from z up to y up."""
 _MIN_BONE = 1e-3
 """Smallest length of the last bone of a limb [m]."""
+_MIN_COMPONENT = 0.5
+"""Least component of a last bone, relative to the largest."""
 _STUB = 0.01
 """Length of the last bone of a body without shapes [m]."""
 
@@ -144,7 +146,10 @@ def _moves(scene: AnimatedScene, link: int) -> bool:
 
 
 def _tips(scene: AnimatedScene) -> dict[int, Vec3]:
-    """End of each link's bone: twice as far from the origin as the centre of its shapes."""
+    """End of each link's bone: twice as far from the origin as the centre of its shapes.
+
+    Components below half the largest are left out, so that a shin with a foot points downwards.
+    """
     low = {k: np.full(3, np.inf) for k in scene.links}
     high = {k: np.full(3, -np.inf) for k in scene.links}
     for solid in scene.geometry.solids:
@@ -161,7 +166,8 @@ def _tips(scene: AnimatedScene) -> dict[int, Vec3]:
         elif np.linalg.norm(low[k] + high[k]) < _MIN_BONE:
             tips[k] = np.array([0.0, 0.0, max(high[k][2], _MIN_BONE)])
         else:
-            tips[k] = low[k] + high[k]
+            tip = low[k] + high[k]
+            tips[k] = np.where(np.abs(tip) < _MIN_COMPONENT * np.max(np.abs(tip)), 0.0, tip)
     return tips
 
 

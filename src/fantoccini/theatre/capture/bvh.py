@@ -36,6 +36,8 @@ _MAX_BYTES = 256_000_000
 _MAX_JOINTS = 1000
 _MAX_DEPTH = 200
 _MAX_FRAMES = 10_000_000
+_RELATIVE = 0.05
+"""Mean of positions, relative to that of offsets, below which they are measured from these."""
 _MIN_FRAME_TIME = 1e-5
 """Least duration of a frame [s]."""
 
@@ -308,6 +310,9 @@ def _placed(
     path: Path, joints: list[_Joint], values: Array, interval: float, notes: tuple[str, ...]
 ) -> Capture:
     frames, n = len(values), len(joints)
+    values, moved = _with_offsets(joints, values)
+    if moved:
+        notes += (f"{path}: positions of joints are near 0; taken as relative to their offsets",)
     positions, rotations = np.zeros((frames, n, 3)), np.empty((frames, n, 3, 3))
     for i, joint in enumerate(joints):
         local = np.tile(joint.offset, (frames, 1)).astype(float)
@@ -330,6 +335,29 @@ def _placed(
     )
     times = interval * np.arange(frames, dtype=float)
     return Capture(skeleton, times, positions, rotations, path.stem, notes)
+
+
+def _with_offsets(joints: list[_Joint], values: Array) -> tuple[Array, bool]:
+    """Channels with positions that are measured from the offsets increased by these.
+
+    Poses of MakeHuman are written so: their joints would all lie in one point.
+
+    Returns:
+        (T, n_channels) channels, and whether they are increased.
+    """
+    columns = [
+        (column, joint.offset[axis])
+        for joint in joints
+        if joint.parent >= 0
+        for kind, axis, column in joint.channels
+        if kind == "position"
+    ]
+    at, offsets = [column for column, _ in columns], np.array([offset for _, offset in columns])
+    if not columns or not np.mean(np.abs(values[:, at])) < _RELATIVE * np.mean(np.abs(offsets)):
+        return values, False
+    values = values.copy()
+    values[:, at] += offsets
+    return values, True
 
 
 def _about(axis: int, angle: Array) -> Array:

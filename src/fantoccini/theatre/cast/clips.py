@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -23,6 +24,7 @@ from fantoccini.theatre.cast.result_cache import (
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.retarget import (
     BEGINS,
+    DOUBTFUL,
     OVER,
     ClipGesture,
     PlacedClip,
@@ -140,7 +142,8 @@ def _form(marionette: Marionette) -> Form[tuple[Gesture, str]]:
 def read_clip(player: Player, path: Path) -> Clip:
     """Clip of a file, with the targets of a player's parts.
 
-    A file with the same stem and the suffix ``.yaml`` is its mapping, if it is one.
+    A file with the same stem and the suffix ``.yaml`` is its mapping, if it is one. Joints that are
+    doubtful are warnings.
 
     Args:
         player: player that performs it.
@@ -158,6 +161,9 @@ def read_clip(player: Player, path: Path) -> Clip:
         if mapping is not None:
             raise
         raise FileError([_hinted(mistake, own.name) for mistake in error.mistakes]) from None
+    for note in placed.clip.notes:
+        if DOUBTFUL in note:
+            warnings.warn(note, stacklevel=2)
     h = hashlib.blake2b(player.content.encode())
     h.update(path.read_bytes())
     h.update(b"" if mapping is None else own.read_bytes())

@@ -1,6 +1,7 @@
 """Retargeting: hanging poses and motions of a puppet nearest to a captured clip."""
 
 from fantoccini.theatre.retarget.deviations import Loss, PartError
+from fantoccini.theatre.retarget.drafting import draft_mapping
 from fantoccini.theatre.retarget.figure import Figure, figure_of
 from fantoccini.theatre.retarget.following import (
     ACCELERATION,
@@ -19,11 +20,15 @@ from fantoccini.theatre.retarget.gesturing import (
     place_on_spot,
 )
 from fantoccini.theatre.retarget.mapping import (
+    DOUBTFUL,
+    PARTS,
     MappingFile,
+    Recognised,
     find_mapping,
     load_mapping,
     mapping_names,
     mapping_schema,
+    recognise,
 )
 from fantoccini.theatre.retarget.placing import Placing
 from fantoccini.theatre.retarget.retargeting import (
@@ -36,8 +41,10 @@ from fantoccini.theatre.retarget.retargeting import (
 __all__ = [
     "ACCELERATION",
     "BEGINS",
+    "DOUBTFUL",
     "MAX_ERROR",
     "OVER",
+    "PARTS",
     "SPEED",
     "ClipGesture",
     "Figure",
@@ -48,9 +55,11 @@ __all__ = [
     "PartError",
     "PlacedClip",
     "Placing",
+    "Recognised",
     "Retargeted",
     "TooShortError",
     "clip_gesture",
+    "draft_mapping",
     "figure_of",
     "find_mapping",
     "follow_clip",
@@ -59,5 +68,6 @@ __all__ = [
     "mapping_schema",
     "place_clip",
     "place_on_spot",
+    "recognise",
     "retarget_clip",
 ]

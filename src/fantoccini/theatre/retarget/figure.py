@@ -9,11 +9,11 @@ import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError, unit
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.model.tree import Role
+from fantoccini.model.tree import WORLD, Role
 from fantoccini.motion import State
 from fantoccini.theatre.retarget.mapping import BODIES, SIDES, BodyFile
 
-_USUAL = {
+USUAL = {
     "trunk": BodyFile(body="torso"),
     "head": BodyFile(body="skull", end=(0.0, 0.0, 0.137)),
     **{f"upper_arm_{side}": BodyFile(body=f"upper_arm_{side}") for side in SIDES},
@@ -35,17 +35,36 @@ Point = tuple[str, tuple[float, float, float]]
 
 
 @dataclass(frozen=True, eq=False)
+class LowerTrunk:
+    """The body with the hips, if it is not that with the shoulders.
+
+    Attributes:
+        axes: (3, 3) columns forward, left, up in its frame.
+        waist: (3,) joint at which the trunk turns, in its frame at the start [m].
+        below_trunk: (3,) the same joint, in the frame of the trunk [m].
+    """
+
+    axes: Array
+    waist: Array
+    below_trunk: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Figure:
-    """A puppet as a person: trunk, head, and limbs of two bodies.
+    """A puppet as a person: trunk, head, and limbs.
+
+    Bodies between two parts, such as those of a neck or of a hip of several joints, are taken as
+    they are at the start.
 
     Attributes:
         marionette: puppet.
-        bodies: part -> body.
+        bodies: part -> body; with a waist, ``hips`` is the body with the hips.
         points: part of a person -> body and point on it; in addition to :data:`PARTS` there are
             ``neck``, and ``trunk`` between the hips.
         axes: (3, 3) columns forward, left, up in the frame of the trunk.
         forward: (3,) direction in which the puppet faces at the start.
         places: part of a person -> (3,) position at the start [m].
+        lower: the lower half of a trunk with a waist; None for a trunk of one body.
     """
 
     marionette: Marionette
@@ -54,6 +73,7 @@ class Figure:
     axes: Array
     forward: Array
     places: Mapping[str, Array]
+    lower: LowerTrunk | None = None
 
     @property
     def leg(self) -> float:
@@ -93,20 +113,22 @@ def figure_of(
         UnknownNameError: the scene has no such member.
     """
     names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
-    body_files = _of_member(marionette, {**_USUAL, **(bodies or {})}, names, of)
+    body_files = _of_member(marionette, {**USUAL, **(bodies or {})}, names, of)
     if missing := [part for part in BODIES if body_files[part].body not in names]:
         raise StateError(
             f"{marionette.name} has no body {body_files[missing[0]].body!r}, the {missing[0]} of a "
             f"person; name it under `puppet` in a mapping file: the bodies are {', '.join(names)}"
         )
     links = {part: marionette.link_index(body_files[part].body) for part in BODIES}
+    links["hips"] = _hips(marionette, links)
+    _check_order(marionette, links)
     pose = marionette.poses(start.q_D[None], start.q_K[None])[0]
+    tree = marionette.tree
 
     def within(part: str, other: str) -> Point:
         """Beginning of another part, in the frame of a part."""
-        turn, at = pose[links[part]][:, :3], pose[links[part]][:, 3]
-        x, y, z = (turn.T @ (pose[links[other]][:, 3] - at)).tolist()
-        return body_files[part].body, (x, y, z)
+        x, y, z = _in_frame(pose[links[part]], pose[links[other]][:, 3]).tolist()
+        return tree.links[links[part]].name, (x, y, z)
 
     def end(part: str) -> Point:
         place = body_files[part].end
@@ -115,28 +137,51 @@ def figure_of(
         return body_files[part].body, place
 
     points = {"neck": within("trunk", "head"), "head": end("head")}
-    _check_parent(marionette, body_files, "head", "trunk")
     for side in SIDES:
-        for begin, middle, last, upper, lower in LIMBS:
+        for (begin, middle, last, upper, lower), at in zip(LIMBS, ("trunk", "hips"), strict=True):
             upper, lower = f"{upper}_{side}", f"{lower}_{side}"
-            _check_parent(marionette, body_files, upper, "trunk")
-            _check_parent(marionette, body_files, lower, upper)
-            points[f"{begin}_{side}"] = within("trunk", upper)
+            points[f"{begin}_{side}"] = within(at, upper)
             points[f"{middle}_{side}"] = within(upper, lower)
             points[f"{last}_{side}"] = end(lower)
-    a, b, c, d = (
-        np.array(points[p][1]) for p in ("shoulder_left", "shoulder_right", "hip_left", "hip_right")
-    )
-    x, y, z = (0.5 * (c + d)).tolist()
-    points["trunk"] = body_files["trunk"].body, (x, y, z)
-    axes = axes_of(a[None], b[None], c[None], d[None])[0]
+    hips = [np.array(points[f"hip_{side}"][1]) for side in SIDES]
+    x, y, z = (0.5 * (hips[0] + hips[1])).tolist()
+    points["trunk"] = tree.links[links["hips"]].name, (x, y, z)
     places = {}
     for part, (body, at) in points.items():
         frame = pose[marionette.link_index(body)]
         places[part] = frame[:, :3] @ np.array(at) + frame[:, 3]
-    forward = pose[links["trunk"]][:, :3] @ axes[:, 0]
     named = {part: body_files[part].body for part in BODIES}
-    return Figure(marionette, named, points, axes, forward, places)
+    if links["hips"] == links["trunk"]:
+        shoulders = [np.array(points[f"shoulder_{side}"][1]) for side in SIDES]
+        axes, half = axes_of(*(x[None] for x in (*shoulders, *hips)))[0], None
+    else:
+        named["hips"] = tree.links[links["hips"]].name
+        axes, half = _with_waist(marionette, links, pose, places)
+    forward = pose[links["trunk"]][:, :3] @ axes[:, 0]
+    return Figure(marionette, named, points, axes, forward, places, half)
+
+
+def _with_waist(
+    marionette: Marionette, links: Mapping[str, int], pose: Array, x: Mapping[str, Array]
+) -> tuple[Array, LowerTrunk]:
+    """Axes of the upper half of a trunk in its frame, and the lower half."""
+    trunk, hips = pose[links["trunk"]], pose[links["hips"]]
+    lines = [x[f"{part}_left"] - x[f"{part}_right"] for part in ("shoulder", "hip")]
+    up = x["shoulder_left"] + x["shoulder_right"] - x["hip_left"] - x["hip_right"]
+    upper, lower = (axes_along(up[None], line[None])[0] for line in lines)
+    above = marionette.tree.ancestors(links["hips"])
+    joint = links["trunk"]
+    if joint in above:  # the trunk carries the hips
+        joint = above[above.index(joint) - 1]
+    waist = pose[joint][:, 3]
+    return trunk[:, :3].T @ upper, LowerTrunk(
+        hips[:, :3].T @ lower, _in_frame(hips, waist), _in_frame(trunk, waist)
+    )
+
+
+def _in_frame(frame: Array, point: Array) -> Array:
+    """(3,) point in a frame (3, 4)."""
+    return np.asarray(frame[:, :3].T @ (point - frame[:, 3]))
 
 
 def _of_member(
@@ -169,20 +214,45 @@ def axes_of(
 
     Up points from between the hips to between the shoulders; left is the mean of both lines across.
     """
-    up = unit(shoulder_left + shoulder_right - hip_left - hip_right)
     across = unit(shoulder_left - shoulder_right) + unit(hip_left - hip_right)
+    return axes_along(shoulder_left + shoulder_right - hip_left - hip_right, across)
+
+
+def axes_along(up: Array, across: Array) -> Array:
+    """(T, 3, 3) columns forward, left, up from (T, 3) vectors up, and across to the left."""
+    up = unit(up)
     forward = unit(np.cross(across, up))
     return np.stack([forward, np.cross(up, forward), up], axis=-1)
 
 
-def _check_parent(
-    marionette: Marionette, body_files: Mapping[str, BodyFile], part: str, above: str
-) -> None:
-    links = marionette.tree.links
-    link = links[marionette.link_index(body_files[part].body)]
-    parent = links[link.parent].name if link.parent >= 0 else "the world"
-    if parent != body_files[above].body:
+def _hips(marionette: Marionette, links: Mapping[str, int]) -> int:
+    """Link that carries both thighs: the trunk, or the body below a waist."""
+    tree = marionette.tree
+    left, right = (tree.ancestors(links[f"thigh_{side}"]) for side in SIDES)
+    both = next((k for k in left if k in right and tree.links[k].role is Role.DYNAMIC), WORLD)
+    trunk = links["trunk"]
+    if both == WORLD or not set(tree.ancestors(both)) & set(tree.ancestors(trunk)):
+        name = "the world" if both == WORLD else tree.links[both].name
         raise StateError(
-            f"{part} of a person is {link.name}, which hangs at {parent}; needed: at "
-            f"{body_files[above].body}, its {above}"
+            f"the thighs of a person are {tree.links[links['thigh_left']].name} and "
+            f"{tree.links[links['thigh_right']].name}, which hang at {name}; needed: at "
+            f"{tree.links[trunk].name}, the trunk, or at a body jointed to it"
         )
+    return both
+
+
+def _check_order(marionette: Marionette, links: Mapping[str, int]) -> None:
+    """Raises StateError if a part hangs at another part than a person's does."""
+    tree = marionette.tree
+    above = {"head": "trunk"}
+    for side in SIDES:
+        for (*_, upper, lower), at in zip(LIMBS, ("trunk", "hips"), strict=True):
+            above |= {f"{upper}_{side}": at, f"{lower}_{side}": f"{upper}_{side}"}
+    for part, wanted in above.items():
+        parent = next((k for k in tree.ancestors(links[part])[1:] if k in links.values()), WORLD)
+        if parent != links[wanted]:
+            name = "the world" if parent == WORLD else tree.links[parent].name
+            raise StateError(
+                f"{part} of a person is {tree.links[links[part]].name}, which hangs at {name}; "
+                f"needed: at {tree.links[links[wanted]].name}, its {wanted}"
+            )

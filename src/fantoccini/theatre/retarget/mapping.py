@@ -6,12 +6,13 @@ The parts are named in :data:`PARTS`; hips and shoulders give the trunk.
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import Field, field_validator
 
-from fantoccini.base import FileError, Mistake, nearest
+from fantoccini.base import Array, FileError, Mistake, StateError, nearest
 from fantoccini.base.documents import (
     Document,
     Kind,
@@ -25,8 +26,12 @@ from fantoccini.base.documents import (
     unknown_names,
 )
 from fantoccini.theatre.capture import Skeleton
+from fantoccini.theatre.retarget.finding import Doubt, guess_joints
+from fantoccini.theatre.retarget.naming import END, plain_names
 
 _FOLDER = Path(__file__).parent / "mappings"
+DOUBTFUL = "doubtful"
+"""Word of a note that a joint may be wrong."""
 _MAX_LISTED = 60
 """Largest number of joints that an error lists."""
 SIDES = ("left", "right")
@@ -60,7 +65,7 @@ class MappingFile(Document):
     about: str = ""
     """Origin of the skeletons."""
     joints: dict[str, str]
-    """Part -> joint; a prefix that ends in a colon may be omitted."""
+    """Part -> joint; a prefix that nearly all joints have (``mixamorig:``) may be omitted."""
     puppet: dict[str, BodyFile] = Field(default_factory=dict)
     """Part -> body, if its name differs from that of the bundled marionette."""
 
@@ -84,7 +89,7 @@ class MappingFile(Document):
     def find(self, skeleton: Skeleton) -> dict[str, int]:
         """Part -> index of its joint; parts without a unique joint are left out."""
         names = [name.lower() for name in skeleton.names]
-        plain = [name.rsplit(":", 1)[-1] for name in names]
+        plain = [name.lower() for name in plain_names(skeleton.names)]
         indices = {}
         for part, joint in self.joints.items():
             wanted = joint.lower()
@@ -92,6 +97,37 @@ class MappingFile(Document):
             if every.count(wanted) == 1:
                 indices[part] = every.index(wanted)
         return indices
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """Joints of a clip that are recognised without a mapping file.
+
+    Attributes:
+        mapping: a bundled mapping, or one found by the skeleton's shape.
+        doubts: signs of errors; none if the names are those of a bundled mapping.
+        by_shape: whether it was found by shape.
+    """
+
+    mapping: MappingFile
+    doubts: tuple[Doubt, ...] = ()
+    by_shape: bool = False
+
+    def notes(self, name: str) -> tuple[str, ...]:
+        """Sentences that say how the joints were found; none if by their names.
+
+        Args:
+            name: name of the clip.
+        """
+        if not self.by_shape:
+            return ()
+        joints = ", ".join(f"{part} {joint}" for part, joint in self.mapping.joints.items())
+        warnings = (
+            f"{name}: {DOUBTFUL}: {doubt}; to change it, write a mapping file with `fantoccini "
+            "mapping` (--mapping)"
+            for doubt in self.doubts
+        )
+        return f"{name}: Found by shape: {joints}", *warnings
 
 
 def mapping_schema() -> dict[str, Any]:
@@ -117,28 +153,42 @@ def load_mapping(path: str | os.PathLike[str]) -> MappingFile:
 
 
 def find_mapping(skeleton: Skeleton, name: str = "clip") -> MappingFile:
-    """Bundled mapping whose joints a skeleton has.
+    """Mapping of a skeleton: see :func:`recognise`, which also has its doubts."""
+    return recognise(skeleton, name).mapping
+
+
+def recognise(skeleton: Skeleton, name: str = "clip", positions: Array | None = None) -> Recognised:
+    """Bundled mapping whose joints a skeleton has, or one found by its shape.
 
     Args:
         skeleton: skeleton with named joints.
         name: name of the clip, for the error.
+        positions: (T, n, 3) positions of the joints in the clip, which show lengths and directions
+            that some rest poses do not.
 
     Raises:
-        FileError: no mapping fits; the message lists the parts that are missing from the best one.
+        FileError: no mapping fits, and no person has this shape; the message lists the parts that
+            are missing from the best mapping.
     """
     all_ = [load_mapping(mapping_name) for mapping_name in mapping_names()]
     best = max(all_, key=lambda mapping: len(mapping.find(skeleton)))
     indices = best.find(skeleton)
-    if len(indices) < len(PARTS):
+    if len(indices) == len(PARTS):
+        return Recognised(best)
+    try:
+        guess = guess_joints(skeleton, positions)
+    except StateError as error:
         missing = ", ".join(part for part in PARTS if part not in indices)
-        joints = [joint for joint in skeleton.names if not joint.endswith(".end")]
+        joints = [joint for joint in skeleton.names if not joint.endswith(END)]
         text = (
             f"the joints are called as in no bundled mapping ({', '.join(mapping_names())}); of "
-            f"{best.mapping} {missing} is missing; give a mapping file: the joints are "
+            f"{best.mapping} {missing} is missing; by their shape: {error}; give a mapping file "
+            f"(`fantoccini mapping` writes one to fill in): the joints are "
             f"{', '.join(joints[:_MAX_LISTED])}{' ...' if len(joints) > _MAX_LISTED else ''}"
         )
-        raise FileError([Mistake(name, None, "", text)])
-    return best
+        raise FileError([Mistake(name, None, "", text)]) from None
+    named = {part: skeleton.names[guess.joints[part]] for part in PARTS}
+    return Recognised(MappingFile(mapping="found", joints=named), guess.doubts, by_shape=True)
 
 
 def joints_of(mapping: MappingFile, skeleton: Skeleton, name: str = "clip") -> dict[str, int]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from fantoccini.base import Array, StateError, rotation, unit
 from fantoccini.theatre.capture import Capture
-from fantoccini.theatre.retarget.figure import LIMBS, Figure, axes_of
+from fantoccini.theatre.retarget.figure import LIMBS, Figure, axes_along, axes_of
 from fantoccini.theatre.retarget.mapping import SIDES
 
 _MAX_STRETCH = 0.97
@@ -26,6 +26,11 @@ _MIN_LENGTH = 1e-3
 """Least length of a part of a person [m]."""
 _MIN_SINE = 0.3
 """Least sine of the angle between the line across a trunk and the vertical for a heading."""
+_BEGINS = (
+    ("neck", *(f"shoulder_{side}" for side in SIDES)),
+    tuple(f"hip_{side}" for side in SIDES),
+)
+"""Parts that begin at the upper and at the lower half of a trunk."""
 _FLOOR_PERCENTILE = 2.0
 """Percentage of the frames in which the lower foot is below the floor."""
 
@@ -81,19 +86,24 @@ def place(
     leg = float(np.median(_length(x, "hip", "knee") + _length(x, "knee", "foot")))
     scale = figure.leg / leg
     axes = _trunks(x)
-    trunk = axes @ figure.axes.T
     parts = {"trunk": _hips(figure, x, scale, travel)}
-    for part in ("neck", *(f"{begin}_{side}" for begin, *_ in LIMBS for side in SIDES)):
-        parts[part] = parts["trunk"] + trunk @ (figure.at(part) - figure.at("trunk"))
-    frames = {"trunk": _frame(trunk, parts["trunk"] - trunk @ figure.at("trunk"))}
+    halves = _halves(figure, x, axes, parts["trunk"])
+    for half, begins in zip(halves, _BEGINS, strict=True):
+        for part in begins:
+            parts[part] = half.point + half.turn @ (figure.at(part) - half.at)
+    frames = {
+        body: _frame(half.turn, half.point - half.turn @ half.at)
+        for body, half in zip(("trunk", "hips"), halves, strict=True)
+        if body in figure.bodies
+    }
     head = _facing(axes, facing) @ figure.axes.T
     frames["head"] = _frame(head, parts["neck"])
     parts["head"] = parts["neck"] + head @ figure.at("head")
     for side in SIDES:
-        for limb in LIMBS:
+        for limb, half in zip(LIMBS, halves, strict=True):
             begin, middle, end, upper, lower = (f"{name}_{side}" for name in limb)
-            first = _along(trunk, figure.at(middle), x[middle] - x[begin])
-            second = _along(trunk, figure.at(end), x[end] - x[middle])
+            first = _along(half.turn, figure.at(middle), x[middle] - x[begin])
+            second = _along(half.turn, figure.at(end), x[end] - x[middle])
             frames[upper] = _frame(first, parts[begin])
             parts[middle] = parts[begin] + first @ figure.at(middle)
             frames[lower] = _frame(second, parts[middle])
@@ -102,6 +112,46 @@ def place(
             size = np.linalg.norm(reach, axis=1, keepdims=True)
             parts[end] = parts[begin] + reach * np.minimum(1.0, longest / np.maximum(size, 1e-9))
     return Placing(parts, frames, scale)
+
+
+@dataclass(frozen=True, eq=False)
+class _Half:
+    """Half of a trunk over time.
+
+    Attributes:
+        turn: (T, 3, 3) orientation of its body.
+        point: (T, 3) position of a point of the body [m].
+        at: (3,) the point in the body's frame [m].
+    """
+
+    turn: Array
+    point: Array
+    at: Array
+
+
+def _halves(
+    figure: Figure, x: Mapping[str, Array], axes: Array, hips: Array
+) -> tuple[_Half, _Half]:
+    """Upper and lower half of the trunk, the same if it has no waist.
+
+    Both point up from the hips to the shoulders. The line of the shoulders turns the upper half
+    about that direction, the line of the hips the lower one.
+
+    Args:
+        figure: figure of the puppet.
+        x: part -> (T, 3) position of the person.
+        axes: (T, 3, 3) columns forward, left, up of the trunk.
+        hips: (T, 3) targets of the midpoint between the hips.
+    """
+    if figure.lower is None:
+        half = _Half(axes @ figure.axes.T, hips, figure.at("trunk"))
+        return half, half
+    shoulder_line, hip_line = (x[f"{p}_left"] - x[f"{p}_right"] for p in ("shoulder", "hip"))
+    up = axes[..., 2]
+    lower = axes_along(up, hip_line) @ figure.lower.axes.T
+    waist = hips + lower @ (figure.lower.waist - figure.at("trunk"))
+    upper = axes_along(up, shoulder_line) @ figure.axes.T
+    return (_Half(upper, waist, figure.lower.below_trunk), _Half(lower, hips, figure.at("trunk")))
 
 
 def _trunks(x: Mapping[str, Array]) -> Array:

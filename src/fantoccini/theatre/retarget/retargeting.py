@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +23,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.capture import Capture, load_bvh
 from fantoccini.theatre.retarget.figure import Figure, figure_of
-from fantoccini.theatre.retarget.mapping import MappingFile, find_mapping, joints_of, load_mapping
+from fantoccini.theatre.retarget.mapping import MappingFile, joints_of, load_mapping, recognise
 from fantoccini.theatre.retarget.placing import Placing, place
 
 WEIGHTS = {
@@ -169,7 +169,9 @@ def place_clip(
     name = clip.name or "clip"
     clip = clip.held(_POSE_TIME).without_calibration()
     if mapping is None:
-        mapping = find_mapping(clip.skeleton, name)
+        recognised = recognise(clip.skeleton, name, clip.positions)
+        mapping = recognised.mapping
+        clip = replace(clip, notes=clip.notes + recognised.notes(name))
     elif not isinstance(mapping, MappingFile):
         mapping = load_mapping(mapping)
     joints = joints_of(mapping, clip.skeleton, name)
@@ -196,7 +198,8 @@ def retarget_clip(
         marionette: puppet without contact.
         clip: motion; a BVH file, or the result of :func:`load_bvh`.
         mapping: joints of the parts of a person: a file, or the name of a bundled mapping; by
-            default the bundled one with the skeleton's joint names.
+            default the bundled one with the skeleton's joint names, or else one found by the shape
+            of the skeleton, which the clip's notes report.
         start: state at rest from which the search for the first pose begins.
         travel: share of the horizontal motion that is kept; with 0 the puppet stays on the spot.
         up: vertical axis of the file, ``y`` or ``z``; by default that of the rest pose or, if it is

@@ -1,0 +1,113 @@
+"""Names of joints: prefixes, sides, pieces of one bone, and parts of a person."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+END = ".end"
+"""Suffix of the end of a chain."""
+_SIDES = (("left", "right"), ("lft", "rgt"), ("l", "r"), ("左", "右"))
+"""Words for the sides, left first, long ones before their beginnings."""
+_WORD = re.compile(r"[A-Z]+(?![^\W\d_A-Z])|[A-Z]?[^\W\d_A-Z]+")
+_PREFIX = re.compile(r"[^\W\d_]+\d*[ _.\-]+")
+"""Beginning of a name, up to its first separator."""
+_PREFIX_SHARE = 0.8
+"""Least share of the names that begin with a prefix."""
+_PIECES = {"twist", "roll", "bend", "def", "part", "segment"}
+"""Words of joints within a bone."""
+_ADDED = {
+    *("hair", "skirt", "cloth", "coat", "cape", "cloak", "scarf", "sleeve", "tail", "wing"),
+    *("breast", "bust", "pectoral", "ear", "eye", "prop", "weapon", "sec", "ik", "pole"),
+    *("face", "facial", "jaw", "tongue", "teeth", "target", "control", "ctrl"),
+}
+"""Words of joints that are no parts of a person."""
+_PART_WORDS = {
+    "head": ("head", "skull"),
+    "shoulder": ("upperarm", "uparm", "armupper", "humerus", "shldr"),
+    "elbow": ("forearm", "lowerarm", "lowarm", "loarm", "armlower", "elbow", "radius"),
+    "hand": ("hand", "wrist"),
+    "hip": ("thigh", "upperleg", "upleg", "legupper", "femur"),
+    "knee": ("lowerleg", "lowleg", "loleg", "leglower", "knee", "shin", "calf", "tibia"),
+    "foot": ("foot", "ankle"),
+}
+"""Names that each part has in every program that uses them; others, such as leg, have several."""
+_LIMB_WORDS = {
+    "arm": ("arm", "hand", "wrist", "shoulder", "shldr", "elbow", "clav", "collar", "humer"),
+    "leg": ("leg", "foot", "thigh", "knee", "hip", "shin", "calf", "ankle", "toe", "femur"),
+}
+
+
+def plain_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Names without prefixes: those with a colon, and those that nearly all have (``Bip01 ``)."""
+    plain = [name.rsplit(":", 1)[-1] for name in names]
+    while True:
+        prefixes = Counter(
+            match[0] for name in plain if (match := _PREFIX.match(name)) and match[0] != name
+        )
+        prefix, count = prefixes.most_common(1)[0] if prefixes else ("", 0)
+        if count < _PREFIX_SHARE * len(plain):
+            return tuple(plain)
+        plain = [name.removeprefix(prefix) if name != prefix else name for name in plain]
+
+
+def side_of(name: str, twin: str) -> str:
+    """Side of a joint, ``left`` or ``right``, from its name and its twin's; "" if neither."""
+    a, b = name.lower(), twin.lower()
+    for left, right in _SIDES:
+        if _swapped(a, left, right, b):
+            return "left"
+        if _swapped(b, left, right, a):
+            return "right"
+    return ""
+
+
+def _swapped(name: str, word: str, other: str, twin: str) -> bool:
+    """Whether a name with one occurrence of a word replaced is the twin's."""
+    return any(
+        name[: match.start()] + other + name[match.end() :] == twin
+        for match in re.finditer(re.escape(word), name)
+    )
+
+
+def stem_of(name: str) -> str:
+    """Name without numbers and words for pieces, the same for all joints within a bone.
+
+    A helper (``__UpLeg_L``) lies between a bone and the one above it, and has another stem.
+    """
+    helper = ["__"] if name.startswith("__") else []
+    return " ".join(helper + [word for word in _words(name) if word not in _PIECES])
+
+
+def is_added(name: str) -> bool:
+    """Whether a joint belongs to a face, hair, clothes, props or controls."""
+    return not _ADDED.isdisjoint(_words(name))
+
+
+def part_called(name: str) -> str:
+    """Part of a person of that name, without its side (``knee``); "" if the name does not tell."""
+    whole = "".join(_words(name.removesuffix(END)))
+    sides = [side for pair in _SIDES for side in pair]
+    wholes = {whole, *(whole.removeprefix(side) for side in sides)}
+    wholes |= {whole.removesuffix(side) for side in sides}
+    for part, words in _PART_WORDS.items():
+        if not wholes.isdisjoint(words):
+            return part
+    return ""
+
+
+def limb_called(names: Sequence[str]) -> str:
+    """Limb with joints of these names, ``arm`` or ``leg``; "" if they do not tell."""
+    wholes = ["".join(_words(name)) for name in names]
+    count = {
+        limb: sum(any(word in whole for word in words) for whole in wholes)
+        for limb, words in _LIMB_WORDS.items()
+    }
+    if count["arm"] == count["leg"]:
+        return ""
+    return max(count, key=lambda limb: count[limb])
+
+
+def _words(name: str) -> list[str]:
+    return [word.lower() for word in _WORD.findall(name)]
