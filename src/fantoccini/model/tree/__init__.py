@@ -6,7 +6,7 @@ from fantoccini.model.tree.coordinates import COMMAND, Coordinate, CoordinateTab
 from fantoccini.model.tree.inertia import joint_inertias, link_inertia
 from fantoccini.model.tree.joints import TURNS_WITH_LINK
 from fantoccini.model.tree.placement import joint_transform, link_poses, place
-from fantoccini.model.tree.size import Size, measure, path_lengths
+from fantoccini.model.tree.size import Size, measure, path_lengths, shape_box
 from fantoccini.model.tree.structure import (
     WORLD,
     ChainRow,
@@ -46,4 +46,5 @@ __all__ = [
     "path_lengths",
     "place",
     "placed",
+    "shape_box",
 ]
