@@ -36,6 +36,7 @@ class Limb:
         bodies: names of its bodies, from the trunk to the end.
         end: its end (hand, foot, tip) in the frame of the last body [m].
         strings: names of the strings that lift it, the one nearest to its end first.
+        length: length over its joints to its end [m].
     """
 
     kind: LimbKind
@@ -43,6 +44,7 @@ class Limb:
     bodies: tuple[str, ...]
     end: tuple[float, float, float]
     strings: tuple[str, ...] = ()
+    length: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class BodyMap:
         carrying: names of the strings that carry the trunk.
         looking: names of the strings that move the head.
         control: name of the driven body from which the strings hang; empty without one.
+        size: length over legs, trunk, neck and head, from a sole to the top [m].
         doubts: doubtful entries.
     """
 
@@ -80,6 +83,7 @@ class BodyMap:
     carrying: tuple[str, ...] = ()
     looking: tuple[str, ...] = ()
     control: str = ""
+    size: float = 0.0
     doubts: tuple[Doubt, ...] = ()
 
     @cached_property

@@ -61,7 +61,7 @@ def find_body_map(puppet: CompiledPuppet, member: str = "") -> BodyMap:
         draft = _given(rig, prefix)
     if rig.head is not None:
         draft = _with_head(draft, Head(prefix + rig.head.body, rig.head.end))
-    draft = _with_strings(draft, anatomy, rig, doubts)
+    draft = _with_sizes(_with_strings(draft, anatomy, rig, doubts), anatomy)
     if rig.carrying is not None:
         draft = replace(draft, carrying=tuple(prefix + string for string in rig.carrying))
     if rig.looking is not None:
@@ -173,6 +173,33 @@ def _with_strings(draft: BodyMap, anatomy: Anatomy, rig: Rig, doubts: list[Doubt
     holders = [tie.holder for tie in anatomy.ties if tie.holder]
     control = max(sorted(set(holders)), key=holders.count, default="")
     return replace(draft, carrying=carrying, looking=looking, control=control)
+
+
+def _with_sizes(draft: BodyMap, anatomy: Anatomy) -> BodyMap:
+    """The map with the lengths of its limbs, and its size."""
+    joints = {segment.name: segment.joint for segment in anatomy.segments}
+
+    def way(points: list[Array]) -> float:
+        return float(np.sum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+
+    def sized(limb: Limb) -> Limb:
+        own = [joints[name] for name in limb.bodies if name in joints]
+        length = way(own) if own else 0.0
+        return replace(limb, length=round(length + float(np.linalg.norm(limb.end)), _DIGITS))
+
+    limbs = tuple(sized(limb) for limb in draft.limbs)
+    legs = [limb for limb in limbs if limb.kind == "leg"]
+    hips = [joints[limb.bodies[0]] for limb in legs if limb.bodies[0] in joints]
+    trunk = [joints[name] for name in draft.trunk if name in joints]
+    necks = [limb for limb in limbs if limb.kind == "neck"]
+    # Hips and neck lie on the bodies of the trunk at places that do not depend on the pose.
+    ends = [np.mean(hips, axis=0)] if hips else trunk[:1]
+    tops = [necks[0].bodies[0]] if necks else [] if draft.head is None else [draft.head.body]
+    ends += [joints[name] for name in tops if name in joints]
+    size = way(ends) + max((leg.length for leg in legs), default=0.0)
+    size += sum(neck.length for neck in necks)
+    size += 0.0 if draft.head is None else float(np.linalg.norm(draft.head.end))
+    return replace(draft, limbs=limbs, size=round(size, _DIGITS))
 
 
 def _lifting(anatomy: Anatomy, chain: tuple[int, ...], heads: tuple[int, ...]) -> tuple[str, ...]:
