@@ -157,8 +157,10 @@ def test_a_missing_file_is_named(marionette):
 
 
 OTHER_STRINGS = {
-    "wave": "gesture wave: its move arm_right.forward would move hand_inner_right.x, which is not a "
-    "driven coordinate",
+    "wave": (
+        "gesture wave: its move arm_right.forward would move hand_inner_right.x, which is not a "
+        "driven coordinate"
+    ),
     "look": "gesture look: its move head.left would move head.y, which is not a driven coordinate",
 }
 

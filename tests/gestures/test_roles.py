@@ -7,7 +7,7 @@ import pytest
 from tests.body_map import zoo
 
 import fantoccini as fan
-from fantoccini.base.errors import FileError
+from fantoccini.base.errors import FileError, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
 from fantoccini.theatre import load_gesture
@@ -19,7 +19,9 @@ def moved(gesture: fan.theatre.Gesture, t: float) -> dict[str, float]:
     """Coordinate -> its offset at a time, without those that stay."""
     offsets, _ = gesture.offsets(t)
     known = pieces.channel_names(gesture.coordinates)
-    return {name: offsets[v.start] for name, (_, v) in known.items() if abs(offsets[v.start]) > 1e-12}
+    return {
+        name: offsets[v.start] for name, (_, v) in known.items() if abs(offsets[v.start]) > 1e-12
+    }
 
 
 @pytest.fixture(scope="module")
@@ -125,8 +127,8 @@ def test_own_gestures_of_parts(dachshund, tmp_path):
 
 WRONG = {
     "parts: {tail.left: [[0, 0], [0.2, x]]}": "wag.yaml:2: parts.tail.left[1]: found 'x'",
-    "parts: {tail.out: [[0, 0], [0.2, 1 cm]]}": "it moves a part in the middle out; needed: left or",
-    "parts: {tail.up: [[0, 0], [1, 0.1]]}\nmoves: {i.up: [[0, 0], [1, 0.1]]}": "found parts with moves",
+    "parts: {tail.out: [[0, 0], [0.2, 1 cm]]}": "it moves a part in the middle out",
+    "parts: {tail.up: [[0, 0], [1, 0.1]]}\nmoves: {i.up: [[0, 0], [1, 0.1]]}": "parts with moves",
     "parts: {tail.up: [[0, 0], [1, 0.1]]}\nsizes: {tail: -1 cm}": "sizes.tail",
     "parts: {tail.up: [[0, 0], [1, 0.1]]}\nsizes: {tale: 1 cm}": "sizes.tale",
     "parts: {tail.around: [[0, 0], [1, 0.1]]}": "tail.around",
@@ -140,3 +142,61 @@ def test_mistakes_in_parts(entry, dachshund, tmp_path, monkeypatch):
     with pytest.raises(FileError) as error:
         load_gesture(dachshund, "wag.yaml")
     assert WRONG[entry] in str(error.value)
+
+
+def test_a_larger_puppet_with_other_names_walks_in_proportion(hans):
+    walk, bundled = (
+        load_gesture(puppet, "walk", steps=2) for puppet in (hans, fan.puppets.marionette())
+    )
+    expected, own = moved(bundled, 0.7 * bundled.duration), moved(walk, 0.7 * walk.duration)
+    assert walk.marks == bundled.marks
+    assert own["beinfaden_rechts.length"] == pytest.approx(
+        1.7 * expected["knee_right.length"], rel=1e-4
+    )
+    assert own["kopffaden.x"] == pytest.approx(1.7 * expected["head.x"], rel=1e-4)
+    assert own["kopffaden.y"] == pytest.approx(1.7 * expected["head.y"], rel=1e-4)
+
+
+def test_a_bird_walks_to_where_it_looks(heron):
+    walk = load_gesture(heron, "walk", steps=2, step=0.05)
+    offsets = moved(walk, walk.duration)
+    assert offsets["front.x"] == pytest.approx(-0.1, abs=1e-9)
+    assert abs(offsets.get("front.y", 0.0)) < 1e-9
+    left = walk.marks["left"]
+    assert moved(walk, left)["leg_r.length"] < -0.01  # its left leg, at y < 0
+
+
+def test_a_dog_does_not_walk_on_two_legs(dachshund):
+    with pytest.raises(StateError, match="it moves leg_left; dachshund has trunk, head, leg_front"):
+        load_gesture(dachshund, "walk")
+
+
+def test_a_larger_puppet_points_and_looks(hans):
+    x0 = hans.rest()
+    arm = hans.body_map.parts["arm_right"]
+    place = np.array([0.6, -0.5, 0.8])
+    gesture = load_gesture(hans, "point", to=place.tolist())
+    assert gesture.uses == ("armfaden_rechts",)
+    offsets, _ = gesture.offsets(gesture.marks["points"])
+    known = pieces.channel_names(hans.coordinates)
+    pose = hans.rest({n: float(x0[n] + offsets[v.start]) for n, (_, v) in known.items()})
+    shoulder = hans.pose(pose, arm.bodies[0])[:3, 3]
+    hand = hans.pose(pose, arm.bodies[-1]) @ [*arm.end, 1.0]
+    pointing, wanted = hand[:3] - shoulder, place - shoulder
+    cosine = pointing @ wanted / np.linalg.norm(pointing) / np.linalg.norm(wanted)
+    assert cosine > np.cos(np.radians(2.0))
+    turned = load_gesture(hans, "look", to=[0.5, 0.5, 0.6])
+    offsets, _ = turned.offsets(turned.marks["there"])
+    pose = hans.rest({n: float(x0[n] + offsets[v.start]) for n, (_, v) in known.items()})
+    face = hans.pose(pose, "kopf")[:3, 0]
+    assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(45.0, abs=3.0)
+
+
+def test_a_dog_looks_aside(dachshund):
+    x0 = dachshund.rest()
+    gesture = load_gesture(dachshund, "look", to=[-0.5, 0.5, 0.15])
+    offsets, _ = gesture.offsets(gesture.marks["there"])
+    known = pieces.channel_names(dachshund.coordinates)
+    pose = dachshund.rest({n: float(x0[n] + offsets[v.start]) for n, (_, v) in known.items()})
+    face = dachshund.pose(pose, "face")[:3, 1]
+    assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(135.0, abs=15.0)

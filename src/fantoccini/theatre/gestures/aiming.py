@@ -9,18 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError, polynomial
-from fantoccini.base.documents import Mistakes, value_of
+from fantoccini.base.documents import Mistakes
 from fantoccini.control.optimal import reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import bundled_files
 from fantoccini.motion import State
-from fantoccini.theatre.gestures.ends import BODY, Ends, times
+from fantoccini.theatre.gestures.ends import Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.walking import there_and_back
 
 To = str | Sequence[float]
@@ -39,12 +41,7 @@ _MAX_TURN = np.radians(85.0)
 _TILTS = np.radians((-45.0, 0.0))
 """Lowest and highest tilt of a face [rad]: the head's string cannot tilt it up."""
 _FACE = 0.1
-"""Distance before the skull's joint of the point that is led to the place's direction [m]."""
-_PARTS = {
-    "look": ("skull",),
-    "point": ("upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right"),
-}
-"""Bodies that move in the poses of looking and pointing."""
+"""Distance before the head's joint of the point that is led to the place's direction [m]."""
 _MIN_DISTANCE = 0.02
 """Least distance of a place from the shoulder or the neck [m]."""
 
@@ -55,6 +52,7 @@ class Aim:
     Attributes:
         puppet, x0: puppet for the poses, and its rest: members, and puppets with contact, are
             replaced by the bundled marionette, whose strings they have.
+        roles: parts of its body.
         place: target (3,) in the puppet's world [m].
 
     Args:
@@ -85,17 +83,18 @@ class Aim:
         if of or marionette.puppet.touching is not None:
             self.puppet = _by_itself()
             # Hands and knees hang as bundled: with the member's lengths the rest may be unstable.
-            names = [f"{string}.{part}" for string in BODY for part in ("x", "y", "length")]
+            body = Roles.of(marionette, of.removesuffix(".")).strings("head", "trunk")
+            names = [f"{string}.{part}" for string in body for part in ("x", "y", "length")]
             self.x0 = self.puppet.rest({name: float(start[of + name]) for name in names})
             if of and of[:-1] in bodies:
                 frame = marionette.pose(start, of[:-1])
                 place = frame[:3, :3].T @ (place - frame[:3, 3])
-        self.place = place
+        self.place, self.roles = place, Roles.of(self.puppet)
 
-    def held(self, string: str) -> Bounds:
-        """Bounds under which only one string moves."""
+    def held(self, strings: tuple[str, ...]) -> Bounds:
+        """Bounds under which only some strings move."""
         names = self.puppet.coordinates.q_K
-        return Bounds(held=tuple(x for x in names if not x.startswith(f"{string}.")))
+        return Bounds(held=tuple(x for x in names if x.rpartition(".")[0] not in strings))
 
     def direction(self, origin: Array, mistakes: Mistakes) -> Array:
         """(3,) direction from an origin towards the place.
@@ -114,21 +113,15 @@ class Aim:
 
 
 def check_parts(puppet: Marionette, start: State, name: str) -> None:
-    """Checks that a puppet has the strings and bodies for ``look`` or ``point``.
+    """Checks that a puppet has the parts of the body for ``look`` or ``point``.
 
     Raises:
-        UnknownNameError: one is missing.
+        StateError: one is missing.
+        UnknownNameError: an end or length of a string is not driven.
     """
-    Ends(puppet.coordinates, start)
-    strings = [string.name for string in puppet.tree.strings]
-    for string in ("hand_left", "hand_right") if name == "point" else ():
-        if string not in strings:
-            raise UnknownNameError("string", string, strings)
-    # Puppets with contact are posed as the bundled marionette.
-    bodies = [link.name for link in puppet.tree.links]
-    for body in _PARTS[name] if puppet.puppet.touching is None else ():
-        if body not in bodies:
-            raise UnknownNameError("body", body, bodies)
+    ends = Ends(Roles.of(puppet), start)
+    for part in ("arm_left", "arm_right") if name == "point" else ("head",):
+        ends.roles.strings(part)
 
 
 def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
@@ -136,24 +129,26 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
 
     Raises:
         InputError: no hanging pose points there.
+        StateError: the puppet has no arm on this side, or no string moves it.
     """
     puppet, x0 = aim.puppet, aim.x0
-    side = "left" if aim.place[1] > ends.middle.imag else "right"
-    string, arm, forearm = f"hand_{side}", f"upper_arm_{side}", f"forearm_{side}"
-    at = _attached(puppet, string)
-    pose = puppet.pose(x0, forearm)
-    shoulder, elbow = puppet.pose(x0, arm)[:3, 3], pose[:3, 3]
-    length = float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(at))
-    goal = shoulder + _ARM_SHARE * length * aim.direction(shoulder, mistakes)
+    ahead = np.exp(-1j * aim.roles.heading) * (complex(*aim.place[:2]) - ends.middle)
+    side = "left" if ahead.imag > 0.0 else "right"
+    strings = aim.roles.strings(f"arm_{side}")
+    arm = aim.roles.body_map.parts[f"arm_{side}"]
+    hand, at = arm.bodies[-1], arm.end
+    joints = [puppet.pose(x0, body)[:3, 3] for body in arm.bodies]
+    length = float(sum(np.linalg.norm(b - a) for a, b in pairwise(joints)) + np.linalg.norm(at))
+    goal = joints[0] + _ARM_SHARE * length * aim.direction(joints[0], mistakes)
     try:
-        solution = reach(puppet, {(forearm, at): goal}, x0, bounds=aim.held(string))[0]
+        solution = reach(puppet, {(hand, at): goal}, x0, bounds=aim.held(strings))[0]
         summary = "" if solution else solution.summary()
     except StateError as error:
         summary = str(error)
     if summary:
         mistakes.add(("to",), f"the {side} hand cannot point there: {summary}")
     mistakes.refuse()
-    names = [f"{string}.{part}" for part in ("x", "y", "length")]
+    names = _channels(puppet, strings)
     own = {name: float(solution.state[name] - ends.start[ends.of + name]) for name in names}
     way = max(_MIN_WAY_TIME, polynomial.minimum_jerk_duration(max(map(abs, own.values())), _SPEED))
     t, curve = there_and_back(way, _HOLD_TIME)
@@ -163,9 +158,17 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
 
 
 def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
-    """Gesture that turns the face towards a place, as far as the strings allow."""
-    puppet, x0 = aim.puppet, aim.x0
-    flat = complex(aim.place[0], aim.place[1]) - ends.middle
+    """Gesture that turns the face towards a place, as far as the strings allow.
+
+    Raises:
+        InputError: the place is at the neck.
+        StateError: the puppet has no head, or no string moves it.
+    """
+    puppet, x0, first = aim.puppet, aim.x0, aim.roles.heading
+    strings = aim.roles.strings("head")
+    head = aim.roles.body_map.head
+    assert head is not None, "strings of a head have been found"
+    flat = np.exp(-1j * first) * (complex(aim.place[0], aim.place[1]) - ends.middle)
     turn = (
         float(np.clip(np.angle(flat), -_MAX_TURN, _MAX_TURN)) if abs(flat) > _MIN_DISTANCE else 0.0
     )
@@ -175,18 +178,17 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
         q[f"{name}.x"], q[f"{name}.y"] = float(there.real), float(there.imag)
     lengths = [name for name in puppet.coordinates.q_K if name.endswith(".length")]
     turned = puppet.rest(q | {name: float(x0[name]) for name in lengths})
-    neck = puppet.pose(turned, "skull")[:3, 3]
+    neck = puppet.pose(turned, head.body)[:3, 3]
     up = float(np.arcsin(aim.direction(neck, mistakes)[2]))
-    tilt = float(np.clip(up, *_TILTS))
-    face = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
+    tilt, angle = float(np.clip(up, *_TILTS)), first + turn
+    face = np.array([np.cos(tilt) * np.cos(angle), np.cos(tilt) * np.sin(angle), np.sin(tilt)])
+    ahead = aim.roles.own_axes(head.body).T @ [np.cos(first), np.sin(first), 0.0]
+    x, y, z = (_FACE * ahead).tolist()
     pose = reach(
-        puppet, {("skull", (_FACE, 0.0, 0.0)): neck + _FACE * face}, turned, bounds=aim.held("head")
+        puppet, {(head.body, (x, y, z)): neck + _FACE * face}, turned, bounds=aim.held(strings)
     )[0].state
-    # A remaining error is accepted: the head's string can do no more.
-    own = {
-        f"head.{part}": float(pose[f"head.{part}"] - turned[f"head.{part}"])
-        for part in ("x", "y", "length")
-    }
+    # A remaining error is accepted: the head's strings can do no more.
+    own = {name: float(pose[name] - turned[name]) for name in _channels(puppet, strings)}
     farthest = max(abs(x) for x in own.values())
     way = max(
         _MIN_WAY_TIME, _TURN_TIME * abs(turn), polynomial.minimum_jerk_duration(farthest, _SPEED)
@@ -203,10 +205,7 @@ def _by_itself() -> Marionette:
     return load(bundled_files.path("marionette"))
 
 
-def _attached(puppet: Marionette, string: str) -> tuple[float, float, float]:
-    """Point at which a string is fixed to a body, in the body's frame [m]."""
-    for tied in puppet.tree.strings:
-        if tied.name == string:
-            x, y, z = (value_of(number) for number in tied.points[0].at)
-            return x, y, z
-    raise UnknownNameError("string", string, [tied.name for tied in puppet.tree.strings])
+def _channels(puppet: Marionette, strings: tuple[str, ...]) -> list[str]:
+    """Driven coordinates of strings."""
+    names = [f"{string}.{part}" for string in strings for part in ("x", "y", "length")]
+    return [name for name in names if name in puppet.coordinates.q_K]

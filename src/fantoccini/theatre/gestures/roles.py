@@ -12,10 +12,10 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from fantoccini.base import StateError
+from fantoccini.base import Array, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap
-from fantoccini.model.tree import measure
+from fantoccini.model.tree import WORLD, measure
 
 KINDS = ("arm", "leg", "wing", "tail", "neck")
 """Kinds of limbs; a plural means all limbs of the kind, and none if the puppet has none."""
@@ -69,14 +69,30 @@ class Roles:
     @property
     def heading(self) -> float:
         """Angle from the x axis of its own world to the direction in which it looks [rad]."""
-        poses = measure(self.marionette.tree, self.marionette.number).poses
-        trunk = poses[self.marionette.link_index(self.body_map.trunk[0])]
-        x, y, _ = trunk[:, :3] @ np.array(self.body_map.facing)
-        bodies = [link.name for link in self.marionette.tree.links]
-        if self.member in bodies:
-            frame = poses[bodies.index(self.member)]
-            x, y, _ = frame[:, :3].T @ trunk[:, :3] @ np.array(self.body_map.facing)
+        x, y, _ = self.own_axes(self.body_map.trunk[0]) @ np.array(self.body_map.facing)
         return round(float(np.arctan2(y, x)), _TURN_DIGITS) + 0.0
+
+    def own_axes(self, body: str) -> Array:
+        """(3, 3) axes of a body in the pose of its file, in the puppet's own world."""
+        tree = self.marionette.tree
+        poses = measure(tree, self.marionette.number).poses
+        frame = tree.links[self.marionette.link_index(self.body_map.trunk[0])].parent
+        own = poses[self.marionette.link_index(body), :, :3]
+        return own if frame == WORLD else poses[frame, :, :3].T @ own
+
+    @property
+    def prefix(self) -> str:
+        """Prefix of the names of a scene's member."""
+        return f"{self.member}." if self.marionette.puppet.members else ""
+
+    def strings(self, *parts: str) -> tuple[str, ...]:
+        """Names of the strings that move parts, without the prefix of a scene's member.
+
+        Raises:
+            StateError: the puppet lacks a part, or no string moves it.
+        """
+        names = [move.string for part in parts for move in self.moves(f"{part}.up")]
+        return tuple(dict.fromkeys(name.removeprefix(self.prefix) for name in names))
 
     def moves(self, name: str) -> list[Move]:
         """Strings and directions of a name such as ``arm_right.up``, ``head.left`` or ``legs.out``.
@@ -93,9 +109,8 @@ class Roles:
         ]
         if part in ("trunk", "head"):
             parts = [(part, "whole", body.size, "middle")]
-        if (not parts and part.removesuffix("s") not in KINDS) or (
-            part == "head" and not body.head
-        ):
+        is_plural = part.removesuffix("s") in KINDS
+        if (not parts and not is_plural) or (part == "head" and body.head is None):
             have = ("trunk", *(("head",) if body.head else ()), *body.parts)
             raise StateError(f"it moves {part}; {self._name} has {', '.join(have)}")
         moves = []
