@@ -200,3 +200,22 @@ def test_a_dog_looks_aside(dachshund):
     pose = dachshund.rest({n: float(x0[n] + offsets[v.start]) for n, (_, v) in known.items()})
     face = dachshund.pose(pose, "face")[:3, 1]
     assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(135.0, abs=15.0)
+
+
+def test_a_score_says_where_a_part_is_missing(dachshund, tmp_path):
+    path = tmp_path / "number.yaml"
+    path.write_text(
+        "score: number\nlanes:\n  a:\n  - {gesture: walk}\n  - {gesture: wave}\n", encoding="utf-8"
+    )
+    with pytest.raises(FileError) as error:
+        fan.load_score(dachshund, path)
+    first, second = map(str, error.value.mistakes)
+    assert "number.yaml:4: lanes.a[0].gesture: it moves leg_left; dachshund has" in first
+    assert "number.yaml:5: lanes.a[1].gesture: gesture wave: it moves arm_right" in second
+
+
+def test_a_puppet_that_touches_the_floor_looks_aside():
+    puppet = zoo.dachshund()
+    floored = Marionette(puppet.model_copy(update={"contact": True}))
+    gesture = load_gesture(floored, "look", floored.state(), to=[-0.5, 0.5, 0.15])
+    assert "a" in gesture.uses

@@ -50,8 +50,8 @@ class Aim:
     """Target of a look or a pointing hand, with the puppet for which the pose is computed.
 
     Attributes:
-        puppet, x0: puppet for the poses, and its rest: members, and puppets with contact, are
-            replaced by the bundled marionette, whose strings they have.
+        puppet, x0: puppet for the poses, and its rest: members with the strings of the bundled
+            marionette are replaced by it, and others with contact by themselves without contact.
         roles: parts of its body.
         place: target (3,) in the puppet's world [m].
 
@@ -64,6 +64,7 @@ class Aim:
 
     Raises:
         InputError: the target is not a place.
+        StateError: a member of a scene has other strings than the bundled marionette.
     """
 
     def __init__(self, marionette: Marionette, start: State, of: str, to: To, mistakes: Mistakes):
@@ -81,7 +82,7 @@ class Aim:
         mistakes.refuse()
         self.puppet, self.x0 = marionette, start
         if of or marionette.puppet.touching is not None:
-            self.puppet = _by_itself()
+            self.puppet = _by_itself(marionette, of)
             # Hands and knees hang as bundled: with the member's lengths the rest may be unstable.
             body = Roles.of(marionette, of.removesuffix(".")).strings("head", "trunk")
             names = [f"{string}.{part}" for string in body for part in ("x", "y", "length")]
@@ -200,8 +201,21 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     return ends.gesture(t, "look", {"there": way}, travels=False)
 
 
+def _by_itself(marionette: Marionette, of: str) -> Marionette:
+    """The puppet of a member, or a puppet with contact, alone and without contact."""
+    strings = {string.name.removeprefix(of) for string in marionette.tree.strings}
+    if strings >= {string.name for string in _bundled().tree.strings}:
+        return _bundled()
+    if of:
+        raise StateError(
+            f"{of[:-1]} looks and points only by itself: in a scene that needs the strings of the "
+            "bundled marionette; load the gesture for its puppet alone"
+        )
+    return Marionette(marionette.puppet.model_copy(update={"contact": None}))
+
+
 @cache
-def _by_itself() -> Marionette:
+def _bundled() -> Marionette:
     return load(bundled_files.path("marionette"))
 
 

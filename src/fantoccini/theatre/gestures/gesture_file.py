@@ -240,8 +240,8 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
     own, known = Mistakes.of_inputs(), pieces.channel_names(table)
-    given = {name: file.parts[part] for name, (part, _) in parts.items()}
-    offsets = moves.read(table, given, own, ("parts",))
+    waypoints = {name: file.parts[part] for name, (part, _) in parts.items()}
+    offsets = moves.read(table, waypoints, own, ("parts",))
     for name, (part, move) in parts.items():
         channel = moves.meaning(name, known)[0]
         channel = table.commands.get(channel, channel)
@@ -251,8 +251,8 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         if channel in offsets and move.kind in file.sizes:
             t, values = offsets[channel]
             offsets[channel] = t, move.size / file.sizes[move.kind] * values
-    for (key, name, *rest), text in own.found:
-        mistakes.add((key, parts[str(name)][0], *rest), text)
+    for (key, string, *rest), text in own.found:
+        mistakes.add((key, parts[str(string)][0], *rest), text)
     mistakes.refuse()
     gesture = Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
     try:
