@@ -5,6 +5,7 @@ The folder of the tests is on the path, so that they find the oracles.
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -65,8 +66,11 @@ def compiled_with_og(request):
         yield
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
     """Slow tests go last, files marked ``long`` first: the run waits for a file that begins last.
+
+    With a time limit, the other slow files begin at one that the commit selects, so that successive
+    commits run different files before the limit.
 
     Raises:
         UsageError: a file marked ``own_puppets`` uses a puppet of the session, which it would
@@ -78,6 +82,23 @@ def pytest_collection_modifyitems(items):
             raise pytest.UsageError(f"{item.nodeid}: {sorted(shared)} in a file marked own_puppets")
     marked = ("slow", True), ("long", False)
     items.sort(key=lambda item: [bool(item.get_closest_marker(n)) is last for n, last in marked])
+    if config.getoption("--time-limit") < float("inf"):
+        others = [
+            item
+            for item in items
+            if item.get_closest_marker("slow") and not item.get_closest_marker("long")
+        ]
+        files = list(dict.fromkeys(item.path for item in others))
+        first = _commit_number() % max(1, len(files))
+        order = {path: i for i, path in enumerate(files[first:] + files[:first])}
+        items[len(items) - len(others) :] = sorted(others, key=lambda item: order[item.path])
+
+
+def _commit_number() -> int:
+    """Number of the commit that is tested; 0 outside a repository."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return int(done.stdout.strip() or "0", 16)
 
 
 @pytest.fixture(scope="session")

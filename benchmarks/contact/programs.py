@@ -85,7 +85,7 @@ def _solids(puppet: Marionette) -> list[Sequence[float]]:
         words += [[solid[name]] for name in ("kind", "link")]
         words += [solid[name] for name in ("a", "b", "R", "half", "radius")]
     structure = contacts.structure
-    for array in structure.held[1:]:
+    for array in structure.kept[1:]:
         words += [[len(array)], array]
     return words
 

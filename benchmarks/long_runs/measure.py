@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
 from benchmarks.growth.puppets import marionette as grown
@@ -22,7 +23,7 @@ TREP_DRIFT = 2.4e-4
 GENTLE, VIGOROUS = 0.02, 0.5
 """Amplitudes of swings [rad/s, m/s]."""
 FIXED = ("variational", "timestepping")
-METHODS = {
+METHODS: dict[str, Any] = {
     "variational, 10 ms": fan.Variational(dt=0.01),
     "variational, 1/30 s": fan.Variational(dt=1.0 / 30.0),
     "timestepping, 2 ms": fan.TimeStepping(dt=0.002),

@@ -63,7 +63,7 @@ def measure(problem: Problem, seeds: Iterable[int], improve: float = 0.5) -> lis
     """Arrivals of plans, one per seed, and of kicked runs of the first quarter of them."""
     plans = [solve(problem, seed=seed, improve=improve) for seed in seeds]
     laws = [plan.feedback() for plan in plans if plan]
-    exact = [law.plan.verify(method="event") for law in laws]
+    exact = [plan.verify(method="event") for plan in plans if plan]
     rows = [Row.of("open loop, event-driven", exact, problem.tolerance)]
     ways = {"open loop, MuJoCo": False, "feedback, MuJoCo": True}
     for name, closed in ways.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ CURVE = (0.0, 0.02, 0.05, 0.1, 0.15)
 """Durations of the improvement at which the best plan is recorded [s]."""
 
 
-def timed(make: Callable[[], object]) -> tuple[float, object]:
+def timed(make: Callable[[], Any]) -> tuple[float, Any]:
     """The duration of a call [s], and its result."""
     began = time.perf_counter()
     result = make()

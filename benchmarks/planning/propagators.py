@@ -73,7 +73,7 @@ class Own(RolloutPool):
         self._n_checks, self._slips = np.empty(2, np.int32), np.concatenate([layout.slip] * 2)
         arrays = self._arrays
         self._exact = Exact(m.clearance.solids)
-        self._measured = clearance_arrays(m.clearance.solids, self._exact, self._kept)
+        self._measured = clearance_arrays(m.clearance.solids, self._exact)
         arrays.solids = ctypes.addressof(self._measured)
         arrays.n = arrays.segments = 1
         for into, row, slip in (
@@ -154,10 +154,9 @@ class _OneClearance:
 
     def __init__(self, problem: Problem):
         marionette, q = problem.marionette, problem.start
-        self._solids: list[np.ndarray] = []
         measured = problem.rollouts.clearance.solids
         self._exact = Exact(measured)
-        solids = clearance_arrays(measured, self._exact, self._solids)
+        solids = self._solids = clearance_arrays(measured, self._exact)
         self._given = q.q_D.copy(), q.q_K.copy(), np.array(marionette.p, dtype=float)
         self._found, self._pair = np.empty(1), np.empty(1, np.int64)
         self._call = marionette.libraries.clearances.dll.fan_clearance

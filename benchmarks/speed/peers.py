@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,7 @@ def gather(older: Path) -> Peers:
     peers, hung = Peers(), strings(marionette(), hanging())
     whole, bare = text(strung=True), text(strung=False)
 
-    def admit(name: str, start: Callable[[], object], rest: Callable | None = None):
+    def admit(name: str, start: Callable[[], Any], rest: Callable | None = None):
         try:
             peer = start()
             accelerations, rested = _acceleration_apart(peer), rest(peer) if rest else None

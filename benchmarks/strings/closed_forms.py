@@ -115,7 +115,7 @@ def reeling() -> Section:
 
 def _tight(x0: fan.State, t_end: float) -> fan.Trajectory:
     return fan.simulate(
-        scenarios.pendulum(), x0, t_end=t_end, method=fan.motion.EventRecord(rtol=TIGHT, atol=TIGHT)
+        scenarios.pendulum(), x0, t_end=t_end, method=fan.Event(rtol=TIGHT, atol=TIGHT)
     )
 
 

@@ -25,6 +25,22 @@ OPERATIONS = {
     "arm2d": {"dynamics": 140, "step_dynamics": 121, "effort": 26, "energy": 46, "rows": 24},
     "arm3d": {"dynamics": 331, "step_dynamics": 337, "effort": 56, "energy": 98, "rows": 54},
     "crane": {"dynamics": 261, "step_dynamics": 277, "effort": 32, "energy": 68, "rows": 29},
+    "dachshund": {
+        "dynamics": 6019,
+        "step_dynamics": 6793,
+        "effort": 721,
+        "energy": 1263,
+        "rows": 750,
+    },
+    "dragon": {
+        "dynamics": 8954,
+        "step_dynamics": 10633,
+        "effort": 1135,
+        "energy": 1855,
+        "rows": 1178,
+    },
+    "hans": {"dynamics": 5587, "step_dynamics": 6827, "effort": 642, "energy": 1237, "rows": 680},
+    "heron": {"dynamics": 6818, "step_dynamics": 8326, "effort": 777, "energy": 1448, "rows": 829},
     "marionette": {
         "dynamics": 4727,
         "step_dynamics": 5579,

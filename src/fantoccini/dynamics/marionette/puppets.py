@@ -38,6 +38,34 @@ def crane(
     return load(path("crane"), progress, string_model=string_model)
 
 
+def dachshund(
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """A dachshund on eight strings: four legs, a waist and a tail."""
+    return load(path("dachshund"), progress, string_model=string_model)
+
+
+def dragon(
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """A dragon on eleven strings: four legs, two wings, a long neck and tail."""
+    return load(path("dragon"), progress, string_model=string_model)
+
+
+def hans(
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """A boy on eight strings: another build than the marionette, with a waist."""
+    return load(path("hans"), progress, string_model=string_model)
+
+
+def heron(
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """A heron on eight strings: two long legs, two wings and a neck that bends."""
+    return load(path("heron"), progress, string_model=string_model)
+
+
 def marionette(
     progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
