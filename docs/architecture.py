@@ -18,8 +18,8 @@ PACKAGES = {
     ),
     "model": (
         "description of a puppet",
-        "`puppet`: its file; `scene`; `meshes`; `tree`: links, rows, coordinates; "
-        "`puppets`: bundled files",
+        "`puppet`: its file; `scene`; `meshes`; `tree`: links, rows, coordinates; `body_map.py`: "
+        "trunk, head, limbs and their strings; `puppets`: bundled files",
     ),
     "motion": (
         "states, inputs and trajectories: data only, no simulation",
@@ -35,8 +35,8 @@ PACKAGES = {
         "simulation and analysis of a puppet",
         "`compiled`: functions of a state such as tensions, and the ODE between events; "
         "`steppers`: runs advanced step by step; `derivatives`; `equilibrium`: rest, vibration "
-        "modes; `marionette`: the public class; `simulation`: whole runs; `clearance`: distances; "
-        "`mujoco`: MJCF export, and runs in MuJoCo",
+        "modes; `body_map`: which bodies are limbs; `marionette`: the public class; `simulation`: "
+        "whole runs; `clearance`: distances; `mujoco`: MJCF export, and runs in MuJoCo",
     ),
     "control": (
         "motion planning and optimal control",

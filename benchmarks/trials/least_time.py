@@ -56,7 +56,10 @@ def main() -> None:
             run = "from fantoccini.app.cli import main; main()"
             command = [sys.executable, "-c", run, "optimise", str(task), "--time-limit", "900"]
             out = subprocess.run(command, capture_output=True, text=True, check=False)
-        status, time = re.search(r"status +(\w+)", out.stdout), re.search(r"cost +(\S+)", out.stdout)
+        status, time = (
+            re.search(r"status +(\w+)", out.stdout),
+            re.search(r"cost +(\S+)", out.stdout),
+        )
         if status is None or time is None:
             print(f"{name}: exit {out.returncode}: {out.stderr[-500:]}")
             continue

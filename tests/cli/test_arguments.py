@@ -27,6 +27,7 @@ COMMANDS = (
     "check",
     "schema",
     "info",
+    "rig",
     "rest",
     "equations",
     "export",

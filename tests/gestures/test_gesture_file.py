@@ -157,7 +157,10 @@ def test_a_missing_file_is_named(marionette):
 
 
 OTHER_STRINGS = {
-    "wave": "gesture wave: it moves hand_right; this puppet has no hand_right",
+    "wave": (
+        "gesture wave: its move arm_right.forward would move hand_inner_right.x, which is not a "
+        "driven coordinate"
+    ),
     "look": "gesture look: its move head.left would move head.y, which is not a driven coordinate",
 }
 
@@ -177,6 +180,9 @@ def test_a_bundled_gesture_moves_strings_on_motors():
     drives = [f"{{on: {n}.length, mass: 1.5, {law}}}" for n in names]
     bar = "{name: bar, joint: {type: free}, mass: 1, inertia: [0.1, 0.1, 0.1]}"
     lists = f"strings: [{', '.join(strings)}]\ndrives: [{', '.join(drives)}]"
-    puppet = fan.loads(f"puppet: hung\nbodies: [{bar}]\n{lists}\n")
-    gesture = load_gesture(puppet.coordinates, "stand")
+    rig = "trunk: [bar], facing: [1, 0, 0], limbs: [], head: {body: top, end: [0, 0, 0]}"
+    rig += ", carrying: [shoulder_left, shoulder_right], looking: [head]"
+    bodies = f"bodies: [{bar}, {{name: top, parent: bar}}]"
+    puppet = fan.loads(f"puppet: hung\n{bodies}\n{lists}\nrig: {{{rig}}}\n")
+    gesture = load_gesture(puppet, "stand")
     assert "head.command" in repr(gesture)

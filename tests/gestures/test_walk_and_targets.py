@@ -8,7 +8,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.base.documents.located import read_file
-from fantoccini.base.errors import FileError, InputError, UnknownNameError
+from fantoccini.base.errors import FileError, InputError, StateError, UnknownNameError
 from fantoccini.theatre.script import score_schema
 
 pytestmark = pytest.mark.slow
@@ -309,8 +309,10 @@ def test_wrong_arguments_of_gestures_are_named(marionette, visit):
         fan.theatre.load_gesture(visit, "wave", of="pierot")
     with pytest.raises(TypeError, match="takes a Marionette"):
         fan.theatre.load_gesture(marionette.coordinates, "walk")
-    with pytest.raises(UnknownNameError, match=r"head\.x"):
+    with pytest.raises(StateError, match="arm2d has no body map"):
         fan.theatre.load_gesture(fan.puppets.arm2d(), "walk")
+    with pytest.raises(UnknownNameError, match=r"head\.x"):
+        fan.theatre.load_gesture(fan.puppets.stand6(), "walk")
 
 
 def test_a_files_mistakes_keep_their_lines_for_members(visit, tmp_path):

@@ -185,7 +185,7 @@ def test_a_prop_stays_on_the_forearm_in_a_walk(kind, side):
     x0 = scene.rest()
     pose = prop_gestures.carry(scene, "pierrot", side=side)
     leg, turn = [Step(0.06)] * 12, [Step(0.0, np.pi / 6)] * 3
-    walk = pose.then(prop_gestures.steps_carrying(pose, x0, "pierrot", [*leg, *turn, *leg]))
+    walk = pose.then(prop_gestures.steps_carrying(scene, pose, x0, "pierrot", [*leg, *turn, *leg]))
     run = fan.simulate(
         scene, x0, walk.inputs(x0), t_end=walk.duration + 1.0, method=METHOD, save_every=10
     )

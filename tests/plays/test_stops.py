@@ -170,7 +170,7 @@ def test_check_refuses_cues_that_a_puppet_cannot_do(tmp_path, cue, says):
     with pytest.raises(fan.errors.FileError) as caught:
         check_play(path)
     assert f"{path}:14: {says}" in str(caught.value)
-    assert "no driven coordinate is called" in str(caught.value)
+    assert "has no body map" in str(caught.value)
     # When compiled, the cue is left out, and the rest is played.
     play = fan.load_play(path)
     assert len(play.refused) == 1 and play.refused[0].line == 14

@@ -137,6 +137,8 @@ def test_the_json_schema_knows_every_key_and_describes_it() -> None:
         "floor",
         "members",
         "props",
+        "rig",
+        "rigs",
     }
     assert set(schema["required"]) == {"puppet", "bodies"}
     kinds = schema["$defs"]["Joint"]["properties"]["type"]["enum"]

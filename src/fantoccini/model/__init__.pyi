@@ -1,6 +1,13 @@
 """The names of the package, and where each is defined."""
 
 from . import meshes as meshes, puppet as puppet, scene as scene, tree as tree
+from .body_map import (
+    BodyMap as BodyMap,
+    Doubt as Doubt,
+    Head as Head,
+    Limb as Limb,
+    rig_of as rig_of,
+)
 from .puppet import (
     PD as PD,
     Attachment as Attachment,
@@ -26,6 +33,7 @@ from .puppet import (
     Motor as Motor,
     Obstacle as Obstacle,
     Puppet as Puppet,
+    Rig as Rig,
     Servo as Servo,
     Shape as Shape,
     Sphere as Sphere,

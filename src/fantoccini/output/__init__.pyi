@@ -15,6 +15,7 @@ from .view import (
     RENDERERS as RENDERERS,
     FilmError as FilmError,
     Theme as Theme,
+    body_map_picture as body_map_picture,
     draw as draw,
     film as film,
     optimum_picture as optimum_picture,

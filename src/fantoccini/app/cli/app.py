@@ -15,6 +15,7 @@ from fantoccini.app.cli_support import (
     ExportArguments,
     File,
     FollowArguments,
+    IdentifyArguments,
     OptimiseArguments,
     PerformArguments,
     PlanArguments,
@@ -147,6 +148,29 @@ def info(
 
 
 @app.command()
+def rig(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="Puppet file.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH",
+            help="Picture (.png, .svg, .pdf); by default beside the file, NAME_rig.png.",
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the rig of the file.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write into a puppet file which bodies are trunk, head and limbs, and what moves them.
+
+    Finds them from the tree, the shapes and the strings, and draws them. Comments and layout of the
+    file stay. Gestures use the section `rig`; change its entries where the guess is wrong.
+    """
+    from fantoccini.app.cli.rig import write_rig
+
+    write_rig(file, out, force, quiet)
+
+
+@app.command()
 def rest(
     file: File,
     start: Annotated[
@@ -254,42 +278,9 @@ def optimise(arguments: OptimiseArguments) -> None:
     optimise_file(arguments)
 
 
-@app.command()
-def identify(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Record file (YAML).")],
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Write the puppet with the identified numbers (.yaml)."),
-    ] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Write all results (.json), or a page (.html)."),
-    ] = None,
-    suggest: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="Write the most informative motion (.csv).")
-    ] = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(
-            min=1.0, metavar="S", help="Duration of the motions that --suggest tries [s]."
-        ),
-    ] = None,
-    reach: Annotated[
-        float | None,
-        typer.Option(
-            min=1e-4, metavar="M", help="Amplitude of the motions that --suggest tries [m]."
-        ),
-    ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random motions.")] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Overwrite an existing puppet file.")
-    ] = False,
-    threads: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Number of threads; default: all processors."),
-    ] = None,
-    quiet: Quiet = False,
-) -> None:
+@app.command("identify")
+@takes(IdentifyArguments)
+def identify(arguments: IdentifyArguments) -> None:
     """Identify lengths, masses, damping and delay of a puppet from a record of its motion.
 
     Exits with 1 if there are reasons to doubt the result, such as a number that the record does not
@@ -297,7 +288,7 @@ def identify(
     """
     from fantoccini.app.cli.identify import identify_record
 
-    identify_record(file, out, report, suggest, duration, reach, seed, force, threads, quiet)
+    identify_record(arguments)
 
 
 @app.command("follow")

@@ -10,7 +10,16 @@ from typing import Any
 
 import typer
 
-from fantoccini.app.cli_support import FAILED, Steps, check_output, fail, table, write, writing
+from fantoccini.app.cli_support import (
+    FAILED,
+    IdentifyArguments,
+    Steps,
+    check_output,
+    fail,
+    table,
+    write,
+    writing,
+)
 from fantoccini.base import Progress, replacing
 from fantoccini.lab.identification import (
     Candidate,
@@ -30,23 +39,20 @@ _MIN_GAIN = 0.05
 """Information that is printed as 0 [bits]."""
 
 
-def identify_record(
-    file: Path,
-    out: Path | None,
-    report: Path | None,
-    suggest: Path | None,
-    duration: float | None,
-    reach: float | None,
-    seed: int | None,
-    force: bool,
-    threads: int | None,
-    quiet: bool,
-) -> None:
+def identify_record(arguments: IdentifyArguments) -> None:
     """Identifies, prints the results and writes the outputs.
 
     Exits with 1 if there are reasons to doubt the result: among others, the record does not
     determine every number, or the search did not converge.
     """
+    file, out, report, suggest = (
+        arguments.file,
+        arguments.out,
+        arguments.report,
+        arguments.suggest,
+    )
+    duration, reach, seed = arguments.duration, arguments.reach, arguments.seed
+    force, threads, quiet = arguments.force, arguments.threads, arguments.quiet
     for option, path, endings in (
         ("--out", out, (".yaml", ".yml")),
         ("--report", report, (".json", ".html")),

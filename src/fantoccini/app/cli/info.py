@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from fantoccini.app.cli.rig import print_body_map
 from fantoccini.app.cli_support import marionette, number, table, warn, write
-from fantoccini.base import BuildError, Progress
+from fantoccini.base import BuildError, Progress, StateError
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.compiled import check_mass_matrix
 from fantoccini.dynamics.marionette import Marionette
@@ -135,12 +136,25 @@ def describe_puppet(file: str) -> None:
     table(
         "Limits", ("name", "bound>"), [(limit.name, _bound(puppet, limit)) for limit in tree.limits]
     )
+    _print_body_maps(puppet)
     table("Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()])
     counts = operations(puppet.equations)
     lines = [(name, _PURPOSE.get(name, ""), n) for name, n in counts.items()]
     table("Operations", ("function", "", "count>"), [*lines, ("all", "", sum(counts.values()))])
     flags = describe().get("flags")
     write("no compiler was found" if flags is None else f"compiled with {flags}")
+
+
+def _print_body_maps(puppet: Marionette) -> None:
+    """Prints the body map of the puppet, or of each puppet of a scene, or why there is none."""
+    for member in puppet.puppet.members or ("",):
+        try:
+            body_map = puppet.body_map_of(member)
+        except (StateError, BuildError) as error:
+            write(f"no body map: {error}")
+            write()
+        else:
+            print_body_map(body_map, member)
 
 
 def _compiled(file: str) -> str:

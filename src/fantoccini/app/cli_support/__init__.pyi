@@ -26,6 +26,7 @@ from .files import (
     puppet_path as puppet_path,
     writing as writing,
 )
+from .identify_arguments import IdentifyArguments as IdentifyArguments
 from .motions import (
     Motion as Motion,
     film_options as film_options,

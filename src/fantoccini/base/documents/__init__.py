@@ -60,7 +60,7 @@ from fantoccini.base.documents.values import (
     unit,
     value_of,
 )
-from fantoccini.base.documents.yaml_edit import with_numbers, yaml_of
+from fantoccini.base.documents.yaml_edit import with_numbers, with_section, yaml_of
 from fantoccini.base.documents.yaml_text import Path
 
 __all__ = [
@@ -128,6 +128,7 @@ __all__ = [
     "validate",
     "value_of",
     "with_numbers",
+    "with_section",
     "without_unit",
     "yaml_of",
 ]

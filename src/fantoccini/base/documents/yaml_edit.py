@@ -1,4 +1,4 @@
-"""YAML text with other numbers, and plain data as YAML text."""
+"""YAML text with other numbers or another section, and plain data as YAML text."""
 
 from __future__ import annotations
 
@@ -30,6 +30,36 @@ def with_numbers(text: str, numbers: Mapping[Path, float]) -> str:
     for start, end, written in sorted(edits, reverse=True):
         text = text[:start] + written + text[end:]
     return text
+
+
+def with_section(text: str, key: str, section: str) -> str:
+    """The text with another value of a key at its top, and otherwise unchanged, with all comments.
+
+    The section replaces the key's lines; without the key it is added at the end.
+
+    Args:
+        text: YAML in block style.
+        key: the key.
+        section: YAML in block style, the key with its value.
+
+    Raises:
+        StateError: the text is written in braces.
+    """
+    from ruamel.yaml import YAML
+
+    top = YAML(typ="safe", pure=True).compose(text)
+    if top.flow_style:
+        raise StateError(f"the file is written in braces, so that {key} cannot be added to it")
+    for name, value in top.value:
+        if name.value == key:
+            start, end = name.start_mark.index, _end(name, value)
+            rest = text[end:].removeprefix(text[end:].partition("\n")[0] + "\n")
+            return text[:start] + section + rest
+    body, mark, ending = text, "", ""
+    if (end := text.rfind("\n...")) >= 0 and not text[end + 4 :].strip():
+        body, mark, ending = text[: end + 1], "...", text[end + 4 :]
+    gap = "" if body.endswith("\n") else "\n"
+    return f"{body}{gap}{section}{mark}{ending}"
 
 
 def yaml_of(data: Any) -> str:
@@ -64,6 +94,19 @@ def _edit(node: Any, path: Path, new: Mapping[Path, str], text: str) -> tuple[in
             "which other numbers share; write the number out"
         ) from None
     return start, end, new[path]
+
+
+def _end(*nodes: Any) -> int:
+    """End of the last scalar or brace of nodes; comments after it are not included."""
+    ends = [0]
+    stack = list(nodes)
+    while stack:
+        node = stack.pop()
+        if isinstance(node.value, str) or node.flow_style:
+            ends.append(node.end_mark.index)
+        else:
+            stack += [part for x in node.value for part in (x if isinstance(x, tuple) else (x,))]
+    return max(ends)
 
 
 def _below(node: Any, key: str | int) -> Any | None:

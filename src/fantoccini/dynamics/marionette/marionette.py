@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fantoccini.base import Array, output
+from fantoccini.base import Array, StateError, UnknownNameError, output
+from fantoccini.dynamics.body_map import find_body_map
 from fantoccini.dynamics.compiled import (
     CompiledPuppet,
     Flow,
@@ -43,6 +45,7 @@ from fantoccini.dynamics.equilibrium import (
     projection,
 )
 from fantoccini.dynamics.steppers import Stepper, StepperBatch
+from fantoccini.model import BodyMap
 from fantoccini.motion import Input, State
 
 
@@ -68,6 +71,41 @@ class Marionette(CompiledPuppet):
     def _repr_html_(self) -> str | None:
         """Picture of the start pose, and tables, for notebooks; nothing is compiled."""
         return output().puppet_html(self)
+
+    # -- body map ----------------------------------------------------------------------------
+
+    @property
+    def body_map(self) -> BodyMap:
+        """Trunk, head and limbs of the puppet, and the strings that move them.
+
+        It is found when first needed, at rest.
+
+        Raises:
+            StateError: the puppet has no body map, or this is a scene of several puppets.
+        """
+        if members := self.puppet.members:
+            names = ", ".join(members)
+            raise StateError(f"{self.name} is a scene of {names}; body_map_of has the map of each")
+        return self.body_map_of("")
+
+    def body_map_of(self, member: str) -> BodyMap:
+        """The body map of a scene's member; of a single puppet with an empty name.
+
+        Raises:
+            StateError: the member has no body map; the message has the reason.
+            UnknownNameError: the scene has no such member.
+        """
+        members = self.puppet.members or ("",)
+        if member not in members:
+            raise UnknownNameError("member of a scene", member, members)
+        if member not in self._body_maps:
+            self._body_maps[member] = find_body_map(self, member)
+        return self._body_maps[member]
+
+    @cached_property
+    def _body_maps(self) -> dict[str, BodyMap]:
+        """Body maps that were found so far, by member."""
+        return {}
 
     # -- states ------------------------------------------------------------------------------
 

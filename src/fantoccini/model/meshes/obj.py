@@ -295,7 +295,7 @@ def _image_name(rest: str) -> str:
             if not after.strip() or (k >= fewest and not _is_number(value)):
                 break
             rest = after.strip()
-    return rest.strip("\"")
+    return rest.strip('"')
 
 
 def _is_number(word: str) -> bool:

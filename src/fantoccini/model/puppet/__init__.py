@@ -40,6 +40,7 @@ from fantoccini.model.puppet.joint import Cone, Joint, JointSpring, Limits, Twis
 from fantoccini.model.puppet.mirror import twin_name
 from fantoccini.model.puppet.parts import named
 from fantoccini.model.puppet.quantities import QUANTITIES, Gravity, Mass, Place, Point, Vector
+from fantoccini.model.puppet.rig import LimbKind, Rig, RigHead, RigLimb, Side
 from fantoccini.model.puppet.schema import Puppet
 from fantoccini.model.puppet.shapes import (
     MIN_MESH_VOLUME,
@@ -90,6 +91,7 @@ __all__ = [
     "Group",
     "Joint",
     "JointSpring",
+    "LimbKind",
     "Limits",
     "Mass",
     "Mesh",
@@ -100,8 +102,12 @@ __all__ = [
     "Point",
     "PoseValue",
     "Puppet",
+    "Rig",
+    "RigHead",
+    "RigLimb",
     "Servo",
     "Shape",
+    "Side",
     "SolidInertia",
     "Sphere",
     "Spring",

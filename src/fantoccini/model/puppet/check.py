@@ -13,6 +13,7 @@ from typing import Any
 from fantoccini.base.documents import NAME, Finding, Path, key_path, name_mistake, shown, value_of
 from fantoccini.model.puppet.check_coordinates import check_drives, check_pose
 from fantoccini.model.puppet.check_paths import check_paths
+from fantoccini.model.puppet.check_rig import check_rig
 from fantoccini.model.puppet.contact import FLOOR, Contact
 from fantoccini.model.puppet.elements import Body, Mirror
 from fantoccini.model.puppet.limits import LIMITS
@@ -40,6 +41,7 @@ def findings(puppet: AnyPuppet, data: dict[str, Any]) -> list[Finding]:
     check_pose(parts)
     check_drives(parts)
     _check_contact(parts)
+    check_rig(parts)
     _check_parameters(parts, data)
     return parts.found
 

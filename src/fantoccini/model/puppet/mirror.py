@@ -46,6 +46,8 @@ def reflected(data: dict[str, Any]) -> tuple[dict[str, Any], list[Finding]]:
         out["drives"] = [image.drive(drive) for drive in data["drives"]]
     if isinstance(data.get("contact"), dict):
         out["contact"] = image.contact(data["contact"])
+    if "rig" in data:
+        out["rig"] = image.rig(data["rig"])
     if "pose" in data:
         out["pose"] = image.pose(data["pose"]) | data["pose"]
     return out, image.findings
@@ -71,6 +73,32 @@ class Reflection:
         twins = [p | {"between": [self.name(n) for n in p["between"]]} for p in pairs]
         twins = [twin for twin, pair in zip(twins, pairs, strict=True) if twin != pair]
         return contact | {"pairs": [*twins, *pairs]} if twins else contact
+
+    def rig(self, rig: dict[str, Any]) -> dict[str, Any]:
+        """A rig with the twins of its limbs and strings, except those that it lists."""
+        out = dict(rig)
+        for key in ("carrying", "looking", "trunk"):
+            if key in rig:
+                out[key] = self.with_twins(rig[key])
+        limbs = rig.get("limbs", [])
+        listed = [limb["bodies"] for limb in limbs]
+        twins = [self.limb(limb) for limb in limbs]
+        if limbs:
+            out["limbs"] = [*limbs, *(twin for twin in twins if twin["bodies"] not in listed)]
+        return out
+
+    def limb(self, limb: dict[str, Any]) -> dict[str, Any]:
+        other = {"left": "right", "right": "left"}
+        out = limb | {
+            key: [self.name(n) for n in limb[key]] for key in ("bodies", "strings") if key in limb
+        }
+        if "side" in limb:
+            out["side"] = other.get(limb["side"], limb["side"])
+        return out | {"end": self.vector(limb["end"])}
+
+    def with_twins(self, names: list[str]) -> list[str]:
+        """The names, and those of their twins that are not among them."""
+        return list(dict.fromkeys([*names, *map(self.name, names)]))
 
     def body(self, body: dict[str, Any], path: Path = ()) -> dict[str, Any]:
         out = body | {"name": self.name(body["name"])}

@@ -11,6 +11,7 @@ from fantoccini.model.puppet.contact import ContactRule
 from fantoccini.model.puppet.drive import Drive
 from fantoccini.model.puppet.elements import Body, Mirror, Spring, String
 from fantoccini.model.puppet.mirror import twin_name
+from fantoccini.model.puppet.rig import Rig
 from fantoccini.model.puppet.shapes import AnyObstacle
 
 _SECTIONS = ("bodies", "strings", "springs", "obstacles")
@@ -46,6 +47,10 @@ class AnyPuppet(Protocol):
     @property
     def contact(self) -> ContactRule | None:
         """Rules of contact."""
+
+    @property
+    def rig(self) -> Rig | None:
+        """Its body map, as far as the file gives it."""
 
     @property
     def members(self) -> tuple[str, ...]:

@@ -34,6 +34,7 @@ from fantoccini.model.puppet.drive import Drive
 from fantoccini.model.puppet.elements import Body, Mirror, PoseValue, Spring, String
 from fantoccini.model.puppet.parts import named
 from fantoccini.model.puppet.quantities import Gravity, Place
+from fantoccini.model.puppet.rig import Rig
 from fantoccini.model.puppet.shapes import AnyObstacle, Mesh
 from fantoccini.model.puppet.words import WORDS
 
@@ -65,12 +66,16 @@ class Puppet(Document):
     """Shapes fixed in the world."""
     floor: Place | None = None
     """Height of the floor [m]."""
+    rig: Rig | None = None
+    """Body map: limbs, head, and the strings that move them; by default it is guessed."""
     contact: ContactRule | None = None
     """Contact of its bodies with the floor, obstacles and one another: true, false or rules."""
     members: tuple[Name, ...] = ()
     """Names of an assembled scene's puppets; names of their parts begin with these and a dot."""
     props: tuple[Name, ...] = ()
     """Names of the props of an assembled scene."""
+    rigs: dict[Name, Rig] = Field(default_factory=dict)
+    """Member of an assembled scene -> the `rig` of its file, with the names in that file."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
 
@@ -221,7 +226,7 @@ class Puppet(Document):
 
         Args:
             values: whether to include values that do not change the compiled code: values of
-                parameters, contact rules, obstacles and the floor.
+                parameters, contact rules, obstacles, the floor and the body map.
         """
         puppet = self.expanded()
         solids = [s for body in puppet.bodies for s in body.shapes]
@@ -232,6 +237,6 @@ class Puppet(Document):
             for _, parameter in written.parameters(plain):
                 parameter["value"] = 0.0
             plain["contact"] = puppet.touching is not None
-            for key in ("obstacles", "floor"):
+            for key in ("obstacles", "floor", "rig", "rigs"):
                 plain.pop(key, None)
         return dump.canonical(plain, meshes)

@@ -77,6 +77,7 @@ def assembled(scene: Scene) -> Puppet:
     if len(scene.puppets) > 1:
         data["members"] = [member.name for member in scene.puppets]
     data["props"] = [prop.name for prop in scene.props]
+    data |= _rigs(placements)
     for key in ("strings", "springs", "drives", "obstacles"):
         data[key] = []
     same: dict[str, str] = {}
@@ -94,6 +95,15 @@ def assembled(scene: Scene) -> Puppet:
     )
     puppet._origin = _origin(scene, placements, located, folder)
     return puppet
+
+
+def _rigs(placements: list[_Placement]) -> dict[str, Any]:
+    """Body maps of the puppets' files: that of the only member, or one for each member."""
+    if len(placements) == 1:
+        rig = placements[0].puppet.rig
+        return {} if rig is None else {"rig": plain(rig)}
+    rigs = {p.member.name: plain(p.puppet.rig) for p in placements if p.puppet.rig is not None}
+    return {"rigs": rigs} if rigs else {}
 
 
 def _name_clashes(scene: Scene, placements: list[_Placement]) -> list[Finding]:

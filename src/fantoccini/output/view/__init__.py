@@ -8,6 +8,7 @@ for ``renderer="pyvista"``.
 """
 
 from fantoccini.output.view import rope
+from fantoccini.output.view.body_maps import body_map_picture
 from fantoccini.output.view.camera import Camera, fit, point_of_view
 from fantoccini.output.view.drawing import DPI, blank_figure, dress, plain
 from fantoccini.output.view.films import MAX_GIF_FPS, FilmError, film
@@ -69,6 +70,7 @@ __all__ = [
     "Theme",
     "TriangleMesh",
     "blank_figure",
+    "body_map_picture",
     "box",
     "capsule",
     "chain_points",

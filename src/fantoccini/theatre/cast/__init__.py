@@ -15,6 +15,7 @@ from fantoccini.theatre.cast.companies import (
     staged,
 )
 from fantoccini.theatre.cast.contacts import (
+    BODY,
     FEET,
     OTHER_SIDE,
     SEATED,
@@ -50,6 +51,7 @@ from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
 
 __all__ = [
+    "BODY",
     "CARRIED",
     "ERRORS",
     "FEET",

@@ -21,7 +21,7 @@ from fantoccini.theatre.cast.contacts import Pair, asked_pairs, cue_pairs, hangi
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
-from fantoccini.theatre.gestures import Ends
+from fantoccini.theatre.gestures import Ends, Roles
 from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot, spelled
 
 Pose = dict[str, Any]
@@ -77,9 +77,10 @@ class Player:
         """Ends of its strings, for a gesture.
 
         Raises:
-            UnknownNameError: its strings differ from those of the bundled marionette.
+            StateError: it has no body map.
+            UnknownNameError: an end or length of a string is not driven.
         """
-        return Ends(self.alone.coordinates, self.hangs)
+        return Ends(Roles.of(self.alone), self.hangs)
 
     def own(self, place: Array, stands: Footing) -> Array:
         """A point (3,) on the stage in the frame of a player with a footing there [m]."""
@@ -301,8 +302,8 @@ def _fixed(alone: Marionette) -> str:
 
 def _middle(alone: Marionette, hangs: State) -> complex:
     try:
-        return Ends(alone.coordinates, hangs).middle
-    except UnknownNameError:
+        return Ends(Roles.of(alone), hangs).middle
+    except (StateError, UnknownNameError):
         return 0j
 
 

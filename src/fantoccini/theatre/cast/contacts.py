@@ -14,6 +14,8 @@ OTHER_SIDE = {"left": "right", "right": "left"}
 """Side of a puppet -> the other side."""
 FRICTION = 0.6
 """Coefficient of friction of all contacts."""
+BODY = ("head", "shoulder_left", "shoulder_right")
+"""Strings of the bundled marionette that carry head and trunk."""
 SEATED = ("thigh_left", "thigh_right", "torso", "skull")
 """Bodies that touch the seat of somebody who sits."""
 FEET = ("shin_left", "shin_right")

@@ -17,8 +17,8 @@ import numpy as np
 
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, pieces
-from fantoccini.theatre.cast.contacts import OTHER_SIDE
-from fantoccini.theatre.gestures import BODY, STEP_TIME, Ends, Gesture, Step, steps
+from fantoccini.theatre.cast.contacts import BODY, OTHER_SIDE
+from fantoccini.theatre.gestures import STEP_TIME, Ends, Gesture, Roles, Step, steps
 
 Waypoints = list[tuple[float, float]]
 
@@ -233,25 +233,31 @@ def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
 
 
 def steps_carrying(
-    pose: Gesture, start: State, who: str, given: Sequence[Step], step_time: float = STEP_TIME
+    stage: Marionette,
+    pose: Gesture,
+    start: State,
+    who: str,
+    given: Sequence[Step],
+    step_time: float = STEP_TIME,
 ) -> Gesture:
     """Steps in the pose of :func:`carry`, which turns with the puppet.
 
     Args:
+        stage: the scene.
         pose: gesture of :func:`carry`.
         start: rest of the puppet without the pose.
         who: member that walks.
         given, step_time: see :func:`fantoccini.theatre.gestures.walking.steps`.
     """
-    table, prefix = pose.coordinates, f"{who}." if who else ""
+    table, roles = pose.coordinates, Roles.of(stage, who)
     q_K, offsets = np.array(start.q_K), {}
     for name, (q, v) in pieces.channel_names(table).items():
         if pose.named[v.start]:
             offsets[name] = float(pose.ends[0][1, v.start])
             q_K[q] += offsets[name]
-    walk = steps(Ends(table, start.replace(q_K=q_K), prefix), given, step_time).moved(offsets)
+    walk = steps(Ends(roles, start.replace(q_K=q_K)), given, step_time).moved(offsets)
     # Later gestures count from the strings' places without the pose.
-    return replace(walk, travel=steps(Ends(table, start, prefix), given, step_time).travel)
+    return replace(walk, travel=steps(Ends(roles, start), given, step_time).travel)
 
 
 def backwards(

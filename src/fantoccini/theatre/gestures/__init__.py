@@ -4,7 +4,7 @@ from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
-from fantoccini.theatre.gestures.ends import BODY, Complex, Ends
+from fantoccini.theatre.gestures.ends import Complex, Ends
 from fantoccini.theatre.gestures.gait import Gait
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.gesture_file import (
@@ -30,6 +30,7 @@ from fantoccini.theatre.gestures.performing import (
 )
 from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
+from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
 from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
@@ -40,7 +41,6 @@ from fantoccini.theatre.gestures.walking import SWAY, steps
 
 __all__ = [
     "ACCELERATION",
-    "BODY",
     "MADE",
     "SAME",
     "SPEED",
@@ -64,6 +64,7 @@ __all__ = [
     "Played",
     "Policy",
     "Rehearsal",
+    "Roles",
     "Score",
     "Sound",
     "Step",

@@ -9,19 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError, polynomial
-from fantoccini.base.documents import Mistakes, value_of
+from fantoccini.base.documents import Mistakes
 from fantoccini.control.optimal import ReachedPose, reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import bundled_files
 from fantoccini.motion import State
-from fantoccini.theatre.gestures.ends import BODY, Ends, times
+from fantoccini.theatre.gestures.ends import Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.reachable import reachable_part
+from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.walking import there_and_back
 
 To = str | Sequence[float]
@@ -40,12 +42,7 @@ _MAX_TURN = np.radians(85.0)
 _TILTS = np.radians((-45.0, 0.0))
 """Lowest and highest tilt of a face [rad]: the head's string cannot tilt it up."""
 _FACE = 0.1
-"""Distance before the skull's joint of the point that is led to the place's direction [m]."""
-_PARTS = {
-    "look": ("skull",),
-    "point": ("upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right"),
-}
-"""Bodies that move in the poses of looking and pointing."""
+"""Distance before the head's joint of the point that is led to the place's direction [m]."""
 _LOWER = 0.01
 """Steps by which a place that is too high is lowered [m]."""
 _MIN_DISTANCE = 0.02
@@ -56,8 +53,9 @@ class Aim:
     """Target of a look or a pointing hand, with the puppet for which the pose is computed.
 
     Attributes:
-        puppet, x0: puppet for the poses, and its rest: members, and puppets with contact, are
-            replaced by the bundled marionette, whose strings they have.
+        puppet, x0: puppet for the poses, and its rest: members with the strings of the bundled
+            marionette are replaced by it, and others with contact by themselves without contact.
+        roles: parts of its body.
         place: target (3,) in the puppet's world [m].
 
     Args:
@@ -69,6 +67,7 @@ class Aim:
 
     Raises:
         InputError: the target is not a place.
+        StateError: a member of a scene has other strings than the bundled marionette.
     """
 
     def __init__(self, marionette: Marionette, start: State, of: str, to: To, mistakes: Mistakes):
@@ -86,19 +85,20 @@ class Aim:
         mistakes.refuse()
         self.puppet, self.x0 = marionette, start
         if of or marionette.puppet.touching is not None:
-            self.puppet = _by_itself()
+            self.puppet = _by_itself(marionette, of)
             # Hands and knees hang as bundled: with the member's lengths the rest may be unstable.
-            names = [f"{string}.{part}" for string in BODY for part in ("x", "y", "length")]
+            body = Roles.of(marionette, of.removesuffix(".")).strings("head", "trunk")
+            names = [f"{string}.{part}" for string in body for part in ("x", "y", "length")]
             self.x0 = self.puppet.rest({name: float(start[of + name]) for name in names})
             if of and of[:-1] in bodies:
                 frame = marionette.pose(start, of[:-1])
                 place = frame[:3, :3].T @ (place - frame[:3, 3])
-        self.place = place
+        self.place, self.roles = place, Roles.of(self.puppet)
 
-    def held(self, string: str) -> Bounds:
-        """Bounds under which only one string moves."""
+    def held(self, strings: tuple[str, ...]) -> Bounds:
+        """Bounds under which only some strings move."""
         names = self.puppet.coordinates.q_K
-        return Bounds(held=tuple(x for x in names if not x.startswith(f"{string}.")))
+        return Bounds(held=tuple(x for x in names if x.rpartition(".")[0] not in strings))
 
     def direction(self, origin: Array, mistakes: Mistakes) -> Array:
         """(3,) direction from an origin towards the place.
@@ -117,21 +117,15 @@ class Aim:
 
 
 def check_parts(puppet: Marionette, start: State, name: str) -> None:
-    """Checks that a puppet has the strings and bodies for ``look`` or ``point``.
+    """Checks that a puppet has the parts of the body for ``look`` or ``point``.
 
     Raises:
-        UnknownNameError: one is missing.
+        StateError: one is missing.
+        UnknownNameError: an end or length of a string is not driven.
     """
-    Ends(puppet.coordinates, start)
-    strings = [string.name for string in puppet.tree.strings]
-    for string in ("hand_left", "hand_right") if name == "point" else ():
-        if string not in strings:
-            raise UnknownNameError("string", string, strings)
-    # Puppets with contact are posed as the bundled marionette.
-    bodies = [link.name for link in puppet.tree.links]
-    for body in _PARTS[name] if puppet.puppet.touching is None else ():
-        if body not in bodies:
-            raise UnknownNameError("body", body, bodies)
+    ends = Ends(Roles.of(puppet), start)
+    for part in ("arm_left", "arm_right") if name == "point" else ("head",):
+        ends.roles.strings(part)
 
 
 def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
@@ -139,21 +133,23 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
 
     Raises:
         InputError: no hanging pose points there.
+        StateError: the puppet has no arm on this side, or no string moves it.
     """
     puppet, x0 = aim.puppet, aim.x0
-    side = "left" if aim.place[1] > ends.middle.imag else "right"
-    string, arm, forearm = f"hand_{side}", f"upper_arm_{side}", f"forearm_{side}"
-    at = _attached(puppet, string)
-    pose = puppet.pose(x0, forearm)
-    shoulder, elbow = puppet.pose(x0, arm)[:3, 3], pose[:3, 3]
-    length = float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(at))
-    bounds = aim.held(string)
+    ahead = np.exp(-1j * aim.roles.heading) * (complex(*aim.place[:2]) - ends.middle)
+    side = "left" if ahead.imag > 0.0 else "right"
+    strings = aim.roles.strings(f"arm_{side}")
+    arm = aim.roles.body_map.parts[f"arm_{side}"]
+    hand, at = arm.bodies[-1], arm.end
+    joints = [puppet.pose(x0, body)[:3, 3] for body in arm.bodies]
+    length = float(sum(np.linalg.norm(b - a) for a, b in pairwise(joints)) + np.linalg.norm(at))
+    shoulder, bounds = joints[0], aim.held(strings)
     aim.direction(shoulder, mistakes)
 
     def pose_towards(place: Array) -> ReachedPose:
         way = place - shoulder
         goal = shoulder + _ARM_SHARE * length * way / np.linalg.norm(way)
-        return reach(puppet, {(forearm, at): goal}, x0, bounds=bounds)[0]
+        return reach(puppet, {(hand, at): goal}, x0, bounds=bounds)[0]
 
     try:
         solution = pose_towards(aim.place)
@@ -163,7 +159,7 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     if reason:
         mistakes.add(("to",), f"the {side} hand cannot point there: {reason}")
     mistakes.refuse()
-    names = [f"{string}.{part}" for part in ("x", "y", "length")]
+    names = _channels(puppet, strings)
     own = {name: float(solution.state[name] - ends.start[ends.of + name]) for name in names}
     way = max(_MIN_WAY_TIME, polynomial.minimum_jerk_duration(max(map(abs, own.values())), _SPEED))
     t, curve = there_and_back(way, _HOLD_TIME)
@@ -173,9 +169,17 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
 
 
 def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
-    """Gesture that turns the face towards a place, as far as the strings allow."""
-    puppet, x0 = aim.puppet, aim.x0
-    flat = complex(aim.place[0], aim.place[1]) - ends.middle
+    """Gesture that turns the face towards a place, as far as the strings allow.
+
+    Raises:
+        InputError: the place is at the neck.
+        StateError: the puppet has no head, or no string moves it.
+    """
+    puppet, x0, first = aim.puppet, aim.x0, aim.roles.heading
+    strings = aim.roles.strings("head")
+    head = aim.roles.body_map.head
+    assert head is not None, "strings of a head have been found"
+    flat = np.exp(-1j * first) * (complex(aim.place[0], aim.place[1]) - ends.middle)
     turn = (
         float(np.clip(np.angle(flat), -_MAX_TURN, _MAX_TURN)) if abs(flat) > _MIN_DISTANCE else 0.0
     )
@@ -185,18 +189,17 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
         q[f"{name}.x"], q[f"{name}.y"] = float(there.real), float(there.imag)
     lengths = [name for name in puppet.coordinates.q_K if name.endswith(".length")]
     turned = puppet.rest(q | {name: float(x0[name]) for name in lengths})
-    neck = puppet.pose(turned, "skull")[:3, 3]
+    neck = puppet.pose(turned, head.body)[:3, 3]
     up = float(np.arcsin(aim.direction(neck, mistakes)[2]))
-    tilt = float(np.clip(up, *_TILTS))
-    face = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
+    tilt, angle = float(np.clip(up, *_TILTS)), first + turn
+    face = np.array([np.cos(tilt) * np.cos(angle), np.cos(tilt) * np.sin(angle), np.sin(tilt)])
+    ahead = aim.roles.own_axes(head.body).T @ [np.cos(first), np.sin(first), 0.0]
+    x, y, z = (_FACE * ahead).tolist()
     pose = reach(
-        puppet, {("skull", (_FACE, 0.0, 0.0)): neck + _FACE * face}, turned, bounds=aim.held("head")
+        puppet, {(head.body, (x, y, z)): neck + _FACE * face}, turned, bounds=aim.held(strings)
     )[0].state
-    # A remaining error is accepted: the head's string can do no more.
-    own = {
-        f"head.{part}": float(pose[f"head.{part}"] - turned[f"head.{part}"])
-        for part in ("x", "y", "length")
-    }
+    # A remaining error is accepted: the head's strings can do no more.
+    own = {name: float(pose[name] - turned[name]) for name in _channels(puppet, strings)}
     farthest = max(abs(x) for x in own.values())
     way = max(
         _MIN_WAY_TIME, _TURN_TIME * abs(turn), polynomial.minimum_jerk_duration(farthest, _SPEED)
@@ -220,15 +223,25 @@ def _why_not(place: Array, shoulder: Array, pose_towards: Callable[[Array], Reac
     return f"it comes no nearer to that direction than {100.0 * distance:.0f} cm"
 
 
+def _by_itself(marionette: Marionette, of: str) -> Marionette:
+    """The puppet of a member, or a puppet with contact, alone and without contact."""
+    strings = {string.name.removeprefix(of) for string in marionette.tree.strings}
+    if strings >= {string.name for string in _bundled().tree.strings}:
+        return _bundled()
+    if of:
+        raise StateError(
+            f"{of[:-1]} looks and points only by itself: in a scene that needs the strings of the "
+            "bundled marionette; load the gesture for its puppet alone"
+        )
+    return Marionette(marionette.puppet.model_copy(update={"contact": None}))
+
+
 @cache
-def _by_itself() -> Marionette:
+def _bundled() -> Marionette:
     return load(bundled_files.path("marionette"))
 
 
-def _attached(puppet: Marionette, string: str) -> tuple[float, float, float]:
-    """Point at which a string is fixed to a body, in the body's frame [m]."""
-    for tied in puppet.tree.strings:
-        if tied.name == string:
-            x, y, z = (value_of(number) for number in tied.points[0].at)
-            return x, y, z
-    raise UnknownNameError("string", string, [tied.name for tied in puppet.tree.strings])
+def _channels(puppet: Marionette, strings: tuple[str, ...]) -> list[str]:
+    """Driven coordinates of strings."""
+    names = [f"{string}.{part}" for string in strings for part in ("x", "y", "length")]
+    return [name for name in names if name in puppet.coordinates.q_K]

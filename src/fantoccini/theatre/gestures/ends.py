@@ -9,6 +9,7 @@ to the middle at the start, w the sway.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,7 @@ from fantoccini.base import Array, Times, UnknownNameError, polynomial
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pieces
 from fantoccini.theatre.gestures.gesture import Gesture
-
-BODY = ("head", "shoulder_left", "shoulder_right")
-"""Strings that carry the body."""
+from fantoccini.theatre.gestures.roles import Roles
 
 Curve = tuple[Array, Array, Array]
 """Values and their first and second derivatives with respect to time."""
@@ -34,10 +33,10 @@ class Ends:
     """Ends of a puppet's strings, with their places and motion.
 
     Attributes:
-        table: coordinates of the puppet or scene.
-        of: prefix of the strings' names: ``pierrot.``, or nothing.
+        roles: parts of the puppet's body.
+        body: names of the strings that carry head and trunk.
         places: string -> x + i y of its end at the start [m].
-        middle: midpoint between the shoulders' ends [m].
+        middle: midpoint of the ends of the strings that carry the trunk [m].
         curves: driven coordinate -> offsets.
         turns: whether the heading changes.
 
@@ -45,30 +44,48 @@ class Ends:
         start: state at rest.
 
     Raises:
-        UnknownNameError: a string of the bundled marionette is missing.
+        UnknownNameError: an end or length of a string that carries head or trunk is not driven.
     """
 
-    table: CoordinateTable
+    roles: Roles
     start: State
-    of: str = ""
+    body: tuple[str, ...] = field(default=(), init=False)
     places: dict[str, complex] = field(default_factory=dict, init=False)
     middle: complex = field(default=0j, init=False)
     curves: dict[str, Curve] = field(default_factory=dict, init=False)
     turns: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
+        carrying = self.roles.strings("trunk")
+        has_head = bool(self.roles.body_map.looking)
+        self.body = self.roles.strings("head", "trunk") if has_head else carrying
         known = pieces.channel_names(self.table)
         own = [name[len(self.of) :] for name in known if name.startswith(self.of)]
         owners = {name.rsplit(".", 1)[0] for name in own}
-        for owner in (*BODY, "knee_left", "knee_right"):
-            for part in ("x", "y", "length"):
-                if f"{owner}.{part}" not in own:
-                    raise UnknownNameError("driven coordinate", f"{self.of}{owner}.{part}", known)
+        for owner in self.body:
+            self.check_driven(owner)
         for owner in sorted(owners):
             if f"{owner}.x" in own and f"{owner}.y" in own and "." not in owner:
                 x, y = (float(self.start[f"{self.of}{owner}.{part}"]) for part in "xy")
                 self.places[owner] = complex(x, y)
-        self.middle = 0.5 * (self.places["shoulder_left"] + self.places["shoulder_right"])
+        self.middle = sum(self.places[name] for name in carrying) / len(carrying)
+
+    @property
+    def table(self) -> CoordinateTable:
+        """Coordinates of the puppet or scene."""
+        return self.roles.marionette.coordinates
+
+    @property
+    def of(self) -> str:
+        """Prefix of the strings' names: ``pierrot.``, or nothing."""
+        return self.roles.prefix
+
+    def check_driven(self, string: str) -> None:
+        """Raises UnknownNameError unless a string's end moves along x and y, and it is wound."""
+        known = pieces.channel_names(self.table)
+        for part in ("x", "y", "length"):
+            if f"{self.of}{string}.{part}" not in known:
+                raise UnknownNameError("driven coordinate", f"{self.of}{string}.{part}", known)
 
     def carry(self, path: ComplexCurve, heading: Curve, sway: Curve | None = None) -> None:
         """Moves all ends as one rigid body along a path, and turns them about the middle.
@@ -76,13 +93,18 @@ class Ends:
             moved = z + exp(i theta) (arm + i w) - arm
 
         Args:
-            path: z, place of the middle relative to its first one [m].
+            path: z, place of the middle relative to its first one, for a puppet that looks along
+                x [m].
             heading: theta, relative to the first one [rad].
             sway: w, to the left of the path [m].
         """
         self.turns = self.turns or bool(np.any(heading[0] != 0.0))
         theta, rate, change = heading
         w0, w1, w2 = sway if sway is not None else (0.0 * theta,) * 3
+        if first := self.roles.heading:
+            # Ends lie about the middle as they do in the file; path and sway turn with the puppet.
+            turn = np.exp(1j * first)
+            path, (w0, w1, w2) = times(turn, path), times(turn, (w0, w1, w2))
         e = np.exp(1j * theta)
         for name, place in self.places.items():
             home = place - self.middle
@@ -114,6 +136,6 @@ class Ends:
         return Gesture(self.table, t, coef, named, travel, name, marks, self.turns)
 
 
-def times(factor: float | Array, curve: Curve) -> Curve:
+def times(factor: Any, curve: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
     """A curve multiplied by a factor."""
     return factor * curve[0], factor * curve[1], factor * curve[2]

@@ -19,6 +19,7 @@ from fantoccini.base.documents import (
     Document,
     Finding,
     Kind,
+    Length,
     Mistakes,
     Model,
     Name,
@@ -35,13 +36,13 @@ from fantoccini.base.documents import (
 from fantoccini.control.optimal import ReachedPose, What, reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.model.tree import CoordinateTable
-from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
+from fantoccini.motion import SAME_TIME, Input, Points, State, Table, pieces, reading
 from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import To
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
 from fantoccini.theatre.gestures.reachable import reachable_part
+from fantoccini.theatre.gestures.roles import Roles, SizeKind, moves_of
 
 _FOLDER = Path(__file__).parent / "marionette"
 _MAX_REST_PEAK = 1e-9
@@ -92,13 +93,19 @@ class GestureFile(Document):
     """A gesture: offsets from the puppet's rest."""
 
     kind: ClassVar = Kind(
-        "gesture", "a gesture has the keys `gesture`, and `moves` or `poses`", _FOLDER
+        "gesture", "a gesture has the keys `gesture`, and `parts`, `moves` or `poses`", _FOLDER
     )
 
     gesture: Name
     """Name of the gesture."""
     about: str = ""
     """Description for the audience."""
+    parts: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
+    """Part of the body and direction (`arm_right.up`, `head.left`, `legs.out`) -> list of
+    [time s, offset]; all strings that move the part move so."""
+    sizes: dict[SizeKind, Annotated[Length, Field(gt=0.0)]] = Field(default_factory=dict)
+    """Kind of part -> its size for these offsets [m]; those of a puppet of another size are
+    multiplied by the ratio. `whole` is for trunk and head."""
     moves: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
     """Moved name -> list of [time s, offset]: a driven coordinate, or a string and a direction
     (`hand_right.up`); offsets in m or rad, or with a unit (`12 cm`, `30 deg`)."""
@@ -111,8 +118,13 @@ class GestureFile(Document):
 
     @model_validator(mode="after")
     def _moves_something(self) -> GestureFile:
-        if not self.moves and self.poses is None:
-            raise mistake("found neither moves nor poses; needed: one of them")
+        if not self.parts and not self.moves and self.poses is None:
+            raise mistake("found neither parts, moves nor poses; needed: one of them")
+        if self.parts and (self.moves or self.poses is not None):
+            raise mistake(
+                "found parts with moves or poses; allowed: parts, which any puppet may have, or "
+                "moves and poses, which name strings and bodies"
+            )
         return self
 
 
@@ -122,7 +134,7 @@ def gesture_schema() -> dict[str, Any]:
 
 
 def gesture_names() -> tuple[str, ...]:
-    """Names of the bundled gestures for the bundled marionette."""
+    """Names of the bundled gestures."""
     return tuple(sorted({*GestureFile.kind.bundled, *MADE}))
 
 
@@ -147,7 +159,8 @@ def load_gesture(
     A take (``.npz``) becomes a gesture relative to its start; it uses the coordinates that move.
 
     Args:
-        puppet: puppet that performs it; a Marionette for key poses, walks and targets (``to``).
+        puppet: puppet that performs it; a Marionette for parts of a body, and so for bundled
+            gestures, key poses, walks and targets (``to``).
         path: path of the file, or the name of a bundled gesture (``wave``).
         start: state at rest, for key poses, walks and places; ``puppet.rest()`` by default.
         of: member of a scene that performs it: ``hand_right`` is then ``pierrot.hand_right``.
@@ -156,7 +169,8 @@ def load_gesture(
         to: target of ``point`` or ``look``: a place [m], or the place of a body at the start.
 
     Raises:
-        FileError: the file has mistakes; all of them are listed, with their lines.
+        FileError: the file has mistakes; all of them are listed, with their lines. Or the puppet
+            lacks a part of the body; one sentence says which.
         InputError: the arguments have mistakes.
         UnknownNameError: the scene has no such member.
         TypeError: a table for a gesture that needs a Marionette.
@@ -181,49 +195,76 @@ def load_gesture(
 def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, prefix: str) -> Gesture:
     """Gesture of a file."""
     file = read_document(path, GestureFile)
+    if file.parts:
+        gesture = _of_parts(puppet, file, prefix)
+    else:
+        gesture = _of_strings(puppet, file, start, prefix)
+    mistakes = Mistakes(file.located, file.kind.error)
+    for mark, t in file.marks.items():
+        if t > gesture.duration + SAME_TIME:
+            text = f"found {t:g} s; the gesture ends at {gesture.duration:g} s"
+            mistakes.add(("marks", mark), text)
+    mistakes.refuse()
+    return dataclasses.replace(gesture, marks=dict(file.marks))
+
+
+def _of_strings(puppet: Table, file: GestureFile, start: State | None, prefix: str) -> Gesture:
+    """Gesture of a file that moves strings of a certain puppet, without marks."""
     table, mistakes = reading.table_of(puppet), Mistakes(file.located, file.kind.error)
-    is_bundled = Path(file.located.file).parent == _FOLDER
-    if is_bundled:
-        _refuse_other_strings(file, table, prefix)
     prefixed = {prefix + name: points for name, points in file.moves.items()}
     offsets: dict[str, Points] = moves.read(table, prefixed, mistakes, ("moves",))
     mistakes.found = [
         (tuple(x.removeprefix(prefix) if isinstance(x, str) else x for x in spot), text)
         for spot, text in mistakes.found
     ]
-    if is_bundled and mistakes:
-        spot, text = mistakes.found[0]
-        raise _not_for_this_puppet(file, f"its move {spot[1]} {text}")
     if file.poses is not None and not mistakes:
         pose_offsets = _of_poses(puppet, file, file.poses, start, offsets, prefix)
         for channel, points in pose_offsets.items():
             if channel in offsets:
                 mistakes.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
-    if not mistakes:
-        gesture = Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
-        for mark, t in file.marks.items():
-            if t > gesture.duration + SAME_TIME:
-                text = f"found {t:g} s; the gesture ends at {gesture.duration:g} s"
-                mistakes.add(("marks", mark), text)
     mistakes.refuse()
-    return dataclasses.replace(gesture, marks=dict(file.marks))
+    return Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
 
 
-def _refuse_other_strings(file: GestureFile, table: CoordinateTable, prefix: str) -> None:
-    """Refuses a bundled gesture, in one sentence, for a puppet without the strings it moves."""
-    moved = {name.rsplit(".", 1)[0] for name in file.moves}
-    moved |= set() if file.poses is None else set(file.poses.strings)
-    # A length that a drive moves is in `commands`; q_K then has the name of its command.
-    owners = {name.rsplit(".", 1)[0] for name in (*table.q_K, *table.commands)}
-    missing = sorted(name for name in moved if prefix + name not in owners)
-    if missing:
-        text = f"it moves {', '.join(sorted(moved))}; this puppet has no {', '.join(missing)}"
-        raise _not_for_this_puppet(file, text)
+def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
+    """Gesture of a file that moves parts of a body, without marks.
+
+    Raises:
+        FileError: the puppet lacks a part, or its strings cannot move so, in one sentence.
+    """
+    if not isinstance(puppet, Marionette):
+        raise TypeError(f"{file.gesture} moves parts of a body; it takes a Marionette")
+    table, mistakes = puppet.coordinates, Mistakes(file.located, file.kind.error)
+    try:
+        roles = Roles.of(puppet, prefix.removesuffix("."))
+        parts = moves_of(roles, file.parts)
+    except StateError as error:
+        raise _not_for_this_puppet(file, str(error)) from None
+    own, known = Mistakes.of_inputs(), pieces.channel_names(table)
+    waypoints = {name: file.parts[part] for name, (part, _) in parts.items()}
+    offsets = moves.read(table, waypoints, own, ("parts",))
+    for name, (part, move) in parts.items():
+        channel = moves.meaning(name, known)[0]
+        channel = table.commands.get(channel, channel)
+        if channel not in known:
+            reason = f"its move {part} would move {channel}, which is not a driven coordinate"
+            raise _not_for_this_puppet(file, reason)
+        if channel in offsets and move.kind in file.sizes:
+            t, values = offsets[channel]
+            offsets[channel] = t, move.size / file.sizes[move.kind] * values
+    for (key, string, *rest), text in own.found:
+        mistakes.add((key, parts[str(string)][0], *rest), text)
+    mistakes.refuse()
+    gesture = Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+    try:
+        return gesture.turned(roles.heading) if roles.heading else gesture
+    except StateError as error:
+        raise _not_for_this_puppet(file, str(error)) from None
 
 
 def _not_for_this_puppet(file: GestureFile, reason: str) -> FileError:
-    """The error of a bundled gesture that a puppet cannot do: a sentence without line numbers."""
+    """The error of a gesture that a puppet cannot do: a sentence without line numbers."""
     return file.kind.error([Mistake(f"gesture {file.gesture}", None, "", reason)])
 
 

@@ -12,6 +12,7 @@ from fantoccini.motion import State, Table
 from fantoccini.theatre.gestures.aiming import Aim, To, look, point
 from fantoccini.theatre.gestures.ends import Ends
 from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.walking import walk
 
 if TYPE_CHECKING:
@@ -65,13 +66,14 @@ def made_gesture(
 
     Raises:
         InputError: the parameters have mistakes; all of them are listed.
-        UnknownNameError: the puppet has other strings.
+        StateError: the puppet lacks a part of the body.
+        UnknownNameError: an end or length of a string is not driven.
     """
     given.refuse(name, MADE[name])
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{name} begins where the puppet hangs; it takes a Marionette")
     start, mistakes = puppet.rest() if start is None else start, Mistakes.of_inputs()
-    ends = Ends(puppet.coordinates, start, prefix)
+    ends = Ends(Roles.of(puppet, prefix.removesuffix(".")), start)
     if given.to is None:
         return walk(ends, mistakes, given.steps, given.step, given.turn)
     aim = Aim(puppet, start, prefix, given.to, mistakes)

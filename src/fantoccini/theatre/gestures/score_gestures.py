@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fantoccini.base import Array, FileError, InputError, UnknownNameError, nearest
+from fantoccini.base import Array, FileError, InputError, StateError, UnknownNameError, nearest
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
@@ -88,6 +88,8 @@ class ScoreGestures:
             self._files[name, of, parameters] = gesture
         except UnknownNameError as error:
             self._log.mistakes.add((*spot, "of" if of else "gesture"), str(error))
+        except StateError as error:
+            self._log.mistakes.add((*spot, "gesture"), str(error))
         except InputError as error:
             for mistake in error.mistakes:
                 self._log.mistakes.add((*spot, mistake.key), mistake.message)

@@ -8,14 +8,17 @@ import numpy as np
 
 from fantoccini.base import Array, Times, polynomial
 from fantoccini.base.documents import Mistakes
-from fantoccini.theatre.gestures.ends import BODY, Curve, Ends, times
+from fantoccini.theatre.gestures.ends import Curve, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
+from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.stepping import LONGEST, MOST_TURN, STEP_TIME, Step, Track
 
 STEPS, STEP = 4, 0.06
 """Default number of steps of a walk, and default length of a step [m]."""
 SWAY = 0.006
 """Sway of the body to the side of the standing foot [m]."""
+_LEG = 0.26417
+"""Length of a leg of the puppet for which the lengths of this module are [m]."""
 _LIFT = 0.06
 """Length by which a knee's string is wound in for a step [m]."""
 _LIFT_ON_SPOT = 0.025
@@ -43,7 +46,8 @@ def walk(
     Raises:
         InputError: the parameters have mistakes; all of them are listed.
     """
-    n, step = STEPS if count is None else count, STEP if length is None else float(length)
+    n = STEPS if count is None else count
+    step = STEP * _scale(ends.roles) if length is None else float(length)
     angle = 0.0 if turn is None else float(turn)
     if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= _MAX_STEPS:
         mistakes.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MAX_STEPS}")
@@ -72,22 +76,26 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
     """
     if not given:
         raise ValueError("given is empty; a gesture has at least one step")
-    n, track = len(given), Track(given, step_time)
+    legs = {name: ends.roles.strings(f"leg_{name}") for name in _SIDES}
+    for string in (*legs["left"], *legs["right"]):
+        ends.check_driven(string)
+    n, track, scale = len(given), Track(given, step_time), _scale(ends.roles)
     clock = np.arange(n * _PARTS + 1) / _PARTS
     k = np.minimum(clock.astype(int), n - 1)
     up = _bump(clock - k, step_time)
     moves = np.array([not step.stands for step in given])
     # +1 in a step of the left foot, -1 in one of the right foot.
     side = np.where(moves, (-1.0) ** (np.cumsum(moves) + 1), 0.0)
-    lift = np.array([_LIFT if step.length else _LIFT_ON_SPOT for step in given])
+    lift = scale * np.array([_LIFT if step.length else _LIFT_ON_SPOT for step in given])
     path, heading = track.at(clock * step_time)
-    ends.carry(path, heading, times(-SWAY * side[k], up))
-    for name in BODY:
-        ends.add(f"{name}.length", times(-_BOB * moves[k], up))
+    ends.carry(path, heading, times(-SWAY * scale * side[k], up))
+    for name in ends.body:
+        ends.add(f"{name}.length", times(-_BOB * scale * moves[k], up))
     marks: dict[str, float] = {}
     for name, sign in zip(_SIDES, (1.0, -1.0), strict=True):
         if np.any(side == sign):
-            ends.add(f"knee_{name}.length", times(-lift[k] * (side[k] == sign), up))
+            for string in legs[name]:
+                ends.add(f"{string}.length", times(-lift[k] * (side[k] == sign), up))
     for j in np.flatnonzero(moves):
         marks[numbered(_SIDES[int(side[j] < 0.0)], marks)] = (float(j) + 0.5) * step_time
     return ends.gesture(clock * step_time, "steps", marks, travels=True)
@@ -103,6 +111,16 @@ def there_and_back(way: float, hold: float, parts: int = 12) -> tuple[Times, Cur
         np.concatenate([x, sign * x[::-1]]) for x, sign in zip(up, signs, strict=True)
     )
     return t, (values, rates, changes)
+
+
+def _scale(roles: Roles) -> float:
+    """Length of a leg, relative to that for which the lengths of this module are.
+
+    Raises:
+        StateError: the puppet has no leg, or more than one on a side.
+    """
+    roles.moves("leg_left.up")
+    return roles.body_map.parts["leg_left"].length / _LEG
 
 
 def _bump(s: Array, step_time: float) -> Curve:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from fantoccini.base import UnknownNameError
+from fantoccini.base import StateError, UnknownNameError
 from fantoccini.model.puppet import FLOOR
 from fantoccini.theatre.cast import Actor, Cast, Meeting, Pair, Way
 from fantoccini.theatre.gestures import CannotBe, Gesture, Part, Turn
@@ -160,14 +160,14 @@ def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) 
         gestures: gestures with the pose.
 
     Raises:
-        CannotBe: its strings differ from those of the bundled marionette.
+        CannotBe: it lacks a part of the body, or its strings are not driven.
     """
     line = actor.hands.lanes[0]
     if not side:
         return actor
     try:
         pose = gestures.pose(actor.player, side).turned(actor.last.heading)
-    except UnknownNameError as error:
+    except (StateError, UnknownNameError) as error:
         raise CannotBe(f"{actor.player.name} cannot carry it: {error}") from None
     there, now = pose.ends[0][1][pose.named], (line.d - line.carried)[pose.named]
     if abs(there - now).max() <= IN_POSE:
@@ -189,14 +189,14 @@ def walked(
         carries: side of the forearm on which something hangs.
 
     Raises:
-        CannotBe: its strings differ from those of the bundled marionette.
+        CannotBe: it lacks a part of the body, or its strings are not driven.
     """
     if not way.steps:
         gesture = Gesture.rest(actor.player.alone, 1e-3, everything=False)
         return replace(actor, ways=(*actor.ways, way)), gesture
     try:
         steps = gestures.walk(actor.player, way.steps, way.step_time, carries)
-    except UnknownNameError as error:
+    except (StateError, UnknownNameError) as error:
         raise CannotBe(f"{actor.player.name} cannot walk: {error}") from None
     gesture = steps.turned(way.start.heading)
     hands, _ = actor.hands.add(0, gesture, way.begin)

@@ -149,7 +149,9 @@ class PlayerGestures:
         if key not in self._cache:
             if carries:
                 pose = self.pose(player, carries)
-                gesture = prop_gestures.steps_carrying(pose, player.hangs, "", way, step_time)
+                gesture = prop_gestures.steps_carrying(
+                    player.alone, pose, player.hangs, "", way, step_time
+                )
             else:
                 gesture = steps(player.ends(), way, step_time)
             self._cache[key] = gesture
@@ -182,7 +184,7 @@ class PlayerGestures:
                 check_parts(player.alone, player.hangs, VERBS[given.verb].called)
             else:
                 player.ends()
-        except UnknownNameError as error:
+        except (StateError, UnknownNameError) as error:
             what = f"do `{spelled(given.verb)}`"
             return f"{player.name} cannot {what}: {error}"
         return ""

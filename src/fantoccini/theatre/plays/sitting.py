@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.theatre.cast import FEET, SEATED, Waypoints, gesture_of, of_member
-from fantoccini.theatre.gestures import BODY, Gesture
+from fantoccini.theatre.cast import BODY, FEET, SEATED, Waypoints, gesture_of, of_member
+from fantoccini.theatre.gestures import Gesture
 
 _PELVIS_HEIGHT = 0.091
 """Height of the waist above the bottom of the pelvis [m]."""

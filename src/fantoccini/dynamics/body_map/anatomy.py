@@ -1,0 +1,296 @@
+"""Anatomy of a puppet at rest: segments of bodies that move as one, and strings tied to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from fantoccini.base import Array, StateError
+from fantoccini.dynamics.compiled import CompiledPuppet, forward_dynamics
+from fantoccini.model.puppet import Capsule, Shape
+from fantoccini.model.tree import (
+    WORLD,
+    Point,
+    Role,
+    StringRow,
+    link_inertia,
+    link_poses,
+    measure,
+    place,
+    shape_box,
+)
+from fantoccini.motion import State
+
+ROOT = -1
+"""Parent of the segment that carries all others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A body, and the bodies fixed on it.
+
+    Attributes:
+        link: index of the body's link.
+        name: name of the body.
+        parent: index of the segment that carries it, or ``ROOT``.
+        children: indices of the segments that it carries.
+        pose: (3, 4) pose of the body at rest.
+        mass: mass [kg].
+        corners: (n, 3) corners of the boxes around its shapes, in the body's frame [m].
+    """
+
+    link: int
+    name: str
+    parent: int
+    children: tuple[int, ...]
+    pose: Array
+    mass: float
+    corners: Array
+
+    @property
+    def joint(self) -> Array:
+        """(3,) place of the joint that carries it [m]."""
+        return self.pose[:, 3]
+
+    @property
+    def outline(self) -> Array:
+        """(n, 3) corners in the world, and the joint [m]."""
+        return np.vstack([self.joint, self.corners @ self.pose[:, :3].T + self.joint])
+
+    @cached_property
+    def box(self) -> Array:
+        """(3,) lengths of the box around its shapes, the smallest first [m]; 0 without shapes."""
+        return np.sort(np.ptp(self.corners, axis=0)) if len(self.corners) else np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Tie:
+    """A point at which a string is tied to a segment.
+
+    Attributes:
+        string: name of the string.
+        segment: index of the segment.
+        at: (3,) point in the body's frame [m].
+        place: (3,) point at rest [m].
+        above: (3,) other end of the string [m].
+        holder: name of the driven body to which the other end is tied; empty without one.
+        share: upward force at rest, relative to the weight; inf if it is not known.
+    """
+
+    string: str
+    segment: int
+    at: Array
+    place: Array
+    above: Array
+    holder: str
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class Anatomy:
+    """Segments of a puppet at rest, parents first, and the points where strings are tied.
+
+    Attributes:
+        segments: segments; the first carries all others.
+        ties: points where strings are tied, in the order of the file.
+    """
+
+    segments: tuple[Segment, ...]
+    ties: tuple[Tie, ...]
+
+    @cached_property
+    def outline(self) -> Array:
+        """(n, 3) corners of all segments [m]."""
+        return np.vstack([segment.outline for segment in self.segments])
+
+    @cached_property
+    def size(self) -> float:
+        """Longest side of the box around all segments [m]."""
+        return max(float(np.ptp(self.outline, axis=0).max()), 1e-9)
+
+    @cached_property
+    def ground(self) -> float:
+        """Height of the lowest point [m]."""
+        return float(self.outline[:, 2].min())
+
+    @cached_property
+    def height(self) -> float:
+        """Height of the highest point above the lowest one [m]."""
+        return max(float(np.ptp(self.outline[:, 2])), 1e-9)
+
+    def below(self, segment: int) -> Iterator[int]:
+        """A segment and all that it carries, parents first."""
+        stack = [segment]
+        while stack:
+            k = stack.pop()
+            yield k
+            stack += self.segments[k].children
+
+    def low(self, segment: int) -> float:
+        """Height of the lowest point of a branch above the ground, relative to the height."""
+        lowest = min(self.segments[k].outline[:, 2].min() for k in self.below(segment))
+        return (float(lowest) - self.ground) / self.height
+
+    def tied(self, segment: int) -> list[Tie]:
+        """Points where strings are tied to a branch."""
+        own = set(self.below(segment))
+        return [tie for tie in self.ties if tie.segment in own]
+
+    def top(self, segments: Iterable[int]) -> float:
+        """Height of the highest point of segments [m]."""
+        return max(float(self.segments[k].outline[:, 2].max()) for k in segments)
+
+    def middle(self, segments: tuple[int, ...]) -> Array:
+        """(3,) middle of the box around segments [m]."""
+        points = np.vstack([self.segments[k].outline for k in segments])
+        return 0.5 * (points.min(axis=0) + points.max(axis=0))
+
+
+def anatomy_of(puppet: CompiledPuppet, member: str, x: State | None) -> Anatomy:
+    """Anatomy of a puppet, or of the member of a scene.
+
+    Args:
+        puppet: puppet or scene.
+        member: name of the scene's member; empty for the only puppet.
+        x: state at rest; None for the file's pose, which needs no library.
+
+    Raises:
+        StateError: no body of the puppet moves freely.
+    """
+    number = puppet.number
+    poses = measure(puppet.tree, number).poses[None]
+    if x is not None:
+        poses = link_poses(puppet.tree.links, x.q_D[None], x.q_K[None], number)
+    leader = _leaders(puppet, member)
+    segments = _segments(puppet, leader, poses[0], member or puppet.name)
+    index = {segment.link: k for k, segment in enumerate(segments)}
+    segment_of = {i: index[lead] for i, lead in leader.items() if lead in index}
+    forces = {} if x is None else _forces(puppet, x, poses)
+    gravity = np.linalg.norm([number(g) for g in puppet.tree.gravity])
+    weight = max(float(gravity) * sum(segment.mass for segment in segments), 1e-12)
+    ties: list[Tie] = []
+    for row in (*puppet.tree.strings, *puppet.tree.chains):
+        points = row.points if isinstance(row, StringRow) else (row.points[0], row.points[-1])
+        own = [p for p in (points[0], points[-1]) if p.link in segment_of]
+        own = own or [p for p in points if p.link in segment_of]
+        others = [p for p in (points[-1], points[0], *points) if p.link not in segment_of]
+        for point in own:
+            other = others[0] if others else point
+            k, tied = segment_of[point.link], place(poses, point, number)[0]
+            ties.append(
+                Tie(
+                    string=row.name,
+                    segment=k,
+                    at=segments[k].pose[:, :3].T @ (tied - segments[k].joint),
+                    place=tied,
+                    above=place(poses, other, number)[0],
+                    holder=_holder(puppet, other),
+                    share=forces.get(row.name, np.inf) / weight,
+                )
+            )
+    return Anatomy(segments, tuple(ties))
+
+
+def _segments(
+    puppet: CompiledPuppet, leader: Mapping[int, int], poses: Array, name: str
+) -> tuple[Segment, ...]:
+    """Segments of the largest tree of bodies that moves freely, parents first."""
+    links, number = puppet.tree.links, puppet.number
+    roots = {lead: _root(puppet, leader, lead) for lead in sorted(set(leader.values()))}
+    trees: dict[int, list[int]] = {}
+    for lead, root in roots.items():
+        trees.setdefault(root, []).append(lead)
+    moving = [t for t in trees.values() if any(links[k].role is Role.DYNAMIC for k in t)]
+    if not moving:
+        raise StateError(f"{name} has no body map: none of its bodies moves freely")
+    leads = max(moving, key=len)
+    index = {lead: k for k, lead in enumerate(leads)}
+    above = {lead: leader.get(links[lead].parent, ROOT) for lead in leads}
+    segments = []
+    for lead in leads:
+        own = [i for i, first in leader.items() if first == lead]
+        segments.append(
+            Segment(
+                link=lead,
+                name=links[lead].name,
+                parent=index.get(above[lead], ROOT),
+                children=tuple(index[k] for k in leads if above[k] == lead),
+                pose=poses[lead],
+                mass=sum(link_inertia(links[i], number)[0] for i in own),
+                corners=_corners(puppet, poses, lead, own),
+            )
+        )
+    return tuple(segments)
+
+
+def _leaders(puppet: CompiledPuppet, member: str) -> dict[int, int]:
+    """Link of a body -> link of the body on which it is fixed, or its own.
+
+    Props are left out, and frames in the world on which the puppets of a scene stand.
+    """
+    links, prefix = puppet.tree.links, f"{member}." if member else ""
+    bodies = {body.name for body in puppet.puppet.expanded().bodies}
+    bodies -= set(puppet.puppet.props)
+    leader: dict[int, int] = {}
+    for i, link in enumerate(links):
+        is_frame = link.kind == "fixed" and link.parent == WORLD
+        is_frame &= not link.shapes and link_inertia(link, puppet.number)[0] == 0.0
+        if link.name not in bodies or not link.name.startswith(prefix) or is_frame:
+            continue
+        fixed = link.kind == "fixed" and link.parent in leader
+        leader[i] = leader[link.parent] if fixed else i
+    return leader
+
+
+def _root(puppet: CompiledPuppet, leader: Mapping[int, int], lead: int) -> int:
+    """Leading link of the segment that carries all others of its tree."""
+    while (parent := puppet.tree.links[lead].parent) in leader:
+        lead = leader[parent]
+    return lead
+
+
+def _corners(puppet: CompiledPuppet, poses: Array, lead: int, own: list[int]) -> Array:
+    """(n, 3) corners of the boxes around the shapes of links, in the frame of one of them [m]."""
+    R, r = poses[lead, :, :3], poses[lead, :, 3]
+    corners = [np.zeros((0, 3))]
+    for i in own:
+        for shape in puppet.tree.links[i].shapes:
+            for low, high in _boxes(shape):
+                box = np.array(list(product(*zip(low, high, strict=True))))
+                corners.append((box @ poses[i, :, :3].T + poses[i, :, 3] - r) @ R)
+    return np.vstack(corners)
+
+
+def _boxes(shape: Shape) -> list[tuple[Array, Array]]:
+    """Boxes around a shape; for a capsule around both ends, since it may lie across the axes."""
+    if not isinstance(shape, Capsule):
+        return [shape_box(shape, np.eye(3, 4))]
+    return [
+        (np.array(end) - shape.radius, np.array(end) + shape.radius)
+        for end in (shape.from_, shape.to)
+    ]
+
+
+def _forces(puppet: CompiledPuppet, x: State, poses: Array) -> dict[str, float]:
+    """String -> upward force of its tension at rest [N]; chains have no rows and are left out."""
+    tension = forward_dynamics(puppet, x).tension
+    forces = {}
+    for i, row in enumerate(puppet.tree.strings):
+        points = [place(poses, p, puppet.number)[0] for p in row.points]
+        way = points[-1] - points[0]
+        slope = abs(float(way[2])) / max(float(np.linalg.norm(way)), 1e-12)
+        # A string over pulleys pulls at both ends; its slope there is taken as steep.
+        forces[row.name] = float(tension[i]) * (slope if len(points) == 2 else 1.0)
+    return forces
+
+
+def _holder(puppet: CompiledPuppet, point: Point) -> str:
+    """Driven body from which a string hangs: the last on the way to the world."""
+    links, names = puppet.tree.links, {body.name for body in puppet.puppet.expanded().bodies}
+    chain = [] if point.link == WORLD else puppet.tree.ancestors(point.link)
+    driven = [i for i in chain if links[i].role is Role.DRIVEN and links[i].name in names]
+    return links[driven[-1]].name if driven else ""

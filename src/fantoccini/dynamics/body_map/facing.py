@@ -1,0 +1,90 @@
+"""Direction in which a puppet looks, from its head, tail, feet, joints and strings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.dynamics.body_map.anatomy import Anatomy
+from fantoccini.dynamics.body_map.parts import Parts
+from fantoccini.dynamics.compiled import CompiledPuppet
+
+MIN_EVIDENCE = 0.3
+"""Sum of the clues below which the direction is doubtful."""
+MAX_DISSENT = 0.4
+"""Share of clues for the other direction above which it is doubtful."""
+FULL_OFFSET = 0.1
+"""Offset at which a clue counts in full, relative to the size of the part."""
+_BEND = 0.5
+"""Part of a hinge's range to which it is bent to see where the limb moves."""
+
+
+def facing_of(puppet: CompiledPuppet, anatomy: Anatomy, parts: Parts) -> tuple[Array, str]:
+    """Horizontal unit direction (3,) in which a puppet looks at rest, and a reason for doubt."""
+    forward = np.cross(parts.plane.across, [0.0, 0.0, 1.0])
+    clues = list(_clues(puppet, anatomy, parts, forward))
+    total = sum(weight for weight in clues)
+    opposed = sum(abs(weight) for weight in clues if weight * total < 0.0)
+    if abs(total) < MIN_EVIDENCE:
+        # Puppets of unknown direction look towards +x, as the bundled ones do, or else +y.
+        main = forward[0] if abs(forward[0]) > 0.1 else forward[1]
+        sign = 1.0 if main > 0.0 else -1.0
+        return sign * forward, "neither head, tail, feet, joints nor strings tell front from back"
+    doubt = ""
+    if opposed > MAX_DISSENT * sum(map(abs, clues)):
+        doubt = "head, tail, feet, joints and strings contradict one another"
+    return (forward if total > 0.0 else -forward), doubt
+
+
+def _clues(
+    puppet: CompiledPuppet, anatomy: Anatomy, parts: Parts, forward: Array
+) -> Iterator[float]:
+    """Weights of the clues; above 0 for ``forward``, below 0 against it."""
+    middle = anatomy.middle(parts.trunk)
+    size = anatomy.size
+    if parts.head is not None:
+        last = anatomy.segments[parts.head.chain[-1]]
+        centre = 0.5 * (last.outline.min(axis=0) + last.outline.max(axis=0))
+        yield 3.0 * _clipped(float((centre - middle) @ forward), 3.0 * size)
+        # A nose reaches farther from the middle of the shapes than the back of the head.
+        along = (last.outline - last.joint) @ forward
+        yield 1.0 * _clipped(along.max() + along.min(), along.max() - along.min())
+    for limb in parts.limbs:
+        last = anatomy.segments[limb.chain[-1]]
+        outline = last.outline
+        tip = last.pose[:, :3] @ limb.end + last.pose[:, 3]
+        if limb.kind == "tail":
+            yield -2.0 * _clipped(float((tip - middle) @ forward), 2.0 * size)
+        elif limb.kind == "leg" and len(last.corners):
+            low = outline[outline[:, 2] <= outline[:, 2].min() + 0.25 * np.ptp(outline[:, 2])]
+            foot = 0.5 * (low.min(axis=0) + low.max(axis=0)) - last.joint
+            yield 0.5 * _clipped(float(foot @ forward), float(np.linalg.norm(foot)))
+        if limb.kind == "arm":
+            yield 0.5 * np.sign(_hinge(puppet, anatomy, limb.chain, forward))
+            lifted = [tie for tie in anatomy.ties if tie.segment in limb.chain]
+            carried = [tie.above for tie in anatomy.ties if tie.segment in parts.trunk]
+            if lifted and carried:
+                ahead = (lifted[-1].above - np.mean(carried, axis=0)) @ forward
+                yield 0.5 * _clipped(ahead, size)
+
+
+def _hinge(
+    puppet: CompiledPuppet, anatomy: Anatomy, chain: tuple[int, ...], forward: Array
+) -> float:
+    """Move of an arm's end along ``forward`` as its last hinge bends to its far limit [m]."""
+    for k in reversed(chain):
+        segment = anatomy.segments[k]
+        link = puppet.tree.links[segment.link]
+        bounds = [limit.bound for limit in puppet.tree.limits if limit.link == segment.link]
+        if link.kind == "revolute" and len(bounds) == 2 and abs(sum(bounds)) > 0.1:
+            axis = segment.pose[:, :3] @ link.axes[:, 0]
+            middle = segment.outline.mean(axis=0) - segment.joint
+            return float(np.cross(_BEND * sum(bounds) * axis, middle) @ forward)
+    return 0.0
+
+
+def _clipped(offset: float, size: float) -> float:
+    """Offset relative to ``FULL_OFFSET`` of a size, between -1 and 1."""
+    return float(np.clip(offset / max(FULL_OFFSET * size, 1e-12), -1.0, 1.0))

@@ -1,0 +1,228 @@
+"""Body map of a puppet: what its file gives, and the rest from its anatomy at rest."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from fantoccini.base import Array, StateError
+from fantoccini.dynamics.body_map.anatomy import Anatomy, anatomy_of
+from fantoccini.dynamics.body_map.facing import facing_of
+from fantoccini.dynamics.body_map.parts import Branch, Parts, parts_of
+from fantoccini.dynamics.body_map.symmetry import SIZE_TOLERANCE
+from fantoccini.dynamics.compiled import CompiledPuppet
+from fantoccini.dynamics.equilibrium import equilibrium, initial_state
+from fantoccini.model import BodyMap, Doubt, Head, Limb
+from fantoccini.model.puppet import Rig, Side
+
+MIN_SHARE = 0.02
+"""Least share of the weight that a carrying string holds."""
+MIN_COSINE = np.cos(np.radians(10.0))
+"""Cosine of the largest angle between the trunk's axis and the direction in which it looks, for a
+trunk that only leans at rest."""
+_DIGITS = 5
+"""Decimals of points [m] and directions: a hundredth of a millimetre."""
+_ORDER = {"arm": 0, "wing": 1, "leg": 2, "neck": 3, "tail": 4}
+
+
+def find_body_map(puppet: CompiledPuppet, member: str = "") -> BodyMap:
+    """Body map of a puppet: entries of its file, completed from its tree, shapes and strings.
+
+    Names are those in the puppet or scene. What carries it is read off the tensions at rest.
+
+    Args:
+        puppet: puppet or scene.
+        member: name of the scene's member; empty for a single puppet.
+
+    Raises:
+        StateError: the puppet has no pair of limbs; the message has its bodies.
+    """
+    name, prefix = member or puppet.name, f"{member}." if member else ""
+    whole = puppet.puppet.expanded()
+    rig = (whole.rigs.get(member) if member else whole.rig) or Rig()
+    anatomy = anatomy_of(puppet, member, None)
+    if rig.limbs is None:
+        # The file's pose may already show that there is no map; a rest takes a compiled library.
+        parts_of(anatomy, name)
+    doubts: list[Doubt] = []
+    if rig.limbs is None or rig.carrying is None:
+        try:
+            x = equilibrium.rest(puppet, initial_state.state(puppet))
+            anatomy = anatomy_of(puppet, member, x)
+        except StateError as error:
+            text = f"no rest was found, so that the file's pose was used instead: {error}"
+            doubts.append(Doubt("trunk", text))
+    if rig.limbs is None:
+        draft = _searched(puppet, anatomy, parts_of(anatomy, name), rig, doubts)
+    else:
+        draft = _given(rig, prefix)
+    if rig.head is not None:
+        draft = _with_head(draft, Head(prefix + rig.head.body, rig.head.end))
+    draft = _with_sizes(_with_strings(draft, anatomy, rig, doubts), anatomy)
+    if rig.carrying is not None:
+        draft = replace(draft, carrying=tuple(prefix + string for string in rig.carrying))
+    if rig.looking is not None:
+        draft = replace(draft, looking=tuple(prefix + string for string in rig.looking))
+    if rig.control is not None:
+        draft = replace(draft, control=prefix + rig.control)
+    return replace(draft, doubts=tuple(doubts))
+
+
+def _given(rig: Rig, prefix: str) -> BodyMap:
+    """Trunk, limbs and facing of a file that gives them."""
+
+    def named(names: Iterable[str]) -> tuple[str, ...]:
+        return tuple(prefix + name for name in names)
+
+    count: Counter[tuple[str, str]] = Counter()
+    ranked: list[tuple[int, int, str, Limb]] = []
+    for limb in rig.limbs or ():
+        own = Limb(limb.kind, limb.side, named(limb.bodies), limb.end, named(limb.strings))
+        ranked.append((_ORDER[limb.kind], count[limb.kind, limb.side], limb.side, own))
+        count[limb.kind, limb.side] += 1
+    # Mirrored limbs follow the originals in the file; a pair stands together in the map.
+    limbs = tuple(limb for *_, limb in sorted(ranked, key=lambda entry: entry[:3]))
+    assert rig.trunk is not None and rig.facing is not None, "limbs are given with both"
+    return BodyMap(named(rig.trunk), None, limbs, rig.facing)
+
+
+def _with_head(draft: BodyMap, head: Head) -> BodyMap:
+    """The map with another head, and without limbs that contain its body."""
+    limbs = tuple(limb for limb in draft.limbs if head.body not in limb.bodies)
+    return replace(draft, head=head, limbs=limbs)
+
+
+def _searched(
+    puppet: CompiledPuppet, anatomy: Anatomy, parts: Parts, rig: Rig, doubts: list[Doubt]
+) -> BodyMap:
+    """Trunk, head, limbs and facing from the anatomy; adds doubts."""
+    trunk = [anatomy.segments[k] for k in parts.trunk]
+    to_trunk = trunk[0].pose[:, :3].T
+    if rig.facing is None:
+        forward, doubt = facing_of(puppet, anatomy, parts)
+        doubts += [Doubt("facing", doubt)] if doubt else []
+    else:
+        forward = to_trunk.T @ np.array(rig.facing)
+    left = np.cross([0.0, 0.0, 1.0], forward)
+    tolerance = SIZE_TOLERANCE * anatomy.size
+
+    def side(branch: Branch) -> Side:
+        away = parts.plane.side(anatomy.segments[branch.chain[0]].joint)
+        away *= float(parts.plane.across @ left)
+        in_middle = branch.twin < 0 and abs(away) <= tolerance
+        return "middle" if in_middle else "left" if away > 0.0 else "right"
+
+    def order(branch: Branch) -> tuple[int, float, float]:
+        joint = anatomy.segments[branch.chain[0]].joint
+        ahead = round(float(joint @ forward) / tolerance)
+        return _ORDER[branch.kind], -ahead, -float(joint @ left)
+
+    branches, head = list(parts.limbs), None
+    if parts.head is not None:
+        last = anatomy.segments[parts.head.chain[-1]]
+        head = Head(last.name, _rounded(parts.head.end))
+        doubts += [Doubt("head", reason) for reason in parts.head.doubts]
+        if neck := parts.head.chain[:-1]:
+            below = anatomy.segments[neck[-1]]
+            branches.append(Branch(neck, below.pose[:, :3].T @ (last.joint - below.joint), "neck"))
+    branches.sort(key=order)
+    heads = () if parts.head is None else parts.head.chain[-1:]
+    limbs = tuple(
+        Limb(
+            kind=branch.kind,
+            side=side(branch),
+            bodies=tuple(anatomy.segments[k].name for k in branch.chain),
+            end=_rounded(branch.end),
+            strings=_lifting(anatomy, branch.chain, heads),
+        )
+        for branch in branches
+    )
+    names = tuple(segment.name for segment in trunk)
+    draft = BodyMap(names, head, limbs, _snapped(to_trunk @ forward))
+    for name, branch in zip(draft.parts, branches, strict=True):
+        doubts += [Doubt(name, reason) for reason in branch.doubts]
+    doubts += [Doubt("trunk", reason) for reason in parts.doubts]
+    return draft
+
+
+def _with_strings(draft: BodyMap, anatomy: Anatomy, rig: Rig, doubts: list[Doubt]) -> BodyMap:
+    """The map with the strings that carry and look, and the control; adds doubts."""
+    index = {segment.name: k for k, segment in enumerate(anatomy.segments)}
+    trunk = {index[name] for name in draft.trunk if name in index}
+    holding = [tie for tie in anatomy.ties if tie.share >= MIN_SHARE]
+    carrying = _names(tie.string for tie in holding if tie.segment in trunk)
+    if not carrying and rig.carrying is None:
+        own = _names(tie.string for tie in anatomy.ties if tie.segment in trunk)
+        carrying = own or _names(tie.string for tie in holding)
+        text = "its strings carry no weight at rest" if own else "no string is tied to it"
+        doubts.append(Doubt("trunk", text))
+    bodies = [] if draft.head is None else [draft.head.body]
+    bodies += [name for limb in draft.limbs if limb.kind == "neck" for name in limb.bodies]
+    looking = _names(
+        tie.string for name in bodies if name in index for tie in anatomy.tied(index[name])
+    )
+    if draft.head is not None and not looking and rig.looking is None:
+        doubts.append(Doubt("head", "no string moves it"))
+    used = {*carrying, *looking, *(string for limb in draft.limbs for string in limb.strings)}
+    if rig.limbs is None:
+        idle = _names(tie.string for tie in anatomy.ties if tie.string not in used)
+        doubts += [Doubt(name, "this string moves no part of the map") for name in idle]
+    holders = [tie.holder for tie in anatomy.ties if tie.holder]
+    control = max(sorted(set(holders)), key=holders.count, default="")
+    return replace(draft, carrying=carrying, looking=looking, control=control)
+
+
+def _with_sizes(draft: BodyMap, anatomy: Anatomy) -> BodyMap:
+    """The map with the lengths of its limbs, and its size."""
+    joints = {segment.name: segment.joint for segment in anatomy.segments}
+
+    def way(points: list[Array]) -> float:
+        return float(np.sum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+
+    def sized(limb: Limb) -> Limb:
+        own = [joints[name] for name in limb.bodies if name in joints]
+        length = way(own) if own else 0.0
+        return replace(limb, length=round(length + float(np.linalg.norm(limb.end)), _DIGITS))
+
+    limbs = tuple(sized(limb) for limb in draft.limbs)
+    legs = [limb for limb in limbs if limb.kind == "leg"]
+    hips = [joints[limb.bodies[0]] for limb in legs if limb.bodies[0] in joints]
+    trunk = [joints[name] for name in draft.trunk if name in joints]
+    necks = [limb for limb in limbs if limb.kind == "neck"]
+    # Hips and neck lie on the bodies of the trunk at places that do not depend on the pose.
+    ends = [np.mean(hips, axis=0)] if hips else trunk[:1]
+    tops = [necks[0].bodies[0]] if necks else [] if draft.head is None else [draft.head.body]
+    ends += [joints[name] for name in tops if name in joints]
+    size = way(ends) + max((leg.length for leg in legs), default=0.0)
+    size += sum(neck.length for neck in necks)
+    size += 0.0 if draft.head is None else float(np.linalg.norm(draft.head.end))
+    return replace(draft, limbs=limbs, size=round(size, _DIGITS))
+
+
+def _lifting(anatomy: Anatomy, chain: tuple[int, ...], heads: tuple[int, ...]) -> tuple[str, ...]:
+    """Strings tied to a chain or its branches without heads, the one nearest to the end first."""
+    names: list[str] = []
+    for k in reversed(chain):
+        names += [tie.string for tie in anatomy.ties if tie.segment == k]
+        carried = [child for child in anatomy.segments[k].children if child not in (*chain, *heads)]
+        names += [tie.string for child in carried for tie in anatomy.tied(child)]
+    return _names(names)
+
+
+def _names(names: Iterable[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(names))
+
+
+def _snapped(direction: Array) -> tuple[float, float, float]:
+    """The axis of the frame next to a unit direction, or the direction if none is near."""
+    axis = np.round(direction)
+    near = np.linalg.norm(axis) == 1.0 and float(axis @ direction) >= MIN_COSINE
+    return _rounded(axis if near else direction)
+
+
+def _rounded(point: Array) -> tuple[float, float, float]:
+    x, y, z = (round(float(number), _DIGITS) + 0.0 for number in point)
+    return x, y, z

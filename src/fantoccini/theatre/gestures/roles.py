@@ -1,0 +1,155 @@
+"""Parts of a body, such as a hand or the head, as strings of a puppet and directions of their ends.
+
+A gesture moves parts by offsets for a body of certain sizes; for another body they are multiplied
+by the ratio of the sizes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from fantoccini.base import Array, StateError
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model import BodyMap
+from fantoccini.model.tree import WORLD, measure
+
+KINDS = ("arm", "leg", "wing", "tail", "neck")
+"""Kinds of limbs; a plural means all limbs of the kind, and none if the puppet has none."""
+SizeKind: TypeAlias = Literal["whole", "arm", "leg", "wing", "tail", "neck"]
+"""Kind of limb, or the whole body, whose size scales offsets of trunk and head."""
+_TURN_DIGITS = 9
+"""Decimals of the heading of a puppet [rad]."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """A string and a direction that a part's name means.
+
+    Attributes:
+        string: name of the string.
+        way: direction, in which the puppet looks along x.
+        kind: kind of limb, or ``whole``.
+        size: length of the limb, or size of the body [m].
+    """
+
+    string: str
+    way: str
+    kind: SizeKind
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
+class Roles:
+    """Body map of a puppet or of a scene's member, for gestures.
+
+    Attributes:
+        marionette: puppet or scene.
+        member: name of the scene's member; empty for a single puppet.
+        body_map: its body map.
+    """
+
+    marionette: Marionette
+    member: str
+    body_map: BodyMap
+
+    @classmethod
+    def of(cls, marionette: Marionette, member: str = "") -> Roles:
+        """Roles of a puppet.
+
+        Raises:
+            StateError: it has no body map.
+        """
+        own = member if marionette.puppet.members else ""
+        return cls(marionette, member, marionette.body_map_of(own))
+
+    @property
+    def heading(self) -> float:
+        """Angle from the x axis of its own world to the direction in which it looks [rad]."""
+        x, y, _ = self.own_axes(self.body_map.trunk[0]) @ np.array(self.body_map.facing)
+        return round(float(np.arctan2(y, x)), _TURN_DIGITS) + 0.0
+
+    def own_axes(self, body: str) -> Array:
+        """(3, 3) axes of a body in the pose of its file, in the puppet's own world."""
+        tree = self.marionette.tree
+        poses = measure(tree, self.marionette.number).poses
+        frame = tree.links[self.marionette.link_index(self.body_map.trunk[0])].parent
+        own = poses[self.marionette.link_index(body), :, :3]
+        return own if frame == WORLD else poses[frame, :, :3].T @ own
+
+    @property
+    def prefix(self) -> str:
+        """Prefix of the names of a scene's member."""
+        return f"{self.member}." if self.marionette.puppet.members else ""
+
+    def strings(self, *parts: str) -> tuple[str, ...]:
+        """Names of the strings that move parts, without the prefix of a scene's member.
+
+        Raises:
+            StateError: the puppet lacks a part, or no string moves it.
+        """
+        names = [move.string for part in parts for move in self.moves(f"{part}.up")]
+        return tuple(dict.fromkeys(name.removeprefix(self.prefix) for name in names))
+
+    def moves(self, name: str) -> list[Move]:
+        """Strings and directions of a name such as ``arm_right.up``, ``head.left`` or ``legs.out``.
+
+        Raises:
+            StateError: the puppet has no such part, or no string moves it.
+        """
+        part, _, way = name.rpartition(".")
+        body = self.body_map
+        parts: list[tuple[str, SizeKind, float, str]] = [
+            (own, limb.kind, limb.length, limb.side)
+            for own, limb in body.parts.items()
+            if part in (own, f"{limb.kind}s")
+        ]
+        if part in ("trunk", "head"):
+            parts = [(part, "whole", body.size, "middle")]
+        is_plural = part.removesuffix("s") in KINDS
+        if (not parts and not is_plural) or (part == "head" and body.head is None):
+            have = ("trunk", *(("head",) if body.head else ()), *body.parts)
+            raise StateError(f"it moves {part}; {self._name} has {', '.join(have)}")
+        moves = []
+        for own, kind, size, side in parts:
+            if not (strings := body.strings_of(own)):
+                raise StateError(f"it moves {own}, which no string of {self._name} moves")
+            turned = self._sideways(way, side)
+            moves += [Move(string, turned, kind, size) for string in strings]
+        return moves
+
+    @property
+    def _name(self) -> str:
+        return self.member or self.marionette.name
+
+    def _sideways(self, way: str, side: str) -> str:
+        """The direction, with left or right in place of in and out."""
+        if way not in ("in", "out"):
+            return way
+        if side not in ("left", "right"):
+            raise StateError(f"it moves a part in the middle {way}; needed: left or right")
+        other = {"left": "right", "right": "left"}
+        return side if way == "out" else other[side]
+
+
+def moves_of(roles: Roles, names: Iterable[str]) -> dict[str, tuple[str, Move]]:
+    """Strings and directions that names of parts and directions mean.
+
+    Returns:
+        String and direction, such as ``hand_right.up`` -> the name, and its move.
+
+    Raises:
+        StateError: the puppet lacks a part, or two parts move a string in one direction.
+    """
+    moves: dict[str, tuple[str, Move]] = {}
+    for name in names:
+        for move in roles.moves(name):
+            key = f"{move.string}.{move.way}"
+            if key in moves:
+                text = f"it moves {name} and {moves[key][0]}, which hang on the same string"
+                raise StateError(f"{text}, {move.string}")
+            moves[key] = name, move
+    return moves
