@@ -82,12 +82,12 @@ def test_a_place_that_is_too_high_to_point_at_says_how_much_lower_it_may_be(mari
     with pytest.raises(InputError) as caught:
         fan.theatre.load_gesture(marionette, "point", to=high)
     (mistake,) = caught.value.mistakes
-    told = re.fullmatch(
+    message_match = re.fullmatch(
         r"the left hand cannot point there: the place is too high; needed: (\d\.\d\d) m lower, or "
         r"farther away",
         mistake.message,
     )
-    lower = float(told[1])
+    lower = float(message_match[1])
     assert fan.theatre.load_gesture(marionette, "point", to=high - [0.0, 0.0, lower]).marks
     with pytest.raises(InputError, match="the place is too high"):
         fan.theatre.load_gesture(marionette, "point", to=high - [0.0, 0.0, lower - 0.04])
@@ -109,12 +109,12 @@ def test_a_key_pose_out_of_reach_says_how_much_of_it_can_be_reached(marionette, 
         fan.theatre.load_gesture(marionette, path)
     (mistake,) = caught.value.mistakes
     assert mistake.line == 4 and "\n" not in mistake.message
-    told = re.fullmatch(
+    message_match = re.fullmatch(
         r"at 1 s: forearm_right comes no nearer to its place than \d+\.\d cm; (\d+) % of the way "
         r"there can be reached",
         mistake.message,
     )
-    share = int(told[1]) / 100.0
+    share = int(message_match[1]) / 100.0
     for factor, can in ((share, True), (share + 0.03, False)):
         place = f"[{0.02 * factor}, 0, {0.5 * factor}]"
         path.write_text(POSES.replace("[0.02, 0, UP]", place))

@@ -88,14 +88,14 @@ def test_more_axes_than_letters_are_a_mistake_of_the_file(eight, run):
     with pytest.raises(StandError, match="grbl moves up to 6 axes, found 8"):
         set_points(loads_stand(EIGHT + SHARED), run, eight, controller="grbl")
     with pytest.raises(FileError, match=r"controller\.names\.winch0: found 'Q'; needed: a letter"):
-        one = EIGHT + "controller: {type: marlin, names: {winch0: Q}}\n"
-        loads_stand(one)
+        renamed = EIGHT + "controller: {type: marlin, names: {winch0: Q}}\n"
+        loads_stand(renamed)
 
 
 WRONG = {
     "an axis of nobody": ("winch7]", "winch5]", "no controller has the axis 'winch7'"),
     "an axis of two": ("winch7]", "winch7, winch0]", "found 'winch0' twice"),
-    "no such axis": ("winch7]", "winch7, wnch]", "there is no axis 'wnch'"),
+    "no such axis": ("winch7]", "winch7, winch9]", "there is no axis 'winch9'"),
     "one port for two": ("/dev/right", "/dev/left", "found '/dev/left' twice"),
     "no axes": (", axes: [winch1, winch3, winch5, winch7]", "", "right.axes: this key is missing"),
     "another kind": ("right: {type: fluidnc", "right: {type: klipper", "grbl, fluidnc"),

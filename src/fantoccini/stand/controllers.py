@@ -227,10 +227,10 @@ def axis_letters(
 
 def too_many(kind: str, n_axes: int) -> str:
     """Reason why a kind of controller cannot move this number of axes; "" if it can."""
-    most = len(LETTERS[kind]) if kind in LETTERS else n_axes
-    if n_axes <= most:
+    n_letters = len(LETTERS[kind]) if kind in LETTERS else n_axes
+    if n_axes <= n_letters:
         return ""
     return (
-        f"{kind} moves up to {most} axes, found {n_axes}; needed: several `controllers`, each with "
+        f"{kind} moves up to {n_letters} axes, found {n_axes}; needed: several `controllers`, each with "
         "some of the `axes`, or klipper"
     )

@@ -274,7 +274,7 @@ def controlled(stand: Stand, kind: str | None = None) -> Stand:
 
     Raises:
         FileError: the stand has no controller, or there is no such kind.
-        StandError: that kind moves fewer axes.
+        StandError: controllers of that kind move fewer axes.
     """
     own = [part.controller for part in stand.parts.values()]
     if kind is None and own == [None]:

@@ -285,7 +285,7 @@ def _shared_out(stand: Stand) -> Iterator[Finding]:
                 yield (*at, "axes", i), text
             elif owners[axis] > 1:
                 yield (*at, "axes", i), f"found {axis!r} twice; needed: one controller for it"
-        if ports[part.port] > 1:
+        if part.port is not None and ports[part.port] > 1:
             text = f"found {part.port!r} twice; needed: a port of its own"
             yield (*at, "port"), text
     for axis in stand.axes:

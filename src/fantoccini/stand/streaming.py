@@ -306,8 +306,9 @@ def _send_all(
         for channel in channels:
             channel.check_silence(silence)
         acknowledged = sum(channel.counts.done for channel in channels)
-        for count in range(done + 1, acknowledged + 1) if progress is not None else ():
-            progress(Progress(done=count, total=total))
+        if progress is not None:
+            for count in range(done + 1, acknowledged + 1):
+                progress(Progress(done=count, total=total))
         done = acknowledged
 
 

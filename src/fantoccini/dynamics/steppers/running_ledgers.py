@@ -118,7 +118,7 @@ class LaneLedgers:
         share = self._check.share.copy()
         for i in np.flatnonzero(share > BOUNDS.unbooked).tolist():
             share[i] = excused("timestepping", share[i], partial(self._swing, i))
-        return faults(violation, self._check.gain, share)
+        return faults(violation, self._check.gain, share).astype(np.int32)
 
     def _entries(self, record: LaneRecord, runs: NDArray[np.intp] | slice) -> dict[str, Array]:
         """Entries (m,) of ledgers at the start of runs; also sets their energy at the start."""

@@ -212,7 +212,7 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
 
 
 def _why_not(place: Array, shoulder: Array, pose_towards: Callable[[Array], ReachedPose]) -> str:
-    """Reason why a hand cannot point at a place, and by how much a lower place would do."""
+    """Reason why a hand cannot point at a place, with the height at which it could."""
     n = max(0, int(np.ceil((place[2] - shoulder[2]) / _LOWER)))
     down = np.array([0.0, 0.0, -_LOWER])
     part = reachable_part(lambda k: bool(pose_towards(place + (n - k) * down)), n) if n else None

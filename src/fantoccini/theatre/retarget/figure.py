@@ -147,9 +147,9 @@ def figure_of(
     x, y, z = (0.5 * (hips[0] + hips[1])).tolist()
     points["trunk"] = tree.links[links["hips"]].name, (x, y, z)
     places = {}
-    for part, (body, at) in points.items():
+    for part, (body, point) in points.items():
         frame = pose[marionette.link_index(body)]
-        places[part] = frame[:, :3] @ np.array(at) + frame[:, 3]
+        places[part] = frame[:, :3] @ np.array(point) + frame[:, 3]
     named = {part: body_files[part].body for part in BODIES}
     if links["hips"] == links["trunk"]:
         shoulders = [np.array(points[f"shoulder_{side}"][1]) for side in SIDES]
