@@ -220,8 +220,8 @@ class Capture:
         inside = (self.t >= low - _ROUNDING) & (self.t <= high + _ROUNDING)
         if np.sum(inside) < 2:
             raise StateError(
-                f"{self.name or 'the clip'} has {np.sum(inside)} frames from {low:g} s to {high:g} s "
-                f"and lasts from {first:g} s to {last:g} s; needed: two frames or more"
+                f"{self.name or 'the clip'} has {np.sum(inside)} frames from {low:g} s to "
+                f"{high:g} s and lasts from {first:g} s to {last:g} s; needed: two frames or more"
             )
         return replace(
             self,
