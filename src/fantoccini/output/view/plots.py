@@ -94,7 +94,7 @@ def plot(
         dress(axes, theme, "x")
         for text in (*axes.get_yticklabels(), *axes.get_xticklabels()):
             text.set_parse_math(False)
-    fit_legends(stacked)
+    fit_legends(list(stacked))
     stacked[-1].set_xlabel("time [s]", color=theme.ink)
     start, stop = float(run.t[0]), float(run.t[-1])
     stacked[-1].set_xlim(start, stop if stop > start else start + 1.0)

@@ -66,11 +66,14 @@ def gesture_form(marionette: Marionette) -> Form[Gesture]:
 
     def pack(gesture: Gesture) -> list[Array]:
         words = text_array([gesture.name, dict(gesture.marks), gesture.turns])
-        return [words, gesture.breaks, gesture.coef, gesture.named, gesture.travel]
+        named = gesture.named.astype(float)
+        return [words, gesture.breaks, gesture.coef, named, gesture.travel]
 
     def unpack(arrays: Sequence[Array]) -> Gesture:
         words, breaks, coef, named, travel = arrays
-        return Gesture(marionette.coordinates, breaks, coef, named, travel, *text_in(words))
+        return Gesture(
+            marionette.coordinates, breaks, coef, named.astype(bool), travel, *text_in(words)
+        )
 
     return Form(pack, unpack)
 
