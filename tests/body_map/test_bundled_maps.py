@@ -75,3 +75,30 @@ def test_cranes_and_arms_have_no_map_and_are_not_compiled(name, reason, monkeypa
         _ = puppet.body_map
     assert reason in str(error.value)
     assert "give it under `rig`" in str(error.value)
+
+
+FOUR = ("leg_front_left", "leg_front_right", "leg_hind_left", "leg_hind_right")
+TWO = ("leg_left", "leg_right")
+OTHERS = {
+    "dachshund": (("chest", "rump"), (*FOUR, "tail"), ("withers", "croup")),
+    "heron": (("body",), ("wing_left", "wing_right", *TWO, "neck"), ("back_left", "back_right")),
+    "dragon": (
+        ("chest", "hips"),
+        ("wing_left", "wing_right", *FOUR, "neck", "tail"),
+        ("withers_left", "loin", "withers_right"),
+    ),
+    "hans": (("chest", "pelvis"), ("arm_left", "arm_right", *TWO), ("collar_left", "collar_right")),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHERS)
+def test_animals_and_a_boy_with_a_waist(name):
+    body_map = getattr(fan.puppets, name)().body_map
+    trunk, parts, carrying = OTHERS[name]
+    assert (body_map.trunk, tuple(body_map.parts)) == (trunk, parts)
+    assert body_map.head is not None and body_map.head.body == "head"
+    assert (body_map.facing, body_map.carrying) == ((1.0, 0.0, 0.0), carrying)
+    for part, limb in body_map.parts.items():
+        side = part.rpartition("_")[2]
+        assert side not in ("left", "right") or limb.bodies[-1].endswith(side)

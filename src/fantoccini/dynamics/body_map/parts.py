@@ -25,6 +25,8 @@ END_SHARE = 0.15
 """Part of a body's length that counts as its end."""
 MIN_HEAD = 2.0
 """Least score of a head; the largest branch in the middle has 1 for that alone."""
+MIN_BULK = 0.5
+"""Least mass of a head, relative to the heaviest body of its branch."""
 CLEAR_MARGIN, CLEAR_RISE = 0.5, 0.1
 """Margin of scores, and rise above the trunk relative to the height, from which on the head is not
 doubtful."""
@@ -230,7 +232,7 @@ def _head(
     larger than those of tails.
     """
     middle, top = anatomy.middle(trunk)[2], anatomy.top(trunk)
-    largest = [max(branch.chain, key=lambda k: _bulk(anatomy, k)) for branch in middles]
+    largest = [_last_bulky(anatomy, branch.chain) for branch in middles]
     max_bulk = max((_bulk(anatomy, k) for k in largest), default=0.0)
     scores = []
     for branch, k in zip(middles, largest, strict=True):
@@ -255,6 +257,12 @@ def _head(
     elif anatomy.top(anatomy.below(best.chain[0])) < top + CLEAR_RISE * anatomy.height:
         head = head.doubted("it is as high as the trunk; it could be a tail")
     return head, [replace(middles[k], kind="tail") for k in order[1:]]
+
+
+def _last_bulky(anatomy: Anatomy, chain: tuple[int, ...]) -> int:
+    """The last segment of a chain that is no jaw or beak: a neck may be heavier than its head."""
+    limit = MIN_BULK * max(_bulk(anatomy, k) for k in chain)
+    return [k for k in chain if _bulk(anatomy, k) >= limit][-1]
 
 
 def _bulk(anatomy: Anatomy, segment: int) -> float:
