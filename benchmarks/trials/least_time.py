@@ -64,7 +64,9 @@ def main() -> None:
             print(f"{name}: exit {out.returncode}: {out.stderr[-500:]}")
             continue
         duration, best = float(time[1]), least_time(problem, 3.5)
-        print(f"{name}: {status[1]}, {duration} s; IPOPT {best:.5f} s ({duration / best - 1.0:+.2e})")
+        print(
+            f"{name}: {status[1]}, {duration} s; IPOPT {best:.5f} s ({duration / best - 1.0:+.2e})"
+        )
 
 
 if __name__ == "__main__":

@@ -231,6 +231,6 @@ def too_many(kind: str, n_axes: int) -> str:
     if n_axes <= n_letters:
         return ""
     return (
-        f"{kind} moves up to {n_letters} axes, found {n_axes}; needed: several `controllers`, each with "
-        "some of the `axes`, or klipper"
+        f"{kind} moves up to {n_letters} axes, found {n_axes}; needed: several `controllers`, each "
+        "with some of the `axes`, or klipper"
     )
