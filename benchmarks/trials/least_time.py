@@ -2,8 +2,8 @@
 
     python benchmarks/trials/least_time.py
 
-Runs `fantoccini optimise` on files. The grid of the reference is the same. The status and both times
-are printed.
+Runs `fantoccini optimise` on files, and prints the status and both times. The reference has the
+same grid.
 """
 
 from __future__ import annotations
@@ -56,12 +56,17 @@ def main() -> None:
             run = "from fantoccini.app.cli import main; main()"
             command = [sys.executable, "-c", run, "optimise", str(task), "--time-limit", "900"]
             out = subprocess.run(command, capture_output=True, text=True, check=False)
-        status, time = re.search(r"status +(\w+)", out.stdout), re.search(r"cost +(\S+)", out.stdout)
+        status, time = (
+            re.search(r"status +(\w+)", out.stdout),
+            re.search(r"cost +(\S+)", out.stdout),
+        )
         if status is None or time is None:
             print(f"{name}: exit {out.returncode}: {out.stderr[-500:]}")
             continue
-        found, best = float(time[1]), least_time(problem, 3.5)
-        print(f"{name}: {status[1]}, {found} s; IPOPT {best:.5f} s ({found / best - 1.0:+.2e})")
+        duration, best = float(time[1]), least_time(problem, 3.5)
+        print(
+            f"{name}: {status[1]}, {duration} s; IPOPT {best:.5f} s ({duration / best - 1.0:+.2e})"
+        )
 
 
 if __name__ == "__main__":
