@@ -208,7 +208,7 @@ def test_the_classes_that_step_by_held_accelerations():
         and method.name == "advance"
         and {"duration", "acc_K"} <= {argument.arg for argument in method.args.args}
     }
-    assert stepping == {"Stepper", "StepperBatch", "LaneSteppers", "_Engine", "_Runs"}
+    assert stepping == {"Stepper", "StepperBatch", "LaneSteppers", "Engine", "SeparateRuns"}
 
 
 def test_progress_has_one_callback():

@@ -2,8 +2,8 @@
 
     python benchmarks/trials/least_time.py
 
-Runs `fantoccini optimise` on files. The grid of the reference is the same. The status and both
-times are printed.
+Runs `fantoccini optimise` on files, and prints the status and both times. The reference has the
+same grid.
 """
 
 from __future__ import annotations

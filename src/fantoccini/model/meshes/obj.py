@@ -288,13 +288,13 @@ def _rest(line: str, words: list[str]) -> str:
 def _image_name(rest: str) -> str:
     """Name of an image, which may contain spaces, behind its options such as ``-s 2 2 1``."""
     while (option := rest.split(maxsplit=1)) and option[0].lower() in _OPTIONS:
-        fewest, largest = _OPTIONS[option[0].lower()]
+        least, largest = _OPTIONS[option[0].lower()]
         rest = option[1] if len(option) > 1 else ""
         for k in range(largest):
-            value, _, after = rest.replace("\t", " ").partition(" ")
-            if not after.strip() or (k >= fewest and not _is_number(value)):
+            value, *after = rest.split(maxsplit=1)
+            if not after or (k >= least and not _is_number(value)):
                 break
-            rest = after.strip()
+            rest = after[0]
     return rest.strip('"')
 
 
