@@ -219,6 +219,10 @@ def _refuse_other_strings(file: GestureFile, table: CoordinateTable, prefix: str
     missing = sorted(name for name in moved if prefix + name not in owners)
     if missing:
         text = f"it moves {', '.join(sorted(moved))}; this puppet has no {', '.join(missing)}"
+        members = {owner.split(".")[0] for owner in owners if "." in owner}
+        able = sorted(m for m in members if all(f"{m}.{name}" in owners for name in moved))
+        if able and not prefix:
+            text += f"; needed: `of`, a member of the scene: {', '.join(able)}"
         raise _not_for_this_puppet(file, text)
 
 
