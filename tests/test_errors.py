@@ -17,6 +17,7 @@ from fantoccini.base.documents.yaml_text import Unreadable
 from fantoccini.base.errors import FileError, Mistake, Status
 from fantoccini.theatre.cast.stops import CannotBegin, Stop
 from fantoccini.theatre.gestures.styling import StyleError
+from fantoccini.theatre.retarget import TooShortError
 
 pytestmark = pytest.mark.medium
 
@@ -30,6 +31,7 @@ FACTS = {
     errors.SweepStopped: ("stopped at 3 of 5", [1, 2, 3]),
     CannotBegin: (Stop(("columbine",), 0.0, "a string is too short"),),
     StyleError: ("larger", "the hand would be higher than its bar"),
+    TooShortError: ("wave", 0.8, 1.55),
     Unreadable: (4, ("bodies", 0), "a tab"),
 }
 """Arguments of exceptions that take more than a sentence."""

@@ -170,6 +170,29 @@ def test_two_ctrl_c_stop_grbl_and_it_resumes_from_the_line(files):
     assert np.min(at) == pytest.approx(np.min(p), abs=0.02)
 
 
+@pytest.mark.parametrize("event", ["restarts", "is unplugged"])
+def test_a_controller_that_restarts_or_is_unplugged_is_noticed_at_once(files, event):
+    points = points_of(files, "grbl")
+    with Emulator(machine_of(points), pace=PACE) as emulator:
+        options = ("--controller", "grbl", "--port", emulator.port)
+        with streaming(files, *options) as process:
+            wait(lambda: len(emulator.lines) > 40)
+            taken, begun = lines_of(gcode(points))[len(emulator.lines) - 1], time.monotonic()
+            if event == "restarts":
+                terminal = os.open(emulator.port, os.O_WRONLY | os.O_NOCTTY)
+                os.write(terminal, b"\x18")
+                os.close(terminal)
+            else:
+                emulator.unplug()
+            code, _, said = process.end()
+            seconds = time.monotonic() - begun
+    assert code == 1 and "Traceback" not in said
+    assert "controller restarted" in said if event == "restarts" else "connection is lost" in said
+    assert seconds < 15.0  # much less than the 30 s of a silent controller
+    line = int(re.search(r"continue with --from-line (\d+)", said)[1])
+    assert 0 < taken.number - line <= points.controller.planner + 4
+
+
 def test_enter_resumes_without_loss(files):
     points = points_of(files, "grbl")
     with Emulator(machine_of(points), pace=PACE) as emulator:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.base.errors import BuildError
+from fantoccini.base.errors import BuildError, StateError
 from fantoccini.kernel import contract
 from fantoccini.kernel.contract.cpp import HEADER, header
 from fantoccini.kernel.contract.functions import needed
@@ -70,8 +70,16 @@ def test_wrong_arguments_are_named(changed):
     arm = fan.puppets.arm2d()
     x = arm.rest()
     arguments = {"q_D": x.q_D, "q_K": x.q_K, "p": arm.p} | changed
-    with pytest.raises(ValueError, match=r"rows takes q_D \(2,\), q_K \(2,\), p \(2,\)"):
+    with pytest.raises(StateError, match=r"rows takes q_D \(2,\), q_K \(2,\), p \(2,\)"):
         arm.library.evaluate("rows", **{n: a for n, a in arguments.items() if a is not None})
+
+
+def test_leading_axes_that_do_not_go_together_are_named():
+    arm = fan.puppets.arm2d()
+    x = arm.rest()
+    q_D, q_K = np.tile(x.q_D, (3, 1)), np.tile(x.q_K, (4, 1))
+    with pytest.raises(StateError, match=r"leading axes do not go.*found q_D \(3,\), q_K \(4,\)"):
+        arm.library.evaluate("rows", q_D=q_D, q_K=q_K, p=arm.p)
 
 
 def test_files_generated_from_the_contract_are_fresh():

@@ -284,7 +284,7 @@ def test_scores_take_them(marionette, visit, tmp_path):
         (SCORE, ("point, to", "wave, to"), 10, "wave has no 'to'; those with it: point, look"),
         (SCORE, ("point, to", "point, of: pierrot, to"), 10, "no member of a scene"),
         (SCENE, ("of: pierrot, mir", "of: pierot, mir"), 4, "did you mean 'pierrot'"),
-        (SCENE, ("gesture: wave, of: pierrot", "gesture: wave"), 4, "neither a driven coordinate"),
+        (SCENE, ("gesture: wave, of: pierrot", "gesture: wave"), 4, "`of`, a member of the scene"),
         (SCENE, ("gesture: walk, of: columbine", "gesture: walk"), 7, "no driven coordinate"),
     ],
 )

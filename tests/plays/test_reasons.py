@@ -9,10 +9,8 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.base.documents import Located
-from fantoccini.base.errors import FileError, InputError, StateError
-from fantoccini.theatre.cast import Footing, Hindrance, NoWay, clips as clips_module
-from fantoccini.theatre.cast.clips import Clip
-from fantoccini.theatre.plays.walks import Walks
+from fantoccini.base.errors import FileError, InputError
+from fantoccini.theatre.cast.cues import act_time_in_words
 from fantoccini.theatre.retarget import TooShortError
 from fantoccini.theatre.script import ScriptLog
 
@@ -25,47 +23,12 @@ def marionette():
     return fan.puppets.marionette()
 
 
-def test_a_way_that_is_free_later_says_when_in_beats_of_the_act(monkeypatch):
-    walks = Walks.__new__(Walks)
-    walks._log = ScriptLog(Located(), TEMPO)
-    late = NoWay(Hindrance.OTHERS_IN_THE_WAY, "columbine is in the way", earliest=12.0)
-    monkeypatch.setattr(Walks, "_by_goals", lambda *_: late)
-
-    class Pierrot:
-        name = "pierrot"
-
-    way, why = walks.way(
-        Pierrot(),
-        Footing(0.0, 0.0),
-        [Footing(1.0, 0.0)],
-        5.0,
-        0.0,
-        [],
-        near=0.0,
-        arrives=None,
-        free_from=5.0,
-        act_start=4.0,
-    )
-    assert way is None
-    assert why == (
-        "pierrot cannot get there: columbine is in the way; it could be there on beat 16.0 of the "
-        "act (12.00 s)"
-    )
+def test_times_in_reasons_are_in_beats_of_the_act():
+    assert act_time_in_words(12.0, 4.0, 60.0 / TEMPO) == "on beat 16.0 of the act (12.00 s)"
 
 
-def test_a_clip_that_lasts_too_short_is_answered_in_beats(monkeypatch):
-    def too_short(*_, **__):
-        raise TooShortError("wave", 0.8, 1.55)
-
-    class Cache:
-        def get(self, _, job):
-            return job()
-
-    monkeypatch.setattr(clips_module, "clip_gesture", too_short)
-    stage = type("Stage", (), {"speed": 1.0, "acceleration": 1.0})
-    with pytest.raises(StateError) as caught:
-        Clip(None, "").gesture(1.0, 1.0, 0.8, stage, 60.0 / TEMPO, Cache())
-    assert str(caught.value) == (
+def test_a_clip_that_lasts_too_short_is_answered_in_beats():
+    assert str(TooShortError("wave", 0.8, 1.55, 60.0 / TEMPO)) == (
         "found 1.6 beats for wave; needed: more than 3.1 beats, which the ways into it and back "
         "take"
     )

@@ -303,14 +303,25 @@ class StepperBatch:
         for name, values in array.items():
             if name not in table.v_K:
                 raise UnknownNameError("driven velocity", name, table.v_K)
+            if np.shape(values) not in ((), (1,), (self._n,)):
+                text = f"found the shape {np.shape(values)}; needed: a number, or ({self._n},)"
+                raise StateError(f"acc_K[{name!r}]: {text}")
             acc[:, table.v_K.index(name)] = values
         return vectors("acc_K", acc, table.n_vK)
 
 
 def _numbers(which: Indices | MaskRows | None, n: int) -> NDArray[np.intp]:
-    """Indices of the selected runs, of n."""
+    """Indices of the selected runs, of n; StateError for others."""
     array = np.arange(n) if which is None else np.asarray(which)
-    return np.flatnonzero(array) if array.dtype == bool else array.astype(np.intp)
+    is_mask = array.dtype == bool
+    if array.ndim != 1 or (is_mask and len(array) != n):
+        text = f"a mask of the shape {array.shape}" if is_mask else f"the shape {array.shape}"
+        raise StateError(f"which: found {text}; needed: indices (m,), or a mask ({n},)")
+    if is_mask:
+        return np.flatnonzero(array)
+    if array.size and not (array.dtype.kind in "iu" and -n <= array.min() <= array.max() < n):
+        raise StateError(f"which: found {array!r}; needed: whole numbers from 0 to {n - 1}")
+    return array.astype(np.intp)
 
 
 def _of(states: States, runs: NDArray[np.intp]) -> States:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fantoccini.base import Array, BuildError
+from fantoccini.base import Array, BuildError, StateError
 from fantoccini.kernel.contract import FUNCTIONS, SIZES, Quantity, digest
 
 AnyArray = NDArray[Any]
@@ -74,7 +74,7 @@ class Functions(Loaded):
             arguments: arrays (..., *shape) by name, contract's shapes; leading axes broadcast.
 
         Raises:
-            ValueError: an argument is missing, is not the function's, or has another shape.
+            StateError: an argument is missing, is not the function's, or has another shape.
         """
         signature = self._signatures.get(name)
         if signature is None:
@@ -82,7 +82,7 @@ class Functions(Loaded):
         flat_arguments = signature.in_order(arguments)
         lead = flat_arguments[0].shape[:-1]
         if any(a.shape[:-1] != lead for a in flat_arguments):
-            lead = np.broadcast_shapes(*(a.shape[:-1] for a in flat_arguments))
+            lead = signature.lead(flat_arguments)
             flat_arguments = [
                 a
                 if a.ndim == 1 or a.shape[:-1] == lead
@@ -143,10 +143,22 @@ class _Signature:
         if len(arguments) != len(flat_arguments):
             wanted = ", ".join(f"{q.name} {q.shape}" for q in self.arguments)
             passed = ", ".join(f"{key} {np.shape(a)}" for key, a in arguments.items())
-            raise ValueError(
+            raise StateError(
                 f"{self.name} takes {wanted}, optionally with leading axes; found {passed}"
             )
         return flat_arguments
+
+    def lead(self, flat_arguments: list[Array]) -> tuple[int, ...]:
+        """Common leading axes of flat arguments."""
+        leads = [array.shape[:-1] for array in flat_arguments]
+        try:
+            return np.broadcast_shapes(*leads)
+        except ValueError:
+            pairs = zip(self.arguments, leads, strict=True)
+            text = ", ".join(f"{q.name} {lead}" for q, lead in pairs if lead)
+            raise StateError(
+                f"{self.name}: leading axes do not go together; found {text}"
+            ) from None
 
     def named(self, block: Array, n: int, lead: tuple[int, ...]) -> SimpleNamespace:
         """The results by name."""
