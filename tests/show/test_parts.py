@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 from datetime import datetime
 from html.parser import HTMLParser
 from types import SimpleNamespace
@@ -13,9 +15,10 @@ from tests.show.browser import until
 from tests.show.toys import toy
 
 import fantoccini as fan
-from fantoccini.app.live import drag, pad, recorder, watched_file
+from fantoccini.app.live import drag, midi, pad, recorder, sound, watched_file
 from fantoccini.app.live.holder import Holder, holder_text
 from fantoccini.app.pages import labels, panel, replay
+from fantoccini.app.pages.viser_private import CLIENT_SCRIPT
 from fantoccini.app.web import page
 
 AHEAD = np.array([0.0, 1.0, 0.0])
@@ -251,3 +254,14 @@ def test_objects_that_cannot_be_shown_are_refused():
         fan.show("string_pendulum", theme="green", port=0, wait=False)
     with pytest.raises(fan.FantocciniError, match="there is no such folder"):
         fan.show("string_pendulum", port=0, wait=False, record_to="no/such/folder")
+
+
+def test_the_scripts_of_pages_can_be_read():
+    """A name declared twice ended the whole script: sound, MIDI, gamepads and keys."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed")
+    scripts = CLIENT_SCRIPT, pad.PAD_SCRIPT, sound.SOUND_SCRIPT, midi.MIDI_SCRIPT
+    for script in scripts:
+        done = subprocess.run([node, "--check", "-"], input=script, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr

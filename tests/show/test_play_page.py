@@ -112,6 +112,8 @@ def test_the_page_opens_with_the_play_from_the_audiences_side(scene):
 def test_the_panel_does_not_cover_the_stage(scene):
     (client,) = scene.page.server.viser.get_clients().values()
     window = {"x": 0.0, "y": 0.0, "width": 800.0, "height": 600.0}
+    camera = scene.page.server.viser.initial_camera
+    scene.viewer.look(camera.position, camera.look_at)  # as a browser does after its connection
     until(lambda: client.camera.look_at[1] != 0.0, "the camera is moved")
     x, marionette = scene.show.play.x0, scene.show.performance.marionette
     places = np.asarray(marionette.poses(x.q_D, x.q_K))[:, :, 3]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec.msgpack
@@ -44,16 +44,20 @@ class Viewer:
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
         # A viewer counts only after it has sent its camera.
+        self.look((3.0, 0.0, 1.0), (0.0, 0.0, 1.0))
+
+    def look(self, position: Sequence[float], look_at: Sequence[float]) -> None:
+        """Send the camera of a window of 800 by 600 pixels."""
         self.send(
             _messages.ViewerCameraMessage(
                 wxyz=(1.0, 0.0, 0.0, 0.0),
-                position=(3.0, 0.0, 1.0),
+                position=tuple(map(float, position)),
                 fov=0.5,
                 near=0.01,
                 far=100.0,
                 image_height=600,
                 image_width=800,
-                look_at=(0.0, 0.0, 1.0),
+                look_at=tuple(map(float, look_at)),
                 up_direction=(0.0, 0.0, 1.0),
             )
         )

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -411,11 +412,24 @@ class Live(PageLoop):
             )
 
     def _fit(self, client: viser.ClientHandle) -> None:
+        """Fits the view into a client's window, when the client has taken the initial view."""
+        initial = np.array(self.server.viser.initial_camera.look_at)
+        fitted = Event()
+
+        def fit(camera: viser.CameraHandle) -> None:
+            # The initial view would replace one that is set earlier.
+            if not fitted.is_set() and np.allclose(camera.look_at, initial, atol=1e-3):
+                fitted.set()
+                self._fit_camera(camera)
+
+        client.camera.on_update(fit)
+        fit(client.camera)
+
+    def _fit_camera(self, camera: viser.CameraHandle) -> None:
         """Moves the camera of a narrow window, such as a phone's, farther away.
 
         In a wide one, the panel must not cover a play's stage.
         """
-        camera = client.camera
         if camera.aspect < 1.0:
             self.nodes.aim_camera(camera, self._viewpoint)
         elif self.stage.show is not None:

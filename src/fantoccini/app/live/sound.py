@@ -88,13 +88,13 @@ SOUND_SCRIPT = """
         one.buffer = await context.decodeAudioData(message.data).catch(() => null);
         return;
       }
-      const message = JSON.parse(message.data), clock = performance.now() / 1000;
-      if ("start" in message) { loading = message; return; }
-      beat = message.beat === null ? null : {
-        zero: clock + message.beat.next - message.beat.number * message.beat.period,
-        period: message.beat.period,
+      const state = JSON.parse(message.data), clock = performance.now() / 1000;
+      if ("start" in state) { loading = state; return; }
+      beat = state.beat === null ? null : {
+        zero: clock + state.beat.next - state.beat.number * state.beat.period,
+        period: state.beat.period,
       };
-      score = message.score === null ? null : {zero: clock - message.score.t};
+      score = state.score === null ? null : {zero: clock - state.score.t};
     };
     socket.onclose = () => {
       beat = score = null;
