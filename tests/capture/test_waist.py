@@ -95,6 +95,62 @@ def test_shoulders_turn_the_upper_half_of_the_trunk_and_hips_the_lower(waisted):
         np.testing.assert_allclose(joints[1], joints[0], atol=1e-12)
 
 
+LIMB = """
+  - name: {0}_{1}
+    parent: {2}
+    joint: {{name: {0}_{1}_joint, type: ball, at: [0, {3}, {4}]}}
+    shapes: [{{type: sphere, radius: 0.02, at: [0, 0, -0.05], mass: 0.05}}]
+  - name: {5}_{1}
+    parent: {0}_{1}
+    joint: {{name: {5}_{1}_joint, type: revolute, axis: [0, 1, 0], at: [0, 0, -0.1]}}
+    shapes: [{{type: sphere, radius: 0.02, at: [0, 0, -0.05], mass: 0.05}}]
+"""
+ROBOT = """
+puppet: robot
+bodies:
+  - name: base
+    joint: {type: free}
+    shapes: [{type: sphere, radius: 0.04, mass: 0.2}]
+  - name: yaw
+    parent: base
+    joint: {name: waist_yaw, type: revolute, axis: [0, 0, 1], at: [0, 0, 0.05]}
+    shapes: [{type: sphere, radius: 0.02, mass: 0.05}]
+  - name: torso
+    parent: yaw
+    joint: {name: waist_pitch, type: revolute, axis: [0, 1, 0], at: [0, 0, 0.01]}
+    shapes: [{type: sphere, radius: 0.04, at: [0, 0, 0.05], mass: 0.2}]
+  - name: skull
+    parent: torso
+    joint: {name: neck, type: ball, at: [0, 0, 0.12]}
+    shapes: [{type: sphere, radius: 0.04, at: [0, 0, 0.05], mass: 0.1}]
+LIMBS
+strings:
+  - name: head
+    path: [{body: skull, at: [0, 0, 0.1]}, {driven: [x, y], at: [0, 0, 1.2]}]
+    length: driven
+pose: {base.z: 0.5, head.length: 0.42}
+"""
+
+
+def test_a_trunk_whose_lower_half_carries_the_upper_one_has_a_waist():
+    """Imported humanoids are such; the waist has two joints, and the upper one counts."""
+    limbs = "".join(
+        LIMB.format(upper, side, parent, y, z, lower)
+        for side, sign in (("left", 1), ("right", -1))
+        for upper, lower, parent, y, z in (
+            ("upper_arm", "forearm", "torso", 0.07 * sign, 0.1),
+            ("thigh", "shin", "base", 0.04 * sign, -0.03),
+        )
+    )
+    robot = fan.loads(ROBOT.replace("LIMBS", limbs))
+    figure = figure_of(robot, robot.rest())
+    assert figure.bodies["hips"] == "base" and figure.lower is not None
+    np.testing.assert_allclose(figure.lower.waist, [0, 0, 0.06], atol=1e-9)
+    np.testing.assert_allclose(figure.lower.below_trunk, 0.0, atol=1e-9)
+    np.testing.assert_allclose(figure.at("trunk"), [0, 0, -0.03], atol=1e-9)
+    np.testing.assert_allclose(figure.at("shoulder_left"), [0, 0.07, 0.1], atol=1e-9)
+
+
 NECK = """
   - name: neck_bone
     parent: torso

@@ -123,6 +123,33 @@ def figure_of(
     links["hips"] = _hips(marionette, links)
     _check_order(marionette, links)
     pose = marionette.poses(start.q_D[None], start.q_K[None])[0]
+    points = _points(marionette, body_files, links, pose)
+    places = {}
+    for part, (body, point) in points.items():
+        frame = pose[marionette.link_index(body)]
+        places[part] = frame[:, :3] @ np.array(point) + frame[:, 3]
+    named = {part: body_files[part].body for part in BODIES}
+    if links["hips"] == links["trunk"]:
+        lines = [points[f"{part}_{side}"][1] for part in ("shoulder", "hip") for side in SIDES]
+        axes, half = axes_of(*(np.array(x)[None] for x in lines))[0], None
+    else:
+        named["hips"] = marionette.tree.links[links["hips"]].name
+        axes, half = _with_waist(marionette, links, pose, places)
+    forward = pose[links["trunk"]][:, :3] @ axes[:, 0]
+    return Figure(marionette, named, points, axes, forward, places, half)
+
+
+def _points(
+    marionette: Marionette,
+    body_files: Mapping[str, BodyFile],
+    links: Mapping[str, int],
+    pose: Array,
+) -> dict[str, Point]:
+    """Part -> body and point on it; see :attr:`Figure.points`.
+
+    Raises:
+        StateError: a limb has no end.
+    """
     tree = marionette.tree
 
     def within(part: str, other: str) -> Point:
@@ -146,19 +173,7 @@ def figure_of(
     hips = [np.array(points[f"hip_{side}"][1]) for side in SIDES]
     x, y, z = (0.5 * (hips[0] + hips[1])).tolist()
     points["trunk"] = tree.links[links["hips"]].name, (x, y, z)
-    places = {}
-    for part, (body, point) in points.items():
-        frame = pose[marionette.link_index(body)]
-        places[part] = frame[:, :3] @ np.array(point) + frame[:, 3]
-    named = {part: body_files[part].body for part in BODIES}
-    if links["hips"] == links["trunk"]:
-        shoulders = [np.array(points[f"shoulder_{side}"][1]) for side in SIDES]
-        axes, half = axes_of(*(x[None] for x in (*shoulders, *hips)))[0], None
-    else:
-        named["hips"] = tree.links[links["hips"]].name
-        axes, half = _with_waist(marionette, links, pose, places)
-    forward = pose[links["trunk"]][:, :3] @ axes[:, 0]
-    return Figure(marionette, named, points, axes, forward, places, half)
+    return points
 
 
 def _with_waist(

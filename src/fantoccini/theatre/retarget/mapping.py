@@ -178,12 +178,13 @@ def recognise(skeleton: Skeleton, name: str = "clip", positions: Array | None = 
     try:
         guess = guess_joints(skeleton, positions)
     except StateError as error:
-        missing = ", ".join(part for part in PARTS if part not in indices)
+        missing = [part for part in PARTS if part not in indices]
+        lacks = f"; of {best.mapping} {', '.join(missing)} is missing" if indices else ""
         joints = [joint for joint in skeleton.names if not joint.endswith(END)]
         text = (
-            f"the joints are called as in no bundled mapping ({', '.join(mapping_names())}); of "
-            f"{best.mapping} {missing} is missing; by their shape: {error}; give a mapping file "
-            f"(`fantoccini mapping` writes one to fill in): the joints are "
+            f"the joints are called as in no bundled mapping ({', '.join(mapping_names())})"
+            f"{lacks}; by their shape: {error}; give a mapping file (`fantoccini mapping` writes "
+            f"one to fill in): the joints are "
             f"{', '.join(joints[:_MAX_LISTED])}{' ...' if len(joints) > _MAX_LISTED else ''}"
         )
         raise FileError([Mistake(name, None, "", text)]) from None
