@@ -288,11 +288,11 @@ def _rest(line: str, words: list[str]) -> str:
 def _image_name(rest: str) -> str:
     """Name of an image, which may contain spaces, behind its options such as ``-s 2 2 1``."""
     while (option := rest.split(maxsplit=1)) and option[0].lower() in _OPTIONS:
-        least, largest = _OPTIONS[option[0].lower()]
+        fewest, largest = _OPTIONS[option[0].lower()]
         rest = option[1] if len(option) > 1 else ""
         for k in range(largest):
             value, *after = rest.split(maxsplit=1)
-            if not after or (k >= least and not _is_number(value)):
+            if not after or (k >= fewest and not _is_number(value)):
                 break
             rest = after[0]
     return rest.strip('"')
