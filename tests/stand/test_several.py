@@ -22,11 +22,11 @@ from fantoccini.stand import (
     Streamed,
     check_stand,
     first_lost,
+    gcode_program,
     grbl_settings,
     lines_of,
     loads_stand,
     positions_together,
-    program,
     resumed_points,
     save_points,
     serial_port,
@@ -132,7 +132,7 @@ def test_each_controller_has_its_letters_and_its_step_rate(eight, run, points):
         np.testing.assert_array_equal(part.motion.position, points.motion.position[:, odd::2])
         assert grbl_settings(part.map.stand, part.controller, 50.0).letters == "XYZA"
     with pytest.raises(StandError, match=r"several controllers \(left, right\)"):
-        program(points)
+        gcode_program(points)
     assert set_points(loads_stand(EIGHT + SHARED), run, eight, controller="fluidnc").parts
     slow = loads_stand(
         EIGHT + SHARED.replace("/dev/right, step_rate: 1.0e5", "/dev/right, step_rate: 100")
@@ -149,7 +149,7 @@ def test_programs_of_all_controllers_keep_the_same_time(points, slack):
     machines = []
     for part in points.parts.values():
         machine = machine_of(part)
-        for line in program(part).text.splitlines():
+        for line in gcode_program(part).text.splitlines():
             assert machine.line(line) == "ok", line
         machines.append(machine)
     begin = max(machine.starts[0] for machine in machines)
@@ -185,7 +185,7 @@ def together(emulators, points, programs, hold=None, go_on=None):
 def test_the_motions_begin_together(points):
     """The first controller is ready long before the second, and waits for it."""
     heard = []
-    programs = {name: program(part) for name, part in points.parts.items()}
+    programs = {name: gcode_program(part) for name, part in points.parts.items()}
     emulators = {
         name: Emulator(
             machine_of(part),
@@ -205,7 +205,7 @@ def test_the_motions_begin_together(points):
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 @pytest.mark.parametrize("event", ["restarts", "is unplugged", "refuses a line", "is stopped"])
 def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
-    programs = {name: program(part) for name, part in points.parts.items()}
+    programs = {name: gcode_program(part) for name, part in points.parts.items()}
     if event == "refuses a line":
         text = programs["right"].text.splitlines()
         text[programs["right"].first + 20] = "G7"
@@ -255,7 +255,7 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
         machine = emulators[name].machine
         machine.executed.clear()
         machine.starts.clear()
-        own = program(part)
+        own = gcode_program(part)
         for line in own.text.splitlines():
             assert machine.line(line) == "ok", line
         at = machine.positions(machine.starts[0] + part.motion.t) * machine.settings.steps

@@ -8,9 +8,9 @@ from fantoccini.stand.gcode_text import (
     GrblSettings,
     Program,
     gcode,
+    gcode_program,
     gentle_feed,
     grbl_settings,
-    program,
 )
 from fantoccini.stand.limits import QUANTITIES, Limit
 from fantoccini.stand.packets import packets_of
@@ -69,6 +69,7 @@ __all__ = [
     "controlled",
     "first_lost",
     "gcode",
+    "gcode_program",
     "gentle_feed",
     "grbl_settings",
     "inputs_of",
@@ -80,7 +81,6 @@ __all__ = [
     "lost_lines",
     "packets_of",
     "positions_together",
-    "program",
     "remedies",
     "resumed",
     "resumed_points",

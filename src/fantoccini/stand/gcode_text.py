@@ -122,10 +122,10 @@ def gcode(points: SetPoints, inverse: bool = True) -> str:
     """
     if isinstance(points.controller, Klipper):
         return _klipper(points)
-    return program(points, inverse).text
+    return gcode_program(points, inverse).text
 
 
-def program(points: SetPoints, inverse: bool = True) -> Program:
+def gcode_program(points: SetPoints, inverse: bool = True) -> Program:
     """:func:`gcode` for GRBL, FluidNC and Marlin, with the times of its moves."""
     if not isinstance(points.controller, Grbl | Marlin):
         raise StandError(

@@ -29,10 +29,10 @@ from fantoccini.stand import (
     Streamed,
     check_first,
     first_lost,
+    gcode_program,
     gentle_feed,
     lines_of,
     packets_of,
-    program,
     resumed,
     resumed_points,
     send_points,
@@ -53,7 +53,7 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
         if arguments.from_time is not None:
             points = resumed_points(points, arguments.from_time)
         parts = points.parts
-        programs = {name: program(part) for name, part in parts.items()}
+        programs = {name: gcode_program(part) for name, part in parts.items()}
     lines = {name: lines_of(own.text) for name, own in programs.items()}
     if arguments.from_line is not None:
         (text,) = (own.text for own in programs.values())

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from fantoccini.base import Array, Mask, Status
+from fantoccini.base import Array, Mask, Status, Times
 from fantoccini.dynamics.compiled import critical_step_of_tensions
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.steppers import (
@@ -19,7 +19,10 @@ from fantoccini.dynamics.steppers import (
     fault,
     swings,
 )
-from fantoccini.motion import Trajectory, pair_name
+from fantoccini.motion import Columns, Trajectory, pair_name
+
+_PIECE = 1024
+"""Number of samples of a ledger that are checked at once."""
 
 
 def ends_fast(v_D: Array, dt: float) -> Mask:
@@ -62,7 +65,7 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
     largest = max([float(np.max(table.values, initial=worst)), *left.values()])
     start = {name: ledger[name][0] for name in ledger.names}
     check = LedgerCheck(marionette, dt, start, run.t[0])
-    shares = check.add({name: ledger[name][1:] for name in ledger.names}, run.t[1:])
+    shares = _shares(check, ledger, run.t)
     gain = float(check.gain)
     share = excused(
         run.method, float(check.share), lambda: swings(marionette, run.q_D[0], run.q_K[0], dt)
@@ -94,6 +97,17 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
         )
         return status, text
     return status, ""
+
+
+def _shares(check: LedgerCheck, ledger: Columns, t: Times) -> Array:
+    """(T,) shares of all samples of a run, added to its check in pieces, which need less memory."""
+    shares: list[Array] = []
+    for k in range(1, max(2, len(t)), _PIECE):
+        columns = {name: ledger[name][k : k + _PIECE] for name in ledger.names}
+        new = check.add(columns, t[k : k + _PIECE])
+        # The first is the last of the piece before, whose damping is known only now.
+        shares = [*shares[:-1], *(last[:-1] for last in shares[-1:]), new]
+    return np.concatenate(shares)
 
 
 def with_verdict(marionette: Marionette, run: Trajectory, dt: float) -> Trajectory:

@@ -236,6 +236,9 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{file.gesture} moves parts of a body; it takes a Marionette")
     table, mistakes = puppet.coordinates, Mistakes(file.located, file.kind.error)
+    if puppet.puppet.members and not prefix:
+        reason = f"needed: `of`, a member of the scene: {', '.join(puppet.puppet.members)}"
+        raise _not_for_this_puppet(file, reason)
     try:
         roles = Roles.of(puppet, prefix.removesuffix("."))
         parts = moves_of(roles, file.parts)
