@@ -98,13 +98,11 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
 def _check_line_options(points: SetPoints, arguments: StandStreamArguments) -> None:
     """Raises a usage error for options that do not apply to the controllers."""
     kinds = ", ".join(part.controller.type for part in points.parts.values())
-    several = len(points.parts) > 1
+    several = "" not in points.parts
     if arguments.to is not None:
         fail(f"applies to osc and artnet, and the controller is {kinds}", "--to")
     if arguments.from_time is not None and not several:
-        text = (
-            f"applies to osc and artnet and to several controllers, and the controller is {kinds}"
-        )
+        text = f"applies to osc and artnet and to several controllers, here it is {kinds}"
         fail(f"{text}; needed: --from-line N", "--from-time")
     if arguments.from_line is not None and several:
         text = "applies to one controller; several continue together"
