@@ -219,7 +219,8 @@ class Channel:
         error = _ERROR.match(answer)
         if error:
             raise self.error(_reason(answer, error))
-        if _RESTART.match(answer):
+        # A greeting that comes late, before the first answer, is no restart.
+        if self.counts.done and _RESTART.match(answer):
             raise self.error(f"the controller restarted and dropped its lines ({answer})")
         if self._unanswered and (answer.lower() == "ok" or answer.lower().startswith("ok ")):
             line = self._unanswered.popleft()

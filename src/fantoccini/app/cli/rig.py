@@ -35,7 +35,8 @@ def write_rig(file: str, out: Path | None, force: bool, quiet: bool) -> None:
         quiet: print no progress and no table.
     """
     path = puppet_path(file)
-    if path in map(bundled_files.path, (*bundled_files.names(), *bundled_files.scenes())):
+    bundled = map(bundled_files.path, (*bundled_files.names(), *bundled_files.scenes()))
+    if path.resolve() in {file.resolve() for file in bundled}:
         fail(f"{file} is a bundled puppet; copy {path} and name the copy", _OPTION)
     if has_key(path, "scene"):
         fail(f"{file} is a scene; name the file of one of its puppets", _OPTION)
@@ -49,9 +50,9 @@ def write_rig(file: str, out: Path | None, force: bool, quiet: bool) -> None:
         steps.step("searching trunk, head and limbs")
         body_map = puppet.body_map
         section = dump.to_yaml({"rig": dump.plain(rig_of(body_map, described.mirror))})
+        text = with_section(path.read_bytes().decode("utf-8-sig"), "rig", section)
         steps.step(f"drawing {picture}")
         _draw(puppet, body_map, picture)
-    text = with_section(path.read_bytes().decode("utf-8-sig"), "rig", section)
     with writing(path), replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
     if not quiet:

@@ -123,6 +123,9 @@ def _ports(parts: Mapping[str, SetPoints], given: list[str]) -> dict[str, str]:
         if port is None:
             what = f"the controller {name}" if name else "the stand's controller"
             fail(f"{what} names no port; needed: --port {f'{name}=' if name else ''}PORT", "--port")
+    for name, port in ports.items():
+        if list(ports.values()).count(port) > 1:
+            fail(f"found {port} twice, for {name} as well; needed: a port of its own", "--port")
     return ports
 
 

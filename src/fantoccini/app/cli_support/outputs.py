@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from fantoccini.app.cli_support.files import (
     ANIMATIONS,
     CAPTIONS,
@@ -108,9 +110,15 @@ def write_outputs(
     check_bodies(marionette, output_options)
     if output_options.forces and run.contact is None:
         fail(f"{marionette.name} has no contacts, so there are no forces to draw", "--forces")
-    whole, run = run, output_options.part(run)
+    whole, reasons, mistakes = run, [], []
+    try:
+        run = output_options.part(run)
+    except typer.BadParameter as error:  # a search's duration was not known before
+        reasons.append(f"{error.message}; the files have the whole motion")
+    except OutputError as error:
+        reasons.append(str(error))
+        out = ()
     subtitled = {path.with_suffix("") for path in out if path.suffix.lower() in CAPTIONS}
-    reasons, mistakes = [], []
     for path in (*out, *([] if plot is None else [plot])):
         try:
             with writing(path):

@@ -433,7 +433,7 @@ class Live(PageLoop):
         if camera.aspect < 1.0:
             self.nodes.aim_camera(camera, self._viewpoint)
         elif self.stage.show is not None:
-            covered = min(_PANEL_WIDTH / camera.image_width, 0.5)
+            covered = min(_PANEL_WIDTH / max(camera.image_width, 1), 0.5)
             self.nodes.aim_camera(camera, self._viewpoint, covered)
 
     def _line_of_sight(self, camera: viser.CameraHandle | None) -> np.ndarray:

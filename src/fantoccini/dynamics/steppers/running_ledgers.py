@@ -95,7 +95,7 @@ class LaneLedgers:
     def __init__(self, marionette: CompiledPuppet, dt: float, record: LaneRecord, t: Array):
         self._marionette, self._dt = marionette, dt
         self._at_start = np.zeros((len(t), 1))
-        self._q_D, self._q_K = record.q_D.copy(), record.q_K.copy()
+        self._q_D, self._q_K, self._p = record.q_D.copy(), record.q_K.copy(), record.p
         self._swings: dict[int, bool] = {}
         self._check = LedgerCheck(marionette, dt, self._entries(record, slice(None)), t)
 
@@ -130,5 +130,6 @@ class LaneLedgers:
 
     def _swing(self, i: int) -> bool:
         if i not in self._swings:
-            self._swings[i] = swings(self._marionette, self._q_D[i], self._q_K[i], self._dt)
+            marionette = self._marionette.with_p(self._p[i])
+            self._swings[i] = swings(marionette, self._q_D[i], self._q_K[i], self._dt)
         return self._swings[i]

@@ -129,6 +129,7 @@ class StepperBatch:
             self._record.fresh[:] = True
             self._engine.advance(0.0, np.zeros((1, self.marionette.coordinates.n_vK)), None)
             self._ledgers = LaneLedgers(self.marionette, self._options.dt, self._record, self.t)
+            self._judge()
 
     def __copy__(self) -> Self:
         """An independent batch: the arrays of a batch are written in place."""
@@ -320,8 +321,8 @@ def _numbers(which: Indices | MaskRows | None, n: int) -> NDArray[np.intp]:
     if is_mask:
         return np.flatnonzero(array)
     if array.size and not (array.dtype.kind in "iu" and -n <= array.min() <= array.max() < n):
-        raise StateError(f"which: found {array!r}; needed: whole numbers from 0 to {n - 1}")
-    return array.astype(np.intp)
+        raise StateError(f"which: found {array!r}; needed: whole numbers from {-n} to {n - 1}")
+    return array.astype(np.intp) % n
 
 
 def _of(states: States, runs: NDArray[np.intp]) -> States:

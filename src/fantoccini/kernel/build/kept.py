@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fantoccini.base import Array, replacing
+from fantoccini.base import Array, npz, replacing
 from fantoccini.kernel.build.folders import cache_folder, distrust, distrust_entry
 
 
@@ -43,9 +42,10 @@ class ArrayStore:
         try:
             with np.load(file, allow_pickle=False) as held:
                 arrays = [held[f"arr_{i}"] for i in range(len(held.files))]
-            os.utime(file)  # the files used least recently are removed first
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        except npz.UNREADABLE:
             return None
+        with contextlib.suppress(OSError):  # a folder that can only be read
+            os.utime(file)  # the files used least recently are removed first
         return arrays
 
     def write(self, key: str, arrays: Sequence[Array]) -> None:

@@ -289,12 +289,16 @@ def _image_name(rest: str) -> str:
     """Name of an image, which may contain spaces, behind its options such as ``-s 2 2 1``."""
     while (option := rest.split(maxsplit=1)) and option[0].lower() in _OPTIONS:
         fewest, largest = _OPTIONS[option[0].lower()]
-        rest = option[1] if len(option) > 1 else ""
+        if len(option) < 2:
+            return ""
+        rest = option[1]
         for k in range(largest):
             value, *after = rest.split(maxsplit=1)
             if not after or (k >= fewest and not _is_number(value)):
                 break
             rest = after[0]
+    if rest.startswith("-"):  # an unknown option
+        rest = rest.split()[-1]
     return rest.strip('"')
 
 

@@ -63,7 +63,7 @@ def load_play(
     progress: OnProgress | None = None,
     before: Play | None = None,
     within: float | None = None,
-    on_disk: bool = False,
+    on_disk: bool | None = None,
 ) -> Play:
     """Play of a file.
 
@@ -78,7 +78,7 @@ def load_play(
             The play is then that of the last complete round, and its changes list the stop and the
             faults that remain. No limit by default.
         on_disk: whether runs are read from the cache folder and kept there, for the next process;
-            the play is the same.
+            the play is the same. By default as for ``before``, or not.
 
     Raises:
         FileError: the file has mistakes; all of them are listed, with their lines.
@@ -87,7 +87,8 @@ def load_play(
     tell = progress or (lambda progress: None)
     tell(Progress("casting", 0.0, 1.0))
     cache = before.cache if before is not None else ResultCache()
-    cache.on_disk = on_disk
+    if on_disk is not None:
+        cache.on_disk = on_disk
     script = read_play(path, cache)
     try:
         script = replace(script, cast=settled(script.cast, cache))
