@@ -50,6 +50,7 @@ def _export_motion(arguments: ExportArguments) -> None:
     with Steps(arguments.quiet) as steps:
         subject = subject_of(arguments.file, arguments.problem, steps.named)
         assert subject.run is not None
+        output_options.part(subject.run)  # a mistake in the times before anything is written
         write_outputs(
             subject.marionette, subject.run, out, None, steps, output_options=output_options
         )
