@@ -21,12 +21,16 @@ ROOT = Path(__file__).resolve().parents[2]
 PERFORMANCES = {
     "conduct": "stand6",
     "dance": "marionette_bar",
+    "flap": "heron",
     "greeting": "marionette",
+    "hello": "hans",
     "hoist": "crane",
+    "roar": "dragon",
     "stir": "arm3d",
     "stroll": "stroll",
     "toss": "arm2d",
     "visit": "visit",
+    "wag": "dachshund",
     "walk": "promenade",
 }
 

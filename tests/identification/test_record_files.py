@@ -297,7 +297,7 @@ def test_the_report_is_a_page_or_numbers_by_its_ending(folder, tmp_path):
 def test_doubts_have_an_exit_code(folder):
     """All numbers are determined and the search converges, but residuals exceed the noise."""
     path = folder / "quiet.yaml"
-    path.write_text(TEXT + "noise: {wrist.x: 1.0e-6}\n", encoding="utf-8")
+    path.write_text(TEXT + "noise: {wrist.x: 0.0005}\n", encoding="utf-8")
     done = identify(path)
     assert "more than the noise given" in done.output
     assert "does not determine" not in done.output and "cut short" not in done.output
