@@ -26,6 +26,7 @@ class GroundFeet {
     Mask would_pull, dropped;
     Real at[3], gap;
     Real required;  // m/s: parting speed required after the step
+    Real drift[3];  // m/s: required rates of an ellipsoid that rolls, on top (rolling.hpp)
     Mask rested;    // as in ContactPush; this and the following ones from the last completed step
     Real steps, impulse[3];
     Mask rests;  // likewise, of this step
@@ -36,6 +37,7 @@ class GroundFeet {
   struct Foot {
     int pair = -1, link;  // -1: it may not
     double friction, restitution;
+    bool is_round;                // an ellipsoid, which may roll
     int n = 0, listed[features];  // features that exist in some lane
     Mask carried;                 // lanes in which it pushed in the previous step
     Point point[features];
@@ -53,9 +55,7 @@ class GroundFeet {
     for (int k = 0; k < in.n_pairs; ++k) {
       const int own = in.pairs[2 * k], other = in.pairs[2 * k + 1];
       const Solid &x = in.solids[own], &y = in.solids[other];
-      // Ellipsoids roll (rolling.hpp).
-      if (y.kind != HALF_SPACE || y.link >= 0 || !has_points_in_lanes(x) || is_ellipsoid(x))
-        continue;
+      if (y.kind != HALF_SPACE || y.link >= 0 || !has_points_in_lanes(x)) continue;
       if (plane < 0) {
         plane = other;
         for (int c = 0; c < 3; ++c) frame[c] = y.b[c];
@@ -68,6 +68,7 @@ class GroundFeet {
       to.link = x.link;
       to.friction = in.friction[k];
       to.restitution = in.restitution[k];
+      to.is_round = is_ellipsoid(x);
       for (Point& p : to.point)
         p.here = p.joins = p.pushes = p.would_pull = p.dropped = p.rested = none;
     }
@@ -164,7 +165,10 @@ class GroundFeet {
     own.listed[own.n++] = feature;
     to.here = lanes;
     to.gap = gap;
-    for (int c = 0; c < 3; ++c) to.at[c] = at[c];
+    for (int c = 0; c < 3; ++c) {
+      to.at[c] = at[c];
+      to.drift[c] = Real(0.0);
+    }
   }
 
   // Stores the points that take part and push in these lanes; all others count as not pushing.

@@ -9,6 +9,7 @@
 #pragma once
 
 #include "fantoccini/contact/ground_system.hpp"
+#include "fantoccini/contact/rolling.hpp"
 
 FAN_LOOPS_BEGIN
 
@@ -17,6 +18,7 @@ namespace fan {
 template <class Model, class Real>
 class GroundLanes {
   using System = GroundSystem<Model, Real>;
+  using Rolling = RollingPoints<Model, double>;
 
  public:
   static constexpr int N = System::N, M = System::M, width = System::width;
@@ -68,6 +70,39 @@ class GroundLanes {
       stands = stands || takes_part;
     }
     stands = stands && lanes;
+  }
+
+  // Whether an ellipsoid that pushed in the previous step does so in any lane.
+  FAN_FN bool rolls() const {
+    Mask rolling = Real(0.0) > Real(1.0);
+    for (int j = 0; j < feet.n; ++j) {
+      const Foot& own = feet.foot[feet.with_points[j]];
+      if (own.is_round && own.n > 0) rolling = rolling || (own.point[0].joins && lanes);
+    }
+    return any(rolling);
+  }
+
+  // Requires of ellipsoids that roll that their rates vanish in the middle of the step, which
+  // `links` have looked ahead to: see rolling.hpp.
+  template <class Links>
+  FAN_FN void require_in_middle(const ContactArrays& in, const Links& links) {
+    for (int j = 0; j < feet.n; ++j) {
+      const int solid = feet.with_points[j];
+      Foot& own = feet.foot[solid];
+      if (!own.is_round || own.n == 0) continue;
+      Point& p = own.point[0];
+      const Solid& plane = in.solids[in.pairs[2 * own.pair + 1]];
+      const Real *start = links.twist(own.link), *middle = links.twist_in_middle(own.link);
+      touch_plane_lanes(
+          in.solids[solid], links.pose_in_middle(own.link), plane, Real(unbounded), p.joins,
+          [&](int, const Real* at, const Real&, const Mask&) {
+            for (int d = 0; d < 3; ++d) {
+              const double share = d == 0 ? Rolling::of_normals : 1.0;
+              const double* e = feet.frame + 3 * d;
+              p.drift[d] = share * (rate(e, middle, at) - rate(e, start, p.at));
+            }
+          });
+    }
   }
 
   // Gives up these lanes.
@@ -207,10 +242,12 @@ class GroundLanes {
   }
 
   // hdot of the normal of a point of a link with this twist.
-  FAN_FN Real rate(const Real* twist, const Real* at) const {
+  FAN_FN Real rate(const Real* twist, const Real* at) const { return rate(feet.frame, twist, at); }
+
+  // The same along a direction n of the frame.
+  FAN_FN static Real rate(const double* n, const Real* twist, const Real* at) {
     Real v[3];
     cross(twist + 3, at, v);
-    const double* n = feet.frame;
     return -((twist[0] + v[0]) * n[0] + (twist[1] + v[1]) * n[1] + (twist[2] + v[2]) * n[2]);
   }
 

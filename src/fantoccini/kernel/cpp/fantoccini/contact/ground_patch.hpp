@@ -220,6 +220,10 @@ class GroundPatch {
         select(many, Real((s11 * first + s12 * second) * by), line),
         select(many, Real((s12 * first + s22 * second) * by), zero)};
     for (int k = 0; k < 3; ++k) required[k] = mean * turn_[3 * k];
+    if (foot->is_round)
+      for (int k = 0; k < 3; ++k)
+        for (int d = 0; d < 3; ++d)
+          required[k] += select(here, Real(turn_[3 * k + d] * foot->point[0].drift[d]), zero);
     required[3] = zero;
     required[4] = size * turn_[0] * theta[0];
     required[5] = size * turn_[0] * theta[1];

@@ -19,6 +19,7 @@ class ContactLanes {
 
   Real violation, work, impact, friction;  // penetration depth [m]; energies of the step [J]
   Real residual = Real(0.0);               // of the contact law, after the last step
+  bool looks_ahead = true;                         // as ContactStep's
   Mask apart = Real(0.0) > Real(1.0);      // lanes that are not solved here
 
   // Starts without any contact.
@@ -58,6 +59,10 @@ class ContactLanes {
       if (!lane_of(feet.kept, l) && !lane_of(idle, l)) feet.take(in, l, push_[l], n_[l]);
     const Mask alone = near_.find_on(in, dt, feet.kept && !idle, feet);
     ground_.start(near_, alone, dt, full_step, recovery_speed);
+    if (looks_ahead && ground_.rolls()) {
+      near_.look_ahead(q_D, v_D, q_K, v_K, p, dt);
+      ground_.require_in_middle(in, near_);
+    }
     violation = ground_.depth;
     apart = Real(0.0) > Real(1.0);
     set_apart(!idle && !ground_.lanes);

@@ -10,6 +10,7 @@ namespace fan {
 template <class Model, class Real>
 class NearLanes {
   using Links = PlacedLinks<Model, Real>;
+  using Poses = decltype(Links::of_lanes);
 
  public:
   static constexpr int L = Links::L, N = Links::N, width = Links::width;
@@ -32,7 +33,7 @@ class NearLanes {
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, double dt) {
     links_.locate(q_D, q_K, p);
-    move_all(v_D, v_K);
+    move_all(links_.of_lanes, v_D, v_K, twist_of_);
     place_all();
     good_ = known_ && hold(dt);
     for (int l = 0; l < width; ++l)
@@ -69,6 +70,19 @@ class NearLanes {
       if (lane_of(alone, l)) near_[l].count_step();
     return alone;
   }
+
+  // Poses and twists in the middle of a step dt, at the velocities of its start.
+  FAN_FN void look_ahead(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* p,
+      double dt) {
+    Real q[array_size(Model::n_qD)], q_in[array_size(Model::n_qK)];
+    retract<typename Model::Dynamic>(q_D, v_D, 0.5 * dt, q);
+    retract<typename Model::Driven>(q_K, v_K, 0.5 * dt, q_in);
+    Call<Model, Real>::screws(q, q_in, p, middle_);
+    move_all(middle_, v_D, v_K, twist_in_middle_);
+  }
+  FAN_FN const Real* pose_in_middle(int link) const { return middle_.poses + 12 * link; }
+  FAN_FN const Real* twist_in_middle(int link) const { return twist_in_middle_ + 6 * link; }
 
   // Lists the near pairs of lane l.
   FAN_FN void list_anew(const ContactArrays& in, const Real* v_D, const Real* v_K, int l) {
@@ -112,12 +126,12 @@ class NearLanes {
   }
 
  private:
-  // As PlacedLinks::move().
-  FAN_FN void move_all(const Real* v_D, const Real* v_K) {
+  // As PlacedLinks::move(), for poses and screws `at`.
+  FAN_FN void move_all(const Poses& at, const Real* v_D, const Real* v_K, Real* twist_of) const {
     for (int i = 0; i < L; ++i) {
       const int up = Model::link_parent[i];
-      Real* to = twist_of_ + 6 * i;
-      for (int c = 0; c < 6; ++c) to[c] = up < 0 ? Real(0.0) : twist_of_[6 * up + c];
+      Real* to = twist_of + 6 * i;
+      for (int c = 0; c < 6; ++c) to[c] = up < 0 ? Real(0.0) : twist_of[6 * up + c];
       const auto add = [&](const int* begin, const int* entry, const Real* screw, const Real* v) {
         const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
         for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
@@ -125,8 +139,8 @@ class NearLanes {
           FAN_UNROLL for (int c = 0; c < 6; ++c) to[c] += of[c] * speed;
         }
       };
-      add(Model::moved_D_begin, Model::moved_D_entry, links_.of_lanes.screw_D, v_D);
-      add(Model::moved_K_begin, Model::moved_K_entry, links_.of_lanes.screw_K, v_K);
+      add(Model::moved_D_begin, Model::moved_D_entry, at.screw_D, v_D);
+      add(Model::moved_K_begin, Model::moved_K_entry, at.screw_K, v_K);
     }
   }
 
@@ -250,6 +264,8 @@ class NearLanes {
   }
 
   Links links_;
+  Poses middle_;  // in the middle of the step
+  Real twist_in_middle_[array_size(6 * L)];
   Near near_[width];
   double slack_ = 0.0;                  // m: of the lists of near pairs
   Real speed_at_start_[array_size(L)];  // m/s: from which the margins follow

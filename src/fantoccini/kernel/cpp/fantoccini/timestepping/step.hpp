@@ -78,7 +78,7 @@ struct TimeStep {
     limits_near_ = limits_pull_ = limits_pulled_ = true;
     if constexpr (touches)
       if (solids) contacts.begin(*solids);
-    if constexpr (touches && !separate_lanes) contacts.looks_ahead = extrapolates;
+    if constexpr (touches) contacts.looks_ahead = extrapolates;
     if constexpr (separate_lanes)
       if (solids) singles_.ready(options);
   }
