@@ -114,6 +114,23 @@ class ContactPoints {
     }
   }
 
+  // Finds the points of some pairs only, whatever their gaps. For one trajectory.
+  FAN_FN void find_of_pairs(
+      const ContactArrays& in, const int* pairs, int n_pairs, const Real* q_D, const Real* v_D,
+      const Real* q_K, const Real* v_K, const Real* p) {
+    links_.locate(q_D, q_K, p);
+    links_.load(0, v_D, v_K);
+    links_.move();
+    links_.place();
+    n[0] = 0;
+    for (int j = 0; j < n_pairs; ++j) search_pair(in, pairs[j], unbounded, 0);
+    n_max = n[0];
+    for (int i = 0; i < n_max; ++i) {
+      clear(i);
+      fill(in, 0, i);
+    }
+  }
+
   // As PlacedLinks::outruns(), by the margins of find().
   FAN_FN Mask outruns(const Real* dv_D, double dt) const {
     return links_.outruns(dv_D, dt, speed_at_start_, Tolerance::margin, Tolerance::travel);

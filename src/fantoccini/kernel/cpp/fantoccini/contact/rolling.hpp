@@ -35,16 +35,21 @@ class RollingPoints {
   FAN_FN void require(
       State& state, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, double dt) {
-    any_rolls = false;
     const auto& points = state.points;
-    for (int i = 0; i < points.n[0] && may_; ++i) any_rolls = any_rolls || is_rolling(state, i);
+    int pairs[array_size(Model::n_contacts)], n_pairs = 0;
+    for (int i = 0; i < points.n[0] && may_; ++i) {
+      const int pair = points.point[0][i].pair;  // the points of a pair follow one another
+      if (is_rolling(state, i) && (n_pairs == 0 || pairs[n_pairs - 1] != pair))
+        pairs[n_pairs++] = pair;
+    }
+    any_rolls = n_pairs > 0;
     if (may_)
       for (Real& drift : state.drift) drift = Real(0.0);
     if (!any_rolls) return;
     Real q[array_size(Model::n_qD)], q_in[array_size(Model::n_qK)];
     retract<typename Model::Dynamic>(q_D, v_D, ahead * dt, q);
     retract<typename Model::Driven>(q_K, v_K, ahead * dt, q_in);
-    middle_.find(*state.in, q, v_D, q_in, v_K, p, dt, Real(0.0) > Real(1.0), [](int) {});
+    middle_.find_of_pairs(*state.in, pairs, n_pairs, q, v_D, q_in, v_K, p);
     for (int i = 0; i < points.n[0]; ++i) {
       if (!is_rolling(state, i)) continue;
       const auto& own = points.point[0][i];
