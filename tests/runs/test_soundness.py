@@ -363,6 +363,16 @@ def test_springs_too_stiff_for_a_variational_step_are_reported(k, c, ends):
     assert run.status.name == ends
 
 
+def test_runs_of_a_batch_are_judged_by_their_own_mass():
+    """0.1 kg that gains 100 times its energy is unsound, whatever the mass in the file."""
+    heavy = fan.loads(SPRUNG.replace("mass: 0.1", "mass: {parameter: m, value: 1.0e+9}"))
+    x = heavy.state().replace(q_D=np.array([0.0, 0.0, 0.11]))
+    own = {"m": [0.1, 0.1], "k": [25.0, 1e6]}
+    method = fan.Variational(dt=0.01)
+    runs = fan.simulate_batch(heavy, [x] * 2, t_end=0.05, method=method, parameters=own, save="all")
+    assert [fan.Status(i) for i in runs.status] == [fan.Status.DONE, fan.Status.GAINED_ENERGY]
+
+
 def test_strings_that_vibrate_faster_than_the_step_are_reported():
     """17.2: 1 g between two strings above 1,000 kg; the longest step is 2 / omega."""
     puppet = fan.loads(UNEQUAL)

@@ -115,7 +115,9 @@ class BatchVerdicts:
             columns = np.moveaxis(ledgers_of_terms(batch.parts["energy_terms"][done]), -1, 0)
             ledger = dict(zip(LEDGER, columns, strict=True))
             start = {name: values[:, 0] for name, values in ledger.items()}
-            check = LedgerCheck(self._marionette, batch.options.dt, start, batch.times[0])
+            p = batch.p[done] if len(batch.p) > 1 else batch.p.repeat(np.sum(done), axis=0)
+            dt = batch.options.dt
+            check = LedgerCheck(self._marionette, dt, start, batch.times[0], p)
             later = {name: values[:, 1:] for name, values in ledger.items()}
             check.add(later, batch.times[1:])
             gain[done], share[done] = check.gain, check.share
@@ -132,7 +134,8 @@ class BatchVerdicts:
         def swing() -> bool:
             q_K = self._inputs[self._own(i)].evaluate(batch.t)[0]
             q_D = batch.q_D[i if len(batch.q_D) > 1 else 0]
-            return swings(marionette, q_D, q_K, batch.options.dt)
+            p = batch.p[i if len(batch.p) > 1 else 0]
+            return swings(marionette.with_p(p), q_D, q_K, batch.options.dt)
 
         share = excused(self._method, float(self._share[i]), swing)
         return fault(largest, float(self._gain[i]), share), ""

@@ -97,14 +97,15 @@ class LaneLedgers:
         self._at_start = np.zeros((len(t), 1))
         self._q_D, self._q_K, self._p = record.q_D.copy(), record.q_K.copy(), record.p
         self._swings: dict[int, bool] = {}
-        self._check = LedgerCheck(marionette, dt, self._entries(record, slice(None)), t)
+        start = self._entries(record, slice(None))
+        self._check = LedgerCheck(marionette, dt, start, t, record.p)
 
     def restart(self, runs: NDArray[np.intp], record: LaneRecord, t: Array) -> None:
         """Begins again with some of the runs."""
         self._q_D[runs], self._q_K[runs] = record.q_D[runs], record.q_K[runs]
         for i in runs.tolist():
             self._swings.pop(i, None)
-        self._check.restart(runs, self._entries(record, runs), t[runs])
+        self._check.restart(runs, self._entries(record, runs), t[runs], record.p[runs])
 
     def add(self, record: LaneRecord, t: Array) -> None:
         """Adds the ends of a piece."""

@@ -109,20 +109,24 @@ class LedgerCheck:
         dt: length of the steps [s].
         ledger: entries (...,) of the ledgers at the start [J].
         t: (...,) times of the start [s].
+        p: (..., n_p) parameters of the runs; by default those of the puppet.
     """
 
     def __init__(
-        self, marionette: CompiledPuppet, dt: float, ledger: Mapping[str, Array], t: Times
+        self,
+        marionette: CompiledPuppet,
+        dt: float,
+        ledger: Mapping[str, Array],
+        t: Times,
+        p: Array | None = None,
     ):
-        g = marionette.weight / max(marionette.mass, BOUNDS.energy)
-        self._dt = dt
-        self._coarse = 0.5 * marionette.weight * g * BOUNDS.coarse**2  # [J/s^2]
-        self._available = BOUNDS.fall * marionette.weight + BOUNDS.energy
-        self._at = _start(ledger, t)
+        self._marionette, self._dt = marionette, dt
+        self._at = _start(ledger, t) | _scales(marionette, p)
 
-    def restart(self, runs: Indices, ledger: Mapping[str, Array], t: Times) -> None:
-        """Begins again with some of the runs: entries (m,) of their ledgers, and times (m,)."""
-        for name, values in _start(ledger, t).items():
+    def restart(self, runs: Indices, ledger: Mapping[str, Array], t: Times, p: Array) -> None:
+        """Begins again with some of the runs: entries (m,) of their ledgers, times (m,), and
+        parameters (m, n_p)."""
+        for name, values in (_start(ledger, t) | _scales(self._marionette, p)).items():
             self._at[name] = self._at[name].copy()
             self._at[name][..., runs] = values
 
@@ -141,7 +145,7 @@ class LedgerCheck:
         peaks[..., 0] = np.maximum(peaks[..., 0], at["peaks"])
         peaks = np.maximum.accumulate(peaks, axis=-1)
         step = np.minimum(self._dt, t - at["since"][..., None])
-        exchanged = np.sum(peaks, axis=0) + self._coarse * step**2 + BOUNDS.energy
+        exchanged = np.sum(peaks, axis=0) + at["coarse"][..., None] * step**2 + BOUNDS.energy
         _, _, work, damping, residual = entries
         damped = np.zeros((*t.shape[:-1], t.shape[-1] + 1))
         damped[..., 0] = at["damped"]
@@ -168,13 +172,28 @@ class LedgerCheck:
     def gain(self) -> Array:
         at = self._at
         fallen = at["V_0"] + at["peaks"][2]
-        return np.asarray(at["risen"] / (at["T_0"] + fallen + at["worked"] + self._available))
+        return np.asarray(at["risen"] / (at["T_0"] + fallen + at["worked"] + at["available"]))
 
     def __copy__(self) -> LedgerCheck:
         # The arrays are replaced, and never written in place.
         other = object.__new__(LedgerCheck)
         other.__dict__.update(self.__dict__, _at=dict(self._at))
         return other
+
+
+def _scales(marionette: CompiledPuppet, p: Array | None) -> dict[str, Array]:
+    """Energies (...,) that always count as available [J], and of a fall by time^2 [J/s^2]."""
+    if p is None:
+        weight, mass = np.array(marionette.weight), np.array(marionette.mass)
+    else:
+        rows, run = np.unique(p, axis=0, return_inverse=True)
+        own = [marionette.with_p(row) for row in rows]
+        weight, mass = np.array([(m.weight, m.mass) for m in own]).T[:, run.ravel()]
+    g = weight / np.maximum(mass, BOUNDS.energy)
+    return {
+        "available": BOUNDS.fall * weight + BOUNDS.energy,
+        "coarse": 0.5 * weight * g * BOUNDS.coarse**2,
+    }
 
 
 def _start(ledger: Mapping[str, Array], t: Times) -> dict[str, Array]:
