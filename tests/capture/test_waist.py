@@ -190,3 +190,15 @@ def test_a_marionette_with_a_waist_follows_a_clip(waisted, tmp_path):
     assert followed, followed.status
     errors = {part.name: part.above for part in followed.report}
     assert all(above < 0.02 for above in errors.values()), errors
+
+
+def test_bodies_of_any_names_are_those_of_the_body_map():
+    """Hans has other names, a waist, and his chest as the root."""
+    hans = fan.puppets.hans()
+    figure = figure_of(hans, hans.rest())
+    assert figure.bodies["trunk"] == "chest" and figure.bodies["hips"] == "pelvis"
+    for side in ("left", "right"):
+        assert figure.bodies[f"forearm_{side}"] == f"lower_arm_{side}"
+        assert figure.bodies[f"shin_{side}"] == f"shin_{side}"
+    assert figure.places["head"][2] > figure.places["hand_left"][2] > figure.places["foot_left"][2]
+    assert figure.height == pytest.approx(hans.body_map.size, rel=0.1)

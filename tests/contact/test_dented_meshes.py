@@ -245,9 +245,9 @@ def test_a_mesh_with_later_contact_is_refused(tmp_path):
     path.write_text(path.read_text().replace(WALL, ""))
     alone = fan.load(path)
     assert len(alone.contacts.hulls) == 0
-    among = fan.Marionette(alone.with_obstacles(thing.puppet.obstacles))
+    among = alone.with_obstacles(thing.puppet.obstacles)
     refused(among, "touched nothing when the puppet was compiled")
     # The reverse is possible.
-    bare = fan.Marionette(thing.with_obstacles(()))
+    bare = thing.with_obstacles(())
     assert len(bare.contacts.hulls) == 0
     fan.simulate(bare, bare.state(), t_end=0.01, method="timestepping")

@@ -113,9 +113,10 @@ def _shortest(W: Array, b: Array) -> Array | None:
 
 
 def _deepest(marionette: CompiledPuppet, x: State) -> float:
-    """Depth of the deepest overlap [m]."""
+    """Depth of the deepest overlap [m]; -inf without pairs."""
     assert marionette.contacts is not None
-    return -float(np.min(marionette.library.gaps(marionette.contacts, x.q_D, x.q_K, marionette.p)))
+    gaps = marionette.library.gaps(marionette.contacts, x.q_D, x.q_K, marionette.p)
+    return -float(np.min(gaps, initial=np.inf))
 
 
 def _rows(marionette: CompiledPuppet, x: State) -> Iterator[tuple[Array, float]]:

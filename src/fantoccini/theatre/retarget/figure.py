@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,8 @@ from fantoccini.base import Array, StateError, UnknownNameError, unit
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import WORLD, Role
 from fantoccini.motion import State
-from fantoccini.theatre.retarget.mapping import BODIES, SIDES, BodyFile
+from fantoccini.theatre.retarget.bodies import bodies_of_map
+from fantoccini.theatre.retarget.mapping import BODIES, LIMBS, SIDES, BodyFile
 
 USUAL = {
     "trunk": BodyFile(body="torso"),
@@ -24,12 +26,6 @@ USUAL = {
     **{f"shin_{side}": BodyFile(body=f"shin_{side}", end=(0.0, 0.0, -0.126)) for side in SIDES},
 }
 """Bodies of the bundled marionette."""
-LIMBS = (
-    ("shoulder", "elbow", "hand", "upper_arm", "forearm"),
-    ("hip", "knee", "foot", "thigh", "shin"),
-)
-"""Begin, middle and end of a limb, and the bodies between them."""
-
 Point = tuple[str, tuple[float, float, float]]
 """A body, and a point in its frame."""
 
@@ -104,7 +100,7 @@ def figure_of(
     Args:
         marionette: puppet or scene.
         start: state at rest.
-        bodies: part -> body, if their names differ from those of the bundled marionette.
+        bodies: part -> body; by default the names of the bundled marionette, else by shape.
         of: name of the scene's member; by default the only one that is a person.
 
     Raises:
@@ -114,6 +110,9 @@ def figure_of(
     """
     names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
     body_files = _of_member(marionette, {**USUAL, **(bodies or {})}, names, of)
+    if not bodies and not of and any(file.body not in names for file in body_files.values()):
+        with contextlib.suppress(StateError):
+            body_files = bodies_of_map(marionette)
     if missing := [part for part in BODIES if body_files[part].body not in names]:
         raise StateError(
             f"{marionette.name} has no body {body_files[missing[0]].body!r}, the {missing[0]} of a "

@@ -44,6 +44,11 @@ BODIES = (
     *(f"{limb}_{side}" for side in SIDES for limb in ("upper_arm", "forearm", "thigh", "shin")),
 )
 """Parts of a puppet that a mapping may name."""
+LIMBS = (
+    ("shoulder", "elbow", "hand", "upper_arm", "forearm"),
+    ("hip", "knee", "foot", "thigh", "shin"),
+)
+"""Begin, middle and end of a limb, and the bodies between them."""
 
 
 class BodyFile(Model):

@@ -17,8 +17,8 @@ import numpy as np
 
 from fantoccini.base import Array, StateError, rotation, unit
 from fantoccini.theatre.capture import Capture
-from fantoccini.theatre.retarget.figure import LIMBS, Figure, axes_along, axes_of
-from fantoccini.theatre.retarget.mapping import SIDES
+from fantoccini.theatre.retarget.figure import Figure, axes_along, axes_of
+from fantoccini.theatre.retarget.mapping import LIMBS, SIDES
 
 _MAX_STRETCH = 0.97
 """Largest length of a limb, relative to a straight one, which would hang in only one way."""

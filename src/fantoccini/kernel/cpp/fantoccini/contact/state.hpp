@@ -184,15 +184,6 @@ struct ContactState {
     return -lane_of(s[i], l) - (i % 3 == 0 ? lane_of(required[i / 3], l) : 0.0);
   }
 
-  // Sum over the points of impulse times the change of hdot by the forces of the step [J], of one
-  // trajectory.
-  double exchanged_with_forces() const {
-    double sum = 0.0;
-    for (int d = 0; d < 3 * points.n[0]; ++d)
-      sum += lane_of(x[d], 0) * (lane_of(before[d], 0) - lane_of(hdot[d], 0));
-    return sum;
-  }
-
   // Whether the forces of one step alone give point i its closing speed at the start.
   FAN_FN bool rested(int l, int i) const {
     const double closing = lane_of(hdot[3 * i], l);

@@ -141,7 +141,6 @@ class ContactStep {
 
   // Whether a point rebounds, of one trajectory.
   FAN_FN bool has_rebound() const { return state_.points.n_max > 0 && state_.bounces[0]; }
-  double exchanged_with_forces() const { return state_.exchanged_with_forces(); }
 
   // Times until the first rebounding point touches (negative if it overlaps), and until the next,
   // by more than `same` after that and the start [s]; unbounded if there is none.

@@ -101,7 +101,8 @@ struct TimeStep {
       return respond(v, v_K, u_D, part, recovery_speed, most, winches, may_part, v_next);
     };
     if constexpr (touches && !separate_lanes)
-      if (solids) return touching.step(*this, begin, end, q_D, v_D, q_K, v_K, dt, q_next, v_next);
+      if (solids)
+        return touching.step(*this, begin, end, q_D, v_D, q_K, v_K, p, dt, q_next, v_next);
     end(v_D, dt, false);
     retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
     if constexpr (separate_lanes)

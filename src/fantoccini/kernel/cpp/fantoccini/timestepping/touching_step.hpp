@@ -44,14 +44,15 @@ class TouchingStep {
   template <class Step, class Begin, class End>
   FAN_FN void step(
       Step& at, const Begin& begin, const End& end, const double* q_D, const double* v_D,
-      const double* q_K, const double* v_K, double dt, double* q_next, const double* v_next) {
+      const double* q_K, const double* v_K, const double* p, double dt, double* q_next,
+      const double* v_next) {
     delay = 0.0;
     parts = false;
     if (!at.contacts.has_rebound()) {
       if (end(v_D, dt, true)) return retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
       begin(q_D, v_D, q_K, dt, dt);
     }
-    touch(at, begin, end, q_D, v_D, q_K, v_K, dt, q_next, v_next);
+    touch(at, begin, end, q_D, v_D, q_K, v_K, p, dt, q_next, v_next);
   }
 
  private:
@@ -59,7 +60,8 @@ class TouchingStep {
   template <class Step, class Begin, class End>
   FAN_OUT_OF_LINE void touch(
       Step& at, const Begin& begin, const End& end, const double* q_D, const double* v_D,
-      const double* q_K, const double* v_K, double dt, double* q_next, const double* v_next) {
+      const double* q_K, const double* v_K, const double* p, double dt, double* q_next,
+      const double* v_next) {
     start(q_D, v_D, q_K);
     clear();
     loss_ = at.eval.loss;
@@ -89,8 +91,8 @@ class TouchingStep {
         delay = go_to_touch(at, begin, v_K, part, Tolerance::touch_time * dt);
         end(v_, part, false);
       }
-      if (delay > 0.0) at.impact += delay / part * exchanged_with_forces(at);
       retract<typename Model::Dynamic>(q_touch_, v_next, part - delay, q_next);
+      if (delay > 0.0) at.impact += potential_until_touch(v_K, p, part, v_next, q_next);
       if (!parts && part == dt) return;
       parts = true;
       add(at, part);
@@ -145,18 +147,22 @@ class TouchingStep {
     return t;
   }
 
-  // Sum of every impulse times the change of its hdot by the forces of the part [J]. The ledger
-  // balances for a step q+ = q moved by dt v+. Until the touch the bodies move with v instead, and
-  // the work of the forces f differs by
-  //
-  //   t f.(v - v+) = t/dt (this sum) - t dt f.M^-1 f,
-  //
-  // which is added to the loss of the impact, without its last term, which is of second order.
-  template <class Step>
-  double exchanged_with_forces(const Step& at) const {
-    double sum = at.contacts.exchanged_with_forces();
-    for (int a = 0; a < at.rows.n; ++a) sum -= at.pull_[a] * (at.before_[a] - at.rows.hdot[a]);
-    return sum;
+  // Potential energy that the part would end with if the bodies moved with v+ from its start, above
+  // that of q_next [J]. The ledger balances for the former; the loss of the impact includes this.
+  double potential_until_touch(
+      const double* v_K, const double* p, double part, const double* v_next, const double* q_next) {
+    double q[array_size(NQ)], q_K[array_size(QK)], T, V, V_next;
+    const auto potential = [&](const double* at, double& out) {
+      struct {
+        double *T, *V;
+      } energy{&T, &out};
+      Call<Model, double>::energy(at, v_next, q_K, v_K, p, energy);
+    };
+    retract<typename Model::Dynamic>(q_, v_next, part, q);
+    retract<typename Model::Driven>(q_K_, v_K, part, q_K);
+    potential(q, V);
+    potential(q_next, V_next);
+    return V - V_next;
   }
 
   void clear() {
