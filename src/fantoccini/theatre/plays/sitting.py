@@ -101,9 +101,10 @@ def sit(
     if not low <= drop <= high:
         text = f"the seat is {drop:.3f} m below the pelvis; needed: {low:.3g} to {high:.3g} m"
         raise ValueError(text)
-    least, largest = (size * bound for bound in _DISTANCES)
-    if not least <= away <= largest:
-        raise ValueError(f"the seat is {away:g} m behind; needed: {least:.3g} to {largest:.3g} m")
+    closest, farthest = (size * bound for bound in _DISTANCES)
+    if not closest <= away <= farthest:
+        text = f"the seat is {away:g} m behind; needed: {closest:.3g} to {farthest:.3g} m"
+        raise ValueError(text)
     down, up = _trunk(build, drop, away)
     for side in ("left", "right"):
         for moves, more in zip((down, up), _limbs(build, start, side, drop, away), strict=True):
