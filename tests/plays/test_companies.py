@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.theatre.cast.companies import Company, Meeting, Span, spans
-from fantoccini.theatre.cast.contacts import hanging
+from fantoccini.theatre.cast.contacts import Bodies, hanging
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.stage_run import together
 
@@ -35,7 +35,9 @@ acts:
 
 
 def meeting(begin: float, end: float, players: str, props: str = "p") -> Meeting:
-    pairs = frozenset(hanging(player, "left", "p") for player in players)
+    pairs = frozenset(
+        hanging(Bodies(player, {"left": f"{player}.arm"}), "left", "p") for player in players
+    )
     return Meeting(begin, end, tuple(players), tuple(props), pairs, "hangs")
 
 

@@ -65,7 +65,8 @@ def prop(kind: str, x: float, y: float, z: float, heading: float) -> dict:
 
 def hung(kind: str, x: float, y: float, heading: float, side: str, off: float = 0.0) -> dict:
     """A prop on the forearm of a puppet standing there."""
-    forward, left, up = prop_gestures.handle_place(side, raised=RAISED)
+    forward, left, up = prop_gestures.handle_place(fan.puppets.marionette(), side=side)
+    up += RAISED
     place = seen(x, y, heading, forward + off, left)
     return prop(kind, *place, up - 0.35 * off - THINGS[kind]["handle"], heading)
 

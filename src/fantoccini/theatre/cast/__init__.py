@@ -2,6 +2,7 @@
 
 from fantoccini.theatre.cast import prop_gestures
 from fantoccini.theatre.cast.actors import Actor, Corrections
+from fantoccini.theatre.cast.builds import Build
 from fantoccini.theatre.cast.casting import Cast, Player, read_cast
 from fantoccini.theatre.cast.clips import Clip, is_clip, read_clip
 from fantoccini.theatre.cast.companies import (
@@ -15,10 +16,8 @@ from fantoccini.theatre.cast.companies import (
     staged,
 )
 from fantoccini.theatre.cast.contacts import (
-    BODY,
-    FEET,
     OTHER_SIDE,
-    SEATED,
+    Bodies,
     Pair,
     asked_pairs,
     hanging,
@@ -29,10 +28,10 @@ from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_time
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
 from fantoccini.theatre.cast.prop_gestures import (
-    CARRIED,
     Waypoints,
     aside_by,
     backwards,
+    carried,
     gesture_of,
     of_member,
     sign_of,
@@ -51,14 +50,12 @@ from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
 
 __all__ = [
-    "BODY",
-    "CARRIED",
     "ERRORS",
-    "FEET",
     "NUMBERS",
     "OTHER_SIDE",
-    "SEATED",
     "Actor",
+    "Bodies",
+    "Build",
     "CannotBegin",
     "Cast",
     "Clip",
@@ -84,6 +81,7 @@ __all__ = [
     "aside_by",
     "asked_pairs",
     "backwards",
+    "carried",
     "digest",
     "extent",
     "gesture_form",

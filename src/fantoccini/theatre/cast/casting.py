@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -17,12 +17,20 @@ from fantoccini.model import scene as scenes
 from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
-from fantoccini.theatre.cast.contacts import Pair, asked_pairs, cue_pairs, hanging, rules_of
+from fantoccini.theatre.cast.contacts import Bodies, Pair, asked_pairs, rules_of
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
 from fantoccini.theatre.gestures import Ends, Roles
-from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot, spelled
+from fantoccini.theatre.script import (
+    DIRECTIONS,
+    VERBS,
+    PlayerFile,
+    PlayFile,
+    ScriptLog,
+    Spot,
+    spelled,
+)
 
 Pose = dict[str, Any]
 """Start values by coordinate."""
@@ -53,6 +61,14 @@ class Player:
     def content(self) -> str:
         """Hash of the puppet and its meshes, and of the floor."""
         return hashlib.blake2b(self.alone.puppet.canonical().encode()).hexdigest()
+
+    @cached_property
+    def bodies(self) -> Bodies:
+        """Bodies that touch props and seats; none without a body map."""
+        try:
+            return Bodies.of(self.name, Roles.of(self.alone).body_map)
+        except StateError:
+            return Bodies(self.name)
 
     @cached_property
     def middle(self) -> complex:
@@ -107,6 +123,11 @@ class Cast:
     file: PlayFile
     props: Mapping[str, PlayProp] = field(default_factory=dict)
     lie: Mapping[str, PropState] = field(default_factory=dict)
+
+    @cached_property
+    def asked_pairs(self) -> frozenset[Pair]:
+        """All pairs that may touch at some time of the play."""
+        return asked_pairs(self.file, {who: player.bodies for who, player in self.players.items()})
 
     def member(self, name: str) -> str:
         """Prefix of a player's coordinates in the scene."""
@@ -173,13 +194,15 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
         players[name] = Player(name, alone, hangs, x0, starts[name])
         members.append(Member(name=name, puppet=puppet, pose=pose))
     log.mistakes.refuse()
-    lifts = {name: entry.lift for name, entry in file.cast.items()}
-    props = read_props(file, starts, lifts, places, log)
     _check_bodies(file, players, log)
+    log.mistakes.refuse()
+    alone = {name: player.alone for name, player in players.items()}
+    props = read_props(file, starts, alone, places, log)
     log.mistakes.refuse()
     stage = file.stage
     only = f"{next(iter(players))}." if len(players) == 1 else ""
-    rules = rules_of(asked_pairs(file), lambda part: part.removeprefix(only))
+    bodies = {name: player.bodies for name, player in players.items()}
+    rules = rules_of(asked_pairs(file, bodies), lambda part: part.removeprefix(only))
     try:
         scene = Scene(
             scene=file.play,
@@ -222,30 +245,39 @@ def _check_names(file: PlayFile, log: ScriptLog) -> None:
 
 
 def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog) -> None:
-    """Records cues and props whose players lack the bodies that touch a seat or the prop."""
-    bodies = {
-        f"{name}.{link.name}"
-        for name, player in players.items()
-        for link in player.alone.tree.links
-    }
-    asked: list[tuple[Spot, str, Iterable[Pair]]] = [
-        (("props", name, "held by"), "hold it", [hanging(prop.held_by, prop.side, name)])
+    """Records cues and props whose players lack the limbs for a seat or the prop."""
+    asked: list[tuple[Spot, str, str, tuple[str, ...]]] = [
+        (("props", name, "held by"), "hold it", prop.held_by, (f"arm_{prop.side}",))
         for name, prop in file.props.items()
         if prop.held_by is not None
     ]
     for a, act in enumerate(file.acts):
         for c, cue in enumerate(act.cues):
             verb = spelled(cue.verb)
-            asked.append((("acts", a, "cues", c, verb), f"do `{verb}`", cue_pairs(cue)))
-    for spot, action, pairs in asked:
-        missing: dict[str, set[str]] = {}
-        for part in frozenset[str]().union(*pairs) - bodies:
-            who, _, body = part.partition(".")
-            if body and who in players:
-                missing.setdefault(who, set()).add(body)
-        for who, lacking in sorted(missing.items()):
-            text = f"{file.cast[who].puppet} has no body {', '.join(sorted(lacking))}"
-            log.mistakes.add(spot, f"{who} cannot {action}: {text}")
+            named = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
+            limbs = _limbs_of(named)
+            others = [named["player"]] if "prop" in named and "player" in named else []
+            for who in (*cue.who[:1], *others):
+                asked.append((("acts", a, "cues", c, verb), f"do `{verb}`", who, limbs))
+    for spot, action, who, limbs in asked:
+        if who not in players or not limbs:
+            continue
+        try:
+            parts = Roles.of(players[who].alone).body_map.parts
+            missing = [limb for limb in limbs if limb not in parts]
+            have = ", ".join(parts) or "no limbs"
+            reason = f"{file.cast[who].puppet} has no {', '.join(missing)}; it has {have}"
+        except StateError as error:
+            missing, reason = list(limbs), f"{file.cast[who].puppet}: {error}"
+        if missing:
+            log.mistakes.add(spot, f"{who} cannot {action}: {reason}")
+
+
+def _limbs_of(named: Mapping[str, str]) -> tuple[str, ...]:
+    """Limbs that a player needs for a cue that names these kinds of things."""
+    if "seat" in named:
+        return ("leg_left", "leg_right", "arm_left", "arm_right")
+    return ("arm_left", "arm_right") if "prop" in named else ()
 
 
 def _puppet(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:

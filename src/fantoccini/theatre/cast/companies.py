@@ -68,7 +68,7 @@ class Company:
     def rests(self) -> bool:
         """Whether somebody sits, or a prop stands on something other than the floor."""
         props = {*self.props}
-        arms = [any(".forearm_" in name for name in pair) for pair in self.pairs]
+        arms = [bool(pair & props) and any("." in name for name in pair) for pair in self.pairs]
         falls = [FLOOR in pair and bool(pair & props) for pair in self.pairs]
         return not all(a or b for a, b in zip(arms, falls, strict=True))
 
@@ -273,7 +273,7 @@ def settled(cast: Cast, cache: ResultCache) -> Cast:
         held = [prop for prop in cast.props.values() if prop.held_by == who]
         if not held:
             continue
-        pairs = frozenset(hanging(who, prop.side, prop.name) for prop in held)
+        pairs = frozenset(hanging(player.bodies, prop.side, prop.name) for prop in held)
         company = Company((who,), tuple(prop.name for prop in held), pairs)
         stage = staged(cast, company, cache)
         # A handle's place is given on the arm of the puppet as its file has it.

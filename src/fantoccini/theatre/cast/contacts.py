@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 
+from fantoccini.base import StateError
+from fantoccini.model import BodyMap
 from fantoccini.model.puppet import FLOOR, Contact, ContactPair
 from fantoccini.theatre.script import VERBS, PlayCue, PlayFile
 
@@ -14,17 +17,49 @@ OTHER_SIDE = {"left": "right", "right": "left"}
 """Side of a puppet -> the other side."""
 FRICTION = 0.6
 """Coefficient of friction of all contacts."""
-BODY = ("head", "shoulder_left", "shoulder_right")
-"""Strings of the bundled marionette that carry head and trunk."""
-SEATED = ("thigh_left", "thigh_right", "torso", "skull")
-"""Bodies that touch the seat of somebody who sits."""
-FEET = ("shin_left", "shin_right")
-"""Bodies that touch the floor and the seat's legs while sitting."""
 
 
-def hanging(player: str, side: str, prop: str) -> Pair:
-    """Pair of a prop and the forearm on which it hangs."""
-    return frozenset((f"{player}.forearm_{side}", prop))
+@dataclass(frozen=True)
+class Bodies:
+    """Names on the stage of a player's bodies that touch props and seats.
+
+    Attributes:
+        player: name of the player.
+        forearms: side -> body on which a prop hangs.
+        seated: bodies that touch a seat: thighs, trunk and head.
+        feet: bodies that touch the floor and the seat's legs while sitting.
+    """
+
+    player: str
+    forearms: Mapping[str, str] = field(default_factory=dict)
+    seated: tuple[str, ...] = ()
+    feet: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, player: str, body_map: BodyMap) -> Bodies:
+        """Bodies of a player whose puppet has this body map."""
+        arms = {limb.side: limb.bodies[-1] for limb in body_map.limbs if limb.kind == "arm"}
+        legs = [limb.bodies for limb in body_map.limbs if limb.kind == "leg"]
+        head = () if body_map.head is None else (body_map.head.body,)
+        seated = (*(body for leg in legs for body in leg[:-1]), *body_map.trunk, *head)
+        feet = tuple(leg[-1] for leg in legs)
+        return cls(
+            player,
+            {side: f"{player}.{body}" for side, body in arms.items()},
+            tuple(f"{player}.{body}" for body in dict.fromkeys(seated)),
+            tuple(f"{player}.{body}" for body in feet),
+        )
+
+
+def hanging(bodies: Bodies, side: str, prop: str) -> Pair:
+    """Pair of a prop and the forearm on which it hangs.
+
+    Raises:
+        StateError: the player has no arm on this side.
+    """
+    if side not in bodies.forearms:
+        raise StateError(f"{bodies.player} has no arm_{side}")
+    return frozenset((bodies.forearms[side], prop))
 
 
 def standing(prop: str, on: str) -> frozenset[Pair]:
@@ -32,34 +67,46 @@ def standing(prop: str, on: str) -> frozenset[Pair]:
     return frozenset(frozenset((prop, surface)) for surface in (on, FLOOR))
 
 
-def sitting(player: str, seat: str) -> frozenset[Pair]:
+def sitting(bodies: Bodies, seat: str) -> frozenset[Pair]:
     """Pairs of a player that sits: its bodies with the seat, its feet with the floor."""
-    on_seat = {frozenset((f"{player}.{body}", seat)) for body in (*SEATED, *FEET)}
-    return frozenset(on_seat | {frozenset((f"{player}.{foot}", FLOOR)) for foot in FEET})
+    on_seat = {frozenset((body, seat)) for body in (*bodies.seated, *bodies.feet)}
+    return frozenset(on_seat | {frozenset((foot, FLOOR)) for foot in bodies.feet})
 
 
-def asked_pairs(file: PlayFile) -> frozenset[Pair]:
-    """All pairs that may touch at some time of a play."""
+def asked_pairs(file: PlayFile, cast: Mapping[str, Bodies]) -> frozenset[Pair]:
+    """All pairs that may touch at some time of a play.
+
+    Args:
+        file: the play.
+        cast: player -> its bodies.
+    """
     pairs = set[Pair]()
     for prop, prop_file in file.props.items():
         pairs |= standing(prop, prop_file.on or FLOOR)
         if prop_file.held_by is not None:
-            pairs.add(hanging(prop_file.held_by, prop_file.side, prop))
+            pairs.add(hanging(cast[prop_file.held_by], prop_file.side, prop))
     for act in file.acts:
         for cue in act.cues:
-            pairs |= cue_pairs(cue)
+            pairs |= cue_pairs(cue, cast)
     return frozenset(pairs)
 
 
-def cue_pairs(cue: PlayCue) -> frozenset[Pair]:
-    """All pairs that may touch in a cue."""
+def cue_pairs(cue: PlayCue, cast: Mapping[str, Bodies]) -> frozenset[Pair]:
+    """All pairs that may touch in a cue.
+
+    Args:
+        cue: the cue.
+        cast: player -> its bodies.
+    """
     pairs = set[Pair]()
     named = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
+    players = [cast[who] for who in (cue.who[0], named.get("player")) if who in cast]
     if "seat" in named:
-        pairs |= sitting(cue.who[0], named["seat"])
+        pairs = pairs.union(*(sitting(bodies, named["seat"]) for bodies in players[:1]))
     if "prop" in named:
-        players = [cue.who[0], *([named["player"]] if "player" in named else [])]
-        pairs |= {hanging(who, side, named["prop"]) for who in players for side in OTHER_SIDE}
+        pairs |= {
+            hanging(bodies, side, named["prop"]) for bodies in players for side in bodies.forearms
+        }
         pairs |= standing(named["prop"], named.get("table", FLOOR))
     return frozenset(pairs)
 

@@ -2,10 +2,11 @@
 
     q_K(t) = q_K0 + d(t)
 
-Offsets are those of the bundled marionette, relative to its rest, so that they hold for every
-place and heading. A prop hangs by a handle across a forearm, held by friction alone. A handle is
-a stem with a bar whose ends are free: the arm lies under one half, beside the stem, and approaches
-and leaves sideways, so that strings never pass the bar.
+Offsets are relative to the puppet's rest, so that they hold for every place and heading. They are
+written for an arm of 19 cm and multiplied by the ratio of lengths for others. A prop hangs by a
+handle across a forearm, held by friction alone. A handle is a stem with a bar whose ends are free:
+the arm lies under one half, beside the stem, and approaches and leaves sideways, so that strings
+never pass the bar.
 """
 
 from __future__ import annotations
@@ -17,23 +18,25 @@ import numpy as np
 
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, pieces
-from fantoccini.theatre.cast.contacts import BODY, OTHER_SIDE
+from fantoccini.theatre.cast.builds import Build
+from fantoccini.theatre.cast.contacts import OTHER_SIDE
 from fantoccini.theatre.gestures import STEP_TIME, Ends, Gesture, Roles, Step, steps
 
 Waypoints = list[tuple[float, float]]
 
-_HANDLE = (0.061, 0.089, 0.324)
-"""Middle of the handle's bar on a forearm in the bundled pose: forward, to the arm's side, and
-above the floor [m]."""
+_HANDLE_ASIDE, _HANDLE_UP = 0.016, 0.004
+"""Middle of the handle's bar on a forearm in the pose of the file, from the elbow: to the arm's
+side, which is half the bar's length, and up [m]."""
 
 _ALONG = 0.061
 """Distance of the handle from the elbow, along the forearm [m]."""
 _HELD = {"forward": 0.2, "in": 0.065, "up": 0.03}
-_HELD_ELBOW, _HELD_FOREARM = (0.0431, 0.073), (0.986, 0.003)
-"""Offset of the hand's string that holds out a prop [m]; position of the elbow in that pose [m] and
+_HELD_ELBOW, _HELD_FOREARM = (0.0431, 0.0), (0.986, 0.003)
+"""Offset of the hand's string that holds out a prop [m]; motion of the elbow in that pose [m] and
 direction of the forearm, each forward and aside."""
-_TAKES, _TAKEN = 0.09, (0.083, 0.068)
-"""Inward offset of the receiver's hand string; midpoint of its forearm then: forward, aside [m]."""
+_TAKES, _TAKEN = 0.09, (0.083, -0.005)
+"""Inward offset of the receiver's hand string; midpoint of its forearm then, from the elbow at
+rest: forward, aside [m]."""
 _LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
 """Upward offsets: receiver's hand before and after it takes the prop; giver's after that [m]."""
 _BESIDE, _STEP = 0.051, 0.24
@@ -76,18 +79,33 @@ class Handing:
         )
 
 
-def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, float, float]:
+def handle_place(
+    stage: Marionette, who: str = "", *, side: str = "right"
+) -> tuple[float, float, float]:
     """Middle of a handle that hangs on a forearm, from the puppet: forward, left, up [m].
 
     Args:
+        stage: the scene, in whose pose the forearm is horizontal.
+        who: member that holds the prop.
         side: side of the forearm.
-        raised: height of the puppet above its bundled pose [m].
 
     Raises:
+        StateError: the puppet has no such arm.
         ValueError: the side is neither left nor right.
     """
-    forward, aside, up = _HANDLE
-    return forward, sign_of(side) * aside, up + raised
+    sign, build = sign_of(side), Build.of(stage, who)
+    forward, left, up = build.place(build.forearm(side)).tolist()
+    return forward + build.arm(side) * _ALONG, left + sign * _HANDLE_ASIDE, up + _HANDLE_UP
+
+
+def _scaled(points: Waypoints, scale: float) -> Waypoints:
+    """Waypoints with offsets multiplied by a ratio of sizes."""
+    return [(t, scale * offset) for t, offset in points]
+
+
+def carried(build: Build, side: str) -> dict[str, float]:
+    """Offsets of the hand's string in the pose of :func:`carry`: out and up [m]."""
+    return {way: build.arm(side) * offset for way, offset in CARRIED.items()}
 
 
 def give(
@@ -98,8 +116,8 @@ def give(
     *,
     side: str = "right",
     along: float | None = None,
-    carried: bool = False,
-    higher: float = 0.0,
+    posed: bool = False,
+    taker: Marionette | None = None,
 ) -> Handing:
     """Gestures that pass a prop from one puppet's forearm to another's.
 
@@ -114,61 +132,30 @@ def give(
         prop: prop that hangs by its handle on the giver's forearm, the stem on the outer side.
         side: side of the giver's forearm; the receiver uses the other.
         along: distance of the handle from the elbow, see :func:`along_forearm` [m].
-        carried: whether the giver is in the pose of :func:`carry`.
-        higher: height of the giver above the receiver [m].
+        posed: whether the giver is in the pose of :func:`carry`.
+        taker: scene of the receiver, if it is another one.
 
     Raises:
-        InputError: the members' strings differ from those of the bundled marionette.
+        StateError: a member lacks an arm or a string that lifts a limb.
         ValueError: the side is neither left nor right.
     """
-    other, held = OTHER_SIDE[side], _HELD
-    begins = CARRIED if carried else {"up": 0.0, "out": 0.0}
-    gives: dict[str, Waypoints] = {
-        f"hand_{side}.up": [
-            (0, begins["up"]),
-            (2.0, held["up"]),
-            (7.4, held["up"]),
-            (8.8, _SUNK),
-            (11.8, _SUNK),
-            (13.8, 0),
-        ],
-        f"hand_{side}.forward": [
-            (0, 0),
-            (2.0, held["forward"]),
-            (7.4, held["forward"]),
-            (8.8, 0.3),
-            (11.8, 0.3),
-            (13.8, 0),
-        ],
-        f"hand_{side}.in": [(0, -begins["out"]), (2.0, held["in"]), (11.8, held["in"]), (13.8, 0)],
-    }
-    gets = aside_by(other, _STEP, [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)])
-    gets[f"hand_{other}.up"] = [
-        (0, 0),
-        (2.0, _LOW + higher),
-        (5.6, _LOW + higher),
-        (7.2, _LIFTED + higher),
-        (12.0, _LIFTED + higher),
-        (13.8, 0),
-    ]
-    forward, inward = _HELD["forward"], _TAKES
-    gets[f"hand_{other}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
-    gets[f"hand_{other}.{other}"] = summed(
-        gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
-    )
-    # The string of the receiver's knee makes way for the prop.
-    gets[f"knee_{other}.back"] = [
-        (0, 0),
-        (2.0, 0),
-        (4.0, _KNEE_CLEARANCE),
-        (12.6, _KNEE_CLEARANCE),
-        (13.8, 0),
-    ]
-    arms = of_member(giver, f"forearm_{side}"), of_member(receiver, f"forearm_{other}")
-    forward, left = _beside(side, _ALONG if along is None else along)
+    other = OTHER_SIDE[side]
+    gives, gets = Build.of(stage, giver), Build.of(taker or stage, receiver)
+    handles = handle_place(stage, giver, side=side), handle_place(gets.stage, receiver, side=other)
+    higher = handles[0][2] - handles[1][2]
+    arms = gives.forearm(side), gets.forearm(other)
+    forward, left = _beside(gives, gets, side, along)
     return Handing(
-        gesture_of(stage, giver, gives, "give", {"offered": 2.0, "released": 8.8}),
-        gesture_of(stage, receiver, gets, "take", {"under": 5.2, "taken": 7.2}),
+        gesture_of(
+            stage,
+            giver,
+            _giving(gives, side, posed=posed),
+            "give",
+            {"offered": 2.0, "released": 8.8},
+        ),
+        gesture_of(
+            gets.stage, receiver, _taking(gets, other, higher), "take", {"under": 5.2, "taken": 7.2}
+        ),
         forward,
         left,
         tuple((arm, prop) for arm in arms),
@@ -176,11 +163,53 @@ def give(
     )
 
 
-def _beside(side: str, along: float) -> tuple[float, float]:
+def _giving(build: Build, side: str, *, posed: bool) -> dict[str, Waypoints]:
+    """Waypoints of a giver, whose arm is on this side."""
+    held, hand = _HELD, build.hand(side)
+    begins = CARRIED if posed else {"up": 0.0, "out": 0.0}
+    up, sunk = held["up"], _SUNK
+    moves: dict[str, Waypoints] = {
+        f"{hand}.up": [(0, begins["up"]), (2.0, up), (7.4, up), (8.8, sunk), (11.8, sunk)],
+        f"{hand}.forward": [
+            (0, 0),
+            (2.0, held["forward"]),
+            (7.4, held["forward"]),
+            (8.8, 0.3),
+            (11.8, 0.3),
+        ],
+        f"{hand}.{OTHER_SIDE[side]}": [(0, -begins["out"]), (2.0, held["in"]), (11.8, held["in"])],
+    }
+    scale = build.arm(side)
+    return {name: _scaled([*points, (13.8, 0)], scale) for name, points in moves.items()}
+
+
+def _taking(build: Build, side: str, higher: float) -> dict[str, Waypoints]:
+    """Waypoints of a receiver that takes a prop from a higher giver with the arm on this side."""
+    scale, hand, knee = build.arm(side), build.hand(side), build.knee(side)
+    low, lifted = scale * _LOW + higher, scale * _LIFTED + higher
+    forward, inward, clear = scale * _HELD["forward"], scale * _TAKES, _KNEE_CLEARANCE
+    times = [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)]
+    moves = aside_by(build, side, _STEP, times)
+    moves[f"{hand}.up"] = [(0, 0), (2.0, low), (5.6, low), (7.2, lifted), (12.0, lifted), (13.8, 0)]
+    moves[f"{hand}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
+    inwards = [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
+    moves[f"{hand}.{side}"] = summed(moves[f"{hand}.{side}"], inwards)
+    # The string of the receiver's knee makes way for the prop.
+    moves[f"{knee}.back"] = [(0, 0), (2.0, 0), (4.0, clear), (12.6, clear), (13.8, 0)]
+    return moves
+
+
+def _beside(gives: Build, gets: Build, side: str, along: float | None) -> tuple[float, float]:
     """Place of the receiver before it steps aside to the giver: forward and left [m]."""
-    held = np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
-    forward, aside = _TAKEN
-    return float(held[0]) - forward, sign_of(side) * (float(held[1]) + aside + _BESIDE + _STEP)
+    sign, other = sign_of(side), OTHER_SIDE[side]
+    elbow, elbow_taking = gives.place(gives.forearm(side)), gets.place(gets.forearm(other))
+    scale, scale_taking = gives.arm(side), gets.arm(other)
+    along = scale * _ALONG if along is None else along
+    held = scale * np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
+    held += (elbow[0], sign * elbow[1])
+    forward, aside = scale_taking * _TAKEN[0] + elbow_taking[0], _TAKEN[1] * scale_taking
+    aside += -sign * elbow_taking[1]
+    return float(held[0] - forward), sign * float(held[1] + aside + _BESIDE + _STEP)
 
 
 def along_forearm(
@@ -196,14 +225,13 @@ def along_forearm(
         height: height of its handle's bar above its origin [m].
         side: side of the forearm.
     """
-    thing, arm = stage.pose(state, prop), stage.pose(state, of_member(who, f"forearm_{side}"))
+    thing, arm = stage.pose(state, prop), stage.pose(state, Build.of(stage, who).forearm(side))
     return float(-arm[:3, 2] @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
 
 
-def aside_by(side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
+def aside_by(build: Build, side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
     """Waypoints that carry a whole puppet a step to a side [m]."""
-    strings = (*BODY, *(f"{limb}_{end}" for limb in ("hand", "knee") for end in OTHER_SIDE))
-    return {f"{string}.{side}": [(t, way * x) for t, x in share] for string in strings}
+    return {f"{string}.{side}": [(t, way * x) for t, x in share] for string in build.strings}
 
 
 def summed(one: Waypoints, other: Waypoints) -> Waypoints:
@@ -224,12 +252,17 @@ def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
         side: side of the forearm.
 
     Raises:
-        InputError: the member's strings differ from those of the bundled marionette.
+        StateError: the member lacks the arm, or a string that lifts it.
         ValueError: the side is neither left nor right.
     """
-    sign_of(side)
-    moves = {way: [(0, 0), (CARRY_TIME, offset)] for way, offset in CARRIED.items()}
-    return _of_string(stage, who, f"hand_{side}", moves, "carry", {"carried": CARRY_TIME})
+    sign = sign_of(side)
+    build = Build.of(stage, who)
+    names = {"out": "left" if sign > 0.0 else "right"}
+    moves = {
+        f"{build.hand(side)}.{names.get(way, way)}": [(0.0, 0.0), (CARRY_TIME, offset)]
+        for way, offset in carried(build, side).items()
+    }
+    return gesture_of(stage, who, moves, "carry", {"carried": CARRY_TIME})
 
 
 def steps_carrying(
@@ -270,17 +303,6 @@ def backwards(
     }
 
 
-def _of_string(
-    stage: Marionette,
-    who: str,
-    string: str,
-    moves: Mapping[str, Waypoints],
-    name: str,
-    marks: Mapping[str, float],
-) -> Gesture:
-    return gesture_of(stage, who, {f"{string}.{way}": x for way, x in moves.items()}, name, marks)
-
-
 def gesture_of(
     stage: Marionette,
     who: str,
@@ -289,7 +311,9 @@ def gesture_of(
     marks: Mapping[str, float],
 ) -> Gesture:
     points = {of_member(who, channel): offsets for channel, offsets in moves.items()}
-    return Gesture.of(stage, points, name=name, marks=marks)
+    gesture = Gesture.of(stage, points, name=name, marks=marks)
+    heading = Roles.of(stage, who).heading
+    return gesture.turned(heading) if heading else gesture
 
 
 def of_member(who: str, name: str) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from fantoccini.base import Array, nearest
 from fantoccini.base.documents import read_file, value_of
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.scene import Prop
 from fantoccini.theatre.cast import prop_gestures
 from fantoccini.theatre.cast.extents import extent
@@ -79,7 +80,7 @@ def top_of(file: PlayFile, name: str) -> float | None:
 def read_props(
     file: PlayFile,
     starts: Mapping[str, Footing],
-    lifts: Mapping[str, float],
+    alone: Mapping[str, Marionette],
     places: Places,
     log: ScriptLog,
 ) -> dict[str, PlayProp]:
@@ -88,7 +89,7 @@ def read_props(
     Args:
         file: the play.
         starts: footings of the players at the start.
-        lifts: heights of the players above their files' poses [m].
+        alone: puppets of the players, each in a scene of its own.
         places: meaning of names of places.
         log: collects mistakes.
     """
@@ -100,7 +101,7 @@ def read_props(
             if other != name:
                 text = f"{other} hangs on the {entry.side} forearm of {entry.held_by} already"
                 log.mistakes.add(("props", name, "held by"), text)
-        prop = _prop(file, name, entry, starts, lifts, places, log)
+        prop = _prop(file, name, entry, starts, alone, places, log)
         if prop is not None:
             play_props[name] = prop
     return play_props
@@ -111,7 +112,7 @@ def _prop(
     name: str,
     entry: PropFile,
     starts: Mapping[str, Footing],
-    lifts: Mapping[str, float],
+    alone: Mapping[str, Marionette],
     places: Places,
     log: ScriptLog,
 ) -> PlayProp | None:
@@ -129,7 +130,7 @@ def _prop(
             log.mistakes.add((*spot, "held by"), f"{name} has no handle; needed: `handle:`")
             return None
         stands = starts[entry.held_by]
-        forward, left, up = prop_gestures.handle_place(entry.side, raised=lifts[entry.held_by])
+        forward, left, up = prop_gestures.handle_place(alone[entry.held_by], side=entry.side)
         place = stands.place + np.exp(1j * stands.heading) * complex(forward, left)
         height = up - handle
     else:

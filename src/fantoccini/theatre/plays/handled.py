@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Times
-from fantoccini.theatre.cast import SEATED, Cast, Footing, Meeting, top_of
+from fantoccini.theatre.cast import Build, Cast, Footing, Meeting, top_of
 from fantoccini.theatre.plays.runs import Run, Runs
 from fantoccini.theatre.script import MeetingKind, Spot
 
 _EVERY = 0.05
 """Time between checks [s]."""
 _MAX_OFF_AXIS, _ALONG_RANGE = 0.06, (0.0, 0.14)
-"""Range of a handle that hangs on a forearm: distance from its axis, and from the elbow [m]."""
+"""Range of a handle that hangs on a forearm: distance from its axis, and from the elbow, for
+an arm of 19 cm [m]."""
 _MISPLACED_TIME = 0.5
 """Time after a cue in which a prop counts as misplaced, not as dropped [s]."""
 _MIN_SEAT_SHARE = 0.15
@@ -97,8 +98,12 @@ def _hangs(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     thing, arm = (_poses(run, name, t) for name in (prop, forearm))
     place = thing[:, :, 3] + handle * thing[:, :, 2] - arm[:, :, 3]
     own = np.einsum("tij,ti->tj", arm[:, :, :3], place)
+    side = next(s for s, name in cast.players[who].bodies.forearms.items() if name == forearm)
+    scale = Build.of(cast.players[who].alone).arm(side)
     along, off_axis = -own[:, 2], np.hypot(own[:, 0], own[:, 1])
-    is_off = (off_axis > _MAX_OFF_AXIS) | (along < _ALONG_RANGE[0]) | (along > _ALONG_RANGE[1])
+    is_off = (
+        (off_axis > _MAX_OFF_AXIS) | (along < _ALONG_RANGE[0]) | (along > scale * _ALONG_RANGE[1])
+    )
     if not np.any(is_off):
         return None
     then = run.begin + float(t[int(np.argmax(is_off))])
@@ -128,7 +133,7 @@ def _sits(cast: Cast, meeting: Meeting, run: Run, _: Times) -> Failure | None:
     until = min(until, float(run.whole.t[-1]))
     if since >= until or run.whole.contact is None:
         return None
-    names = {run.staged.local(f"{who}.{body}") for body in SEATED}
+    names = {run.staged.local(body) for body in cast.players[who].bodies.seated}
     seat = {run.staged.local(name) for pair in meeting.pairs for name in pair} - names
     points = run.whole.contact
     ours = [bool({a, b} & names) and bool({a, b} & seat) for a, b in points.names]
@@ -154,7 +159,7 @@ _CHECKS: dict[MeetingKind, Callable[[Cast, Meeting, Run, Times], Failure | None]
 def _arm(meeting: Meeting, who: str) -> str:
     """Forearm of a player on which something hangs."""
     names = {name for pair in meeting.pairs for name in pair}
-    return next(name for name in sorted(names) if name.startswith(f"{who}.forearm_"))
+    return next(name for name in sorted(names) if name.startswith(f"{who}."))
 
 
 def _poses(run: Run, name: str, t: Times) -> Array:

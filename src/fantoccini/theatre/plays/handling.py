@@ -16,6 +16,7 @@ from fantoccini.model.puppet import FLOOR
 from fantoccini.theatre.cast import (
     OTHER_SIDE,
     Actor,
+    Build,
     Cast,
     Corrections,
     Footing,
@@ -50,8 +51,6 @@ _MAX_TABLE_STEP = 0.025
 """Longest step at a table, which swinging shins must not touch [m]."""
 _MIN_STEP_UP = 0.1
 """Least distance between the end of a walk to a table and the place of handling [m]."""
-_SEAT_DISTANCE = 0.135
-"""Distance of a player that sits down from the middle of the seat [m]."""
 APPROACHES = ((0.04, 0.06), (0.06, 0.05), (0.08, 0.06))
 """Approaches to a seat, tried in turn: additional distance before it at which a player stops, since
 shins swing on, and the longest step back [m]."""
@@ -120,7 +119,6 @@ class Handling:
             raise CannotBe(f"{given.to}'s {other} arm, which would take it, holds {taken}")
         stage.check_stands(who)
         stage.check_stands(to)
-        lift, lifts = (self._cast.file.cast[name].lift for name in turn.who)
         handing = self._compute(
             lambda: prop_gestures.give(
                 giver.player.alone,
@@ -129,8 +127,8 @@ class Handling:
                 prop,
                 side=held.side,
                 along=self._along(turn),
-                carried=True,
-                higher=lift - lifts,
+                posed=True,
+                taker=receiver.player.alone,
             ),
             giver,
         )
@@ -150,8 +148,10 @@ class Handling:
         stage, taken_at = self._steps.do(stage, to, handing.receiver, start)
         end = max(given_at, taken_at)
         stage = stage.released(prop, held, start)
-        pairs = {hanging(who, held.side, prop), hanging(to, other, prop)} | standing(prop, FLOOR)
-        stage = stage.touching(turn, prop, frozenset(pairs), start, end)
+        pairs = standing(prop, FLOOR) | {
+            hanging(stage.bodies(name), arm, prop) for name, arm in ((who, held.side), (to, other))
+        }
+        stage = stage.touching(turn, prop, pairs, start, end)
         stage = stage.placing(prop, Hangs(to, other, end, turn.spot))
         giver, receiver = stage.actors[who], stage.actors[to]
         retreat = self._steps.apart(here, giver, receiver.last, receiver)
@@ -168,9 +168,7 @@ class Handling:
                 raise CannotBe(f"{name} sits on {seat}")
         middle, heading, height = self._seat(stage, seat, actor, turn)
         alone, hangs = actor.player.alone, actor.player.hangs
-        sits = self._compute(
-            lambda: sit(alone, "", seat, height, distance=_SEAT_DISTANCE, start=hangs), actor
-        )
+        sits = self._compute(lambda: sit(alone, "", seat, height, start=hangs), actor)
         there = Footing(*along(Footing(middle.real, middle.imag, heading), sits.back), heading)
         clear = self._steps.clear_of(there, 1.0, actor)
         clearance, step = APPROACHES[self._corrections.approaches.get(turn.spot, 0)]
@@ -198,7 +196,7 @@ class Handling:
         stage = self._steps.straight(stage, who, seated.ahead, up + CALM)
         stage, _ = self._calmed(stage, turn, who)
         away = stage.actors[who].ways[-1].end
-        return stage.meeting(seated.meeting(who, start, away)).seating(who, None)
+        return stage.meeting(seated.meeting(stage.bodies(who), start, away)).seating(who, None)
 
     def _puts_down(
         self, stage: OnStage, turn: Turn[PlayCue], given: PutsDownCue, begin: float, wait: float
@@ -218,7 +216,7 @@ class Handling:
         )
         stage, start = self._calmed(stage, turn, who)
         stage, end = self._steps.do(stage, who, puts.gesture, start)
-        pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
+        pairs = standing(prop, onto) | {hanging(stage.bodies(who), held.side, prop)}
         stage = stage.released(prop, held, start).touching(turn, prop, pairs, start, end)
         z = there.place + np.exp(1j * there.heading) * complex(puts.forward, puts.left)
         stands = Stands(Footing(z.real, z.imag, there.heading), top, onto)
@@ -251,7 +249,7 @@ class Handling:
         )
         stage, start = self._calmed(stage, turn, who)
         stage, end = self._steps.do(stage, who, puts.gesture, start)
-        pairs = standing(prop, thing.on) | {hanging(who, side, prop)}
+        pairs = standing(prop, thing.on) | {hanging(stage.bodies(who), side, prop)}
         stage = stage.touching(turn, prop, pairs, start, end)
         stage = stage.placing(prop, Hangs(who, side, end, turn.spot))
         return self._steps.straight(stage, who, before, end, step=_MAX_TABLE_STEP)
@@ -282,14 +280,14 @@ class Handling:
         back: bool = False,
     ) -> putting.Putting:
         """Gesture that puts a prop down on something, or picks it up from there."""
-        lowest, highest = (hangs - drop for drop in reversed(putting.DROPS))
+        build = Build.of(actor.player.alone)
+        lowest, highest = (hangs - build.arm(side) * drop for drop in reversed(putting.DROPS))
         if not lowest <= top <= highest:
             off, near = ("low", lowest + 5e-4) if top < lowest else ("high", highest - 5e-4)
             raise CannotBe(
                 f"{on} is {top:.3f} m high, which is too {off} for {actor.player.name}; needed: "
                 f"{lowest:.3f} to {highest:.3f} m, {near:.3f} m is nearest"
             )
-        along = putting.ALONG if along is None else along
         return self._compute(
             lambda: putting.putting(
                 actor.player.alone, "", prop, hangs - top, side=side, along=along, back=back
@@ -301,8 +299,9 @@ class Handling:
         """Height of the bottom of a prop that a player carries on a forearm [m]."""
         handle = self._cast.props[prop].handle
         assert handle is not None
-        lift = self._cast.file.cast[actor.player.name].lift
-        return prop_gestures.handle_place(side, raised=lift)[2] + putting.HIGHER - handle
+        alone = actor.player.alone
+        rise = Build.of(alone).arm(side) * putting.HIGHER
+        return prop_gestures.handle_place(alone, side=side)[2] + rise - handle
 
     def _along(self, turn: Turn[PlayCue]) -> float | None:
         seen = self._corrections.hangs.get(turn.spot)

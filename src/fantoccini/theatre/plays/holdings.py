@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fantoccini.model.puppet import FLOOR
-from fantoccini.theatre.cast import Footing, Meeting, Pair, hanging, sitting, standing
+from fantoccini.theatre.cast import Bodies, Footing, Meeting, Pair, hanging, sitting, standing
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.script import Spot
 
@@ -25,9 +25,9 @@ class Hangs:
     since: float
     cue: Spot | None = None
 
-    def meeting(self, prop: str, until: float) -> Meeting:
-        """Meeting of the player and the prop until a time [s]."""
-        pairs: frozenset[Pair] = standing(prop, FLOOR) | {hanging(self.player, self.side, prop)}
+    def meeting(self, bodies: Bodies, prop: str, until: float) -> Meeting:
+        """Meeting of the player with these bodies and the prop until a time [s]."""
+        pairs: frozenset[Pair] = standing(prop, FLOOR) | {hanging(bodies, self.side, prop)}
         return Meeting(self.since, until, (self.player,), (prop,), pairs, "hangs", self.cue)
 
 
@@ -68,10 +68,17 @@ class Seated:
     up: Gesture
     ahead: Footing
 
-    def meeting(self, who: str, up: float, until: float) -> Meeting:
-        """Meeting of the player and the seat; it stands up from ``up`` to ``until`` [s]."""
-        pairs = sitting(who, self.seat)
+    def meeting(self, bodies: Bodies, up: float, until: float) -> Meeting:
+        """Meeting of the player with these bodies and the seat.
+
+        Args:
+            bodies: bodies of the player.
+            up: time at which it begins to stand up [s].
+            until: end of the meeting [s].
+        """
+        pairs = sitting(bodies, self.seat)
         if self.on_prop:
             pairs |= standing(self.seat, FLOOR)
         props = (self.seat,) if self.on_prop else ()
-        return Meeting(self.since, until, (who,), props, pairs, "sits", self.cue, (self.down, up))
+        bears, who = (self.down, up), (bodies.player,)
+        return Meeting(self.since, until, who, props, pairs, "sits", self.cue, bears)

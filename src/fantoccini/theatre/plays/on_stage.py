@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from fantoccini.base import StateError, UnknownNameError
 from fantoccini.model.puppet import FLOOR
-from fantoccini.theatre.cast import Actor, Cast, Meeting, Pair, Way
+from fantoccini.theatre.cast import Actor, Bodies, Cast, Meeting, Pair, Way
 from fantoccini.theatre.gestures import CannotBe, Gesture, Part, Turn
 from fantoccini.theatre.plays.holdings import Hangs, Seated, Stands
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
@@ -91,14 +91,20 @@ class OnStage:
             seat = self.seated[who].seat
             raise CannotBe(f"{who} sits on {seat}; needed before: `stands up from`")
 
+    def bodies(self, who: str) -> Bodies:
+        """Bodies of a player that touch props and seats."""
+        return self.actors[who].player.bodies
+
     def meetings(self, until: float) -> tuple[Meeting, ...]:
         """Meetings until a time [s]."""
         hang = [
-            thing.meeting(prop, until)
+            thing.meeting(self.bodies(thing.player), prop, until)
             for prop, thing in self.where.items()
             if isinstance(thing, Hangs)
         ]
-        sit = [seated.meeting(who, until, until) for who, seated in self.seated.items()]
+        sit = [
+            seated.meeting(self.bodies(who), until, until) for who, seated in self.seated.items()
+        ]
         return (*self.met, *hang, *sit)
 
     # -- changes -----------------------------------------------------------------------------
@@ -147,7 +153,9 @@ class OnStage:
 
     def released(self, prop: str, held: Hangs, until: float) -> OnStage:
         """Stage with the meeting of a prop that has hung on a forearm until a time [s]."""
-        return self.meeting(held.meeting(prop, until)) if until > held.since else self
+        if until <= held.since:
+            return self
+        return self.meeting(held.meeting(self.bodies(held.player), prop, until))
 
 
 def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) -> Actor:

@@ -143,7 +143,7 @@ class PlayerGestures:
             carries: side of the forearm on which something hangs.
 
         Raises:
-            UnknownNameError: its strings differ from those of the bundled marionette.
+            StateError: the puppet lacks a part that the gesture moves.
         """
         key = (player.alone, "walk", way, step_time, carries)
         if key not in self._cache:
@@ -161,7 +161,7 @@ class PlayerGestures:
         """Gesture that takes up the pose for carrying something.
 
         Raises:
-            UnknownNameError: its strings differ from those of the bundled marionette.
+            StateError: the puppet lacks a part that the gesture moves.
         """
         key = (player.alone, "pose", side)
         if key not in self._cache:

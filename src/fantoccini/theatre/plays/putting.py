@@ -4,7 +4,8 @@
 
 The puppet holds the prop out over the table and lowers it until it stands and the arm is free
 under the bar. Then it steps aside, inward, because the stem is on the outer side of the arm; the
-hand's string, in front of the bar, does not pass it.
+hand's string, in front of the bar, does not pass it. Offsets are written for an arm of 19 cm, and
+multiplied by the ratio of lengths for others.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from dataclasses import dataclass
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.cast import (
-    CARRIED,
     OTHER_SIDE,
+    Build,
     Waypoints,
     aside_by,
     backwards,
+    carried,
     gesture_of,
-    of_member,
     sign_of,
     summed,
 )
@@ -42,9 +43,9 @@ _RAISED, _GAIN = 0.027, 0.7
 height [m]; and motion of the prop relative to that of the string."""
 _CLEARANCE = 0.05
 """Further descent of the hand's string, until the arm is free under the bar [m]."""
-_STANDS, _NEARER, _ASIDE = 0.147, 0.62, 0.064
+_STANDS, _NEARER, _ASIDE = 0.147, 0.62, -0.009
 """Place of a prop that is put down at the height at which it hung: distance forward, decrease of
-that relative to the descent, and distance to the arm's side [m]."""
+that relative to the descent, and distance outward, from the elbow [m]."""
 _GLIDE = 0.1
 """Distance by which the puppet glides ahead over its feet; steps would swing too wide [m]."""
 _UPRIGHT, _LEAVE = 0.015, 0.11
@@ -86,7 +87,7 @@ def put_down(
         side: side of the forearm.
 
     Raises:
-        InputError: the member's strings differ from those of the bundled marionette.
+        StateError: the member lacks the arm, or a string that lifts it.
         ValueError: the prop hangs too low or too high above its place.
     """
     drop = float(stage.pose(start, prop)[2, 3]) - height
@@ -104,7 +105,7 @@ def pick_up(stage: Marionette, who: str, prop: str, drop: float, *, side: str = 
         side: side of the forearm.
 
     Raises:
-        InputError: the member's strings differ from those of the bundled marionette.
+        StateError: the member lacks the arm, or a string that lifts it.
         ValueError: the prop stands too low or too high.
     """
     return putting(stage, who, prop, drop, side=side, back=True)
@@ -117,7 +118,7 @@ def putting(
     drop: float,
     *,
     side: str = "right",
-    along: float = ALONG,
+    along: float | None = None,
     back: bool = False,
 ) -> Putting:
     """Gesture of :func:`put_down` or :func:`pick_up`, for a height difference.
@@ -128,22 +129,25 @@ def putting(
         prop: see :func:`put_down`.
         drop: height of its bottom in the pose for carrying minus that of its place [m].
         side: side of the forearm.
-        along: distance of the handle from the elbow in that pose [m].
+        along: distance of the handle from the elbow in that pose; as usual by default [m].
         back: whether it is picked up.
 
     Raises:
-        InputError: the member's strings differ from those of the bundled marionette.
+        StateError: the member lacks the arm, or a string that lifts it.
         ValueError: the prop stands too low or too high.
     """
-    sign, other = sign_of(side), OTHER_SIDE[side]
-    lowest, highest = DROPS
+    sign, other, build = sign_of(side), OTHER_SIDE[side], Build.of(stage, who)
+    scale, carrying = build.arm(side), carried(build, side)
+    lowest, highest = (scale * bound for bound in DROPS)
     if not lowest <= drop <= highest:
-        text = f"{prop} would go down by {drop:.3f} m; needed: {lowest} to {highest} m"
+        text = f"{prop} would go down by {drop:.3f} m; needed: {lowest:.3g} to {highest:.3g} m"
         raise ValueError(text)
-    hand, out = f"hand_{side}", _OUT
-    touches = -(drop + _RAISED) / _GAIN
-    sunk = touches - _CLEARANCE
+    hand, glide = build.hand(side), scale * _GLIDE
+    out = {way: scale * offset for way, offset in _OUT.items()}
+    touches = -(drop + scale * _RAISED) / _GAIN
+    sunk = touches - scale * _CLEARANCE
     moves = aside_by(
+        build,
         other,
         1.0,
         [
@@ -156,10 +160,10 @@ def putting(
             (_DURATION, 0),
         ],
     )
-    moves |= aside_by("forward", _GLIDE, _reach(0.0, 1.0))
+    moves |= aside_by(build, "forward", glide, _reach(0.0, 1.0))
     moves[f"{hand}.up"] = [
-        (0, CARRIED["up"]),
-        (1.0, _RISE),
+        (0, carrying["up"]),
+        (1.0, scale * _RISE),
         (6.0, out["up"]),
         (6.5, out["up"]),
         (8.0, touches),
@@ -168,15 +172,22 @@ def putting(
         (14.5, 0),
         (_DURATION, 0),
     ]
-    moves[f"{hand}.forward"] = _reach(0.0, _GLIDE + out["forward"])
-    moves[f"{hand}.{other}"] = summed(moves[f"{hand}.{other}"], _reach(-CARRIED["out"], out["in"]))
+    moves[f"{hand}.forward"] = _reach(0.0, glide + out["forward"])
+    moves[f"{hand}.{other}"] = summed(moves[f"{hand}.{other}"], _reach(-carrying["out"], out["in"]))
     name, marks = "put down", {"down": 8.0, "free": 11.5}
     if back:
         moves, name = backwards(moves, _DURATION), "pick up"
         marks = {"under": _DURATION - 9.5, "up": _DURATION - 6.5}
-    forward = _GLIDE + _STANDS - _NEARER * drop + along - ALONG
-    touching = ((of_member(who, f"forearm_{side}"), prop),)
-    return Putting(gesture_of(stage, who, moves, name, marks), forward, sign * _ASIDE, touching)
+    elbow = build.place(build.forearm(side))
+    further = 0.0 if along is None else along - scale * ALONG
+    forward = glide + scale * _STANDS + float(elbow[0]) - _NEARER * drop + further
+    touching = ((build.forearm(side), prop),)
+    return Putting(
+        gesture_of(stage, who, moves, name, marks),
+        forward,
+        float(elbow[1]) + sign * _ASIDE,
+        touching,
+    )
 
 
 def _reach(before: float, out: float) -> Waypoints:

@@ -33,7 +33,6 @@ from fantoccini.theatre.cast import (
     Span,
     Staged,
     Stop,
-    asked_pairs,
     digest,
     run_form,
     spans,
@@ -295,7 +294,7 @@ class _Work:
     @property
     def _steps(self) -> bool:
         """Whether states may come from time steps, in which strings' lengths are less exact."""
-        return bool(asked_pairs(self.cast.file))
+        return bool(self.cast.asked_pairs)
 
 
 def _last(

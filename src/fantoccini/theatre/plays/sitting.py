@@ -2,8 +2,8 @@
 
     q_K(t) = q_K0 + d(t)
 
-Offsets are those of the bundled marionette, relative to its rest, as in
-:mod:`fantoccini.theatre.cast.prop_gestures`.
+Offsets are relative to the puppet's rest. They are written for legs of 26.4 cm and arms of 19 cm,
+and multiplied by the ratio of lengths for others.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ from dataclasses import dataclass
 
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.theatre.cast import BODY, FEET, SEATED, Waypoints, gesture_of, of_member
+from fantoccini.theatre.cast import Bodies, Build, Waypoints, gesture_of
 from fantoccini.theatre.gestures import Gesture
 
-_PELVIS_HEIGHT = 0.091
-"""Height of the waist above the bottom of the pelvis [m]."""
+_PELVIS_HEIGHT = 0.016
+"""Height of the hips above the bottom of the pelvis [m]."""
+_DISTANCE, _DISTANCES = 0.135, (0.12, 0.2)
+"""Usual distance of the seat's middle behind the puppet, and its least and largest one [m]."""
 _SITS_BACK = 0.005
 """Distance of the strings before the middle of the seat while the puppet sits down [m]."""
 _LEANS, _RISES = 0.075, 0.115
@@ -25,19 +27,22 @@ and before standing up, with the weight over the feet [m]."""
 _SLACK, _SAG = 0.005, 0.008
 """Additional length of the strings beyond the descent, at the end and on the way, so that the seat
 bears weight [m]."""
-_KNEES, _KNEES_SLACK, _KNEES_GIVE = 0.085, 0.025, 0.3
-"""Distance of the ends of the knees' strings before the others, in front of the knees, so that they
-lean forward and do not cross; their additional length [m], and its increase relative to the
-descent beyond :data:`_LEVEL`."""
+_KNEES, _KNEES_SLACK, _KNEES_GIVE = 0.185, 0.025, 0.3
+"""Distance of the ends of the knees' strings before the middle of the seat, in front of the knees,
+so that they lean forward and do not cross; their additional length [m], and its increase relative
+to the descent beyond :data:`_LEVEL`."""
 _KNEES_UP = 0.012
 """Length by which they are wound in until the seat is touched: shins pass over the edge [m]."""
 _LEVEL = 0.114
 """Depth of a seat below the pelvis with which the knees are as high as at rest [m]."""
-_LAP = {"back": 0.05, "out": 0.08, "down": 0.8}
-"""Offsets of the hands' strings, back and out, with which the hands lie on the thighs, outside the
-knees' strings [m]; and down, relative to the descent."""
+_LAP = {"forward": 0.09, "out": 0.22, "down": 0.8}
+"""Places of the ends of the hands' strings, forward and out from the puppet's place, with which the
+hands lie on the thighs, outside the knees' strings [m]; and their descent, relative to that of the
+trunk."""
 _TOUCHES, _SITS, _DOWN = 2.6, 3.0, 4.0
 """Times at which the puppet touches the seat, begins to set itself upright, and sits [s]."""
+_THERE = _TOUCHES - 0.6
+"""Time at which the strings are behind the puppet, above the seat [s]."""
 _BENDS, _OFF, _UP, _STANDS = 0.8, 1.6, 3.4, 3.6
 """Times at which it has bent forward, its strings move back, have lifted it, and are back [s]."""
 _SEATS = (0.09, 0.18)
@@ -67,7 +72,7 @@ def sit(
     on: str,
     height: float,
     *,
-    distance: float = 0.135,
+    distance: float | None = None,
     start: State | None = None,
 ) -> Sitting:
     """Gestures that sit a puppet down on a seat behind it, and stand it up again.
@@ -80,26 +85,56 @@ def sit(
         who: member that sits down.
         on: name of the prop or obstacle with the seat.
         height: height of the seat [m].
-        distance: distance of the seat's middle behind the puppet [m].
+        distance: distance of the seat's middle behind the puppet; as usual for its legs by
+            default [m].
         start: state at rest; ``stage.rest()`` by default.
 
     Raises:
-        InputError: the member's strings differ from those of the bundled marionette.
+        StateError: the member lacks a limb or a string that lifts it.
         ValueError: the seat is too low or too high, or so near that the puppet stands on it.
     """
     start = stage.rest() if start is None else start
-    drop = float(stage.pose(start, of_member(who, "torso"))[2, 3]) - _PELVIS_HEIGHT - height
-    low, high = _SEATS
+    build = Build.of(stage, who)
+    size, away = build.legs, _DISTANCE * build.legs if distance is None else distance
+    drop = _height_of_seat_bottom(build, start) - height
+    low, high = (size * bound for bound in _SEATS)
     if not low <= drop <= high:
-        raise ValueError(f"the seat is {drop:.3f} m below the pelvis; needed: {low} to {high} m")
-    if not 0.12 <= distance <= 0.2:
-        raise ValueError(f"the seat is {distance:g} m behind; needed: 0.12 to 0.2 m")
-    first, seated, bent = distance - _SITS_BACK, distance - _LEANS, distance - _RISES
+        text = f"the seat is {drop:.3f} m below the pelvis; needed: {low:.3g} to {high:.3g} m"
+        raise ValueError(text)
+    closest, farthest = (size * bound for bound in _DISTANCES)
+    if not closest <= away <= farthest:
+        text = f"the seat is {away:g} m behind; needed: {closest:.3g} to {farthest:.3g} m"
+        raise ValueError(text)
+    down, up = _trunk(build, drop, away)
+    for side in ("left", "right"):
+        for moves, more in zip((down, up), _limbs(build, start, side, drop, away), strict=True):
+            moves |= more
+    own = Bodies.of("", build.roles.body_map)
+    return Sitting(
+        gesture_of(stage, who, down, "sit", {"down": _DOWN}),
+        gesture_of(stage, who, up, "stand up", {"up": _STANDS}),
+        away,
+        tuple((part.removeprefix("."), on) for part in (*own.seated, *own.feet)),
+    )
+
+
+def _height_of_seat_bottom(build: Build, start: State) -> float:
+    """Height of the bottom of the pelvis of a puppet that hangs upright [m]."""
+    root = build.roles.body_map.trunk[0]
+    hips = build.place(root)[2] - build.place(build.limb("leg_left").bodies[0])[2]
+    return float(build.stage.pose(start, root)[2, 3] - hips) - build.legs * _PELVIS_HEIGHT
+
+
+def _trunk(
+    build: Build, drop: float, distance: float
+) -> tuple[dict[str, Waypoints], dict[str, Waypoints]]:
+    """Waypoints of the strings of trunk and head: down, and up."""
+    size = build.legs
+    first, seated, bent = (distance - size * x for x in (_SITS_BACK, _LEANS, _RISES))
+    sagged, rests = drop + size * _SAG, drop + size * _SLACK
     down: dict[str, Waypoints] = {}
     up: dict[str, Waypoints] = {}
-    there = _TOUCHES - 0.6
-    for string in BODY:
-        sagged, rests = drop + _SAG, drop + _SLACK
+    for string in build.body:
         down[f"{string}.down"] = [
             (0, 0),
             (0.4, 0),
@@ -107,24 +142,36 @@ def sit(
             (_SITS, sagged),
             (_DOWN, rests),
         ]
-        down[f"{string}.back"] = [(0, 0), (there, first), (_SITS, first), (_DOWN, seated)]
+        down[f"{string}.back"] = [(0, 0), (_THERE, first), (_SITS, first), (_DOWN, seated)]
         up[f"{string}.down"] = [(0, rests), (_BENDS, rests), (_UP, 0)]
         up[f"{string}.back"] = [(0, seated), (_BENDS, bent), (_OFF, bent), (_STANDS, 0)]
-    gives, back = _KNEES_SLACK + _KNEES_GIVE * (drop - _LEVEL), distance - _KNEES
-    lap = {"back": _LAP["back"], "out": _LAP["out"], "down": _LAP["down"] * drop}
-    for side in ("left", "right"):
-        knee, hand = f"knee_{side}", f"hand_{side}"
-        down[f"{knee}.down"] = [(0, 0), (1.0, -_KNEES_UP), (there, -_KNEES_UP), (_SITS, gives)]
-        down[f"{knee}.back"] = [(0, 0), (there, back)]
-        up[f"{knee}.down"] = [(0, gives), (_OFF, gives), (_STANDS, 0)]
-        up[f"{knee}.back"] = [(0, back), (_OFF, back), (_STANDS, 0)]
-        for way, offset in lap.items():
-            begins = _BENDS if way == "down" else _OFF
-            down[f"{hand}.{way}"] = [(0, 0), (_DOWN if way == "down" else _TOUCHES, offset)]
-            up[f"{hand}.{way}"] = [(0, offset), (begins, offset), (_STANDS, 0)]
-    return Sitting(
-        gesture_of(stage, who, down, "sit", {"down": _DOWN}),
-        gesture_of(stage, who, up, "stand up", {"up": _STANDS}),
-        distance,
-        tuple((of_member(who, part), on) for part in (*SEATED, *FEET)),
-    )
+    return down, up
+
+
+def _limbs(
+    build: Build, start: State, side: str, drop: float, distance: float
+) -> tuple[dict[str, Waypoints], dict[str, Waypoints]]:
+    """Waypoints of the strings of the limbs of a side: down, and up."""
+    size, arm = build.legs, build.arm(side)
+    knee, hand = build.knee(side), build.hand(side)
+    knee_end, hand_end = build.end(start, knee), build.end(start, hand)
+    gives = size * _KNEES_SLACK + _KNEES_GIVE * (drop - size * _LEVEL)
+    back, wound = knee_end.real + distance - size * _KNEES, size * _KNEES_UP
+    lap = {
+        "back": hand_end.real - arm * _LAP["forward"],
+        side: arm * _LAP["out"] - abs(hand_end.imag),
+        "down": _LAP["down"] * drop,
+    }
+    down: dict[str, Waypoints] = {
+        f"{knee}.down": [(0, 0), (1.0, -wound), (_THERE, -wound), (_SITS, gives)],
+        f"{knee}.back": [(0, 0), (_THERE, back)],
+    }
+    up: dict[str, Waypoints] = {
+        f"{knee}.down": [(0, gives), (_OFF, gives), (_STANDS, 0)],
+        f"{knee}.back": [(0, back), (_OFF, back), (_STANDS, 0)],
+    }
+    for way, offset in lap.items():
+        begins = _BENDS if way == "down" else _OFF
+        down[f"{hand}.{way}"] = [(0, 0), (_DOWN if way == "down" else _TOUCHES, offset)]
+        up[f"{hand}.{way}"] = [(0, offset), (begins, offset), (_STANDS, 0)]
+    return down, up

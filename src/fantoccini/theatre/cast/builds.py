@@ -1,0 +1,128 @@
+"""Sizes and strings of a puppet for gestures with props and seats, from its body map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fantoccini.base import Array, StateError
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model import Limb
+from fantoccini.motion import State, pieces
+from fantoccini.theatre.gestures import Roles
+
+_ARM, _LEG = 0.19, 0.26417
+"""Lengths of the limbs for which gestures with props and seats are written [m]."""
+_SIZE_DIGITS = 6
+"""Decimals of the ratio of sizes, so that it is exactly 1 for a body of these lengths."""
+
+
+@dataclass(frozen=True, eq=False)
+class Build:
+    """Sizes and strings of a puppet or of a scene's member.
+
+    Attributes:
+        roles: parts of its body.
+    """
+
+    roles: Roles
+
+    @classmethod
+    def of(cls, stage: Marionette, who: str = "") -> Build:
+        """Build of a member of a scene.
+
+        Raises:
+            StateError: it has no body map.
+        """
+        return cls(Roles.of(stage, who))
+
+    @property
+    def stage(self) -> Marionette:
+        """Scene of the puppet."""
+        return self.roles.marionette
+
+    def limb(self, part: str) -> Limb:
+        """A limb, such as ``arm_left``.
+
+        Raises:
+            StateError: the puppet lacks it.
+        """
+        parts = self.roles.body_map.parts
+        if part not in parts:
+            raise StateError(f"it needs {part}; the body map has {', '.join(parts) or 'no limbs'}")
+        return parts[part]
+
+    def arm(self, side: str) -> float:
+        """Length of an arm relative to that for which gestures are written."""
+        return round(self.limb(f"arm_{side}").length / _ARM, _SIZE_DIGITS)
+
+    @property
+    def legs(self) -> float:
+        """Length of the legs relative to that for which gestures are written."""
+        return round(self.limb("leg_left").length / _LEG, _SIZE_DIGITS)
+
+    def hand(self, side: str) -> str:
+        """Name of the string that lifts a hand.
+
+        Raises:
+            StateError: no string lifts it.
+        """
+        return self.roles.strings(f"arm_{side}")[0]
+
+    def knee(self, side: str) -> str:
+        """Name of the string that lifts a leg.
+
+        Raises:
+            StateError: no string lifts it.
+        """
+        return self.roles.strings(f"leg_{side}")[0]
+
+    def forearm(self, side: str) -> str:
+        """Name in the scene of the last body of an arm."""
+        return self.limb(f"arm_{side}").bodies[-1]
+
+    @cached_property
+    def strings(self) -> tuple[str, ...]:
+        """Names of all strings with ends that move along x and y."""
+        prefix = self.roles.prefix
+        channels = pieces.channel_names(self.roles.marionette.coordinates)
+        own = [name.removeprefix(prefix) for name in channels if name.startswith(prefix)]
+        ends = [name.removesuffix(".x") for name in own if name.endswith(".x")]
+        return tuple(name for name in ends if f"{name}.length" in own and f"{name}.y" in own)
+
+    @cached_property
+    def body(self) -> tuple[str, ...]:
+        """Names of the strings that carry trunk and head: all but those of limbs."""
+        limbs = {
+            name.removeprefix(self.roles.prefix)
+            for limb in self.roles.body_map.limbs
+            for name in limb.strings
+        }
+        return tuple(name for name in self.strings if name not in limbs)
+
+    def end(self, start: State, string: str) -> complex:
+        """End of a string relative to the middle between those that carry the trunk [m].
+
+        The real part is forward, the imaginary part to the left.
+        """
+
+        def at(name: str) -> complex:
+            x, y = (float(start[f"{self.roles.prefix}{name}.{part}"]) for part in "xy")
+            return complex(x, y)
+
+        carrying = self.roles.strings("trunk")
+        middle = sum(map(at, carrying)) / len(carrying)
+        return complex((at(string) - middle) * np.exp(-1j * self.roles.heading))
+
+    def place(self, body: str) -> Array:
+        """(3,) origin of a body in the pose of the file, from the strings' middle: forward, left,
+        and up from the world's origin [m]."""
+        stage = self.roles.marionette
+        x = stage.state()
+        carrying = [f"{self.roles.prefix}{name}" for name in self.roles.strings("trunk")]
+        middle = np.mean([[float(x[f"{name}.{part}"]) for part in "xy"] for name in carrying], 0)
+        place = stage.pose(x, body)[:3, 3]
+        xy = complex(*(place[:2] - middle)) * np.exp(-1j * self.roles.heading)
+        return np.array([xy.real, xy.imag, float(place[2])])

@@ -1,0 +1,109 @@
+"""Gestures with props and seats take strings, bodies and sizes from the puppet's body map."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.model import scene
+from fantoccini.model.puppet import bundled
+from fantoccini.motion import pieces
+from fantoccini.theatre import cast
+from fantoccini.theatre.cast import Bodies, Build, prop_gestures
+from fantoccini.theatre.plays import putting
+from fantoccini.theatre.plays.sitting import sit
+
+SOURCE = Path(fan.__file__).parent / "theatre"
+ROLES = {"head", "hand", "foot"}
+"""Names that are also words for parts of any body."""
+
+
+@cache
+def own_names() -> set[str]:
+    """Names of bodies and strings of the bundled marionette, without their sides."""
+    puppet = scene.load(bundled("marionette"))
+    names = {part.name for part in (*puppet.bodies, *puppet.strings)}
+    return {re.sub("_(left|right)$", "", name) for name in names}
+
+
+def literals(path: Path) -> list[str]:
+    """String constants of a source file, those within f-strings too."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = (node for node in ast.walk(tree) if isinstance(node, ast.Constant))
+    return [node.value for node in nodes if isinstance(node.value, str)]
+
+
+def is_wired(text: str) -> bool:
+    """Whether a constant is a name of the bundled marionette, or its beginning before a side."""
+    names = "|".join(sorted(own_names()))
+    match = re.fullmatch(rf"\.?({names})(_(left|right)?)?(\.[a-z]*)?", text)
+    return match is not None and (match[1] not in ROLES or match[2] is not None)
+
+
+def test_the_search_sees_names_of_the_bundled_marionette():
+    assert {"hand", "shoulder", "knee", "torso", "skull", "forearm", "thigh"} <= own_names()
+    for text in ("skull", "hand_", ".forearm_", "knee_left.up", "torso", "shoulder_right"):
+        assert is_wired(text), text
+    for text in ("arm_", "leg_left", "head", "trunk", "a hand"):
+        assert not is_wired(text), text
+
+
+@pytest.mark.parametrize("room", ["cast", "plays"])
+def test_no_name_of_the_bundled_marionette_is_wired(room):
+    wired = [
+        f"{path.name}: {text!r}"
+        for path in sorted((SOURCE / room).rglob("*.py"))
+        for text in literals(path)
+        if is_wired(text)
+    ]
+    assert not wired
+
+
+@pytest.fixture(scope="module", name="hans")
+def _hans() -> fan.Marionette:
+    return fan.puppets.hans()
+
+
+def moved(gesture: fan.theatre.Gesture) -> set[str]:
+    """Names of the strings that a gesture moves."""
+    names = pieces.channel_names(gesture.coordinates).items()
+    return {name.split(".")[0] for name, (_, v) in names if gesture.named[v].any()}
+
+
+def test_bodies_that_touch_are_those_of_the_body_map(hans):
+    bodies = Bodies.of("hans", hans.body_map)
+    assert bodies.forearms["left"] == "hans.lower_arm_left"
+    assert bodies.feet == ("hans.shin_left", "hans.shin_right")
+    seated = {"thigh_left", "thigh_right", "chest", "pelvis", "head"}
+    assert set(bodies.seated) == {f"hans.{body}" for body in seated}
+
+
+def test_a_puppet_of_other_names_and_sizes_has_the_gestures_with_props_and_seats(hans):
+    build = Build.of(hans)
+    # 0.25579 m and 0.25824 m of hans, 0.19 m and 0.26417 m of the bundled marionette
+    assert build.arm("left") == pytest.approx(0.25579 / 0.19, abs=1e-5)
+    assert build.legs == pytest.approx(0.25824 / 0.26417, abs=1e-5)
+    assert set(build.body) == {"crown", "collar_left", "collar_right", "seat"}
+    assert moved(prop_gestures.carry(hans, "", side="left")) == {"wrist_left"}
+    assert moved(putting.putting(hans, "", "ball", 0.01).gesture) == set(build.strings)
+    handing = prop_gestures.give(hans, "", "", "ball", side="left")
+    assert moved(handing.giver) == {"wrist_left"} and "leg_right" in moved(handing.receiver)
+    assert handing.touching == (("lower_arm_left", "ball"), ("lower_arm_right", "ball"))
+    # The elbow is at [0, 0.09, 0.343] in the file's pose.
+    place = np.array([1.34626 * 0.061, 0.106, 0.347])
+    np.testing.assert_allclose(prop_gestures.handle_place(hans, side="left"), place, atol=1e-5)
+    sitting = sit(hans, "", "chair", 0.15, start=hans.state())
+    assert moved(sitting.down) == set(build.strings) and ("pelvis", "chair") in sitting.touching
+
+
+def test_a_puppet_without_a_part_says_so(hans):
+    with pytest.raises(fan.errors.StateError, match="it needs wing_left; the body map has arm_"):
+        Build.of(hans).limb("wing_left")
+    with pytest.raises(fan.errors.StateError, match="somebody has no arm_left"):
+        cast.hanging(Bodies("somebody"), "left", "ball")
