@@ -6,6 +6,7 @@ from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
 from fantoccini.theatre.gestures.ends import Complex, Ends
 from fantoccini.theatre.gestures.gait import Gait
+from fantoccini.theatre.gestures.gait_search import find_gait
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.gesture_file import (
     bundled,
