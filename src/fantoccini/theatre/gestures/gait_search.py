@@ -35,7 +35,7 @@ _STEPS, _DT, _SAVE = 12, 2e-3, 2
 """Number of steps of a run, its time step [s], and the number of time steps between samples."""
 _AFTER = 0.3
 """Time after the last step [s]."""
-_ROUNDS, _DRAWS = 6, Draws(runs=16, generations=6)
+_ROUNDS, _DRAWS = 8, Draws(runs=16, generations=4)
 """Number of searches in a row, each around the best gait so far, and their draws."""
 _SPREADS = {
     "duty": 0.05,
@@ -52,7 +52,7 @@ _SPREADS = {
 }
 _RANGES = {
     "duty": (0.5, 0.75),
-    "lower": (0.0, 0.1),
+    "lower": (0.01, 0.1),
     "nod": (-0.1, 0.1),
     "slack": (0.0, 0.1),
     "lift": (0.03, 0.5),
@@ -137,7 +137,7 @@ def _cost(roles: Roles, run: Trajectory, gait: Gait) -> float:
         0.3 * slide.mean()
         + 0.7 * slide.max()
         + 30.0 * max(0.0, _MIN_LIFT - feet.lift[:-1].min() / L)
-        + 5.0 * max(0.0, _MIN_STANDS - feet.stands[:-1].min())
+        + 20.0 * max(0.0, _MIN_STANDS - feet.stands[:-1].min())
         + 20.0 * max(0.0, abs(feet.way / way - 1.0) - _MAX_WAY_ERROR)
         + 20.0 * max(0.0, 0.95 - feet.upright)
     )

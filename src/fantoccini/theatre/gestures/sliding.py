@@ -15,8 +15,8 @@ from fantoccini.theatre.gestures.footfalls import leg_length, legs, phases
 from fantoccini.theatre.gestures.gait import PREPARATION, Gait
 from fantoccini.theatre.gestures.roles import Roles
 
-ON_FLOOR = 3e-5
-"""Height below which a foot counts as on the floor [m]."""
+ON_FLOOR, SLIDES = 1e-4, 3e-5
+"""Heights below which a foot counts as on the floor, and as sliding on it [m]."""
 _FALLEN = np.cos(np.radians(35.0))
 """Least cosine of the trunk's inclination, relative to the start, of a puppet that stands."""
 
@@ -105,7 +105,7 @@ def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Arra
     now = np.einsum("tij,tj->ti", R, at) + r
     then = np.einsum("tij,tj->ti", R[1:], at[:-1]) + r[1:]
     moved = np.linalg.norm((then - now[:-1])[:, :2], axis=1)
-    on = height < ON_FLOOR
+    on = height < SLIDES
     return height, np.append(np.where(on[:-1] & on[1:], moved, 0.0), 0.0)
 
 
