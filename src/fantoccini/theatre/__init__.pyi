@@ -21,6 +21,8 @@ from .gestures import (
     Gait as Gait,
     Gesture as Gesture,
     Score as Score,
+    find_gait as find_gait,
+    footfalls as footfalls,
     gesture_names as gesture_names,
     load_gesture as load_gesture,
     load_score as load_score,

@@ -34,6 +34,7 @@ from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
 from fantoccini.theatre.gestures.sounding import read_sounds
+from fantoccini.theatre.gestures.sliding import Footfalls, footfalls
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
 from fantoccini.theatre.gestures.styling import Style
 from fantoccini.theatre.gestures.timekeeping import Late, lateness
@@ -52,6 +53,7 @@ __all__ = [
     "Complex",
     "Conductor",
     "Ends",
+    "Footfalls",
     "Gait",
     "Gesture",
     "Hands",
@@ -76,6 +78,8 @@ __all__ = [
     "at",
     "bundled",
     "check_parts",
+    "find_gait",
+    "footfalls",
     "gesture_names",
     "gesture_of_take",
     "gesture_schema",

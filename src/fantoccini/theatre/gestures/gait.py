@@ -19,7 +19,7 @@ from fantoccini.base import Array, Times, check_positive, polynomial
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.theatre.gestures.ends import Curve, Ends, times
-from fantoccini.theatre.gestures.footfalls import Pattern, leg_length, leg_strings, legs, phases
+from fantoccini.theatre.gestures.leg_order import Pattern, leg_length, leg_strings, legs, phases
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.standing import standing_lengths
@@ -62,19 +62,19 @@ class Gait:
     """
 
     pattern: Pattern = "walk"
-    step_time: float = 0.6
-    stride: float = 0.15
-    duty: float = 0.6
-    lower: float = 0.015
+    step_time: float = 0.9
+    stride: float = 0.1
+    duty: float = 0.56
+    lower: float = 0.025
     nod: float = 0.0
-    slack: float = 0.01
-    lift: float = 0.15
-    ahead: float = 0.0
-    lead: float = 0.0
-    beyond: float = 0.0
+    slack: float = 0.015
+    lift: float = 0.2
+    ahead: float = -0.03
+    lead: float = -0.1
+    beyond: float = 0.05
     sway: float = 0.0
-    early: float = 0.1
-    top: float = 0.4
+    early: float = 0.12
+    top: float = 0.35
 
     def __post_init__(self) -> None:
         check_positive(step_time=self.step_time)

@@ -20,7 +20,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.build import RESULTS, results_fingerprint
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.gestures.ends import Ends
-from fantoccini.theatre.gestures.footfalls import leg_length
+from fantoccini.theatre.gestures.leg_order import leg_length
 from fantoccini.theatre.gestures.gait import NUMBERS, Gait
 from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.sliding import footfalls
@@ -36,7 +36,7 @@ _STEPS, _DT, _SAVE = 12, 2e-3, 2
 _AFTER = 0.3
 """Time after the last step [s]."""
 _ROUNDS, _DRAWS = 8, Draws(runs=16, generations=4)
-"""Number of searches in a row, each around the best gait so far, and their draws."""
+"""Default number of searches in a row, and their draws."""
 _SPREADS = {
     "duty": 0.05,
     "lower": 0.008,
@@ -71,7 +71,12 @@ _MAX_WAY_ERROR = 0.03
 
 
 def find_gait(
-    stage: Marionette, first: Gait | None = None, *, member: str = "", seed: int = 0
+    stage: Marionette,
+    first: Gait | None = None,
+    *,
+    member: str = "",
+    rounds: int = _ROUNDS,
+    draws: Draws = _DRAWS,
 ) -> Gait:
     """A gait made for a puppet on its floor: from the cache, or by a search.
 
@@ -79,7 +84,8 @@ def find_gait(
         stage: puppet with contact between its feet and the floor.
         first: gait with which the search begins; its pattern, step time and stride are kept.
         member: the scene's member that walks; the only one by default.
-        seed: seed of the draws.
+        rounds: largest number of searches in a row, each around the best gait so far.
+        draws: draws of each search; the seed of the first one.
 
     Raises:
         StateError: it has no contact with a floor, or cannot walk; the message has the reason.
@@ -88,17 +94,19 @@ def find_gait(
         text = "needed: `contact` and `floor` in its file or scene"
         raise StateError(f"{stage.name} cannot touch a floor, so that no gait is found; {text}")
     first = Gait() if first is None else first
-    text = repr((stage.puppet.canonical(), first, member, seed, results_fingerprint()))
+    text = repr((stage.puppet.canonical(), first, member, rounds, draws, results_fingerprint()))
     key = hashlib.sha256(f"gait {text}".encode()).hexdigest()
     kept = RESULTS.read(key)
     if kept is None:
-        found = _searched(stage, first, member, seed)
+        found = _searched(stage, first, member, rounds, draws)
         kept = [np.array([getattr(found, name) for name in NUMBERS])]
         RESULTS.write(key, kept)
     return dataclasses.replace(first, **dict(zip(NUMBERS, kept[0].tolist(), strict=True)))
 
 
-def _searched(stage: Marionette, first: Gait, member: str, seed: int) -> Gait:
+def _searched(
+    stage: Marionette, first: Gait, member: str, rounds: int, draws: Draws
+) -> Gait:
     """Gait of the least cost; the search ends early when its feet hardly slide."""
     members = stage.puppet.members
     roles = Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
@@ -110,7 +118,7 @@ def _searched(stage: Marionette, first: Gait, member: str, seed: int) -> Gait:
         clipped = {k: float(np.clip(x, *_RANGES[k])) for k, x in v.items()}
         return dataclasses.replace(first, **clipped)
 
-    for k in range(_ROUNDS):
+    for k in range(rounds):
         tuned = tune(
             stage,
             lambda v: gait_of(v).gesture(Ends(roles, x0), given, lengths).inputs(x0),
@@ -120,7 +128,7 @@ def _searched(stage: Marionette, first: Gait, member: str, seed: int) -> Gait:
             first.duration(_STEPS) + _AFTER,
             method=TimeStepping(dt=_DT),
             save_every=_SAVE,
-            draws=dataclasses.replace(_DRAWS, seed=seed + k),
+            draws=dataclasses.replace(draws, seed=draws.seed + k),
         )
         best = gait_of(tuned.values)
         if tuned.cost < _GOAL:

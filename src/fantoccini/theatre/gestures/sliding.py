@@ -11,7 +11,7 @@ from fantoccini.base import Array
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.gestures.footfalls import leg_length, legs, phases
+from fantoccini.theatre.gestures.leg_order import leg_length, legs, phases
 from fantoccini.theatre.gestures.gait import PREPARATION, Gait
 from fantoccini.theatre.gestures.roles import Roles
 

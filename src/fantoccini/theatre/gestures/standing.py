@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.base import Array, StateError
 from fantoccini.model.tree import place, shape_box
 from fantoccini.motion import State
-from fantoccini.theatre.gestures.footfalls import leg_length, leg_strings, legs
+from fantoccini.theatre.gestures.leg_order import leg_length, leg_strings, legs
 from fantoccini.theatre.gestures.roles import Roles
 
 _RAISED = 0.4
