@@ -93,7 +93,11 @@ class Walked:
 
 
 def walked(
-    stage: fan.Marionette, run: fan.Trajectory, gait: MarionetteGait, steps: int, looked_at: int = LAST
+    stage: fan.Marionette,
+    run: fan.Trajectory,
+    gait: MarionetteGait,
+    steps: int,
+    looked_at: int = LAST,
 ) -> Walked:
     """Measures the last steps of a run before the closing one."""
     D, last, n = gait.duration, steps - 1, looked_at

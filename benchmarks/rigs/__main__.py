@@ -1,6 +1,6 @@
 """Draws random puppets, lets each walk 1 m and bow, and counts those that can.
 
-    python -m benchmarks.rigs [--count 100] [--first 0] [--rounds 8]
+python -m benchmarks.rigs [--count 100] [--first 0] [--rounds 8]
 """
 
 from __future__ import annotations

@@ -167,9 +167,7 @@ class Rig:
             }
             if wings:
                 joint["cone"] = {"max": "80 deg", "axis": [0, side, -0.3], "of": [0, side, 0]}
-            self._bodies.append(
-                self._body(name, self._words[0], f"{name}_j", joint, to, 0.02 * S)
-            )
+            self._bodies.append(self._body(name, self._words[0], f"{name}_j", joint, to, 0.02 * S))
             tip = [0.9 * c for c in to]
             out = [0.15 * S, side * (y + 0.2 * S)] if not wings else [0, side * (y + 0.9 * length)]
             self._string(f"a_{name}", name, tip, out)
@@ -211,15 +209,8 @@ class Rig:
             "shapes": [rod, *(more or [])],
         }
 
-    def _string(
-        self,
-        name: str,
-        body: str,
-        at: list[float],
-        end: list[float],
-    ) -> None:
+    def _string(self, name: str, body: str, at: list[float], end: list[float]) -> None:
         driven = {"driven": ["x", "y"], "at": [*end, self._top]}
         self._strings.append(
             {"name": name, "path": [{"body": body, "at": at}, driven], "length": "driven"}
         )
-

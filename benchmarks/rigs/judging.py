@@ -84,8 +84,8 @@ def bow(stage: fan.Marionette, roles: Roles) -> bool:
     x0, head = stage.rest(), roles.body_map.head
     if head is None:
         return False
-    gesture = load_gesture(stage, "bow", x0, of="rig") if roles.prefix else load_gesture(
-        stage, "bow", x0
+    gesture = (
+        load_gesture(stage, "bow", x0, of="rig") if roles.prefix else load_gesture(stage, "bow", x0)
     )
     run = fan.simulate(
         stage, x0, gesture.inputs(x0), method=fan.TimeStepping(dt=2e-3), save_every=10, throw=False

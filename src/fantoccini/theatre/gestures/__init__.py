@@ -33,8 +33,8 @@ from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
-from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.sliding import Footfalls, footfalls
+from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
 from fantoccini.theatre.gestures.styling import Style
 from fantoccini.theatre.gestures.timekeeping import Late, lateness

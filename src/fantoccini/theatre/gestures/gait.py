@@ -19,8 +19,8 @@ from fantoccini.base import Array, Times, check_positive, polynomial
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.theatre.gestures.ends import Curve, Ends, times
-from fantoccini.theatre.gestures.leg_order import Pattern, leg_length, leg_strings, legs, phases
 from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.leg_order import Pattern, leg_length, leg_strings, legs, phases
 from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.standing import standing_lengths
 from fantoccini.theatre.gestures.stepping import Step, Track
@@ -139,9 +139,7 @@ class Gait:
 class _Walk:
     """Motion of a gait's steps; arguments as for :meth:`Gait.gesture`."""
 
-    def __init__(
-        self, gait: Gait, ends: Ends, given: Sequence[Step], lengths: Mapping[str, float]
-    ):
+    def __init__(self, gait: Gait, ends: Ends, given: Sequence[Step], lengths: Mapping[str, float]):
         self._gait, self._ends, self._n = gait, ends, len(given)
         body_map = ends.roles.body_map
         self._L, self._legs = leg_length(body_map), legs(body_map)
@@ -218,9 +216,7 @@ class _Walk:
         """Path and heading of the body at the times tau [steps]."""
         path, heading = self._track.at(tau[0] * self._gait.step_time)
         rate, change = tau[1] * self._gait.step_time, tau[2] * self._gait.step_time
-        z, theta = (
-            (x, dx * rate, ddx * rate**2 + dx * change) for x, dx, ddx in (path, heading)
-        )
+        z, theta = ((x, dx * rate, ddx * rate**2 + dx * change) for x, dx, ddx in (path, heading))
         return z, theta
 
     def _sway(self) -> Curve:

@@ -20,8 +20,8 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.build import RESULTS, results_fingerprint
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.gestures.ends import Ends
-from fantoccini.theatre.gestures.leg_order import leg_length
 from fantoccini.theatre.gestures.gait import NUMBERS, Gait
+from fantoccini.theatre.gestures.leg_order import leg_length
 from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.sliding import footfalls
 from fantoccini.theatre.gestures.standing import standing_lengths
@@ -104,9 +104,7 @@ def find_gait(
     return dataclasses.replace(first, **dict(zip(NUMBERS, kept[0].tolist(), strict=True)))
 
 
-def _searched(
-    stage: Marionette, first: Gait, member: str, rounds: int, draws: Draws
-) -> Gait:
+def _searched(stage: Marionette, first: Gait, member: str, rounds: int, draws: Draws) -> Gait:
     """Gait of the least cost; the search ends early when its feet hardly slide."""
     members = stage.puppet.members
     roles = Roles.of(stage, member or (members[0] if len(members) == 1 else ""))

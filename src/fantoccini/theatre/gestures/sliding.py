@@ -9,10 +9,9 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
-from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.gestures.leg_order import leg_length, legs, phases
 from fantoccini.theatre.gestures.gait import PREPARATION, Gait
+from fantoccini.theatre.gestures.leg_order import legs, phases
 from fantoccini.theatre.gestures.roles import Roles
 
 ON_FLOOR, SLIDES = 1e-4, 3e-5

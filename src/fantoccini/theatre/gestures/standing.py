@@ -45,9 +45,7 @@ def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
         length = f"{row.name}.length"
         if not row.name.startswith(roles.prefix) or length not in roles.marionette.coordinates.q_K:
             continue
-        path = np.array(
-            [place(poses, point, roles.marionette.number)[0] for point in row.points]
-        )
+        path = np.array([place(poses, point, roles.marionette.number)[0] for point in row.points])
         before = _length(path)
         path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(path[:, 0].mean())
         after = _length(path)

@@ -9,8 +9,8 @@ import numpy as np
 from fantoccini.base import Array, Times, polynomial
 from fantoccini.base.documents import Mistakes
 from fantoccini.theatre.gestures.ends import Curve, Ends, times
-from fantoccini.theatre.gestures.leg_order import leg_length, phases
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
+from fantoccini.theatre.gestures.leg_order import leg_length, phases
 from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.stepping import LONGEST, MOST_TURN, STEP_TIME, Step, Track
 
