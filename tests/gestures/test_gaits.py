@@ -133,7 +133,7 @@ def test_stages_and_numbers_that_do_not_fit_are_refused(promenade, marionette):
         find_gait(marionette)
     with pytest.raises(ValueError, match="at least 1"):
         Gait().inputs(promenade, 0)
-    with pytest.raises(ValueError, match="duty is 0.3; allowed: 0.5 to 0.9"):
+    with pytest.raises(ValueError, match=r"duty is 0\.3; allowed: 0\.5 to 0\.9"):
         Gait(duty=0.3)
-    with pytest.raises(StateError, match="no limbs|pairs of legs|body map"):
+    with pytest.raises(StateError, match=r"no limbs|pairs of legs|body map"):
         Gait().inputs(fan.puppets.arm2d(), 4)

@@ -126,7 +126,7 @@ class Gait:
         Args:
             ends: ends of the puppet's strings; its start is a rest above the floor.
             given: steps in order.
-            lengths: those of :func:`standing_lengths`, if they are known already.
+            lengths: result of :func:`standing_lengths`, if known already.
 
         Raises:
             StateError, UnknownNameError: see :meth:`inputs`.

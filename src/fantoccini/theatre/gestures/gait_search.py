@@ -96,12 +96,12 @@ def find_gait(
     first = Gait() if first is None else first
     text = repr((stage.puppet.canonical(), first, member, rounds, draws, results_fingerprint()))
     key = hashlib.sha256(f"gait {text}".encode()).hexdigest()
-    kept = RESULTS.read(key)
-    if kept is None:
-        found = _searched(stage, first, member, rounds, draws)
-        kept = [np.array([getattr(found, name) for name in NUMBERS])]
-        RESULTS.write(key, kept)
-    return dataclasses.replace(first, **dict(zip(NUMBERS, kept[0].tolist(), strict=True)))
+    numbers = RESULTS.read(key)
+    if numbers is None:
+        gait = _searched(stage, first, member, rounds, draws)
+        numbers = [np.array([getattr(gait, name) for name in NUMBERS])]
+        RESULTS.write(key, numbers)
+    return dataclasses.replace(first, **dict(zip(NUMBERS, numbers[0].tolist(), strict=True)))
 
 
 def _searched(stage: Marionette, first: Gait, member: str, rounds: int, draws: Draws) -> Gait:
@@ -110,7 +110,7 @@ def _searched(stage: Marionette, first: Gait, member: str, rounds: int, draws: D
     roles = Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
     x0, best = stage.rest(), first
     lengths = standing_lengths(roles, x0)
-    given = [Step(first.stride * leg_length(roles.body_map))] * _STEPS
+    path = [Step(first.stride * leg_length(roles.body_map))] * _STEPS
 
     def gait_of(v: dict[str, float]) -> Gait:
         clipped = {k: float(np.clip(x, *_RANGES[k])) for k, x in v.items()}
@@ -119,7 +119,7 @@ def _searched(stage: Marionette, first: Gait, member: str, rounds: int, draws: D
     for k in range(rounds):
         tuned = tune(
             stage,
-            lambda v: gait_of(v).gesture(Ends(roles, x0), given, lengths).inputs(x0),
+            lambda v: gait_of(v).gesture(Ends(roles, x0), path, lengths).inputs(x0),
             {name: (getattr(best, name), spread) for name, spread in _SPREADS.items()},
             lambda run: _cost(roles, run, first),
             x0,
