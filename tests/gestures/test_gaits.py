@@ -12,8 +12,8 @@ from fantoccini.base.errors import StateError
 from fantoccini.model import BodyMap
 from fantoccini.model.body_map import Limb
 from fantoccini.theatre import Gait, find_gait, footfalls
+from fantoccini.theatre.gaits import PREPARATION
 from fantoccini.theatre.gestures import Ends, Roles, Step
-from fantoccini.theatre.gestures.gait import PREPARATION
 from fantoccini.theatre.gestures.leg_order import phases
 
 pytestmark = pytest.mark.slow
@@ -124,7 +124,7 @@ def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
     def refused(*_: object) -> None:
         raise AssertionError("a search, although the result is kept")
 
-    monkeypatch.setattr("fantoccini.theatre.gestures.gait_search._searched", refused)
+    monkeypatch.setattr("fantoccini.theatre.gaits.gait_search._searched", refused)
     assert find_gait(promenade, first, rounds=1, draws=draws) == gait
 
 

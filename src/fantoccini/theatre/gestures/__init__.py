@@ -4,9 +4,7 @@ from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
-from fantoccini.theatre.gestures.ends import Complex, Ends
-from fantoccini.theatre.gestures.gait import Gait
-from fantoccini.theatre.gestures.gait_search import find_gait
+from fantoccini.theatre.gestures.ends import Complex, Curve, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.gesture_file import (
     bundled,
@@ -17,6 +15,7 @@ from fantoccini.theatre.gestures.gesture_file import (
     load_gesture,
 )
 from fantoccini.theatre.gestures.joining import Line, Motion
+from fantoccini.theatre.gestures.leg_order import Pattern, leg_length, leg_strings, legs, phases
 from fantoccini.theatre.gestures.moves import planes
 from fantoccini.theatre.gestures.parameters import MADE
 from fantoccini.theatre.gestures.performing import (
@@ -33,7 +32,6 @@ from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
-from fantoccini.theatre.gestures.sliding import Footfalls, footfalls
 from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
 from fantoccini.theatre.gestures.styling import Style
@@ -52,15 +50,15 @@ __all__ = [
     "Caption",
     "Complex",
     "Conductor",
+    "Curve",
     "Ends",
-    "Footfalls",
-    "Gait",
     "Gesture",
     "Hands",
     "Late",
     "Line",
     "Motion",
     "Part",
+    "Pattern",
     "Performed",
     "Performer",
     "Placed",
@@ -78,21 +76,24 @@ __all__ = [
     "at",
     "bundled",
     "check_parts",
-    "find_gait",
-    "footfalls",
     "gesture_names",
     "gesture_of_take",
     "gesture_schema",
     "is_gesture",
     "lateness",
+    "leg_length",
+    "leg_strings",
+    "legs",
     "limits",
     "load_gesture",
     "load_score",
+    "phases",
     "piecewise",
     "planes",
     "read_sounds",
     "rehearse",
     "stepping",
     "steps",
+    "times",
     "transition",
 ]

@@ -10,9 +10,8 @@ import numpy as np
 from fantoccini.base import Array
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.gestures.gait import PREPARATION, Gait
-from fantoccini.theatre.gestures.leg_order import legs, phases
-from fantoccini.theatre.gestures.roles import Roles
+from fantoccini.theatre.gaits.gait import PREPARATION, Gait
+from fantoccini.theatre.gestures import Roles, legs, phases
 
 ON_FLOOR, SLIDES = 1e-4, 3e-5
 """Heights below which a foot counts as on the floor, and as sliding on it [m]."""

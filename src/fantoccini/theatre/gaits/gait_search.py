@@ -19,13 +19,10 @@ from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.build import RESULTS, results_fingerprint
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.gestures.ends import Ends
-from fantoccini.theatre.gestures.gait import NUMBERS, Gait
-from fantoccini.theatre.gestures.leg_order import leg_length
-from fantoccini.theatre.gestures.roles import Roles
-from fantoccini.theatre.gestures.sliding import footfalls
-from fantoccini.theatre.gestures.standing import standing_lengths
-from fantoccini.theatre.gestures.stepping import Step
+from fantoccini.theatre.gaits.gait import NUMBERS, Gait
+from fantoccini.theatre.gaits.sliding import footfalls
+from fantoccini.theatre.gaits.standing import standing_lengths
+from fantoccini.theatre.gestures import Ends, Roles, Step, leg_length
 
 SLIDE = 2e-3
 """Largest slide of a foot in a cycle [m]."""

@@ -9,8 +9,7 @@ import numpy as np
 from fantoccini.base import Array, StateError
 from fantoccini.model.tree import place, shape_box
 from fantoccini.motion import State
-from fantoccini.theatre.gestures.leg_order import leg_length, leg_strings, legs
-from fantoccini.theatre.gestures.roles import Roles
+from fantoccini.theatre.gestures import Roles, leg_length, leg_strings, legs
 
 _RAISED = 0.4
 """Height above its rest at which the free legs are measured, relative to the legs' length."""

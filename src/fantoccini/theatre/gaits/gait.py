@@ -18,12 +18,21 @@ import numpy as np
 from fantoccini.base import Array, Times, check_positive, polynomial
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.theatre.gestures.ends import Curve, Ends, times
-from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.leg_order import Pattern, leg_length, leg_strings, legs, phases
-from fantoccini.theatre.gestures.roles import Roles
-from fantoccini.theatre.gestures.standing import standing_lengths
-from fantoccini.theatre.gestures.stepping import Step, Track
+from fantoccini.theatre.gaits.standing import standing_lengths
+from fantoccini.theatre.gestures import (
+    Curve,
+    Ends,
+    Gesture,
+    Pattern,
+    Roles,
+    Step,
+    Track,
+    leg_length,
+    leg_strings,
+    legs,
+    phases,
+    times,
+)
 
 PREPARATION, CLOSING = 2.5, 1.0
 """Time in which it is let down onto its feet, and in which the last legs close up [steps]."""
