@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: demo show test test-slow test-all test-portable test-install clean-room gallery docs architecture bench bench-plan
 .PHONY: format soak soak-crowds soak-rests strings-report growth-report long-runs-report stage-report
-.PHONY: optimal-peers
+.PHONY: optimal-peers rigs
 .PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
 
@@ -78,6 +78,11 @@ soak-crowds: $(VENV)/stamp-test
 # A thousand puppets that have a rest: is one found for each?
 soak-rests: $(VENV)/stamp-test
 	PYTHONPATH=tests $(BIN)/python -m properties.rests
+
+# A hundred random puppets on two to six legs: their body maps, a walk of 1 m, a bow. Hours; fewer:
+# make rigs RIGS="--count 10".
+rigs: $(VENV)/stamp-test
+	$(BIN)/python -m benchmarks.rigs $(RIGS)
 
 strings-report: $(VENV)/stamp-test
 	$(BIN)/python -m benchmarks.strings

@@ -2,7 +2,7 @@
 
     python -m benchmarks.optimal.walk [--steps 40] [--friction 0.8] [--event] [--mujoco]
 
-Measures the marionette's walk on ``promenade`` with ``fantoccini.theatre.Gait()``: with
+Measures the marionette's walk on ``promenade`` with ``MarionetteGait()``: with
 five time steps, down to 0.125 ms; with ``--event`` four of its steps event-driven, tens of
 thousands of events from a state on the cycle; with ``--mujoco`` in MuJoCo, whose strings and
 contacts are soft. Slip is the distance that a sole's corners move along the floor in contact.
@@ -21,9 +21,9 @@ import fantoccini as fan
 from fantoccini.base import Progress
 from fantoccini.control import Draws
 from fantoccini.dynamics.mujoco import mujoco_run
-from fantoccini.theatre.gestures import Gait
 
 from ..contact.mujoco_scene import text_of
+from .marionette_gait import MarionetteGait
 
 STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4)
 """Time steps [s]."""
@@ -93,7 +93,11 @@ class Walked:
 
 
 def walked(
-    stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int, looked_at: int = LAST
+    stage: fan.Marionette,
+    run: fan.Trajectory,
+    gait: MarionetteGait,
+    steps: int,
+    looked_at: int = LAST,
 ) -> Walked:
     """Measures the last steps of a run before the closing one."""
     D, last, n = gait.duration, steps - 1, looked_at
@@ -131,7 +135,7 @@ def walked(
     )
 
 
-def cost(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -> float:
+def cost(stage: fan.Marionette, run: fan.Trajectory, gait: MarionetteGait, steps: int) -> float:
     """The cost of a walk: slip, change from cycle to cycle, and penalties for hardly walking."""
     measured = walked(stage, run, gait, steps)
     slip = 1e3 * measured.slip.max(axis=1)
@@ -149,7 +153,7 @@ def cost(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -> 
 
 
 def searched(
-    stage: fan.Marionette, first: Gait, share: float, seconds: float, seed: int
+    stage: fan.Marionette, first: MarionetteGait, share: float, seconds: float, seed: int
 ) -> fan.control.Tuned:
     """Parameters of a walk of 20 steps, drawn around the first by this share of ``SPREADS``."""
     steps, x0, start = 20, stage.rest(), asdict(first)
@@ -185,7 +189,7 @@ def main() -> None:
     parser.add_argument("--share", type=float, default=1.0, help="initial share of the spreads")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    gait, steps = Gait(), options.steps
+    gait, steps = MarionetteGait(), options.steps
     text = fan.puppets.path("promenade").read_text(encoding="utf-8")
     assert "friction: 0.8" in text
     stage = fan.loads(text.replace("friction: 0.8", f"friction: {options.friction:g}"))
@@ -215,7 +219,7 @@ def main() -> None:
 
 
 def by_events(
-    stage: fan.Marionette, x0: fan.State, inputs: fan.Input, gait: Gait, steps: int
+    stage: fan.Marionette, x0: fan.State, inputs: fan.Input, gait: MarionetteGait, steps: int
 ) -> fan.Trajectory:
     """The last four steps before the closing one, from the state reached by time steps."""
     start, end = gait.duration * (steps - 4), gait.duration * steps

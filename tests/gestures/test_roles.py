@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from tests.body_map import zoo
@@ -11,6 +13,7 @@ from fantoccini.base.errors import FileError, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
 from fantoccini.theatre import load_gesture
+from fantoccini.theatre.gestures import Ends, Roles, Step, steps
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
@@ -166,9 +169,31 @@ def test_a_bird_walks_to_where_it_looks(heron):
     assert moved(walk, left)["leg_r.length"] < -0.01  # its left leg, at y < 0
 
 
-def test_a_dog_does_not_walk_on_two_legs(dachshund):
-    with pytest.raises(StateError, match="it moves leg_left; dachshund has trunk, head, leg_front"):
-        load_gesture(dachshund, "walk")
+def test_a_dog_walks_on_diagonal_pairs_of_legs(dachshund):
+    walk = load_gesture(dachshund, "walk")
+    assert list(walk.marks) == ["left", "right", "left 2", "right 2"]
+    known = pieces.channel_names(dachshund.coordinates)
+    parts = dachshund.body_map.parts
+    lifted = {}
+    for mark in ("left", "right"):
+        offsets, _ = walk.offsets(walk.marks[mark])
+        lifted[mark] = {
+            name
+            for name, limb in parts.items()
+            if limb.kind == "leg"
+            and offsets[known[f"{limb.strings[0]}.length"][1].start] < -0.1 * limb.length
+        }
+    assert lifted["left"] == {"leg_front_left", "leg_hind_right"}
+    assert lifted["right"] == {"leg_front_right", "leg_hind_left"}
+
+
+def test_puppets_without_pairs_of_legs_do_not_walk(dachshund):
+    ends = Ends(Roles.of(dachshund), dachshund.rest())
+    body = ends.roles.body_map
+    arms = tuple(dataclasses.replace(x, kind="arm") for x in body.limbs if x.kind == "leg")
+    roles = dataclasses.replace(ends.roles, body_map=dataclasses.replace(body, limbs=arms))
+    with pytest.raises(StateError, match="it walks on pairs of legs; the puppet has arm_front"):
+        steps(Ends(roles, dachshund.rest()), [Step(0.01)])
 
 
 def test_a_larger_puppet_points_and_looks(hans):
@@ -205,12 +230,12 @@ def test_a_dog_looks_aside(dachshund):
 def test_a_score_says_where_a_part_is_missing(dachshund, tmp_path):
     path = tmp_path / "number.yaml"
     path.write_text(
-        "score: number\nlanes:\n  a:\n  - {gesture: walk}\n  - {gesture: wave}\n", encoding="utf-8"
+        "score: number\nlanes:\n  a:\n  - {gesture: clap}\n  - {gesture: wave}\n", encoding="utf-8"
     )
     with pytest.raises(FileError) as error:
         fan.load_score(dachshund, path)
     first, second = map(str, error.value.mistakes)
-    assert "number.yaml:4: lanes.a[0].gesture: it moves leg_left; dachshund has" in first
+    assert "number.yaml:4: lanes.a[0].gesture: gesture clap: it moves arm_" in first
     assert "number.yaml:5: lanes.a[1].gesture: gesture wave: it moves arm_right" in second
 
 

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 from benchmarks.optimal import walk
+from benchmarks.optimal.marionette_gait import MarionetteGait
 
 import fantoccini as fan
-from fantoccini.theatre.gestures import Gait
 
 pytestmark = pytest.mark.slow
 
@@ -18,7 +18,7 @@ STEPS = 24
 
 @pytest.mark.parametrize("dt", [1e-3, 2.5e-4])
 def test_it_walks_and_slips_by_less_than_a_millimetre_a_step(promenade, dt):
-    gait, x0 = Gait(), promenade.rest()
+    gait, x0 = MarionetteGait(), promenade.rest()
     end, method = gait.duration * (STEPS + 1), fan.TimeStepping(dt=dt)
     inputs = gait.inputs(promenade, STEPS, x0)
     run = fan.simulate(promenade, x0, inputs, end, method=method, save_every=round(2e-3 / dt))
@@ -32,7 +32,7 @@ def test_it_walks_and_slips_by_less_than_a_millimetre_a_step(promenade, dt):
 
 
 def test_it_ends_standing_as_it_began_except_for_the_displacement(promenade):
-    gait, x0 = Gait(), promenade.rest()
+    gait, x0 = MarionetteGait(), promenade.rest()
     inputs = gait.inputs(promenade, 5, x0).bound(x0.q_K, x0.t)
     q_K = inputs.evaluate(inputs.end)[0]
     moved = {name: q_K[i] - x0.q_K[i] for i, name in enumerate(promenade.coordinates.q_K)}
@@ -53,17 +53,17 @@ def test_it_ends_standing_as_it_began_except_for_the_displacement(promenade):
 
 def test_steps_begin_at_their_given_places_and_times(promenade):
     x0 = promenade.rest().replace(t=3.0)
-    points = Gait().waypoints(x0, 2)
+    points = MarionetteGait().waypoints(x0, 2)
     assert all(times[0] == (3.0, float(x0[name])) for name, times in points.items())
     assert all(np.all(np.diff([t for t, _ in times]) > 0.0) for times in points.values())
 
 
 def test_puppets_that_cannot_walk_are_refused(promenade):
     with pytest.raises(ValueError, match="at least 2"):
-        Gait().inputs(promenade, 1)
+        MarionetteGait().inputs(promenade, 1)
     with pytest.raises(fan.errors.UnknownNameError, match=r"head\.x"):
-        Gait().inputs(fan.puppets.arm2d(), 4)
+        MarionetteGait().inputs(fan.puppets.arm2d(), 4)
     with pytest.raises(ValueError, match="duration"):
-        Gait(duration=0.0)
-    names = {field.name for field in dataclasses.fields(Gait)}
+        MarionetteGait(duration=0.0)
+    names = {field.name for field in dataclasses.fields(MarionetteGait)}
     assert set(walk.SPREADS) | {"stride", "duration"} == names

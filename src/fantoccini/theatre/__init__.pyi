@@ -3,6 +3,7 @@
 from . import (
     capture as capture,
     cast as cast,
+    gaits as gaits,
     gestures as gestures,
     perform as perform,
     plays as plays,
@@ -16,9 +17,9 @@ from .capture import (
     clip_names as clip_names,
     load_bvh as load_bvh,
 )
+from .gaits import Gait as Gait, find_gait as find_gait, footfalls as footfalls
 from .gestures import (
     Conductor as Conductor,
-    Gait as Gait,
     Gesture as Gesture,
     Score as Score,
     gesture_names as gesture_names,

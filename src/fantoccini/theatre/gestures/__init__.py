@@ -4,8 +4,7 @@ from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
-from fantoccini.theatre.gestures.ends import Complex, Ends
-from fantoccini.theatre.gestures.gait import Gait
+from fantoccini.theatre.gestures.ends import Complex, Curve, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.gesture_file import (
     bundled,
@@ -16,6 +15,7 @@ from fantoccini.theatre.gestures.gesture_file import (
     load_gesture,
 )
 from fantoccini.theatre.gestures.joining import Line, Motion
+from fantoccini.theatre.gestures.leg_order import Pattern, leg_length, leg_strings, legs, phases
 from fantoccini.theatre.gestures.moves import planes
 from fantoccini.theatre.gestures.parameters import MADE
 from fantoccini.theatre.gestures.performing import (
@@ -50,14 +50,15 @@ __all__ = [
     "Caption",
     "Complex",
     "Conductor",
+    "Curve",
     "Ends",
-    "Gait",
     "Gesture",
     "Hands",
     "Late",
     "Line",
     "Motion",
     "Part",
+    "Pattern",
     "Performed",
     "Performer",
     "Placed",
@@ -80,14 +81,19 @@ __all__ = [
     "gesture_schema",
     "is_gesture",
     "lateness",
+    "leg_length",
+    "leg_strings",
+    "legs",
     "limits",
     "load_gesture",
     "load_score",
+    "phases",
     "piecewise",
     "planes",
     "read_sounds",
     "rehearse",
     "stepping",
     "steps",
+    "times",
     "transition",
 ]

@@ -8,6 +8,7 @@ to the middle at the start, w the sway.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -87,8 +88,14 @@ class Ends:
             if f"{self.of}{string}.{part}" not in known:
                 raise UnknownNameError("driven coordinate", f"{self.of}{string}.{part}", known)
 
-    def carry(self, path: ComplexCurve, heading: Curve, sway: Curve | None = None) -> None:
-        """Moves all ends as one rigid body along a path, and turns them about the middle.
+    def carry(
+        self,
+        path: ComplexCurve,
+        heading: Curve,
+        sway: Curve | ComplexCurve | None = None,
+        names: Iterable[str] | None = None,
+    ) -> None:
+        """Moves ends as one rigid body along a path, and turns them about the middle.
 
             moved = z + exp(i theta) (arm + i w) - arm
 
@@ -96,7 +103,8 @@ class Ends:
             path: z, place of the middle relative to its first one, for a puppet that looks along
                 x [m].
             heading: theta, relative to the first one [rad].
-            sway: w, to the left of the path [m].
+            sway: w, to the left of the path; -i times an offset forward [m].
+            names: strings whose ends move; all by default.
         """
         self.turns = self.turns or bool(np.any(heading[0] != 0.0))
         theta, rate, change = heading
@@ -106,7 +114,8 @@ class Ends:
             turn = np.exp(1j * first)
             path, (w0, w1, w2) = times(turn, path), times(turn, (w0, w1, w2))
         e = np.exp(1j * theta)
-        for name, place in self.places.items():
+        for name in self.places if names is None else names:
+            place = self.places[name]
             home = place - self.middle
             arm = e * (home + 1j * w0)
             moved = path[0] + arm - home

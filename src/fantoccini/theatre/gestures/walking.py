@@ -10,6 +10,7 @@ from fantoccini.base import Array, Times, polynomial
 from fantoccini.base.documents import Mistakes
 from fantoccini.theatre.gestures.ends import Curve, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
+from fantoccini.theatre.gestures.leg_order import leg_length, phases
 from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.stepping import LONGEST, MOST_TURN, STEP_TIME, Step, Track
 
@@ -63,8 +64,9 @@ def walk(
 def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Gesture:
     """Gesture of steps along the path of :class:`Track`; the left foot goes first.
 
-    Knees go up in turn, and the body rises and sways, except in steps that stand: those leave the
-    feet where they are. Marks are those of a walk.
+    Knees go up in turn, each together with those of diagonal neighbours, and the body rises and
+    sways, except in steps that stand: those leave the feet where they are. Marks are those of a
+    walk.
 
     Args:
         ends: ends of the puppet's strings.
@@ -76,7 +78,7 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
     """
     if not given:
         raise ValueError("given is empty; a gesture has at least one step")
-    legs = {name: ends.roles.strings(f"leg_{name}") for name in _SIDES}
+    legs = _groups(ends.roles)
     for string in (*legs["left"], *legs["right"]):
         ends.check_driven(string)
     n, track, scale = len(given), Track(given, step_time), _scale(ends.roles)
@@ -113,14 +115,21 @@ def there_and_back(way: float, hold: float, parts: int = 12) -> tuple[Times, Cur
     return t, (values, rates, changes)
 
 
-def _scale(roles: Roles) -> float:
-    """Length of a leg, relative to that for which the lengths of this module are.
+def _groups(roles: Roles) -> dict[str, list[str]]:
+    """Side -> strings of the legs that step with the first leg of this side.
 
     Raises:
-        StateError: the puppet has no leg, or more than one on a side.
+        StateError: the puppet has no pairs of legs, or no string moves one of them.
     """
-    roles.moves("leg_left.up")
-    return roles.body_map.parts["leg_left"].length / _LEG
+    groups: dict[str, list[str]] = {side: [] for side in _SIDES}
+    for leg, phase in phases(roles.body_map, "trot").items():
+        groups["right" if phase else "left"] += roles.strings(leg)
+    return groups
+
+
+def _scale(roles: Roles) -> float:
+    """Length of the legs, relative to that for which the lengths of this module are."""
+    return leg_length(roles.body_map) / _LEG
 
 
 def _bump(s: Array, step_time: float) -> Curve:

@@ -1,4 +1,4 @@
-"""Gait of the bundled marionette, as waypoints of its strings' ends.
+"""Gait of the bundled marionette with twenty numbers, as waypoints of its strings' ends.
 
 The puppet is lowered until its feet carry a third of its weight. In every step the ends of the
 shoulders' strings sway to one side, the knee's string there lifts its leg, carries it forward and
@@ -24,12 +24,12 @@ Waypoints = dict[str, list[tuple[float, float]]]
 
 
 @dataclass(frozen=True)
-class Gait:
+class MarionetteGait:
     """Parameters of a walk; shares are of a step's time and may extend into adjacent steps.
 
     With the default values ``promenade`` walks in a cycle whose feet slip by less than a millimetre
-    per step (docs/optimal.md). ``fan.tune`` finds others: ``fan.tune(stage, lambda v:
-    Gait(**v).inputs(stage, 20), {...}, cost, t_end=25.0)``.
+    per step (docs/optimal-measured.md). ``fan.tune`` finds others: ``fan.tune(stage, lambda v:
+    MarionetteGait(**v).inputs(stage, 20), {...}, cost, t_end=25.0)``.
 
     Attributes:
         stride: distance of the body in a step; a foot goes twice as far [m].

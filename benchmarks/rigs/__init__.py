@@ -1,0 +1,1 @@
+"""Random puppets: are their limbs found, and do they walk and bow?"""

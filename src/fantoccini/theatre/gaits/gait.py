@@ -1,0 +1,259 @@
+"""Gaits on a floor, made for a puppet from its body map: numbers, and the motion they mean.
+
+    z_body(t) = path(t),   z_leg(t) = path(tau_leg(t)),   L_leg(t) = L_stance - lift up(t)
+
+path is that of :class:`Track`. The ends of a leg's strings stand still while it stands, at the
+place that the body reaches in the middle of that time; while it swings, tau goes on with minimum
+jerk, and its strings are wound in and let out. Lengths are relative to the legs' mean length, and
+times to a step, which is half a cycle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from fantoccini.base import Array, Times, check_positive, polynomial
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import Input, State
+from fantoccini.theatre.gaits.standing import standing_lengths
+from fantoccini.theatre.gestures import (
+    Curve,
+    Ends,
+    Gesture,
+    Pattern,
+    Roles,
+    Step,
+    Track,
+    leg_length,
+    leg_strings,
+    legs,
+    phases,
+    times,
+)
+
+PREPARATION, CLOSING = 2.5, 1.0
+"""Time in which it is let down onto its feet, and in which the last legs close up [steps]."""
+_LET_DOWN = 2.0
+"""Part of the preparation in which it moves [steps]."""
+_PARTS = 24
+"""Number of pieces of a step."""
+_RETURN = 0.6
+"""Share of a swing at which the overshoot of a leg's strings is largest."""
+_BOUNDS = {"duty": (0.5, 0.9), "early": (0.0, 0.4), "top": (0.1, 0.9)}
+"""Bounds of shares of times."""
+
+
+@dataclass(frozen=True)
+class Gait:
+    """Numbers of a gait.
+
+    Attributes:
+        pattern: order of the legs; see :func:`phases`.
+        step_time: duration of a step [s].
+        stride: distance of the body in a step, relative to the legs' length.
+        duty: share of a cycle in which a leg stands.
+        lower: distance by which it is lowered from where its soles just touch the floor.
+        nod: additional length let out of the head's strings.
+        slack: additional length let out of the strings of a standing leg.
+        lift: length by which the strings of a swinging leg are wound in, from where they are taut.
+        ahead: distance by which the ends of the legs' strings are carried forward.
+        lead: distance by which the ends of all other strings are carried forward.
+        beyond: overshoot of the ends of the strings of a swinging leg, which then return.
+        sway: distance of the other strings' ends towards the side of a lifted leg.
+        early: share of a swing before and after which a leg moves up and down only.
+        top: share of a swing at which a leg is highest.
+
+    Raises:
+        ValueError: a time is not above 0, or a share is out of its bounds.
+    """
+
+    pattern: Pattern = "walk"
+    step_time: float = 0.9
+    stride: float = 0.1
+    duty: float = 0.56
+    lower: float = 0.025
+    nod: float = 0.0
+    slack: float = 0.015
+    lift: float = 0.2
+    ahead: float = -0.03
+    lead: float = -0.1
+    beyond: float = 0.05
+    sway: float = 0.0
+    early: float = 0.12
+    top: float = 0.35
+
+    def __post_init__(self) -> None:
+        check_positive(step_time=self.step_time)
+        for name, (low, high) in _BOUNDS.items():
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: {low} to {high}")
+
+    def duration(self, steps: int) -> float:
+        """Duration of a number of steps, with preparation and closing [s]."""
+        return (PREPARATION + steps + CLOSING) * self.step_time
+
+    def inputs(
+        self,
+        stage: Marionette,
+        steps: int,
+        x0: State | None = None,
+        *,
+        turn: float = 0.0,
+        member: str = "",
+    ) -> Input:
+        """Motion of equal steps on a floor.
+
+        Args:
+            stage: puppet, or scene.
+            steps: number of steps.
+            x0: state at the start; ``stage.rest()`` by default.
+            turn: total turn to the left [rad].
+            member: the scene's member that walks; the only one by default.
+
+        Raises:
+            ValueError: there are no steps, or they are too long.
+            StateError: the puppet cannot walk; the message has the reason.
+            UnknownNameError: an end or length of a string is not driven.
+        """
+        if steps < 1:
+            raise ValueError(f"steps is {steps!r}; at least 1 is needed")
+        members = stage.puppet.members
+        own = member or (members[0] if len(members) == 1 else "")
+        x0 = stage.rest() if x0 is None else x0
+        ends = Ends(Roles.of(stage, own), x0)
+        length = self.stride * leg_length(ends.roles.body_map)
+        return self.gesture(ends, [Step(length, turn / steps)] * steps).inputs(x0)
+
+    def gesture(
+        self, ends: Ends, given: Sequence[Step], lengths: Mapping[str, float] | None = None
+    ) -> Gesture:
+        """Gesture of steps on the floor, with preparation and closing.
+
+        Args:
+            ends: ends of the puppet's strings; its start is a rest above the floor.
+            given: steps in order.
+            lengths: result of :func:`standing_lengths`, if known already.
+
+        Raises:
+            StateError, UnknownNameError: see :meth:`inputs`.
+        """
+        if lengths is None:
+            lengths = standing_lengths(ends.roles, ends.start)
+        return _Walk(self, ends, given, lengths).gesture()
+
+
+class _Walk:
+    """Motion of a gait's steps; arguments as for :meth:`Gait.gesture`."""
+
+    def __init__(self, gait: Gait, ends: Ends, given: Sequence[Step], lengths: Mapping[str, float]):
+        self._gait, self._ends, self._n = gait, ends, len(given)
+        body_map = ends.roles.body_map
+        self._L, self._legs = leg_length(body_map), legs(body_map)
+        self._phases = phases(body_map, gait.pattern)
+        self._of_strings = leg_strings(ends.roles)
+        for string in self._of_strings:
+            ends.check_driven(string)
+        self._track = Track(given, gait.step_time)
+        n_parts = round((PREPARATION + self._n + CLOSING) * _PARTS)
+        self._clock: Times = np.arange(n_parts + 1) / _PARTS - PREPARATION
+        self._down = self._rise(-PREPARATION, _LET_DOWN)
+        self._lengths = lengths
+
+    def gesture(self) -> Gesture:
+        """The whole motion."""
+        gait, ends, L = self._gait, self._ends, self._L
+        path, heading = self._track.at(self._clock * gait.step_time)
+        offset = _sum(times(-1j * gait.lead * L, self._down), self._sway())
+        others = [name for name in ends.places if name not in self._of_strings]
+        ends.carry(path, heading, offset, others)
+        for string, length in self._lengths.items():
+            if string in self._of_strings:
+                self._lift(string, length)
+                continue
+            let_out = gait.lower + (gait.nod if string in self._looking else 0.0)
+            self._wind(string, times(self._from_start(string, length) + let_out * L, self._down))
+        marks = {"down": PREPARATION * gait.step_time}
+        clock = (self._clock + PREPARATION) * gait.step_time
+        return ends.gesture(clock, "gait", marks, travels=True)
+
+    @property
+    def _looking(self) -> set[str]:
+        return {name.removeprefix(self._ends.of) for name in self._ends.roles.body_map.looking}
+
+    def _from_start(self, string: str, length: float) -> float:
+        return length - float(self._ends.start[f"{self._ends.of}{string}.length"])
+
+    def _wind(self, string: str, curve: Curve) -> None:
+        self._ends.add(f"{string}.length", curve)
+
+    def _lift(self, string: str, length: float) -> None:
+        """Moves the end of a leg's string and its length."""
+        gait, ends, L = self._gait, self._ends, self._L
+        zero = times(0.0, self._down)
+        tau, up, over = zero, zero, zero
+        for begin, end, way in self._swings(self._of_strings[string]):
+            width = end - begin
+            early, top = gait.early * width, gait.top * width
+            tau = _sum(tau, times(way, self._rise(begin + early, width - 2.0 * early)))
+            up = _sum(up, self._bump(begin, begin + top, end))
+            bump = self._bump(begin, begin + _RETURN * width, end)
+            over = _sum(over, times(0.5 * way, bump))
+        forward = _sum(times(gait.ahead * L, self._down), times(gait.beyond * L, over))
+        path, heading = self._along(tau)
+        ends.carry(path, heading, times(-1j, forward), [string])
+        loose = (gait.lower + gait.slack) * L
+        down = times(self._from_start(string, length) + loose, self._down)
+        self._wind(string, _sum(down, times(-(gait.lift * L + loose), up)))
+
+    def _swings(self, leg: str) -> list[tuple[float, float, float]]:
+        """Start and end of each swing, and the way of the leg in it, all in steps."""
+        swing, swings, at = 2.0 * (1.0 - self._gait.duty), [], 0.0
+        begin = 2.0 * self._phases[leg]
+        while at < self._n:
+            begin = min(begin, self._n + CLOSING - swing)
+            end = begin + swing
+            # It lands where the body is in the middle of its stance; at last it closes up.
+            to = min(0.5 * (end + begin + 2.0), float(self._n)) if end < self._n else self._n
+            swings.append((begin, end, to - at))
+            at, begin = to, begin + 2.0
+        return swings
+
+    def _along(self, tau: Curve) -> tuple[tuple[Array, Array, Array], Curve]:
+        """Path and heading of the body at the times tau [steps]."""
+        path, heading = self._track.at(tau[0] * self._gait.step_time)
+        rate, change = tau[1] * self._gait.step_time, tau[2] * self._gait.step_time
+        z, theta = ((x, dx * rate, ddx * rate**2 + dx * change) for x, dx, ddx in (path, heading))
+        return z, theta
+
+    def _sway(self) -> Curve:
+        """Sway towards the sides of lifted legs."""
+        sway = times(0.0, self._down)
+        for leg, limb in self._legs.items():
+            side = self._gait.sway * self._L * (1.0 if limb.side == "left" else -1.0)
+            for begin, end, _ in self._swings(leg):
+                up = self._bump(begin, 0.5 * (begin + end), end)
+                sway = _sum(sway, times(2.0 * side / len(self._legs), up))
+        return sway
+
+    def _bump(self, begin: float, top: float, end: float) -> Curve:
+        """Curve from 0 to 1 and back, between times in steps."""
+        up, down = self._rise(begin, top - begin), self._rise(top, end - top)
+        return _sum(up, times(-1.0, down))
+
+    def _rise(self, begin: float, width: float) -> Curve:
+        """Minimum jerk from 0 to 1, from a time on and for a time, in steps."""
+        s = np.clip((self._clock - begin) / width, 0.0, 1.0)
+        value, rate, change = polynomial.minimum_jerk(s)
+        unit = width * self._gait.step_time
+        return value, rate / unit, change / unit**2
+
+
+def _sum(a: Curve, b: Curve) -> Curve:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+NUMBERS = tuple(x.name for x in fields(Gait) if x.name not in ("pattern", "step_time", "stride"))
+"""Names of the numbers that a search finds."""

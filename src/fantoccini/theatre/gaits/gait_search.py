@@ -1,0 +1,146 @@
+"""Search for the numbers of a gait on a puppet's own floor, by simulated steps.
+
+    min over numbers of   mean slide + largest slide + penalties
+
+A foot that never lifts, never stands, a trunk that tilts and a wrong way are penalised. Results are
+kept in the cache folder.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+
+import numpy as np
+
+from fantoccini.base import StateError
+from fantoccini.control.optimal import Draws, tune
+from fantoccini.dynamics.compiled import TimeStepping
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel.build import RESULTS, results_fingerprint
+from fantoccini.motion import Trajectory
+from fantoccini.theatre.gaits.gait import NUMBERS, Gait
+from fantoccini.theatre.gaits.sliding import footfalls
+from fantoccini.theatre.gaits.standing import standing_lengths
+from fantoccini.theatre.gestures import Ends, Roles, Step, leg_length
+
+SLIDE = 2e-3
+"""Largest slide of a foot in a cycle [m]."""
+_GOAL = 0.7
+"""Largest slide in a search, relative to ``SLIDE``, at which it ends."""
+_STEPS, _DT, _SAVE = 12, 2e-3, 2
+"""Number of steps of a run, its time step [s], and the number of time steps between samples."""
+_AFTER = 0.3
+"""Time after the last step [s]."""
+_ROUNDS, _DRAWS = 8, Draws(runs=16, generations=4)
+"""Default number of searches in a row, and their draws."""
+_SPREADS = {
+    "duty": 0.05,
+    "lower": 0.008,
+    "nod": 0.02,
+    "slack": 0.008,
+    "lift": 0.05,
+    "ahead": 0.06,
+    "lead": 0.04,
+    "beyond": 0.05,
+    "sway": 0.015,
+    "early": 0.05,
+    "top": 0.08,
+}
+_RANGES = {
+    "duty": (0.5, 0.75),
+    "lower": (0.01, 0.1),
+    "nod": (-0.1, 0.1),
+    "slack": (0.0, 0.1),
+    "lift": (0.03, 0.5),
+    "ahead": (-0.6, 0.6),
+    "lead": (-0.4, 0.4),
+    "beyond": (-0.2, 0.5),
+    "sway": (-0.1, 0.1),
+    "early": (0.0, 0.3),
+    "top": (0.2, 0.7),
+}
+"""First spreads of the numbers, and the ranges to which they are clipped."""
+_MIN_LIFT, _MIN_STANDS = 0.03, 0.4
+"""Least lift of a foot, relative to the legs' length, and least share of a cycle on the floor."""
+_MAX_WAY_ERROR = 0.03
+"""Error of the way, relative to it, that is not penalised."""
+
+
+def find_gait(
+    stage: Marionette,
+    first: Gait | None = None,
+    *,
+    member: str = "",
+    rounds: int = _ROUNDS,
+    draws: Draws = _DRAWS,
+) -> Gait:
+    """A gait made for a puppet on its floor: from the cache, or by a search.
+
+    Args:
+        stage: puppet with contact between its feet and the floor.
+        first: gait with which the search begins; its pattern, step time and stride are kept.
+        member: the scene's member that walks; the only one by default.
+        rounds: largest number of searches in a row, each around the best gait so far.
+        draws: draws of each search; the seed of the first one.
+
+    Raises:
+        StateError: it has no contact with a floor, or cannot walk; the message has the reason.
+    """
+    if stage.puppet.touching is None:
+        text = "needed: `contact` and `floor` in its file or scene"
+        raise StateError(f"{stage.name} cannot touch a floor, so that no gait is found; {text}")
+    first = Gait() if first is None else first
+    text = repr((stage.puppet.canonical(), first, member, rounds, draws, results_fingerprint()))
+    key = hashlib.sha256(f"gait {text}".encode()).hexdigest()
+    numbers = RESULTS.read(key)
+    if numbers is None:
+        gait = _searched(stage, first, member, rounds, draws)
+        numbers = [np.array([getattr(gait, name) for name in NUMBERS])]
+        RESULTS.write(key, numbers)
+    return dataclasses.replace(first, **dict(zip(NUMBERS, numbers[0].tolist(), strict=True)))
+
+
+def _searched(stage: Marionette, first: Gait, member: str, rounds: int, draws: Draws) -> Gait:
+    """Gait of the least cost; the search ends early when its feet hardly slide."""
+    members = stage.puppet.members
+    roles = Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
+    x0, best = stage.rest(), first
+    lengths = standing_lengths(roles, x0)
+    path = [Step(first.stride * leg_length(roles.body_map))] * _STEPS
+
+    def gait_of(v: dict[str, float]) -> Gait:
+        clipped = {k: float(np.clip(x, *_RANGES[k])) for k, x in v.items()}
+        return dataclasses.replace(first, **clipped)
+
+    for k in range(rounds):
+        tuned = tune(
+            stage,
+            lambda v: gait_of(v).gesture(Ends(roles, x0), path, lengths).inputs(x0),
+            {name: (getattr(best, name), spread) for name, spread in _SPREADS.items()},
+            lambda run: _cost(roles, run, first),
+            x0,
+            first.duration(_STEPS) + _AFTER,
+            method=TimeStepping(dt=_DT),
+            save_every=_SAVE,
+            draws=dataclasses.replace(draws, seed=draws.seed + k),
+        )
+        best = gait_of(tuned.values)
+        if tuned.cost < _GOAL:
+            break
+    return best
+
+
+def _cost(roles: Roles, run: Trajectory, gait: Gait) -> float:
+    """Cost of a run; 1 for a slide of ``SLIDE`` in every cycle."""
+    feet, L = footfalls(roles, run, gait, _STEPS), leg_length(roles.body_map)
+    slide = feet.slide / SLIDE
+    way = _STEPS * gait.stride * L
+    return float(
+        0.3 * slide.mean()
+        + 0.7 * slide.max()
+        + 30.0 * max(0.0, _MIN_LIFT - feet.lift[:-1].min() / L)
+        + 20.0 * max(0.0, _MIN_STANDS - feet.stands[:-1].min())
+        + 20.0 * max(0.0, abs(feet.way / way - 1.0) - _MAX_WAY_ERROR)
+        + 20.0 * max(0.0, 0.95 - feet.upright)
+    )

@@ -1,0 +1,131 @@
+"""Sliding, height and way of a puppet's feet in a run of a gait, from the poses of its bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
+from fantoccini.motion import Trajectory
+from fantoccini.theatre.gaits.gait import PREPARATION, Gait
+from fantoccini.theatre.gestures import Roles, legs, phases
+
+ON_FLOOR, SLIDES = 1e-4, 3e-5
+"""Heights below which a foot counts as on the floor, and as sliding on it [m]."""
+_FALLEN = np.cos(np.radians(35.0))
+"""Least cosine of the trunk's inclination, relative to the start, of a puppet that stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class Footfalls:
+    """Feet in a run of a gait.
+
+    Attributes:
+        slide: (n, n_legs) distance that the lowest point of a foot slides on the floor, in each
+            cycle of a leg [m].
+        lift: (n, n_legs) largest height of the foot above the floor in each cycle [m].
+        stands: (n, n_legs) share of each cycle in which the foot is on the floor.
+        way: distance from the trunk's first place to its last one [m].
+        turn: angle by which the trunk turns to the left, over the run [rad].
+        upright: least cosine of the trunk's inclination, relative to the start.
+    """
+
+    slide: Array
+    lift: Array
+    stands: Array
+    way: float
+    turn: float
+    upright: float
+
+    @property
+    def falls(self) -> bool:
+        """Whether the puppet falls."""
+        return self.upright < _FALLEN
+
+
+def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfalls:
+    """Feet of a puppet in a run of a gait.
+
+    Args:
+        roles: parts of the puppet.
+        run: run of ``gait.inputs(..., steps)``, with at least 100 samples per second.
+        gait, steps: the gait, and its number of steps.
+    """
+    marionette, t = roles.marionette, np.asarray(run.t) - run.t[0]
+    poses = marionette.poses(run.q_D, run.q_K)
+    floor = marionette.number(marionette.puppet.floor or 0.0)
+    first = phases(roles.body_map, gait.pattern)
+    n_cycles = max(1, int(np.ceil(0.5 * steps)))
+    columns = []
+    for name, limb in legs(roles.body_map).items():
+        foot = marionette.link_index(limb.bodies[-1])
+        height, moved = _lowest(marionette.tree.links[foot].shapes, poses[:, foot], floor)
+        cycle = 0.5 * (t / gait.step_time - PREPARATION) - first[name]
+        rows = [np.flatnonzero((cycle >= k) & (cycle < k + 1)) for k in range(n_cycles)]
+        columns.append(
+            [
+                (moved[own].sum(), height[own].max(), np.mean(height[own] < ON_FLOOR))
+                for own in rows
+                if len(own)
+            ]
+        )
+    n = min(map(len, columns))
+    slide, lift, stands = np.array([own[:n] for own in columns]).transpose(2, 1, 0)
+    trunk = poses[:, marionette.link_index(roles.body_map.trunk[0])]
+    up = trunk[0, 2, :3]
+    ahead = np.array(roles.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
+    headings = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
+    return Footfalls(
+        slide,
+        lift,
+        stands,
+        float(np.linalg.norm(trunk[-1, :2, 3] - trunk[0, :2, 3])),
+        float(headings[-1] - headings[0]),
+        float(np.min(trunk[:, 2, :3] @ up / np.linalg.norm(up))),
+    )
+
+
+def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Array, Array]:
+    """(T,) height of the lowest point of shapes, and its horizontal way to the next sample [m].
+
+    The way is that of the point of the body, and 0 while it is not on the floor.
+    """
+    R, r = poses[:, :, :3], poses[:, :, 3]
+    below = -R[:, 2, :]
+    points = np.stack([support(shape)(below) for shape in shapes])
+    z = np.einsum("ti,sti->st", R[:, 2, :], points) + r[:, 2] - floor
+    which = np.argmin(z, axis=0)
+    at = points[which, np.arange(len(r))]
+    height = z[which, np.arange(len(r))]
+    now = np.einsum("tij,tj->ti", R, at) + r
+    then = np.einsum("tij,tj->ti", R[1:], at[:-1]) + r[1:]
+    moved = np.linalg.norm((then - now[:-1])[:, :2], axis=1)
+    on = height < SLIDES
+    return height, np.append(np.where(on[:-1] & on[1:], moved, 0.0), 0.0)
+
+
+def support(shape: Shape) -> Callable[[Array], Array]:
+    """Function from directions (n, 3) to a shape's farthest points (n, 3) in them, of its body."""
+
+    def of_ball(d: Array) -> Array:
+        return d / np.linalg.norm(d, axis=1, keepdims=True)
+
+    if isinstance(shape, Sphere):
+        return lambda d: np.array(shape.at) + shape.radius * of_ball(d)
+    if isinstance(shape, Capsule):
+        a, b = np.array(shape.from_), np.array(shape.to)
+        return lambda d: np.where((d @ (b - a) > 0.0)[:, None], b, a) + shape.radius * of_ball(d)
+    if isinstance(shape, Mesh):
+        corners = np.asarray(load_mesh(shape).vertices)
+        return lambda d: corners[np.argmax(d @ corners.T, axis=1)]
+    if not isinstance(shape, Box | Ellipsoid):
+        raise TypeError(f"{type(shape).__name__} is not a shape")
+    Q = np.eye(3) if shape.orientation is None else shape.orientation.matrix
+    if isinstance(shape, Box):
+        half = 0.5 * np.array(shape.size)
+        return lambda d: np.array(shape.at) + (np.where(d @ Q >= 0.0, 1.0, -1.0) * half) @ Q.T
+    radii = np.array(shape.radii)
+    return lambda d: np.array(shape.at) + (of_ball((d @ Q) * radii) * radii) @ Q.T

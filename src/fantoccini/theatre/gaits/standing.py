@@ -1,0 +1,95 @@
+"""Lengths of strings at which a puppet's legs hang free and its soles just reach the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fantoccini.base import Array, StateError
+from fantoccini.model.tree import place, shape_box
+from fantoccini.motion import State
+from fantoccini.theatre.gestures import Roles, leg_length, leg_strings, legs
+
+_RAISED = 0.4
+"""Height above its rest at which the free legs are measured, relative to the legs' length."""
+_LET_OUT = 0.5
+"""Length let out of the legs' strings for this, relative to the legs' length."""
+_SAME_PLACE = 0.1
+"""Distance of the hips along the trunk below which it is not pitched, relative to the legs."""
+
+
+def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
+    """String -> length at which the soles just reach the floor [m].
+
+    Strings of legs then just reach their legs. Where front and hind legs differ in height, the
+    other strings pitch the trunk.
+
+    Args:
+        roles: parts of the puppet.
+        start: rest on its strings.
+
+    Raises:
+        StateError: the puppet has no legs, or does not hang at rest with free legs.
+    """
+    L = leg_length(roles.body_map)
+    if not L:
+        raise StateError("it walks; the puppet has no legs")
+    free = _with_free_legs(roles, start, L)
+    poses = roles.marionette.poses(free.q_D[None], free.q_K[None])
+    drop, of_legs = _drop(roles, poses[0], L), set(leg_strings(roles))
+    lengths = {}
+    for row in roles.marionette.tree.strings:
+        name = row.name.removeprefix(roles.prefix)
+        length = f"{row.name}.length"
+        if not row.name.startswith(roles.prefix) or length not in roles.marionette.coordinates.q_K:
+            continue
+        path = np.array([place(poses, point, roles.marionette.number)[0] for point in row.points])
+        before = _length(path)
+        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(path[:, 0].mean())
+        after = _length(path)
+        lengths[name] = after if name in of_legs else float(free[length]) + after - before
+    return lengths
+
+
+def _with_free_legs(roles: Roles, start: State, leg: float) -> State:
+    """Rest above the floor, with slack strings of the legs."""
+    table, up, of_legs = roles.marionette.coordinates, _RAISED * leg, set(leg_strings(roles))
+    values = {name: float(start[name]) for name in table.q_K}
+    for name in table.q_K:
+        own, _, part = name.removeprefix(roles.prefix).rpartition(".")
+        if name.startswith(roles.prefix) and part == "length":
+            values[name] += (_LET_OUT * leg if own in of_legs else 0.0) - up
+    for name in table.q_D:
+        if name.startswith(roles.prefix) and name.endswith(".z"):
+            values[name] = float(start[name]) + up
+    return roles.marionette.rest(values)
+
+
+def _drop(roles: Roles, poses: Array, leg: float) -> Callable[[float], float]:
+    """Distance by which a point of the trunk is lowered until the soles are on the floor [m].
+
+    Args:
+        roles: parts of the puppet.
+        poses: (n_links, 3, 4) poses of its links.
+        leg: length of the legs [m].
+
+    Returns:
+        Function of the point's place along the puppet's heading.
+    """
+    marionette = roles.marionette
+    floor = marionette.number(marionette.puppet.floor or 0.0)
+    hips, heights = [], []
+    for limb in legs(roles.body_map).values():
+        hip, foot = (marionette.link_index(limb.bodies[i]) for i in (0, -1))
+        shapes = marionette.tree.links[foot].shapes
+        hips.append(poses[hip, 0, 3])
+        heights.append(min(shape_box(shape, poses[foot])[0][2] for shape in shapes) - floor)
+    if np.ptp(hips) < _SAME_PLACE * leg:
+        return lambda x: float(np.mean(heights))
+    slope, height = np.polyfit(hips, heights, 1)
+    return lambda x: float(height + slope * x)
+
+
+def _length(path: Array) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

@@ -1,0 +1,77 @@
+"""Order in which the legs of a puppet leave the floor, as phases of a cycle of two steps.
+
+A leg with phase p leaves the floor p cycles after the first one. Patterns are those of Hildebrand
+(The quadrupedal gaits of vertebrates, BioScience 39, 1989): lateral sequence, diagonal and lateral
+couplets, all legs at once; six legs walk on tripods.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, TypeAlias
+
+from fantoccini.base import StateError
+from fantoccini.model import BodyMap, Limb
+from fantoccini.theatre.gestures.roles import Roles
+
+Pattern: TypeAlias = Literal["walk", "trot", "pace", "hop"]
+PATTERNS: tuple[Pattern, ...] = ("walk", "trot", "pace", "hop")
+_LATERAL_LEAD = 0.25
+"""Phase of a front leg after the hind leg of its side, in a walk on four legs."""
+
+
+def phases(body_map: BodyMap, pattern: Pattern = "walk") -> dict[str, float]:
+    """Leg -> phase in the cycle, in [0, 1).
+
+    Args:
+        body_map: body map of a puppet.
+        pattern: ``walk``: two legs in turn, four in lateral sequence, six or more on two tripods;
+            ``trot``: a leg together with its diagonal neighbours; ``pace``: those of a side
+            together; ``hop``: all together.
+
+    Raises:
+        StateError: the puppet has no pairs of legs.
+        ValueError: unknown pattern.
+    """
+    if pattern not in PATTERNS:
+        raise ValueError(f"pattern is {pattern!r}; needed: {', '.join(PATTERNS)}")
+    ranks: dict[str, list[str]] = {"left": [], "right": []}
+    for name, limb in body_map.parts.items():
+        if limb.kind == "leg" and limb.side in ranks:
+            ranks[limb.side].append(name)
+    n = len(ranks["left"])
+    if not n or len(ranks["right"]) != n:
+        have = ", ".join(body_map.parts) or "no limbs"
+        raise StateError(f"it walks on pairs of legs; the puppet has {have}")
+    own = {}
+    for side, names in ranks.items():
+        for rank, name in enumerate(names):
+            phase = 0.0 if side == "left" else 0.5
+            if pattern == "hop":
+                phase = 0.0
+            elif pattern == "walk" and n == 2:
+                phase += _LATERAL_LEAD * (n - 1 - rank)
+            elif pattern != "pace":
+                phase += 0.5 * (rank % 2)
+            own[name] = phase % 1.0
+    return own
+
+
+def legs(body_map: BodyMap) -> Mapping[str, Limb]:
+    """Name -> leg."""
+    return {name: limb for name, limb in body_map.parts.items() if limb.kind == "leg"}
+
+
+def leg_length(body_map: BodyMap) -> float:
+    """Mean length of the legs [m]; 0 without legs."""
+    lengths = [limb.length for limb in legs(body_map).values()]
+    return sum(lengths) / len(lengths) if lengths else 0.0
+
+
+def leg_strings(roles: Roles) -> dict[str, str]:
+    """String -> leg that it lifts.
+
+    Raises:
+        StateError: no string moves one of the legs.
+    """
+    return {string: leg for leg in legs(roles.body_map) for string in roles.strings(leg)}

@@ -1,0 +1,139 @@
+"""Gaits on a floor: order of legs, standing feet, and walks whose feet hardly slide."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.base.errors import StateError
+from fantoccini.model import BodyMap
+from fantoccini.model.body_map import Limb
+from fantoccini.theatre import Gait, find_gait, footfalls
+from fantoccini.theatre.gaits import PREPARATION
+from fantoccini.theatre.gestures import Ends, Roles, Step
+from fantoccini.theatre.gestures.leg_order import phases
+
+pytestmark = pytest.mark.slow
+
+PROMENADE = Gait(
+    duty=0.557084265185432,
+    lower=0.030135264990831884,
+    nod=-0.02151030600702335,
+    slack=0.003352562149473888,
+    lift=0.19460629000171153,
+    ahead=-0.05589494825359404,
+    lead=-0.2000313746082361,
+    beyond=0.1775447391377389,
+    sway=-0.006663049281129267,
+    early=0.12282758870822792,
+    top=0.31489467544172334,
+)
+"""Gait that `find_gait` has found for the bundled marionette on `promenade`."""
+
+
+def on_legs(n: int) -> BodyMap:
+    """Body map with n pairs of legs."""
+    legs = [Limb("leg", side, ("foot",), (0, 0, 0)) for _ in range(n) for side in ("left", "right")]
+    return BodyMap(("trunk",), None, tuple(legs), (1.0, 0.0, 0.0))
+
+
+def contact_slides(stage: fan.Marionette, run: fan.Trajectory, gait: Gait) -> np.ndarray:
+    """(n_cycles,) largest way [m] of contact points with a normal force, after the preparation."""
+    cycle = np.floor(0.5 * ((run.t - run.t[0]) / gait.step_time - PREPARATION)).astype(int)
+    own = cycle[:-1] >= 0
+    slides = []
+    for limb in Roles.of(stage, "pierrot").body_map.limbs:
+        if limb.kind != "leg":
+            continue
+        points = run.contact.of(limb.bodies[-1])
+        touching = points.normal_force > 1e-6 * stage.weight
+        speed = np.zeros(len(run.t))
+        np.maximum.at(speed, points.sample[touching], points.sliding[touching])
+        way = speed[:-1] * np.diff(run.t)
+        slides.append(np.bincount(cycle[:-1][own], way[own]))
+    return np.max(slides, axis=0)
+
+
+def test_legs_take_turns_as_their_pattern_says():
+    assert phases(on_legs(1)) == {"leg_left": 0.0, "leg_right": 0.5}
+    lateral = {
+        "leg_hind_left": 0.0,
+        "leg_front_left": 0.25,
+        "leg_hind_right": 0.5,
+        "leg_front_right": 0.75,
+    }
+    assert phases(on_legs(2)) == lateral
+    diagonal = phases(on_legs(2), "trot")
+    assert diagonal["leg_front_left"] == diagonal["leg_hind_right"]
+    assert diagonal["leg_front_left"] != diagonal["leg_front_right"]
+    pace = phases(on_legs(2), "pace")
+    assert pace["leg_front_left"] == pace["leg_hind_left"] != pace["leg_hind_right"]
+    tripod = phases(on_legs(3))
+    first = {"leg_front_left", "leg_middle_right", "leg_hind_left"}
+    assert {name for name, phase in tripod.items() if phase == 0.0} == first
+    assert set(phases(on_legs(3), "hop").values()) == {0.0}
+    with pytest.raises(StateError, match="pairs of legs"):
+        phases(dataclasses.replace(on_legs(1), limbs=on_legs(1).limbs[:1]))
+    with pytest.raises(ValueError, match="needed: walk, trot"):
+        phases(on_legs(1), "gallop")  # type: ignore[arg-type]
+
+
+def test_ends_of_a_standing_leg_stand_still_and_close_up(promenade):
+    ends = Ends(Roles.of(promenade, "pierrot"), promenade.rest())
+    gait = Gait(ahead=0.0, lead=0.0, beyond=0.0)
+    walk = gait.gesture(ends, [Step(0.02)] * 6)
+    assert walk.duration == pytest.approx(gait.duration(6))
+    index = promenade.coordinates.v_K.index("knee_left.x")
+    swing, start = 2.0 * (1.0 - gait.duty), PREPARATION * gait.step_time
+    times = start + np.linspace(swing + 0.01, 1.99, 9) * gait.step_time
+    standing = np.array([walk.offsets(t)[0][index] for t in times])
+    # It stands where the body is in the middle of that time.
+    track = walk.offsets(start + 0.5 * (swing + 2.0) * gait.step_time)[0]
+    body = promenade.coordinates.v_K.index("head.x")
+    np.testing.assert_allclose(standing, track[body], atol=1e-5)
+    for name in ("knee_left.x", "knee_right.x", "head.x", "hand_left.x"):
+        assert walk.travel[promenade.coordinates.v_K.index(name)] == pytest.approx(0.12), name
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0])
+def test_it_walks_a_metre_and_its_feet_hardly_slide(promenade, turn):
+    x0, steps = promenade.rest(), 38
+    inputs = PROMENADE.inputs(promenade, steps, x0, turn=turn)
+    run = fan.simulate(promenade, x0, inputs, method=fan.TimeStepping(dt=1e-3), save_every=5)
+    feet = footfalls(Roles.of(promenade, "pierrot"), run, PROMENADE, steps)
+    slides = contact_slides(promenade, run, PROMENADE)
+    # Landings are chaotic: rounding decides in which of the cycles a foot slides by 2 mm.
+    assert slides.mean() < 1e-3
+    assert np.percentile(slides, 90) < 2e-3
+    chord = 2.0 * np.sin(0.5 * turn) / turn if turn else 1.0
+    assert feet.way == pytest.approx(chord, rel=0.03)
+    assert feet.turn == pytest.approx(turn, abs=0.3)
+    assert feet.lift[:-1].min() > 0.02
+    assert feet.stands[:-1].min() > 0.5
+    assert feet.upright > 0.97 and not feet.falls
+
+
+def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
+    first, draws = Gait(lead=0.0), fan.control.Draws(runs=8, generations=2)
+    gait = find_gait(promenade, first, rounds=1, draws=draws)
+    assert (gait.pattern, gait.step_time, gait.stride) == ("walk", first.step_time, first.stride)
+
+    def refused(*_: object) -> None:
+        raise AssertionError("a search, although the result is kept")
+
+    monkeypatch.setattr("fantoccini.theatre.gaits.gait_search._searched", refused)
+    assert find_gait(promenade, first, rounds=1, draws=draws) == gait
+
+
+def test_stages_and_numbers_that_do_not_fit_are_refused(promenade, marionette):
+    with pytest.raises(StateError, match="cannot touch a floor"):
+        find_gait(marionette)
+    with pytest.raises(ValueError, match="at least 1"):
+        Gait().inputs(promenade, 0)
+    with pytest.raises(ValueError, match=r"duty is 0\.3; allowed: 0\.5 to 0\.9"):
+        Gait(duty=0.3)
+    with pytest.raises(StateError, match=r"no limbs|pairs of legs|body map"):
+        Gait().inputs(fan.puppets.arm2d(), 4)
