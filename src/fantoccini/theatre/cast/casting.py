@@ -196,8 +196,8 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
     log.mistakes.refuse()
     _check_bodies(file, players, log)
     log.mistakes.refuse()
-    alone = {name: player.alone for name, player in players.items()}
-    props = read_props(file, starts, alone, places, log)
+    puppet_of = {name: player.alone for name, player in players.items()}
+    props = read_props(file, starts, puppet_of, places, log)
     log.mistakes.refuse()
     stage = file.stage
     only = f"{next(iter(players))}." if len(players) == 1 else ""

@@ -100,7 +100,7 @@ def cue_pairs(cue: PlayCue, cast: Mapping[str, Bodies]) -> frozenset[Pair]:
     """
     pairs = set[Pair]()
     named = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
-    players = [cast[who] for who in (cue.who[0], named.get("player")) if who in cast]
+    players = [cast[who] for who in (cue.who[0], named.get("player", "")) if who in cast]
     if "seat" in named:
         pairs = pairs.union(*(sitting(bodies, named["seat"]) for bodies in players[:1]))
     if "prop" in named:

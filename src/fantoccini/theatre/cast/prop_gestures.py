@@ -188,7 +188,7 @@ def _taking(build: Build, side: str, higher: float) -> dict[str, Waypoints]:
     scale, hand, knee = build.arm(side), build.hand(side), build.knee(side)
     low, lifted = scale * _LOW + higher, scale * _LIFTED + higher
     forward, inward, clear = scale * _HELD["forward"], scale * _TAKES, _KNEE_CLEARANCE
-    times = [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)]
+    times: list[tuple[float, float]] = [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)]
     moves = aside_by(build, side, _STEP, times)
     moves[f"{hand}.up"] = [(0, 0), (2.0, low), (5.6, low), (7.2, lifted), (12.0, lifted), (13.8, 0)]
     moves[f"{hand}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]

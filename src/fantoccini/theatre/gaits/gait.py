@@ -15,11 +15,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from fantoccini.base import Array, Times, check_positive, polynomial
+from fantoccini.base import Times, check_positive, polynomial
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.theatre.gaits.standing import standing_lengths
 from fantoccini.theatre.gestures import (
+    ComplexCurve,
     Curve,
     Ends,
     Gesture,
@@ -221,12 +222,15 @@ class _Walk:
             at, begin = to, begin + 2.0
         return swings
 
-    def _along(self, tau: Curve) -> tuple[tuple[Array, Array, Array], Curve]:
+    def _along(self, tau: Curve) -> tuple[ComplexCurve, Curve]:
         """Path and heading of the body at the times tau [steps]."""
         path, heading = self._track.at(tau[0] * self._gait.step_time)
         rate, change = tau[1] * self._gait.step_time, tau[2] * self._gait.step_time
-        z, theta = ((x, dx * rate, ddx * rate**2 + dx * change) for x, dx, ddx in (path, heading))
-        return z, theta
+        (z, dz, ddz), (theta, dtheta, ddtheta) = path, heading
+        return (
+            (z, dz * rate, ddz * rate**2 + dz * change),
+            (theta, dtheta * rate, ddtheta * rate**2 + dtheta * change),
+        )
 
     def _sway(self) -> Curve:
         """Sway towards the sides of lifted legs."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+from typing import Any
 
 import numpy as np
 
@@ -110,7 +111,7 @@ def _searched(stage: Marionette, first: Gait, member: str, rounds: int, draws: D
     path = [Step(first.stride * leg_length(roles.body_map))] * _STEPS
 
     def gait_of(v: dict[str, float]) -> Gait:
-        clipped = {k: float(np.clip(x, *_RANGES[k])) for k, x in v.items()}
+        clipped: dict[str, Any] = {k: float(np.clip(x, *_RANGES[k])) for k, x in v.items()}
         return dataclasses.replace(first, **clipped)
 
     for k in range(rounds):

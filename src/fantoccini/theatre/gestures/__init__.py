@@ -4,7 +4,7 @@ from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
-from fantoccini.theatre.gestures.ends import Complex, Curve, Ends, times
+from fantoccini.theatre.gestures.ends import Complex, ComplexCurve, Curve, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.gesture_file import (
     bundled,
@@ -49,6 +49,7 @@ __all__ = [
     "CannotBe",
     "Caption",
     "Complex",
+    "ComplexCurve",
     "Conductor",
     "Curve",
     "Ends",
