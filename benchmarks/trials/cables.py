@@ -17,8 +17,11 @@ CAP = 60.0
 def tensions(run: fan.Trajectory, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Tensions (8, T) [N], and whether the run calls them undetermined."""
     k = np.clip(np.searchsorted(run.t, t), 0, len(run.t) - 1)
-    told = run.undetermined
-    marked = np.stack([told[name][k] if told else np.zeros(len(k)) for name in NAMES]) > 0
+    undetermined = run.undetermined
+    marked = (
+        np.stack([undetermined[name][k] if undetermined else np.zeros(len(k)) for name in NAMES])
+        > 0
+    )
     return np.stack([run.tension[name][k] for name in NAMES]), marked
 
 
@@ -32,13 +35,13 @@ def main() -> None:
             fan.simulate(puppet, x0, inputs, 1.2, method=method, throw=False)
             for method in ("event", "timestepping")
         ]
-        (event, told), (steps, _) = (tensions(run, t) for run in runs)
+        (event, undetermined), (steps, _) = (tensions(run, t) for run in runs)
         differ = np.abs(event - steps) > 1.0
         print(
             f"{yielding} yield: {', '.join(run.status.name for run in runs)}, box at "
             f"{', '.join(f'{run.q_D[-1][0]:.4f}' for run in runs)} m; the methods differ by more "
-            f"than 1 N in {np.sum(differ)} of {differ.size} tensions, {np.sum(differ & ~told)} of "
-            "them not called undetermined"
+            f"than 1 N in {np.sum(differ)} of {differ.size} tensions, "
+            f"{np.sum(differ & ~undetermined)} of them not called undetermined"
         )
 
 

@@ -313,8 +313,8 @@ bodies:
         a, b = run.q_D.T
         by_a, by_b = run.v_D.T
         power = 9.81 * (1.5 * np.sin(a) * by_a + 0.55 * np.sin(a + b) * (by_a + by_b))
-        least = -2e-6 * energy[0] - 4e-4 * (np.abs(power[1:]) + np.abs(power[:-1]))
-        assert np.all(np.diff(run.ledger["impact"]) > least)
+        lower_bound = -2e-6 * energy[0] - 4e-4 * (np.abs(power[1:]) + np.abs(power[:-1]))
+        assert np.all(np.diff(run.ledger["impact"]) > lower_bound)
         assert np.all(np.diff(run.ledger["friction"]) > -1e-12)
     assert struck > 3
 
