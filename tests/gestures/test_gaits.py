@@ -121,10 +121,10 @@ def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
     gait = find_gait(promenade, first, rounds=1, draws=draws)
     assert (gait.pattern, gait.step_time, gait.stride) == ("walk", first.step_time, first.stride)
 
-    def refused(*_: object) -> None:
+    def refused(*_: object, **__: object) -> None:
         raise AssertionError("a search, although the result is kept")
 
-    monkeypatch.setattr("fantoccini.theatre.gaits.gait_search._searched", refused)
+    monkeypatch.setattr("fantoccini.theatre.gaits.gait_search.tune", refused)
     assert find_gait(promenade, first, rounds=1, draws=draws) == gait
 
 

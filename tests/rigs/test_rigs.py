@@ -9,7 +9,7 @@ from benchmarks.rigs.judging import bow, walk
 from fantoccini.theatre import Gait
 from fantoccini.theatre.gestures import Roles
 
-pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
 
 @pytest.mark.parametrize("seed", [0])

@@ -121,8 +121,10 @@ class Build:
         and up from the world's origin [m]."""
         stage = self.roles.marionette
         x = stage.state()
-        carrying = [f"{self.roles.prefix}{name}" for name in self.roles.strings("trunk")]
-        middle = np.mean([[float(x[f"{name}.{part}"]) for part in "xy"] for name in carrying], 0)
+        points = stage.string_points(x.q_D, x.q_K)
+        carrying = [points[f"{self.roles.prefix}{name}"] for name in self.roles.strings("trunk")]
+        # Their upper ends, in the world: coordinates of a scene's members begin at their places.
+        middle = np.mean([string[np.argmax(string[:, 2]), :2] for string in carrying], axis=0)
         place = stage.pose(x, body)[:3, 3]
         xy = complex(*(place[:2] - middle)) * np.exp(-1j * self.roles.heading)
         return np.array([xy.real, xy.imag, float(place[2])])
