@@ -6,7 +6,7 @@ import numpy as np
 
 from fantoccini.base import Array, StateError
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.model.body_map import Limb
+from fantoccini.model import Limb
 from fantoccini.model.tree import measure
 from fantoccini.theatre.retarget.mapping import SIDES, BodyFile
 
