@@ -124,8 +124,8 @@ class LedgerCheck:
         self._at = _start(ledger, t) | _scales(marionette, p)
 
     def restart(self, runs: Indices, ledger: Mapping[str, Array], t: Times, p: Array) -> None:
-        """Begins again with some of the runs: entries (m,) of their ledgers, times (m,), and
-        parameters (m, n_p)."""
+        """Restarts m of the runs, with their ledger entries (m,), times (m,) and parameters
+        (m, n_p)."""
         for name, values in (_start(ledger, t) | _scales(self._marionette, p)).items():
             self._at[name] = self._at[name].copy()
             self._at[name][..., runs] = values
@@ -182,13 +182,14 @@ class LedgerCheck:
 
 
 def _scales(marionette: CompiledPuppet, p: Array | None) -> dict[str, Array]:
-    """Energies (...,) that always count as available [J], and of a fall by time^2 [J/s^2]."""
+    """Energy (...,) that always counts as available [J], and energy of a fall by its squared
+    duration [J/s^2]."""
     if p is None:
         weight, mass = np.array(marionette.weight), np.array(marionette.mass)
     else:
         rows, run = np.unique(p, axis=0, return_inverse=True)
-        own = [marionette.with_p(row) for row in rows]
-        weight, mass = np.array([(m.weight, m.mass) for m in own]).T[:, run.ravel()]
+        puppets = [marionette.with_p(row) for row in rows]
+        weight, mass = np.array([(m.weight, m.mass) for m in puppets]).T[:, run.ravel()]
     g = weight / np.maximum(mass, BOUNDS.energy)
     return {
         "available": BOUNDS.fall * weight + BOUNDS.energy,

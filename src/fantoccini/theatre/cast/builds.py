@@ -51,7 +51,9 @@ class Build:
         """
         parts = self.roles.body_map.parts
         if part not in parts:
-            raise StateError(f"it needs {part}; the body map has {', '.join(parts) or 'no limbs'}")
+            raise StateError(
+                f"the puppet has no {part}; its body map has {', '.join(parts) or 'no limbs'}"
+            )
         return parts[part]
 
     def arm(self, side: str) -> float:
@@ -123,8 +125,9 @@ class Build:
         x = stage.state()
         points = stage.string_points(x.q_D, x.q_K)
         carrying = [points[f"{self.roles.prefix}{name}"] for name in self.roles.strings("trunk")]
-        # Their upper ends, in the world: coordinates of a scene's members begin at their places.
         middle = np.mean([string[np.argmax(string[:, 2]), :2] for string in carrying], axis=0)
         place = stage.pose(x, body)[:3, 3]
-        xy = complex(*(place[:2] - middle)) * np.exp(-1j * self.roles.heading)
+        # The heading is relative to the frame of the scene's member.
+        frame = stage.pose(x, self.roles.prefix[:-1])[:2, :2] if self.roles.prefix else np.eye(2)
+        xy = complex(*(frame.T @ (place[:2] - middle))) * np.exp(-1j * self.roles.heading)
         return np.array([xy.real, xy.imag, float(place[2])])

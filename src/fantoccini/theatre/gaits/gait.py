@@ -49,14 +49,14 @@ _BOUNDS = {"duty": (0.5, 0.9), "early": (0.0, 0.4), "top": (0.1, 0.9)}
 
 @dataclass(frozen=True)
 class Gait:
-    """Numbers of a gait.
+    """Parameters of a gait.
 
     Attributes:
         pattern: order of the legs; see :func:`phases`.
         step_time: duration of a step [s].
         stride: distance of the body in a step, relative to the legs' length.
         duty: share of a cycle in which a leg stands.
-        lower: distance by which it is lowered from where its soles just touch the floor.
+        lower: distance by which the puppet is lowered beyond the height at which its soles touch the floor.
         nod: additional length let out of the head's strings.
         slack: additional length let out of the strings of a standing leg.
         lift: length by which the strings of a swinging leg are wound in, from where they are taut.

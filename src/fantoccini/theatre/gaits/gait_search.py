@@ -1,8 +1,8 @@
 """Search for the numbers of a gait on a puppet's own floor, by simulated steps.
 
-    min over numbers of   mean slide + largest slide + penalties
+    min over numbers of   0.3 mean slide + 0.7 largest slide + penalties
 
-A foot that never lifts, never stands, a trunk that tilts and a wrong way are penalised. Results are
+Penalised are feet that lift or stand too little, a trunk that tilts, and a wrong distance. Results are
 kept in the cache folder.
 """
 
@@ -28,7 +28,7 @@ from fantoccini.theatre.gestures import Ends, Roles, Step, leg_length
 SLIDE = 2e-3
 """Largest slide of a foot in a cycle [m]."""
 _GOAL = 0.7
-"""Largest slide in a search, relative to ``SLIDE``, at which it ends."""
+"""Cost below which no further search is made."""
 _STEPS, _DT, _SAVE = 12, 2e-3, 2
 """Number of steps of a run, its time step [s], and the number of time steps between samples."""
 _AFTER = 0.3
@@ -90,7 +90,9 @@ def find_gait(
     """
     if stage.puppet.touching is None:
         text = "needed: `contact` and `floor` in its file or scene"
-        raise StateError(f"{stage.name} cannot touch a floor, so that no gait is found; {text}")
+        raise StateError(
+            f"{stage.name} cannot touch a floor, so a gait cannot be searched for; {text}"
+        )
     first = Gait() if first is None else first
     text = repr((stage.puppet.canonical(), first, member, rounds, draws, results_fingerprint()))
     key = hashlib.sha256(f"gait {text}".encode()).hexdigest()

@@ -96,7 +96,7 @@ def sit(
     start = stage.rest() if start is None else start
     build = Build.of(stage, who)
     size, away = build.legs, _DISTANCE * build.legs if distance is None else distance
-    drop = _height_of_seat_bottom(build, start) - height
+    drop = _pelvis_bottom_height(build, start) - height
     low, high = (size * bound for bound in _SEATS)
     if not low <= drop <= high:
         text = f"the seat is {drop:.3f} m below the pelvis; needed: {low:.3g} to {high:.3g} m"
@@ -118,7 +118,7 @@ def sit(
     )
 
 
-def _height_of_seat_bottom(build: Build, start: State) -> float:
+def _pelvis_bottom_height(build: Build, start: State) -> float:
     """Height of the bottom of the pelvis of a puppet that hangs upright [m]."""
     root = build.roles.body_map.trunk[0]
     hips = build.place(root)[2] - build.place(build.limb("leg_left").bodies[0])[2]

@@ -1,4 +1,4 @@
-"""The bodies of a puppet of any names as the parts of a person, by its body map."""
+"""Bodies of a puppet, whatever their names, as the parts of a person: those of its body map."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PARTS = {"arm": ("upper_arm", "forearm"), "leg": ("thigh", "shin")}
 
 
 def bodies_of_map(marionette: Marionette) -> dict[str, BodyFile]:
-    """Part -> body and end; a limb of many bodies bends where it is nearest to its middle.
+    """Part -> body and end; a limb of several bodies bends at the joint nearest to its middle.
 
     Raises:
         StateError: the puppet has no body map, or lacks a part of a person.

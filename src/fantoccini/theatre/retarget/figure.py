@@ -100,7 +100,8 @@ def figure_of(
     Args:
         marionette: puppet or scene.
         start: state at rest.
-        bodies: part -> body; by default the names of the bundled marionette, else by shape.
+        bodies: part -> body; by default those named as in the bundled marionette, else those
+            of the body map.
         of: name of the scene's member; by default the only one that is a person.
 
     Raises:

@@ -48,7 +48,7 @@ LIMBS = (
     ("shoulder", "elbow", "hand", "upper_arm", "forearm"),
     ("hip", "knee", "foot", "thigh", "shin"),
 )
-"""Begin, middle and end of a limb, and the bodies between them."""
+"""Start, middle and end of a limb, and the bodies between them."""
 
 
 class BodyFile(Model):

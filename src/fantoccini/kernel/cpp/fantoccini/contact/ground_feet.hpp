@@ -26,7 +26,7 @@ class GroundFeet {
     Mask would_pull, dropped;
     Real at[3], gap;
     Real required;  // m/s: parting speed required after the step
-    Real drift[3];  // m/s: required rates of an ellipsoid that rolls, on top (rolling.hpp)
+    Real drift[3];  // m/s: rates required of a rolling ellipsoid, in addition (rolling.hpp)
     Mask rested;    // as in ContactPush; this and the following ones from the last completed step
     Real steps, impulse[3];
     Mask rests;  // likewise, of this step

@@ -72,7 +72,7 @@ class GroundLanes {
     stands = stands && lanes;
   }
 
-  // Whether an ellipsoid that pushed in the previous step does so in any lane.
+  // Whether an ellipsoid that pushed in the previous step is still near in any of the lanes.
   FAN_FN bool rolls() const {
     Mask rolling = Real(0.0) > Real(1.0);
     for (int j = 0; j < feet.n; ++j) {
@@ -82,8 +82,8 @@ class GroundLanes {
     return any(rolling);
   }
 
-  // Requires of ellipsoids that roll that their rates vanish in the middle of the step, which
-  // `links` have looked ahead to: see rolling.hpp.
+  // Sets `drift` so that the rates of rolling ellipsoids vanish in the middle of the step: see
+  // rolling.hpp. After links.look_ahead().
   template <class Links>
   FAN_FN void require_in_middle(const ContactArrays& in, const Links& links) {
     for (int j = 0; j < feet.n; ++j) {

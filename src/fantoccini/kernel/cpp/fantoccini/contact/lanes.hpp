@@ -19,7 +19,7 @@ class ContactLanes {
 
   Real violation, work, impact, friction;  // penetration depth [m]; energies of the step [J]
   Real residual = Real(0.0);               // of the contact law, after the last step
-  bool looks_ahead = true;                 // as ContactStep's
+  bool looks_ahead = true;                 // as ContactStep::looks_ahead
   Mask apart = Real(0.0) > Real(1.0);      // lanes that are not solved here
 
   // Starts without any contact.

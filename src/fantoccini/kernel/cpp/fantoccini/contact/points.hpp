@@ -114,7 +114,7 @@ class ContactPoints {
     }
   }
 
-  // Finds the points of some pairs only, whatever their gaps. For one trajectory.
+  // Finds the points of the given pairs, whatever their gaps. For one trajectory.
   FAN_FN void find_of_pairs(
       const ContactArrays& in, const int* pairs, int n_pairs, const Real* q_D, const Real* v_D,
       const Real* q_K, const Real* v_K, const Real* p) {

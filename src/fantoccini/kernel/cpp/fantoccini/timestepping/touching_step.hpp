@@ -92,7 +92,7 @@ class TouchingStep {
         end(v_, part, false);
       }
       retract<typename Model::Dynamic>(q_touch_, v_next, part - delay, q_next);
-      if (delay > 0.0) at.impact += potential_until_touch(v_K, p, part, v_next, q_next);
+      if (delay > 0.0) at.impact += excess_potential(v_K, p, part, v_next, q_next);
       if (!parts && part == dt) return;
       parts = true;
       add(at, part);
@@ -147,9 +147,9 @@ class TouchingStep {
     return t;
   }
 
-  // Potential energy that the part would end with if the bodies moved with v+ from its start, above
-  // that of q_next [J]. The ledger balances for the former; the loss of the impact includes this.
-  double potential_until_touch(
+  // Potential energy at the end of the part if the bodies moved with v+ from its start, minus that
+  // at q_next [J]. The ledger balances for the former, so the loss of the impact includes this.
+  double excess_potential(
       const double* v_K, const double* p, double part, const double* v_next, const double* q_next) {
     double q[array_size(NQ)], q_K[array_size(QK)], T, V, V_next;
     const auto potential = [&](const double* at, double& out) {
