@@ -103,7 +103,7 @@ def test_a_puppet_of_other_names_and_sizes_has_the_gestures_with_props_and_seats
 
 
 def test_a_puppet_without_a_part_says_so(hans):
-    with pytest.raises(fan.errors.StateError, match="it needs wing_left; the body map has arm_"):
+    with pytest.raises(fan.errors.StateError, match="no wing_left; its body map has arm_"):
         Build.of(hans).limb("wing_left")
     with pytest.raises(fan.errors.StateError, match="somebody has no arm_left"):
         cast.hanging(Bodies("somebody"), "left", "ball")

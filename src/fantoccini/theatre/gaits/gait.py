@@ -56,7 +56,8 @@ class Gait:
         step_time: duration of a step [s].
         stride: distance of the body in a step, relative to the legs' length.
         duty: share of a cycle in which a leg stands.
-        lower: distance by which the puppet is lowered beyond the height at which its soles touch the floor.
+        lower: distance by which the puppet is lowered beyond the height at which its soles touch
+            the floor.
         nod: additional length let out of the head's strings.
         slack: additional length let out of the strings of a standing leg.
         lift: length by which the strings of a swinging leg are wound in, from where they are taut.

@@ -2,8 +2,8 @@
 
     min over numbers of   0.3 mean slide + 0.7 largest slide + penalties
 
-Penalised are feet that lift or stand too little, a trunk that tilts, and a wrong distance. Results are
-kept in the cache folder.
+Penalised are feet that lift or stand too little, a trunk that tilts, and a wrong distance. Results
+are kept in the cache folder.
 """
 
 from __future__ import annotations

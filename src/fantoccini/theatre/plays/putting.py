@@ -129,7 +129,7 @@ def putting(
         prop: see :func:`put_down`.
         drop: height of its bottom in the pose for carrying minus that of its place [m].
         side: side of the forearm.
-        along: distance of the handle from the elbow in that pose; by default the usual distance [m].
+        along: distance of the handle from the elbow in that pose [m]; by default the usual one.
         back: whether it is picked up.
 
     Raises:
