@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import StateError
+from fantoccini.base import StateError, check_positive
 from fantoccini.control.optimal import Draws, tune
+from fantoccini.control.tasks import AnswerStatus
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.build import RESULTS, results_fingerprint
@@ -94,21 +95,33 @@ def find_gait(
             f"{stage.name} cannot touch a floor, so a gait cannot be searched for; {text}"
         )
     first = Gait() if first is None else first
-    text = repr((stage.puppet.canonical(), first, member, rounds, draws, results_fingerprint()))
+    check_positive(rounds=rounds)
+    numbers_of_stage = stage.p.tolist(), stage.winches.tolist()
+    searched = stage.puppet.canonical(), numbers_of_stage, first, member, rounds, draws
+    text = repr((searched, results_fingerprint()))
     key = hashlib.sha256(f"gait {text}".encode()).hexdigest()
     numbers = RESULTS.read(key)
     if numbers is None:
-        gait = _searched(stage, first, member, rounds, draws)
+        gait, is_complete = _searched(stage, first, member, rounds, draws)
         numbers = [np.array([getattr(gait, name) for name in NUMBERS])]
-        RESULTS.write(key, numbers)
+        if is_complete:
+            RESULTS.write(key, numbers)
     return dataclasses.replace(first, **dict(zip(NUMBERS, numbers[0].tolist(), strict=True)))
 
 
-def _searched(stage: Marionette, first: Gait, member: str, rounds: int, draws: Draws) -> Gait:
-    """Gait of the least cost; the search ends early when its feet hardly slide."""
+def _searched(
+    stage: Marionette, first: Gait, member: str, rounds: int, draws: Draws
+) -> tuple[Gait, bool]:
+    """Gait of the least cost, and whether the search was complete.
+
+    It ends early when the feet hardly slide.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C in a search.
+    """
     members = stage.puppet.members
     roles = Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
-    x0, best = stage.rest(), first
+    x0, best, is_complete = stage.rest(), first, True
     lengths = standing_lengths(roles, x0)
     path = [Step(first.stride * leg_length(roles.body_map))] * _STEPS
 
@@ -128,10 +141,13 @@ def _searched(stage: Marionette, first: Gait, member: str, rounds: int, draws: D
             save_every=_SAVE,
             draws=dataclasses.replace(draws, seed=draws.seed + k),
         )
+        if tuned.status is AnswerStatus.STOPPED:
+            raise KeyboardInterrupt
+        is_complete = is_complete and tuned.status is not AnswerStatus.TIMEOUT
         best = gait_of(tuned.values)
         if tuned.cost < _GOAL:
             break
-    return best
+    return best, is_complete
 
 
 def _cost(roles: Roles, run: Trajectory, gait: Gait) -> float:

@@ -95,11 +95,12 @@ class GroundLanes {
       const Real *start = links.twist(own.link), *middle = links.twist_in_middle(own.link);
       touch_plane_lanes(
           in.solids[solid], links.pose_in_middle(own.link), plane, Real(unbounded), p.joins,
-          [&](int, const Real* at, const Real&, const Mask&) {
+          [&](int, const Real* at, const Real&, const Mask& where) {
             for (int d = 0; d < 3; ++d) {
               const double share = d == 0 ? Rolling::of_normals : 1.0;
               const double* e = feet.frame + 3 * d;
-              p.drift[d] = share * (rate(e, middle, at) - rate(e, start, p.at));
+              const Real change = rate(e, middle, at) - rate(e, start, p.at);
+              p.drift[d] = select(where, Real(share * change), Real(0.0));
             }
           });
     }
