@@ -4,9 +4,9 @@
 
 Offsets are relative to the puppet's rest, so that they hold for every place and heading. They are
 written for an arm of 19 cm and multiplied by the ratio of lengths for others. A prop hangs by a
-handle across a forearm, held by friction alone. A handle is a stem with a bar whose ends are free:
-the arm lies under one half, beside the stem, and approaches and leaves sideways, so that strings
-never pass the bar.
+handle across a forearm, held by friction alone. A handle is a stem with a bar whose ends are free.
+The arm lies under one half of the bar, beside the stem. It approaches and leaves sideways, so the
+bar never meets a string.
 """
 
 from __future__ import annotations
