@@ -153,6 +153,7 @@ def test_two_ctrl_c_stop_grbl_and_it_resumes_from_the_line(files):
         assert re.search(r"line \d+: 'G1X\S+': stopped here", said)
         line = re.search(r"continue with --from-line (\d+)", said)[1]
         number = lines_of(gcode(points))[taken - 1].number
+        assert int(re.search(r"accepted all lines up to (\d+)", said)[1]) == number
         assert 1 < number - int(line) <= points.controller.planner
         begun = machine.time
         with streaming(files, *options, "--from-line", line) as process:

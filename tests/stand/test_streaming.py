@@ -14,6 +14,7 @@ from fantoccini.base.errors import StandError, StreamError
 from fantoccini.stand import (
     Emulator,
     GrblMachine,
+    Streamed,
     first_lost,
     gcode,
     grbl_settings,
@@ -82,7 +83,7 @@ def test_a_hold_resumes_or_stops(points):
             hold.set()
 
     for answer in (True, False):
-        with Emulator(machine_of(points)) as emulator:
+        with Emulator(machine_of(points), pace=5e-3) as emulator:
 
             def go_on(progress, emulator=emulator, answer=answer):
                 threading.Event().wait(0.1)
@@ -94,9 +95,19 @@ def test_a_hold_resumes_or_stops(points):
                     stream(port, lines, progress=hold_at_line_20, hold=hold, go_on=go_on)
                     assert emulator.lines == [line.text for line in lines]
                 else:
+                    counts = Streamed()
                     with pytest.raises(StreamError, match="stopped here") as stopped:
-                        stream(port, lines, progress=hold_at_line_20, hold=hold, go_on=go_on)
+                        stream(
+                            port,
+                            lines,
+                            progress=hold_at_line_20,
+                            hold=hold,
+                            go_on=go_on,
+                            counts=counts,
+                        )
                     assert stopped.value.line > lines[19].number
+                    # Answers that arrived during the hold count.
+                    assert counts.last == lines[len(emulator.lines) - 1].number
     assert asked == [True, True]
 
 

@@ -318,6 +318,8 @@ def _hold(channels: Sequence[Channel], go_on: Callable[[], bool] | None) -> None
     for channel in channels:
         channel.write(HOLD)
     if go_on is None or not go_on():
+        for channel in channels:
+            channel.hear()  # answers that arrived during the hold
         raise next(channel for channel in channels if not channel.ended).error(STOPPED)
     for channel in channels:
         channel.write(RESUME)
