@@ -1,5 +1,6 @@
 """Derivatives of accelerations, tensions and steps, with contacts in their modes."""
 
+from fantoccini.dynamics.derivatives.balancing import balanced_state
 from fantoccini.dynamics.derivatives.contact_modes import (
     TOLERANCES,
     closed_without_force,
@@ -23,7 +24,7 @@ from fantoccini.dynamics.derivatives.linearisation import (
 )
 from fantoccini.dynamics.derivatives.mode_system import ModeSystem, solve_in_modes
 from fantoccini.dynamics.derivatives.rollout_gradient import Rollout, RolloutGradient, rollout
-from fantoccini.dynamics.derivatives.small_motions import SmallMotions, balanced_state
+from fantoccini.dynamics.derivatives.small_motions import SmallMotions
 from fantoccini.dynamics.derivatives.step_linearisation import StepLinearisation, linearise_step
 from fantoccini.dynamics.derivatives.step_partials import (
     StepInputs,

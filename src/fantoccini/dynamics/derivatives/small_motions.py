@@ -16,29 +16,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, StateError
-from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, Screws, retract
+from fantoccini.base import Array, Indices
+from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, Screws
 from fantoccini.dynamics.derivatives.contact_rows import ContactRows
-from fantoccini.dynamics.derivatives.contact_state import Resting, motion_at
+from fantoccini.dynamics.derivatives.contact_state import Resting
 from fantoccini.dynamics.derivatives.kkt import DEPENDENT_ROWS
 from fantoccini.dynamics.derivatives.linearisation import derivatives_at
 from fantoccini.dynamics.derivatives.mode_system import ModeSystem
 from fantoccini.motion import State
 
-
-@dataclass(frozen=True)
-class BalanceSettings:
-    """Bounds of the search for balance."""
-
-    rounds: int = 8
-    still: float = 1e-7
-    """Acceleration of a state at rest [rad/s^2 or m/s^2]: a tenth of the bound for modes."""
-    move: float = 1e-3
-    """Largest move of a round [rad or m]; with larger ones, the set of pulling rows may change."""
-    neutral: float = 1e-12  # Eigenvalue of K that counts as 0, relative to the largest
-
-
-BALANCE = BalanceSettings()
 MIN_TENSION = 1e-9
 """Minimum tension of a pulling row, relative to the puppet's weight."""
 
@@ -72,7 +58,7 @@ class SmallMotions:
             motion: accelerations, tensions and contacts there.
         """
         tension, points = motion.tension, motion.contacts.points
-        held = np.flatnonzero(marionette.two_sided | (tension > MIN_TENSION * marionette.weight))
+        held = held_rows(marionette, tension)
         at, n, k = Evaluation.of(marionette, x), len(x.v_D), len(x.v_K)
         none_D, none_K = np.zeros(n), np.zeros(k)
         by = derivatives_at(marionette, x, none_D, none_K, tension)
@@ -83,9 +69,7 @@ class SmallMotions:
         r_q, r_v, r_qK, r_vK = r_q + more[0], r_v + more[1], r_qK + more[2], r_vK + more[3]
         by_inputs = np.split(rows.velocity_by(), widths, axis=1)[3]
         system = ModeSystem(at, held, rows)
-        u, size, _ = np.linalg.svd(system.held, full_matrices=True)
-        rank = int(np.sum(size > DEPENDENT_ROWS * np.max(size, initial=0.0)))
-        N = at.solve_factor(u[:, rank:].T).T
+        N = free_directions(at, system)
         C_K = np.concatenate([by["A_K"][held], by_inputs])
         Y, _ = system.solve(np.zeros((n, k)), C_K)
         return cls(
@@ -98,27 +82,14 @@ class SmallMotions:
         )
 
 
-def balanced_state(marionette: CompiledPuppet, x: State) -> State:
-    """A state near rest, moved until its forces balance, by Newton's method.
+def held_rows(marionette: CompiledPuppet, tension: Array) -> Indices:
+    """Indices of the strings and limits that pull."""
+    pulls = tension > MIN_TENSION * marionette.weight
+    return np.flatnonzero(marionette.two_sided | pulls)
 
-    Rows and contact points stay held: K eta = N^T M acc_D. If it does not converge, it is ``x``.
-    """
-    best, smallest = x, np.inf
-    for _ in range(BALANCE.rounds):
-        try:
-            motion = motion_at(marionette, x)
-        except StateError:
-            break
-        left = float(np.max(np.abs(motion.acc_D), initial=0.0))
-        if not left < smallest:
-            break
-        best, smallest = x, left
-        if left <= BALANCE.still:
-            break
-        small = SmallMotions.of(marionette, x, motion)
-        eta = np.linalg.lstsq(small.K, small.N.T @ small.M @ motion.acc_D, BALANCE.neutral)[0]
-        move = small.N @ eta
-        if not 0.0 < np.max(np.abs(move), initial=0.0) < BALANCE.move:
-            break
-        x = x.replace(q_D=retract(marionette, x.q_D, move))
-    return best
+
+def free_directions(at: Evaluation, system: ModeSystem) -> Array:
+    """Directions N (n_vD, m) with C N = 0 and N^T M N = 1."""
+    u, size, _ = np.linalg.svd(system.held, full_matrices=True)
+    rank = int(np.sum(size > DEPENDENT_ROWS * np.max(size, initial=0.0)))
+    return at.solve_factor(u[:, rank:].T).T

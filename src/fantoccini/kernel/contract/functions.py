@@ -142,7 +142,7 @@ _DECLARED = (
         "Kinetic energy (Eq. 5) and potential energy (Eq. 6, and springs).",
         STATE,
         (Quantity("T", (), "J", "kinetic energy"), Quantity("V", (), "J", "potential energy")),
-        (MODEL, LANES, VARIATIONAL, VARIATIONAL_LANES),
+        (MODEL, LANES, ROLLOUTS, GRADIENTS, VARIATIONAL, VARIATIONAL_LANES),
         mapped=True,
         exported=True,
     ),

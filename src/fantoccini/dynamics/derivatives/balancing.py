@@ -1,0 +1,85 @@
+"""Balance of a state near rest on floor and props, by Newton's method on its accelerations.
+
+    (d acc_D/dq_D N) eta = -acc_D,   q_D <- q_D + N eta,   C N = 0
+
+C are the rows that pull and those of points that push, as in :mod:`.small_motions`. The derivative
+is that of central differences: exact derivatives would need a library of their own, which takes as
+long to compile as the model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, StateError
+from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, Screws, retract
+from fantoccini.dynamics.derivatives.contact_rows import ContactRows
+from fantoccini.dynamics.derivatives.contact_state import FrozenModes, Resting, motion_at
+from fantoccini.dynamics.derivatives.mode_system import ModeSystem
+from fantoccini.dynamics.derivatives.small_motions import free_directions, held_rows
+from fantoccini.motion import State
+
+
+@dataclass(frozen=True)
+class BalanceSettings:
+    """Bounds of the search for balance."""
+
+    rounds: int = 12
+    still: float = 1e-7
+    """Acceleration of a state at rest [rad/s^2 or m/s^2]: a tenth of the bound for modes."""
+    move: float = 1e-3
+    """Largest move of a round [rad or m]; with larger ones, the set of pulling rows may change."""
+    difference: float = 1e-6
+    """Largest entry of the moves of the differences [rad or m]."""
+    neutral: float = 1e-6
+    """Singular value of the derivative that counts as 0, relative to the largest."""
+
+
+BALANCE = BalanceSettings()
+
+
+def balanced_state(marionette: CompiledPuppet, x: State) -> State:
+    """A state near rest, moved until its forces balance.
+
+    Rows and contact points stay held. If it does not converge, it is the best state on the way.
+    """
+    best, smallest = x, np.inf
+    for _ in range(BALANCE.rounds):
+        try:
+            motion = motion_at(marionette, x)
+            left = float(np.max(np.abs(motion.acc_D), initial=0.0))
+            if not left < smallest:
+                break
+            best, smallest = x, left
+            if left <= BALANCE.still:
+                break
+            move = _newton_move(marionette, x, motion)
+        except StateError:
+            break
+        if not 0.0 < np.max(np.abs(move), initial=0.0) < BALANCE.move:
+            break
+        x = x.replace(q_D=retract(marionette, x.q_D, move))
+    return best
+
+
+def _newton_move(marionette: CompiledPuppet, x: State, motion: Resting) -> Array:
+    """Move (n_vD,) after which the accelerations are 0 to first order."""
+    held, points = held_rows(marionette, motion.tension), motion.contacts.points
+    still_D, still_K = np.zeros_like(x.v_D), np.zeros_like(x.v_K)
+    at, frozen = Evaluation.of(marionette, x), FrozenModes(marionette, points)
+    rows = ContactRows(Screws(marionette, x, still_D, still_K), points, 0.0)
+    N = free_directions(at, ModeSystem(at, held, rows))
+
+    def accelerations(move: Array) -> Array:
+        near = x.replace(q_D=retract(marionette, x.q_D, move))
+        return frozen.moving(Evaluation.of(marionette, near), near, still_K, held)[0]
+
+    columns = []
+    for direction in N.T:
+        step = BALANCE.difference / np.max(np.abs(direction))
+        difference = accelerations(step * direction) - accelerations(-step * direction)
+        columns.append(difference / (2.0 * step))
+    by_eta = np.stack(columns, axis=1) if columns else np.zeros((len(still_D), 0))
+    return np.asarray(N @ np.linalg.lstsq(by_eta, -motion.acc_D, BALANCE.neutral)[0])
