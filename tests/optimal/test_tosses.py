@@ -20,7 +20,11 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def optimum() -> fan.control.Optimum:
     return fan.optimise(
-        tosses.task(fan.loads(tosses.ARM)), exact=True, cost_tolerance=0.0, tolerance=tosses.KKT
+        tosses.task(fan.loads(tosses.ARM)),
+        exact=True,
+        cost_tolerance=0.0,
+        tolerance=tosses.KKT,
+        time_limit=3600.0,  # on a busy machine as well
     )
 
 
