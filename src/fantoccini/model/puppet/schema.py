@@ -32,7 +32,7 @@ from fantoccini.model.puppet.chain import (
 from fantoccini.model.puppet.contact import Contact, ContactRule
 from fantoccini.model.puppet.drive import Drive
 from fantoccini.model.puppet.elements import Body, Mirror, PoseValue, Spring, String
-from fantoccini.model.puppet.parts import named
+from fantoccini.model.puppet.parts import named_parts
 from fantoccini.model.puppet.quantities import Gravity, Place
 from fantoccini.model.puppet.rig import Rig
 from fantoccini.model.puppet.shapes import AnyObstacle, Mesh
@@ -104,7 +104,7 @@ class Puppet(Document):
             mistakes += [(data_path(plain, path)[0], text) for path, text in file_mistakes]
         if puppet is None or mistakes or located.mistakes:
             raise located.error(mistakes, PuppetError)
-        lines = {name: located.line(path) for name, path in named(puppet)}
+        lines = {name: located.line(path) for name, path in named_parts(puppet)}
         known = {name: line for name, line in lines.items() if line is not None}
         puppet._origin = Origin(located.file, located.folder, known)
         return puppet

@@ -17,7 +17,7 @@ import numpy as np
 
 from fantoccini.base import Mistake, PuppetError, nearest, rotation
 from fantoccini.base.documents import Finding, Located, Origin, read_document, shown
-from fantoccini.model.puppet import FLOOR, Contact, Puppet, bundled, named, parameters, plain
+from fantoccini.model.puppet import FLOOR, Contact, Puppet, bundled, named_parts, parameters, plain
 from fantoccini.model.scene.schema import PUPPET_OR_SCENE, Member, Prop, Scene
 
 
@@ -109,7 +109,9 @@ def _rigs(placements: list[_Placement]) -> dict[str, Any]:
 def _name_clashes(scene: Scene, placements: list[_Placement]) -> list[Finding]:
     """Findings for names of the scene that parts of its puppets already have."""
     taken = {
-        placement.part(name) for placement in placements for name, _ in named(placement.puppet)
+        placement.part(name)
+        for placement in placements
+        for name, _ in named_parts(placement.puppet)
     }
     unused = {placement.member.name for placement in placements if placement.frame == "world"}
     if isinstance(scene.contact, Contact):
@@ -344,7 +346,7 @@ def _origin(scene: Scene, placements: list[_Placement], located: Located, folder
     lines: dict[str, int] = {}
     files: dict[str, str] = {}
     for placement in placements:
-        for name, _ in named(placement.puppet):
+        for name, _ in named_parts(placement.puppet):
             file, line = placement.puppet.locate(name)
             files[placement.part(name)] = file
             if line is not None:
