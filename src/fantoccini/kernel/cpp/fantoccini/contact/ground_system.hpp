@@ -122,7 +122,7 @@ class GroundSystem {
     Real left = Real(unbounded);
     for (int i = 0; i < size_; ++i) y[i] = Real(0.0);
     for (int k = 0; k < Tolerance::rounds; ++k) {
-      const Mask rough = good && left > Tolerance::rough * scale;
+      const Mask rough = good && left > Tolerance::no_refinement * scale;
       if (!any(rough)) break;
       if (k == 0) matrix_.take_column(left_, given_);
       else matrix_.substitute(left_);
