@@ -74,7 +74,7 @@ int main() {
         ++n_near;
         bool listed = false;
         for (int j = 0; j < near.n; ++j) listed = listed || near.pair[j] == k;
-        missed += !listed;
+        n_missed += !listed;
       }
   }
   std::printf("%d %d %d %d\n", n_lists, n_valid, n_near, n_missed);
