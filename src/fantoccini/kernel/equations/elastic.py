@@ -48,12 +48,12 @@ class Elastic:
     def add_gradient(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
         """Adds dV/dq_D (n_vD,) and dV/dq_K (n_vK,)."""
         self._pull(self.k * self.row.length, f_D, f_K)
-        own = self.row.own
-        if self.relaxed is None or own is None:
+        string = self.row.string
+        if self.relaxed is None or string is None:
             return
-        for f, place in ((f_D, own.wound_length), (f_K, own.driven_length)):
+        for f, place in ((f_D, string.wound_length), (f_K, string.driven_length)):
             if place is not None:
-                f[place[1]] -= self.row.share * self.energy / self.relaxed
+                f[place[1]] -= self.row.factor * self.energy / self.relaxed
 
     def add_damping(self, f_D: np.ndarray, f_K: np.ndarray) -> ca.SX:
         """Adds the damping forces, with the sign of the bias; returns their power [W]."""
