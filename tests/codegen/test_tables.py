@@ -19,23 +19,24 @@ pytestmark = pytest.mark.medium
 NAMES = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "stand6", "string_pendulum")
 
 
-def table(name: str, what: str) -> list[int]:
-    match = re.search(rf" {what}(?:\[\d+\])? = {{?([^;}}]*)}}?;", tables_text(equations(name)))
+def table(name: str, array: str) -> list[int]:
+    """An array of integers in the generated tables of a bundled puppet."""
+    match = re.search(rf" {array}(?:\[\d+\])? = {{?([^;}}]*)}}?;", tables_text(equations(name)))
     return [int(word) for word in match[1].split(",")]
 
 
-def varying(name: str, function: str, result: str) -> set[int]:
+def varying_entries(name: str, function: str, result: str) -> set[int]:
     """Entries of a result that are not constant zeros."""
-    whole = program(equations(name)[function])
-    which = whole.names.index(result)
+    whole_function = program(equations(name)[function])
+    index = whole_function.names.index(result)
     zero = {
         entry
-        for r, entry, value in whole.results
-        if r == which
-        and whole.statements[value].operation == ca.OP_CONST
-        and whole.statements[value].constant == 0.0
+        for r, entry, value in whole_function.results
+        if r == index
+        and whole_function.statements[value].operation == ca.OP_CONST
+        and whole_function.statements[value].constant == 0.0
     }
-    return {entry for r, entry, _ in whole.results if r == which} - zero
+    return {entry for r, entry, _ in whole_function.results if r == index} - zero
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -44,15 +45,15 @@ def test_a_strings_column_has_only_the_entries_of_the_table(name, function):
     begin, entry = table(name, "string_begin"), table(name, "string_entry")
     n = equations(name).tree.coordinates.n_vD
     listed = {n * r + k for r in range(len(begin) - 1) for k in entry[begin[r] : begin[r + 1]]}
-    entries = varying(name, function, "W")
+    entries = varying_entries(name, function, "W")
     assert entries <= listed
-    assert len(entries) >= 0.8 * len(listed), "the table is not just everything"
+    assert len(entries) >= 0.8 * len(listed), "the table lists constant zeros"
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_puppets_that_driven_joints_do_not_carry_are_not_coupled(name):
     (coupled,) = table(name, "coupled")
-    assert coupled == bool(varying(name, "step_dynamics", "M_DK_v_K"))
+    assert coupled == bool(varying_entries(name, "step_dynamics", "M_DK_v_K"))
 
 
 def test_a_load_below_a_driven_cart_is_coupled():
@@ -83,15 +84,15 @@ def test_rates_of_limits_are_their_jacobians_times_the_velocity(name):
 
 
 def test_constants_and_varying_lines_are_the_whole_function():
-    whole = program(equations("marionette")["step_dynamics"])
-    apart = pieces(whole, "f", 1000, ("W", "J_limit"))
-    together = pieces(whole, "f", 1000)
+    whole_function = program(equations("marionette")["step_dynamics"])
+    separate = pieces(whole_function, "f", 1000, ("W", "J_limit"))
+    together = pieces(whole_function, "f", 1000)
     assert "f_constants" not in together.definition
-    constants = [line for line in apart.definition.splitlines() if line.startswith("  res[")]
+    constants = [line for line in separate.definition.splitlines() if line.startswith("  res[")]
 
     def written(lines: list[str]) -> list[str]:
         return sorted(re.findall(r"res\[\d+\]\[\d+\] =", "\n".join(lines)))
 
     every = written(together.pieces)
-    assert written([*apart.pieces, *constants]) == every
+    assert written([*separate.pieces, *constants]) == every
     assert len(constants) > 100

@@ -45,7 +45,7 @@ int main() {
   for (double& x : margins) x = 0.5 * margin;
   fan::NearPairs<n_links, n_links * n_links> near;
   near.forget();
-  int made = 0, held = 0, close = 0, missed = 0;
+  int n_lists = 0, n_valid = 0, n_near = 0, n_missed = 0;
   for (int step = 0; step < n_steps; ++step) {
     for (int i = 1; i < n_links; ++i) {
       for (int c = 0; c < 3; ++c) ball[i].at[c] = 0.999 * ball[i].at[c] + speed * any(random);
@@ -61,22 +61,22 @@ int main() {
     if (!near.holds(poses, ball, margins, slack)) {
       if (!near.is_due()) continue;
       near.begin(poses, ball);
-      ++made;
+      ++n_lists;
       for (int a = 1, k = 0; a < n_links; ++a)
         for (int b = 1; b < a; ++b, ++k)
           if (gap(a, b) < slack) near.add(k);
       if (!near.holds(poses, ball, margins, slack)) continue;
     }
-    ++held;
+    ++n_valid;
     for (int a = 1, k = 0; a < n_links; ++a)
       for (int b = 1; b < a; ++b, ++k) {
         if (gap(a, b) >= margin) continue;
-        ++close;
+        ++n_near;
         bool listed = false;
         for (int j = 0; j < near.n; ++j) listed = listed || near.pair[j] == k;
-        missed += !listed;
+        n_missed += !listed;
       }
   }
-  std::printf("%d %d %d %d\n", made, held, close, missed);
+  std::printf("%d %d %d %d\n", n_lists, n_valid, n_near, n_missed);
   return 0;
 }

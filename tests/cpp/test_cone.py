@@ -1,15 +1,8 @@
 """The solver of strings and contacts, compared with the law itself and with closed forms.
 
 s = G x - b. Single rows: lower <= x <= upper, s >= 0 at lower, s <= 0 at upper, s = 0 between.
-Contacts (normal n, tangents T): the same for n, from 0;
-
-x_T
-
- <= mu x_n; s_T = 0 inside that disc, x_T = -mu x_n s_T /
-
-s_T
-
- on its edge.
+Contacts (normal n, tangents T): the same for n, with lower bound 0; |x_T| at most mu x_n;
+s_T = 0 inside that disc, x_T = -mu x_n s_T / |s_T| on its edge.
 """
 
 from __future__ import annotations
@@ -28,20 +21,20 @@ pytestmark = pytest.mark.medium
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-10
-NEVER = 1e250
+UNBOUNDED = 1e250
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Rows of single rows, then of contacts.
+    """A problem: single rows first, then three rows for each contact.
 
     Attributes:
         W, c: G = W^T W and b = W^T c.
-        mu: friction of every contact.
-        lower, upper: bounds of all rows; 0 and none when not given.
-        guess: x to start from; 0 when not given.
+        mu: (n_contacts,) coefficients of friction.
+        lower, upper: bounds of x for all rows; 0 and unbounded by default.
+        guess: start value of x; 0 by default.
         along: (n_contacts, 2) directions in which contacts slide, unit vectors; nan where they may
-            stick. None for all.
+            stick. By default all may.
     """
 
     W: Array
@@ -68,9 +61,10 @@ class Problem:
     def bounds(self) -> tuple[Array, Array]:
         n = self.W.shape[1]
         low = np.zeros(n) if self.lower is None else self.lower
-        return low, np.full(n, NEVER) if self.upper is None else self.upper
+        return low, np.full(n, UNBOUNDED) if self.upper is None else self.upper
 
-    def words(self) -> Array:
+    def numbers(self) -> Array:
+        """Input of the program for this problem."""
         guess = np.zeros(len(self.b)) if self.guess is None else self.guess
         counts = np.array([self.n_single, len(self.mu)], dtype=float)
         along = np.full((len(self.mu), 2), np.nan) if self.along is None else self.along
@@ -95,12 +89,12 @@ Solve = Callable[[Sequence[Problem]], list[Answer]]
 
 @pytest.fixture(scope="module")
 def solve(tmp_path_factory: pytest.TempPathFactory) -> Solve:
-    """A function from problems to answers."""
+    """A function that solves problems with the compiled program."""
     program = compile_program("cone.cpp", tmp_path_factory.mktemp("cone"), "-O2", *SANITIZE)
 
     def answers(problems: Sequence[Problem]) -> list[Answer]:
-        words = np.concatenate([[len(problems)], *(p.words() for p in problems)])
-        lines = run_program(program, "\n".join(map(repr, words.tolist()))).splitlines()
+        program_input = np.concatenate([[len(problems)], *(p.numbers() for p in problems)])
+        lines = run_program(program, "\n".join(map(repr, program_input.tolist()))).splitlines()
         assert len(lines) == len(problems)
         parsed = []
         for line in lines:
@@ -113,41 +107,37 @@ def solve(tmp_path_factory: pytest.TempPathFactory) -> Solve:
 
 
 def violation(p: Problem, x: Array) -> float:
-    """Violation of the law by x: a speed, relative to the largest
-
-    b_i
-
-    .
+    """Violation of the law by x: a speed, relative to the largest entry of b.
 
     Inadmissible impulses count as the speed that they cause in their own row.
     """
     G, b, k = p.G, p.b, p.n_single
     s, diagonal, (low, high) = G @ x - b, np.diag(G), p.bounds
-    off = []
+    violations = []
     for i in range(len(b)):
         if i < k or (i - k) % 3 == 0:
             beyond = max(low[i] * (i < k) - x[i], x[i] - high[i], 0.0)
             up, down = max(s[i], 0.0), max(-s[i], 0.0)
             above, below = x[i] - low[i] * (i < k), high[i] - x[i]
             weight = diagonal[i] if i < k else np.mean(diagonal[i : i + 3])
-            off += [weight * beyond, min(up, weight * above), min(down, weight * below)]
+            violations += [weight * beyond, min(up, weight * above), min(down, weight * below)]
     for c, mu in enumerate(p.mu):
         i = k + 3 * c
         weight = np.mean(diagonal[i : i + 3])
         pull, slip = x[i + 1 : i + 3], s[i + 1 : i + 3]
         size, speed, radius = np.linalg.norm(pull), np.linalg.norm(slip), mu * max(x[i], 0.0)
-        off.append(weight * (size - radius))
+        violations.append(weight * (size - radius))
         if size < radius * (1.0 - 1e-9):
-            off.append(min(speed, weight * (radius - size)))
+            violations.append(min(speed, weight * (radius - size)))
         elif min(size, speed) > 0.0:
             apart = np.linalg.norm(pull / size + slip / speed)
-            off.append(min(speed, weight * radius) * apart)
+            violations.append(min(speed, weight * radius) * apart)
     scale = np.max(np.abs(b))
-    return float(max(off) / scale) if scale > 0.0 else 0.0
+    return float(max(violations) / scale) if scale > 0.0 else 0.0
 
 
 def check(p: Problem, answer: Answer) -> None:
-    """The law, s, and rows that are exactly at their bounds."""
+    """Assert the law, s = G x - b, and that rows at bounds are there exactly."""
     assert answer.solved
     assert answer.residual <= TOLERANCE
     assert violation(p, answer.x) <= 3.0 * TOLERANCE
@@ -170,9 +160,9 @@ def stack(
 
     Args:
         rng: random numbers.
-        n_boxes: boxes.
-        mu: friction of all contacts; random and different ones if None.
-        n_strings: strings between boxes, or from the world to a box.
+        n_boxes: number of boxes.
+        mu: coefficient of friction of all contacts; random, one for each, if None.
+        n_strings: number of strings between boxes, or from the world to a box.
         mass: scale of the boxes' masses [kg].
     """
     size, masses = rng.uniform(0.05, 0.3, (n_boxes, 3)), mass * rng.uniform(0.1, 3, n_boxes)
@@ -199,10 +189,10 @@ def stack(
                     row[k - 1] = -np.r_[d, np.cross(q, d)]
                 rows.append(row.ravel())
     friction = rng.uniform(0, 1.5, 4 * n_boxes) if mu is None else np.full(4 * n_boxes, mu)
-    low, high = np.zeros(len(rows)), np.full(len(rows), NEVER)
+    low, high = np.zeros(len(rows)), np.full(len(rows), UNBOUNDED)
     for i in range(n_strings):
         low[i] = -1e30 if rng.random() < 0.2 else 0.0
-        high[i] = rng.uniform(0.05, 1.0) * mass if rng.random() < 0.2 else NEVER
+        high[i] = rng.uniform(0.05, 1.0) * mass if rng.random() < 0.2 else UNBOUNDED
     W = np.array(rows).T / np.sqrt(M)[:, None]
     return Problem(W, -np.sqrt(M) * v.ravel(), friction, lower=low, upper=high)
 
@@ -211,7 +201,7 @@ FRICTION = (0.05, 0.3, 0.6, 1.0, 1.5, None)
 
 
 def stacks(seed: int, count: int, mass: float = 1.0) -> list[Problem]:
-    """Stacks of up to four boxes with up to seven strings; every second one has none."""
+    """Stacks of up to four boxes; every second one has up to seven strings."""
     rng = np.random.default_rng(seed)
     problems = []
     for k in range(count):
@@ -241,9 +231,9 @@ def test_one_contact(solve: Solve, mu: float) -> None:
 @pytest.mark.parametrize("angle", [0.0, 0.7, 2.0, 4.0])
 def test_a_foot_that_slides_has_one_normal_impulse(solve: Solve, angle: float) -> None:
     """n and one tangent are coupled, x_T = -mu x_n: 0 = (G_nn - mu G_nT) x_n - b_n."""
-    coupled, mu = 0.4, 0.3
+    coupling, mu = 0.4, 0.3
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    G = np.array([[1.0, coupled, 0.0], [coupled, 1.5, 0.0], [0.0, 0.0, 1.5]])
+    G = np.array([[1.0, coupling, 0.0], [coupling, 1.5, 0.0], [0.0, 0.0, 1.5]])
     R = np.eye(3)
     R[1:, 1:] = turn
     W = np.linalg.cholesky(G).T @ R.T
@@ -251,12 +241,12 @@ def test_a_foot_that_slides_has_one_normal_impulse(solve: Solve, angle: float) -
     p = Problem(W, np.linalg.solve(W.T, b), np.array([mu]))
     (answer,) = solve([p])
     check(p, answer)
-    normal = 1.0 / (1.0 - mu * coupled)
+    normal = 1.0 / (1.0 - mu * coupling)
     assert answer.x == pytest.approx(R @ [normal, -mu * normal, 0.0], abs=1e-10)
 
 
 def test_single_rows_are_bounded_least_squares(solve: Solve) -> None:
-    """min |W x - c| between the bounds; W x is unique also where x is not."""
+    """min |W x - c| between the bounds; W x is unique even where x is not."""
     rng, problems = np.random.default_rng(1), []
     for n, redundant in ((1, 0), (3, 0), (8, 0), (12, 3), (30, 8), (60, 0), (60, 15)):
         for _ in range(12):
@@ -266,19 +256,19 @@ def test_single_rows_are_bounded_least_squares(solve: Solve) -> None:
                 size=(n_independent, redundant)
             )
             low = np.where(rng.random(n) < 0.2, -1e20, 0.0)
-            high = np.where(rng.random(n) < 0.3, rng.uniform(0.05, 1.0, n), NEVER)
+            high = np.where(rng.random(n) < 0.3, rng.uniform(0.05, 1.0, n), UNBOUNDED)
             c = rng.normal(size=2 * n)
             problems.append(Problem(W, c, np.zeros(0), lower=low, upper=high))
     for p, answer in zip(problems, solve(problems), strict=True):
         check(p, answer)
         low, high = p.bounds
-        bounds = (np.where(low < 0, -np.inf, low), np.where(high < NEVER, high, np.inf))
+        bounds = (np.where(low < 0, -np.inf, low), np.where(high < UNBOUNDED, high, np.inf))
         best = lsq_linear(p.W, p.c, bounds, method="bvls", tol=1e-15, max_iter=10_000).x
         assert np.linalg.norm(p.W @ (answer.x - best)) <= 1e-8 * np.linalg.norm(p.c)
 
 
 def test_stacks_from_zero(solve: Solve) -> None:
-    """All of 400 stacks with and without strings are solved, most in a few steps."""
+    """400 stacks with and without strings are solved, most in a few iterations."""
     problems = stacks(2, 400)
     answers = solve(problems)
     for p, answer in zip(problems, answers, strict=True):
@@ -295,7 +285,7 @@ def test_random_rows_and_contacts(solve: Solve) -> None:
         n_single, n_contacts = int(rng.integers(8)), int(rng.integers(1, 9))
         n = n_single + 3 * n_contacts
         W = rng.normal(size=(int(rng.integers(1, n + 3)), n))
-        low, high = np.zeros(n), np.where(rng.random(n) < 0.5, rng.uniform(0, 3, n), NEVER)
+        low, high = np.zeros(n), np.where(rng.random(n) < 0.5, rng.uniform(0, 3, n), UNBOUNDED)
         low[:n_single] = np.where(rng.random(n_single) < 0.2, -rng.uniform(0, 3, n_single), 0.0)
         mu = rng.choice([0.0, 0.1, 0.7, 2.0], n_contacts)
         problems.append(Problem(W, 3.0 * rng.normal(size=len(W)), mu, lower=low, upper=high))
@@ -303,8 +293,8 @@ def test_random_rows_and_contacts(solve: Solve) -> None:
         check(p, answer)
 
 
-def test_a_guess_from_the_step_before(solve: Solve) -> None:
-    """b and G change by a thousandth: two steps in the median, few more at most."""
+def test_a_guess_from_the_previous_step(solve: Solve) -> None:
+    """If b and G change by a thousandth, few iterations are needed."""
     rng, before = np.random.default_rng(3), stacks(3, 150)
     problems = []
     for p, answer in zip(before, solve(before), strict=True):
@@ -319,7 +309,7 @@ def test_a_guess_from_the_step_before(solve: Solve) -> None:
     assert np.percentile(iterations, 90) <= 12
 
 
-def test_a_solution_as_guess_needs_no_step(solve: Solve) -> None:
+def test_a_solution_as_guess_needs_no_iteration(solve: Solve) -> None:
     before = stacks(4, 30)
     again = [replace(p, guess=a.x) for p, a in zip(before, solve(before), strict=True)]
     for p, answer in zip(again, solve(again), strict=True):
@@ -347,7 +337,7 @@ def test_nearly_redundant_rows(solve: Solve) -> None:
 
 
 def test_equal_strings_and_equal_contacts_share_the_load(solve: Solve) -> None:
-    """The solution from zero has least norm: each of k bears a k-th."""
+    """From zero, the solution has least norm: each of k bears 1/k of the load."""
     problems = []
     for k in (2, 3, 5):
         problems.append(Problem(np.ones((1, k)), np.array([3.0]), np.zeros(0)))
@@ -361,7 +351,7 @@ def test_equal_strings_and_equal_contacts_share_the_load(solve: Solve) -> None:
 
 def test_a_normal_impulse_has_an_upper_bound(solve: Solve) -> None:
     """At the bound the contact yields, s_n <= 0, and the disc has the bound's radius."""
-    high = np.array([0.8, NEVER, NEVER])
+    high = np.array([0.8, UNBOUNDED, UNBOUNDED])
     stick = Problem(np.eye(3), np.array([1.0, 0.2, 0.0]), np.array([0.5]), upper=high)
     slide = Problem(np.eye(3), np.array([1.0, 0.6, 0.8]), np.array([0.5]), upper=high)
     answers = solve([stick, slide])
@@ -395,7 +385,7 @@ def test_an_unsolvable_problem_is_reported(solve: Solve) -> None:
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200])
 def test_infinite_numbers_and_nan(solve: Solve, bad: float) -> None:
-    """Such a number in G or b: not solved, but x is finite. In the guess: it is ignored."""
+    """With one in G, b or mu the problem is not solved, but x is finite. A guess with one is ignored."""
     (p,) = stacks(7, 1)
     W, c, mu = p.W.copy(), p.c.copy(), p.mu.copy()
     W[0, 0], c[0], mu[0] = bad, bad, bad
@@ -410,11 +400,11 @@ def test_infinite_numbers_and_nan(solve: Solve, bad: float) -> None:
     check(p, answer)
 
 
-def test_a_right_side_of_zero_or_less_than_rounding(solve: Solve) -> None:
+def test_a_right_hand_side_of_zero_or_below_rounding(solve: Solve) -> None:
     """Without a load x = 0, for any guess."""
-    for right in (0.0, 1e-320):
+    for scale in (0.0, 1e-320):
         p = stacks(9, 1)[0]
-        (answer,) = solve([replace(p, c=right * p.c, guess=np.ones(len(p.b)))])
+        (answer,) = solve([replace(p, c=scale * p.c, guess=np.ones(len(p.b)))])
         assert answer.solved and answer.residual <= TOLERANCE
         assert np.max(np.abs(p.G @ answer.x)) <= 1e-10
 
@@ -431,8 +421,8 @@ def test_contacts_that_slide_in_given_directions(solve: Solve) -> None:
     rng = np.random.default_rng(11)
     problems = []
     for p in stacks(12, 400):
-        turns = rng.uniform(0.0, 2.0 * np.pi, len(p.mu))
-        along = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        angles = rng.uniform(0.0, 2.0 * np.pi, len(p.mu))
+        along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         along[rng.random(len(p.mu)) < 0.3] = np.nan
         problems.append(replace(p, along=along, mu=rng.uniform(0.2, 3.0, len(p.mu))))
     answers, solved = solve(problems), 0

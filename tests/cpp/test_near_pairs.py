@@ -14,14 +14,14 @@ def program(tmp_path_factory):
 
 @pytest.mark.parametrize(("speed", "turn"), [(1e-3, 0.0), (0.0, 0.02), (1e-3, 0.01), (4e-3, 0.05)])
 def test_no_pair_is_missed_while_a_list_is_valid(program, speed, turn):
-    n_lists, held, close, missed = map(int, run_program(program, f"{speed} {turn}").split())
+    n_lists, n_steps, n_near, missed = map(int, run_program(program, f"{speed} {turn}").split())
     assert missed == 0
-    assert close > 100
-    assert held > 2 * n_lists
+    assert n_near > 100
+    assert n_steps > 2 * n_lists
 
 
 def test_links_that_are_too_fast_have_no_list(program):
     """A list is tried occasionally, and given up."""
-    n_lists, held, _, missed = map(int, run_program(program, "0.2 1.0").split())
+    n_lists, n_steps, _, missed = map(int, run_program(program, "0.2 1.0").split())
     assert missed == 0
-    assert held <= n_lists < 1000
+    assert n_steps <= n_lists < 1000

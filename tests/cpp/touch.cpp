@@ -4,8 +4,8 @@
 // its radii and arrays; number of pairs; for each the solids x and y: kind, a (3), b (3), R (9),
 // half (3), radius and the number of its hull. stdout, one line per pair: bounding radius of x,
 // whether they are certainly apart, number of points; for each point its place (3), normal (3),
-// gap, feature and region; then by feature and region alone: whether it is defined, whether it is
-// within its features, its normal (3) and gap.
+// gap, feature and region; then, computed from feature and region alone: whether it is defined,
+// whether it is within its features, its normal (3) and gap.
 #include <cmath>
 #include <cstdio>
 #include <iterator>
@@ -16,16 +16,16 @@
 
 namespace {
 
-double take() {
+double read_number() {
   double x = 0.0;
   return std::scanf("%lf", &x) == 1 ? x : std::nan("");
 }
 
-void take(double* to, int n) {
-  for (int i = 0; i < n; ++i) to[i] = take();
+void read_numbers(double* to, int n) {
+  for (int i = 0; i < n; ++i) to[i] = read_number();
 }
 
-int whole() { return int(take()); }
+int read_integer() { return int(read_number()); }
 
 struct ReadHull {
   std::vector<double> vertices, planes;
@@ -33,14 +33,15 @@ struct ReadHull {
   fan::Hull hull;
 
   ReadHull() {
-    const int n_vertices = whole(), n_facets = whole(), n_edges = whole(), n_corners = whole();
-    const double inner = take(), outer = take();
+    const int n_vertices = read_integer(), n_facets = read_integer(), n_edges = read_integer(),
+              n_corners = read_integer();
+    const double inner = read_number(), outer = read_number();
     const auto numbers = [](std::vector<double>& to, int n) {
-      for (int i = 0; i < n; ++i) to.push_back(take());
+      for (int i = 0; i < n; ++i) to.push_back(read_number());
       return to.data();
     };
     const auto indices = [](std::vector<int>& to, int n) {
-      for (int i = 0; i < n; ++i) to.push_back(whole());
+      for (int i = 0; i < n; ++i) to.push_back(read_integer());
       return to.data();
     };
     hull.n_vertices = n_vertices;
@@ -63,13 +64,13 @@ struct ReadHull {
 
 fan::PlacedSolid read(const std::list<ReadHull>& hulls) {
   fan::PlacedSolid x;
-  x.kind = int(take());
-  take(x.a, 3);
-  take(x.b, 3);
-  take(x.R, 9);
-  take(x.half, 3);
-  x.radius = take();
-  x.mesh = whole();
+  x.kind = int(read_number());
+  read_numbers(x.a, 3);
+  read_numbers(x.b, 3);
+  read_numbers(x.R, 9);
+  read_numbers(x.half, 3);
+  x.radius = read_number();
+  x.mesh = read_integer();
   x.hull = x.mesh < 0 ? nullptr : &std::next(hulls.begin(), x.mesh)->hull;
   return x;
 }
@@ -92,10 +93,10 @@ void print_followed(const fan::PlacedSolid& x, const fan::PlacedSolid& y, const 
 }  // namespace
 
 int main() {
-  const double margin = take();
+  const double margin = read_number();
   std::list<ReadHull> hulls;
-  for (int n = whole(); n > 0; --n) hulls.emplace_back();
-  const int pairs = whole();
+  for (int n = read_integer(); n > 0; --n) hulls.emplace_back();
+  const int pairs = read_integer();
   std::vector<fan::PlacedSolid> solids;
   for (int i = 0; i < 2 * pairs; ++i) solids.push_back(read(hulls));
   for (int i = 0; i < pairs; ++i) {

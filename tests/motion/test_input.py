@@ -135,7 +135,7 @@ def test_two_points_are_the_minimum_jerk_move(table):
     assert np.allclose(inputs.evaluate(1.5 * s)[0][:, 0], law, atol=1e-15)
 
 
-def test_held_before_and_after(table):
+def test_coordinates_are_held_before_and_after(table):
     inputs = Input.waypoints(
         table, {"hand.length": [(1, 0.8), (2, 0.5)], "bar.x": [(0, 0), (3, 1)]}
     )
@@ -157,7 +157,7 @@ def test_times_may_have_any_shape(table):
     assert inputs.evaluate_force(np.zeros((3, 2))).shape == (3, 2, 5)
 
 
-def test_nothing_driven_is_an_input_too(table):
+def test_an_input_without_driven_coordinates(table):
     free = dataclasses.replace(
         table, q_K=(), v_K=(), quaternions_K=(), scalars_K=(), rotations={}, start_K=np.zeros(0)
     )
@@ -190,7 +190,7 @@ def test_hold_holds_everything(table):
     assert not v.any() and not acc.any()
 
 
-def test_a_start_elsewhere_is_named_with_both_values(table):
+def test_another_start_is_reported_with_both_values(table):
     inputs = Input.waypoints(
         table, {"hand.length": [(0, 0.9), (1, 0.6)], "bar.rotation": [(0, [0, 0, 0.1])]}
     )
@@ -279,7 +279,7 @@ def test_segments_that_do_not_join_say_where(table):
     assert "crank: jumps in velocity by 0.2 at t = 1 s" in text
 
 
-def test_then_plays_one_after_the_other(table):
+def test_then_plays_inputs_one_after_another(table):
     up = Input.waypoints(table, {"hand.length": [(0, 0.8), (1, 0.6)]})
     turn = Input.waypoints(table, {"bar.rotation": [(5, [1, 0, 0, 0]), (7, [0, 0, 1.0])]})
     down = Input.waypoints(table, {"hand.length": [(0, 0.6), (1, 0.8)]})
@@ -295,7 +295,7 @@ def test_shifted_is_later(table):
     assert inputs.shifted(2.0).evaluate(2.3)[0][0] == pytest.approx(inputs.evaluate(0.3)[0][0])
 
 
-def test_cutting_pieces_changes_nothing(table):
+def test_further_breaks_change_nothing(table):
     inputs = Input.waypoints(table, random_points(1)).bound(
         Input.waypoints(table, random_points(1)).evaluate(0.0)[0]
         + np.where(np.isin(np.arange(10), [0, 1, 4, 5, 6, 7, 9]), 0, np.nan_to_num(START))
@@ -357,9 +357,9 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("what", MISTAKES)
-def test_mistakes_name_the_cause_and_the_place(table, what):
-    points, message = MISTAKES[what]
+@pytest.mark.parametrize("case", MISTAKES)
+def test_mistakes_name_the_cause_and_the_place(table, case):
+    points, message = MISTAKES[case]
     with pytest.raises(InputError) as error:
         Input.waypoints(table, points)
     assert message in str(error.value)

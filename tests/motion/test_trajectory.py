@@ -20,33 +20,33 @@ pytestmark = pytest.mark.own_puppets
 HEAD_AXIS = np.array([0.3, -0.5, 0.8])
 
 
-def course(t):
-    """An analytic motion of the table's five dynamic velocities; one phi on a curved path."""
+def analytic_motion(t):
+    """q_D, v_D, acc_D of an analytic motion at times t; the rotation vector follows a curve."""
     sin, cos = np.sin(t), np.cos(t)
     phi = np.stack([0.5 * sin, 0.4 * cos, 0.3 * t], axis=-1)
     rate = np.stack([0.5 * cos, -0.4 * sin, 0.3 + 0 * t], axis=-1)
     curve = np.stack([-0.5 * sin, -0.4 * cos, 0 * t], axis=-1)
     w, wdot = rotation.body_motion(phi, rate, curve)
     first = np.stack([sin, cos, -sin], axis=0)
-    two = np.stack([np.sin(3 * t), 3 * np.cos(3 * t), -9 * np.sin(3 * t)], axis=0)
-    q = np.concatenate([first[0][:, None], rotation.exp(phi), two[0][:, None]], axis=-1)
-    v = np.concatenate([first[1][:, None], w, two[1][:, None]], axis=-1)
-    acc = np.concatenate([first[2][:, None], wdot, two[2][:, None]], axis=-1)
+    second = np.stack([np.sin(3 * t), 3 * np.cos(3 * t), -9 * np.sin(3 * t)], axis=0)
+    q = np.concatenate([first[0][:, None], rotation.exp(phi), second[0][:, None]], axis=-1)
+    v = np.concatenate([first[1][:, None], w, second[1][:, None]], axis=-1)
+    acc = np.concatenate([first[2][:, None], wdot, second[2][:, None]], axis=-1)
     return q, v, acc
 
 
 def run_of(table, t, **changes) -> Trajectory:
-    q, v, acc = course(t)
-    still = np.tile(np.nan_to_num(table.start_K, nan=0.8), (len(t), 1))
-    none = np.zeros((len(t), table.n_vK))
+    q, v, acc = analytic_motion(t)
+    held = np.tile(np.nan_to_num(table.start_K, nan=0.8), (len(t), 1))
+    zero = np.zeros((len(t), table.n_vK))
     fields = {
         "t": t,
         "q_D": q,
         "v_D": v,
         "acc_D": acc,
-        "q_K": still,
-        "v_K": none,
-        "acc_K": none,
+        "q_K": held,
+        "v_K": zero,
+        "acc_K": zero,
         "tension": Columns(("hand", "knee"), np.stack([1 + t, 2 * t], axis=-1), "string"),
         "limit_force": Columns(("elbow.upper",), np.zeros((len(t), 1)), "limit"),
         "taut": Columns(("hand", "knee"), np.stack([t < 1, t >= 0], axis=-1), "string"),
@@ -72,16 +72,16 @@ def run(table):
 
 def test_resampling_converges_at_order_six(table):
     times = np.linspace(0, 2, 317)
-    q, v, acc = course(times)
+    q, v, acc = analytic_motion(times)
 
     def worst(n):
-        got = run_of(table, np.linspace(0, 2, n)).resample(times)
+        resampled = run_of(table, np.linspace(0, 2, n)).resample(times)
         return np.array(
             [
-                np.max(np.abs(got.q_D[:, [0, 5]] - q[:, [0, 5]])),
-                np.max(np.abs(rotation.between(q[:, 1:5], got.q_D[:, 1:5]))),
-                np.max(np.abs(got.v_D - v)),
-                np.max(np.abs(got.acc_D - acc)),
+                np.max(np.abs(resampled.q_D[:, [0, 5]] - q[:, [0, 5]])),
+                np.max(np.abs(rotation.between(q[:, 1:5], resampled.q_D[:, 1:5]))),
+                np.max(np.abs(resampled.v_D - v)),
+                np.max(np.abs(resampled.acc_D - acc)),
             ]
         )
 
@@ -99,7 +99,7 @@ def test_rows_are_resampled_to_the_same_bits(table, run):
 
 def test_an_impact_has_two_sides(table):
     t = np.array([0.0, 1.0, 1.0, 2.0])
-    _, v, _ = course(t)
+    _, v, _ = analytic_motion(t)
     v[2:] = 0.0
     tension = Columns(("hand",), np.array([[0.0], [0.0], [7.0], [9.0]]), "string")
     taut = Columns(("hand",), np.array([[False], [False], [True], [True]]), "string")
@@ -129,7 +129,7 @@ def test_a_single_row_is_a_run(table):
     assert np.array_equal(run.at(0.5).q_D, run.q_D[0])
 
 
-def test_outside_of_the_run(run):
+def test_times_outside_of_the_run_are_refused(run):
     with pytest.raises(StateError, match=r"t = 2\.1 s is outside of the run, 0 s to 2 s"):
         run.at(2.1)
     with pytest.raises(StateError):
@@ -142,21 +142,21 @@ def test_outside_of_the_run(run):
 def test_npz_is_read_to_the_same_bits(run, tmp_path):
     path = tmp_path / "lift.npz"
     run.save(path)
-    back = Trajectory.load(path)
+    loaded = Trajectory.load(path)
     assert [p.name for p in tmp_path.iterdir()] == ["lift.npz"]
     for name in ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K"):
-        assert getattr(back, name).tobytes() == getattr(run, name).tobytes()
+        assert getattr(loaded, name).tobytes() == getattr(run, name).tobytes()
     for name in ("tension", "limit_force", "taut", "ledger"):
-        ours, theirs = getattr(back, name), getattr(run, name)
+        ours, theirs = getattr(loaded, name), getattr(run, name)
         assert ours.names == theirs.names and ours.what == theirs.what
         assert ours.values.dtype == theirs.values.dtype
         assert ours.values.tobytes() == theirs.values.tobytes()
-    assert back.events == run.events and back.events[0].kind is EventKind.CATCH
-    assert back.status is Status.DONE and back.method == "event"
-    assert back.coordinates.rows == run.coordinates.rows
-    assert back.coordinates.rotations == run.coordinates.rotations
-    assert np.array_equal(back.coordinates.start_K, run.coordinates.start_K, equal_nan=True)
-    assert np.array_equal(back.resample([0.3]).q_D, run.resample([0.3]).q_D)
+    assert loaded.events == run.events and loaded.events[0].kind is EventKind.CATCH
+    assert loaded.status is Status.DONE and loaded.method == "event"
+    assert loaded.coordinates.rows == run.coordinates.rows
+    assert loaded.coordinates.rotations == run.coordinates.rotations
+    assert np.array_equal(loaded.coordinates.start_K, run.coordinates.start_K, equal_nan=True)
+    assert np.array_equal(loaded.resample([0.3]).q_D, run.resample([0.3]).q_D)
 
 
 def test_slip_and_attribution_are_saved(table, run, tmp_path):
@@ -171,21 +171,21 @@ def test_slip_and_attribution_are_saved(table, run, tmp_path):
         status=Status.IMPOSSIBLE_INPUT,
     )
     stopped.save(tmp_path / "a.npz")
-    back = Trajectory.load(tmp_path / "a.npz")
-    assert back.slip.names == slip.names
-    assert back.slip.values.tobytes() == slip.values.tobytes()
-    assert back.causes == ("hand", "elbow.upper")
-    assert back.events == events
-    assert back.status is Status.IMPOSSIBLE_INPUT
-    assert back.state(-1).slip.tolist() == [0.1 * run.t[-1], 0.0]
+    loaded = Trajectory.load(tmp_path / "a.npz")
+    assert loaded.slip.names == slip.names
+    assert loaded.slip.values.tobytes() == slip.values.tobytes()
+    assert loaded.causes == ("hand", "elbow.upper")
+    assert loaded.events == events
+    assert loaded.status is Status.IMPOSSIBLE_INPUT
+    assert loaded.state(-1).slip.tolist() == [0.1 * run.t[-1], 0.0]
     columns = stopped.columns()
     assert columns["slip:hand"].tolist() == slip["hand"].tolist()
     stopped.to_csv(tmp_path / "a.csv")
     assert "slip:knee" in (tmp_path / "a.csv").read_text().splitlines()[0].split(",")
     # Runs saved without either, as those of earlier versions.
     run.save(tmp_path / "b.npz")
-    back = Trajectory.load(tmp_path / "b.npz")
-    assert back.slip is None and back.causes == ()
+    loaded = Trajectory.load(tmp_path / "b.npz")
+    assert loaded.slip is None and loaded.causes == ()
     assert not [name for name in run.columns() if name.startswith("slip:")]
 
 
@@ -285,7 +285,7 @@ def test_columns_are_of_one_length_and_to_dict_is_json(run):
 # -- reading -----------------------------------------------------------------------------------
 
 
-def test_columns_know_their_names(run):
+def test_columns_are_found_by_name(run):
     assert "hand" in run.tension and len(run.tension) == 2 and list(run.tension) == ["hand", "knee"]
     with pytest.raises(UnknownNameError, match="no string is called 'hnad'; did you mean 'hand'"):
         run.tension["hnad"]
@@ -333,7 +333,7 @@ def test_a_part_has_the_samples_and_events_there(table):
     for name in ("q_D", "v_D", "acc_D", "q_K"):
         assert np.array_equal(getattr(part, name)[1:-1], getattr(run, name)[inside]), name
     for t, k in ((0.62, 0), (1.49, -1)):
-        q, v, _ = course(np.array([t]))
+        q, v, _ = analytic_motion(np.array([t]))
         assert part.q_D[k] == pytest.approx(q[0], abs=1e-9)
         assert part.v_D[k] == pytest.approx(v[0], abs=1e-7)
     assert [event.t for event in part.events] == [1.0]

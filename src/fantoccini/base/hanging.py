@@ -32,8 +32,11 @@ def catenary(along: Vec3, length: ArrayLike) -> tuple[Array, Array, Array]:
         Three arrays (...) [m].
     """
     L = np.asarray(length, dtype=float)
-    flat = np.hypot(along[..., 0], along[..., 1])
-    width, span = np.maximum(flat, _MIN_RELATIVE_WIDTH * L), np.sqrt(np.sum(along * along, axis=-1))
+    horizontal = np.hypot(along[..., 0], along[..., 1])
+    width, span = (
+        np.maximum(horizontal, _MIN_RELATIVE_WIDTH * L),
+        np.sqrt(np.sum(along * along, axis=-1)),
+    )
     u = _half_angle(0.5 * np.log1p((L - span) * (L + span) / (width * width)))
     middle = along[..., 2] / np.tanh(u)
     return width / (2.0 * u), 0.5 * (middle - L), 0.5 * (middle + L)
@@ -57,14 +60,16 @@ def _half_angle(log_r: Array) -> Array:
 
 def _log_sinhc(u: Array) -> tuple[Array, Array]:
     """ln(sinh(u) / u), and its slope; power series for small u."""
-    near, uu = u < 0.05, u * u
+    is_small, uu = u < 0.05, u * u
     return (
         np.where(
-            near,
+            is_small,
             uu * (1.0 / 6.0 - uu * (1.0 / 180.0 - uu / 2835.0)),
             u + np.log1p(-np.exp(-2.0 * u)) - np.log(2.0 * u),
         ),
         np.where(
-            near, u * (1.0 / 3.0 - uu * (1.0 / 45.0 - 2.0 * uu / 945.0)), 1.0 / np.tanh(u) - 1.0 / u
+            is_small,
+            u * (1.0 / 3.0 - uu * (1.0 / 45.0 - 2.0 * uu / 945.0)),
+            1.0 / np.tanh(u) - 1.0 / u,
         ),
     )

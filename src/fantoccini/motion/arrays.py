@@ -128,9 +128,9 @@ def at_rest(table: CoordinateTable, breaks: Times, coef: Array, v: VecK) -> Arra
         return coef
     coef, none = np.array(coef), np.zeros((1, len(v[0])))
     h = np.diff(breaks)
-    first = joints.begun(table, coef[:1], np.zeros(1), h[:1], none, small[:1])
+    first = joints.with_start(table, coef[:1], np.zeros(1), h[:1], none, small[:1])
     coef[:1] = first
-    coef[-1:] = joints.ended(table, coef[-1:], h[-1:], none, small[1:])
+    coef[-1:] = joints.with_end(table, coef[-1:], h[-1:], none, small[1:])
     return coef
 
 

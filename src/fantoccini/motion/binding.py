@@ -65,20 +65,20 @@ def bound(
     if speeds is not None:
         v_here, v_K = np.where(named, speeds[0], 0.0), speeds[1]
         differs = np.any(np.abs(v_K - v_here) > joints.TOLERANCES.rounded_speed, axis=1)
-    differs |= ~np.all(np.abs(move) <= joints.TOLERANCES.rounded_place, axis=1)
+    differs |= ~np.all(np.abs(move) <= joints.TOLERANCES.rounded_position, axis=1)
     # Tolerances are computed only where there is a difference: batches are large.
     place, speed = np.zeros(named.shape), np.zeros(named.shape)
     own = breaks[differs] if len(breaks) > 1 else breaks
     place[differs], speed[differs] = joints.tolerances(table, own, coef[differs])
     away = np.abs(q_here - q_K)
-    same = np.maximum(place[:, of_q], joints.TOLERANCES.place * np.maximum(1.0, np.abs(q_here)))
+    same = np.maximum(place[:, of_q], joints.TOLERANCES.position * np.maximum(1.0, np.abs(q_here)))
     for at, _ in table.quaternions_K:
         spot = slice(at, at + 4)
         mine, theirs = q_here[:, spot], q_K[:, spot]
         turned = named_q[:, at] & ((mine * theirs).sum(axis=-1) < 0)
         base[:, :, spot] *= np.where(turned, -1.0, 1.0)[:, None, None]
         away[:, spot] = np.linalg.norm(rotation.between(theirs, mine), axis=-1)[:, None]
-        same[:, spot] = joints.TOLERANCES.place
+        same[:, spot] = joints.TOLERANCES.position
     strange, off = ~np.isfinite(q_K), named_q & ~(away <= same)
     if np.any(strange) or np.any(off):
         for name, (q, _) in pieces.channel_names(table).items():
@@ -150,7 +150,7 @@ def _begin(
     lanes = lanes[(breaks[lanes, 0] <= t) & (t < breaks[lanes, -1])]
     i = (breaks[lanes] <= t).sum(axis=1) - 1
     s, h = t - breaks[lanes, i], breaks[lanes, i + 1] - breaks[lanes, i]
-    changed = joints.begun(table, coef[lanes, i], s, h, move[lanes], v[lanes])
+    changed = joints.with_start(table, coef[lanes, i], s, h, move[lanes], v[lanes])
     coef[lanes, i] = changed
     q, at = table.places_K
     base[lanes[:, None], i[:, None], q] = changed[:, at, 0]

@@ -90,9 +90,9 @@ class Waypoints:
     Attributes:
         channels: motion of the coordinates that the file names.
         mistakes: mistakes found so far.
-        place: key that holds the coordinates.
+        place: path of the key with the coordinates.
         forces: (times [s], forces [N or N m]) by dynamic velocity.
-        duration: everything is held until then [s].
+        duration: time until which the last waypoints are held [s].
         name: name of the performance.
     """
 
@@ -163,7 +163,7 @@ def _samples(table: CoordinateTable, columns: dict[str, Array], located: Located
     return Waypoints(pieces.through_samples(table, read), mistakes)
 
 
-class _Lines(Located):
+class _SampleLines(Located):
     """A CSV file, one line for each sample."""
 
     def line(self, path: Sequence[str | int]) -> int | None:
@@ -204,7 +204,7 @@ def csv_columns(
         raise _file_error(shown_as, message, line) from None
     header: list[str] = []
     lines: list[int] = []
-    located = _Lines(data=lines, file=str(shown_as), folder=path.parent)
+    located = _SampleLines(data=lines, file=str(shown_as), folder=path.parent)
     numbers, mistakes = array("d"), Mistakes(located, InputError)
     reader = csv_reader(text)
     try:
@@ -222,8 +222,8 @@ def csv_columns(
         raise _file_error(shown_as, "the file is empty", 1)
     columns = np.array([]) if mistakes else np.array(numbers).reshape(-1, len(header)).T
     if len(lines) and not mistakes:
-        own = [i for i, x in enumerate(columns) if header[i] or not np.all(np.isnan(x))]
-        header, columns = [header[i] for i in own], columns[own]
+        with_name = [i for i, x in enumerate(columns) if header[i] or not np.all(np.isnan(x))]
+        header, columns = [header[i] for i in with_name], columns[with_name]
     for title in sorted({title for title in header if header.count(title) > 1}):
         mistakes.add((title,), "two columns have this name")
     if "" in header:
@@ -275,7 +275,7 @@ def _with_point(cell: str) -> str:
     return cell.replace(",", ".") if _DECIMAL.fullmatch(cell) else cell
 
 
-def _wrong_count(count: int, needed: int) -> str:
+def _count_message(count: int, needed: int) -> str:
     """Error message for a row whose number of columns differs from the header's."""
     text = f"found {count} columns; the header has {needed}"
     if count > needed:
@@ -290,7 +290,7 @@ def _numbers(
     if len(cells) >= named and not any(cell.strip() for cell in cells[len(header) :]):
         cells = (cells + [""] * len(header))[: len(header)]
     if len(cells) != len(header):
-        mistakes.add(("", sample), _wrong_count(len(cells), len(header)))
+        mistakes.add(("", sample), _count_message(len(cells), len(header)))
         return []
     empty = [
         not cell.strip() and (gaps or not name) for name, cell in zip(header, cells, strict=True)
@@ -319,11 +319,13 @@ def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> 
     """The motion of the driven coordinates in a recorded performance."""
     try:
         about = npz.about_of(arrays)
-        form = str(about["format"])
+        file_format = str(about["format"])
     except npz.UNREADABLE as error:
         raise _file_error(path, f"its `about` cannot be read: {error}") from None
-    if form not in RECORDING_FORMATS:
-        message = f"has the format {form!r}; needed: samples, or a recording ({RECORDING_FORMAT})"
+    if file_format not in RECORDING_FORMATS:
+        message = (
+            f"has the format {file_format!r}; needed: samples, or a recording ({RECORDING_FORMAT})"
+        )
         raise _file_error(path, message)
     try:
         q_K, v_K = (npz.finite(arrays, f"start_{name}", (None,)) for name in ("q_K", "v_K"))
@@ -334,17 +336,19 @@ def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> 
         raise _file_error(path, f"is a damaged recording: {error}") from None
     names = named[-len(q_K) :] if len(q_K) else ()
     if names != table.q_K:
-        raise _file_error(path, f"was recorded with another puppet: {_differ(names, table.q_K)}")
+        raise _file_error(
+            path, f"was recorded with another puppet: {_coordinates_message(names, table.q_K)}"
+        )
     end = start + tick * len(acc_K)
     largest = max(abs(start), abs(end), *(np.abs(x).max(initial=0.0) for x in (q_K, v_K, acc_K)))
-    sound = len(v_K) == table.n_vK and len(acc_K) and tick > 0.0 and start < end
-    if not sound or not largest <= reading.LIMITS.max_number:
+    is_valid = len(v_K) == table.n_vK and len(acc_K) and tick > 0.0 and start < end
+    if not is_valid or not largest <= reading.LIMITS.max_number:
         raise _file_error(path, "is a damaged recording: its shapes or numbers are wrong")
     times: Times = start + tick * np.arange(len(acc_K) + 1, dtype=float)
     return Segments(times, q_K, v_K, acc_K)
 
 
-def _differ(recorded: tuple[str, ...], needed: tuple[str, ...]) -> str:
+def _coordinates_message(recorded: tuple[str, ...], needed: tuple[str, ...]) -> str:
     """Error message for a recording whose driven coordinates differ from those of a puppet."""
     parts = [
         f"{where}: {', '.join(only[:6])}{', ...' if len(only) > 6 else ''}"

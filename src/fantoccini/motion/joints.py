@@ -1,4 +1,4 @@
-"""Joints of inputs: the ends of pieces, where inputs meet, begin at a state or end at rest.
+"""Joints of inputs: points at which an input begins at a state, follows another or ends at rest.
 
 :class:`Tolerances` applies to all of them; lengths are compared with lengths, angles with angles.
 The piece next to the joint is changed to remove a small difference, so that the motion is C^1; a
@@ -26,13 +26,13 @@ class Tolerances:
     """Velocity difference in any motion [m/s or rad/s]."""
     relative_speed: float = 1e-3
     """Velocity difference, relative to the largest speed in the inputs: few digits in a file."""
-    place: float = 1e-9
+    position: float = 1e-9
     """Position difference, relative to 1 m or rad, or to the value if that is larger."""
-    relative_place: float = 1e-6
+    relative_position: float = 1e-6
     """Position difference, relative to the longest move in the inputs."""
     rounded_speed: float = 1e-9
     """Largest velocity difference that is ignored as rounding [m/s or rad/s]."""
-    rounded_place: float = 1e-12
+    rounded_position: float = 1e-12
     """Largest position difference that is ignored as rounding [m or rad]."""
     min_duration: float = 1e-4
     """Shortest piece that is changed [s]; a shorter one would accelerate too much."""
@@ -47,7 +47,7 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
     """Largest differences of positions and velocities at a joint of inputs.
 
     Args:
-        table: names and places of the coordinates.
+        table: names and indices of the coordinates.
         breaks: (n or 1, n_seg + 1) breaks [s].
         coef: (n, n_seg, n_vK, 6) coefficients.
 
@@ -68,19 +68,21 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
     metres = np.zeros(table.n_vK, dtype=bool)
     for place, at in table.scalars_K:
         metres[at] = units[table.q_K[place]] == "m"
-    for alike in (metres, ~metres):
+    for same_unit in (metres, ~metres):
         for scale in (speed, reach):
-            scale[:, alike] = np.max(scale[:, alike], axis=1, initial=0.0)[:, None]
+            scale[:, same_unit] = np.max(scale[:, same_unit], axis=1, initial=0.0)[:, None]
     tol = TOLERANCES
-    same = np.maximum(tol.relative_place * reach, tol.place * size)
-    return same, np.maximum(tol.relative_speed * speed, tol.speed)
+    position = np.maximum(tol.relative_position * reach, tol.position * size)
+    return position, np.maximum(tol.relative_speed * speed, tol.speed)
 
 
-def begun(table: CoordinateTable, coef: Array, s: Array, h: Array, move: Array, v: Array) -> Array:
+def with_start(
+    table: CoordinateTable, coef: Array, s: Array, h: Array, move: Array, v: Array
+) -> Array:
     """Pieces with a new start position and velocity, and the same end.
 
     Args:
-        table: names and places of the coordinates.
+        table: names and indices of the coordinates.
         coef: (n, n_vK, 6) coefficients of the pieces.
         s: (n,) time of the new start, since the piece began [s].
         h: (n,) duration of the piece [s].
@@ -90,17 +92,17 @@ def begun(table: CoordinateTable, coef: Array, s: Array, h: Array, move: Array, 
     Returns:
         (n, n_vK, 6) coefficients.
     """
-    left, zero = h - s, np.zeros_like(v)
+    remaining, zero = h - s, np.zeros_like(v)
     dv = _rates(table, coef, s, v)
-    changes = _not_rounding(move, dv) & (left > TOLERANCES.min_duration)[:, None]
+    changes = _not_rounding(move, dv) & (remaining > TOLERANCES.min_duration)[:, None]
     move, dv = np.where(changes, move, 0.0), np.where(changes, dv, 0.0)
-    left = np.where(left > TOLERANCES.min_duration, left, 1.0)[:, None]
-    correction = polynomial.hermite(left, (move, dv, zero), (zero, zero, zero))
+    remaining = np.where(remaining > TOLERANCES.min_duration, remaining, 1.0)[:, None]
+    correction = polynomial.hermite(remaining, (move, dv, zero), (zero, zero, zero))
     return coef + polynomial.shifted(correction, -s)
 
 
-def ended(table: CoordinateTable, coef: Array, h: Array, move: Array, v: Array) -> Array:
-    """Pieces with a new end position and velocity; arguments as in :func:`begun`."""
+def with_end(table: CoordinateTable, coef: Array, h: Array, move: Array, v: Array) -> Array:
+    """Pieces with a new end position and velocity; arguments as in :func:`with_start`."""
     zero = np.zeros_like(v)
     dv = _rates(table, coef, h, v)
     changes = _not_rounding(move, dv) & (h > TOLERANCES.min_duration)[:, None]
@@ -110,15 +112,15 @@ def ended(table: CoordinateTable, coef: Array, h: Array, move: Array, v: Array) 
 
 
 def _not_rounding(move: Array, dv: Array) -> Mask:
-    return (np.abs(move) > TOLERANCES.rounded_place) | (np.abs(dv) > TOLERANCES.rounded_speed)
+    return (np.abs(move) > TOLERANCES.rounded_position) | (np.abs(dv) > TOLERANCES.rounded_speed)
 
 
 def _rates(table: CoordinateTable, coef: Array, s: Array, v: Array) -> Array:
     """Velocities v (n, n_vK) minus the polynomials' rates at times s (n,)."""
     p, rate, _ = polynomial.evaluate(coef, s[:, None])
-    wanted = np.array(v)
+    target = np.array(v)
     for _, at in table.quaternions_K:
         turn = slice(at, at + 3)
         inverse = rotation.right_jacobian_inverse(p[:, turn])
-        wanted[:, turn] = rotation.apply(inverse, v[:, turn])
-    return wanted - rate
+        target[:, turn] = rotation.apply(inverse, v[:, turn])
+    return target - rate

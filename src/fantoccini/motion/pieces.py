@@ -197,18 +197,18 @@ def joined(
             continue
         if name in table.rotations:
             step = np.linalg.norm(rotation.between(q_0[:, q], q_1[:, q]), axis=-1)
-            same = np.full_like(step, joints.TOLERANCES.place)
+            same = np.full_like(step, joints.TOLERANCES.position)
         else:
             move[:, v] = (q_1 - q_0)[:, q]
             step = np.abs(move[:, v.start])
-            same = np.maximum(place[v.start], joints.TOLERANCES.place * np.abs(q_0[:, q.start]))
+            same = np.maximum(place[v.start], joints.TOLERANCES.position * np.abs(q_0[:, q.start]))
         jump = np.linalg.norm(v_1[:, v] - v_0[:, v], axis=-1)
         for what, by, bound in (("position", step, same), ("velocity", jump, speed[v.start])):
             for i in np.nonzero(~(by <= bound))[0]:
                 mistakes.add((name,), f"jumps in {what} by {by[i]:.3g} at t = {breaks[i + 1]:g} s")
     apart = (np.abs(v_1 - v_0) > joints.TOLERANCES.rounded_speed)[:, named]
-    if not np.any(apart) and not np.any(np.abs(move) > joints.TOLERANCES.rounded_place):
+    if not np.any(apart) and not np.any(np.abs(move) > joints.TOLERANCES.rounded_position):
         return coef
     out = np.array(coef)
-    out[:-1] = joints.ended(table, coef[:-1], h[:-1], move, v_1)
+    out[:-1] = joints.with_end(table, coef[:-1], h[:-1], move, v_1)
     return out

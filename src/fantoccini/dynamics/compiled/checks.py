@@ -60,7 +60,7 @@ def check_step(marionette: CompiledPuppet, method: str, q_D: Array, q_K: Array, 
             "damping). Take a shorter dt, method='event', or a softer or less damped spring"
         )
     for chain in marionette.tree.chains:
-        n, length = chain.pieces, np.min(chain.own_length(q_D, q_K, marionette.number))
+        n, length = chain.pieces, np.min(chain.unstretched_length(q_D, q_K, marionette.number))
         lump = marionette.tree.links[chain.points[1].link].lumps[0]
         k = marionette.number(chain.stiffness) * n / length
         m = marionette.number(lump.amount) * lump.volume

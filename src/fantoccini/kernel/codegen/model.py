@@ -1,4 +1,4 @@
-"""Equations -> source text, without names from the user's file.
+"""Source text of a puppet's equations, without names from the user's file.
 
 A library consists of ``model.c`` and its pieces (the functions), ``model.hpp`` (sizes and index
 tables as constants) and ``main.cpp`` (the C interface). Pieces can be compiled separately, in
@@ -23,14 +23,14 @@ STEM = "model"
 NUMBERS = "numbers"
 """Name of the files that hold the numbers in the tables, without their endings."""
 
-Places = tuple[tuple[int, int], ...]
+IndexPairs = tuple[tuple[int, int], ...]
 
 
 class PieceSizes(NamedTuple):
     """Sizes at which generated functions are cut, chosen for short compile times (docs/growth.md).
 
     Attributes:
-        piece: arithmetic statements of a piece, at most.
+        piece: largest number of arithmetic statements of a piece.
         file: statements at which the next piece starts another file.
     """
 
@@ -85,7 +85,7 @@ def assembled(
 ) -> Generated:
     """Functions in units of their own, with the files that call them.
 
-    The rest is then the same text for puppets that differ in numbers alone, and is compiled once.
+    The rest is the same text for puppets that differ in numbers alone, and is compiled once.
 
     Args:
         parts: functions by name, for each type that they compute with.
@@ -94,21 +94,21 @@ def assembled(
     """
     texts, counts = dict[str, str](), dict[str, int]()
     units = {name: text for name, text in numbers.items() if name.endswith(".cpp")}
-    cut = [name for name in numbers if name not in units]
+    included = [name for name in numbers if name not in units]
     texts |= numbers
     for real, functions in parts.items():
         text = model_text(functions, stem=real.stem)
         counts |= _counted(functions)
         texts |= text
-        own = [name for name in text if "pieces" in name]
+        piece_files = [name for name in text if "pieces" in name]
         units |= {
             name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(
                 pieces=name, type=real.type, space=real.space, header=real.header
             )
-            for name in own
+            for name in piece_files
         }
-        cut += own
-    return Generated(texts | units | files, "main.cpp", tuple(units), counts, tuple(cut))
+        included += piece_files
+    return Generated(texts | units | files, "main.cpp", tuple(units), counts, tuple(included))
 
 
 def programs(
@@ -122,9 +122,9 @@ def programs(
         columns: whether to add ``Equations.columns``, as ``column_0`` and so on.
     """
     names = equations.model if names is None else names
-    own = {name: program(equations[name]) for name in names}
+    functions = {name: program(equations[name]) for name in names}
     added = equations.columns.values() if columns else ()
-    return own | {f"column_{k}": program(function) for k, (_, function) in enumerate(added)}
+    return functions | {f"column_{k}": program(function) for k, (_, function) in enumerate(added)}
 
 
 def operations(equations: Equations) -> dict[str, int]:
@@ -133,8 +133,8 @@ def operations(equations: Equations) -> dict[str, int]:
 
 
 def _counted(functions: dict[str, Program]) -> dict[str, int]:
-    counts = {n: whole.operations for n, whole in functions.items() if not _is_column(n)}
-    columns = [whole.operations for n, whole in functions.items() if _is_column(n)]
+    counts = {n: statements.operations for n, statements in functions.items() if not _is_column(n)}
+    columns = [statements.operations for n, statements in functions.items() if _is_column(n)]
     return counts | ({"columns": sum(columns)} if columns else {})
 
 
@@ -159,8 +159,8 @@ def model_text(
         File name -> text.
     """
     all_pieces = {
-        name: pieces(whole, f"fan_{name}", longest, _standing(name))
-        for name, whole in functions.items()
+        name: pieces(statements, f"fan_{name}", longest, _constant_results(name))
+        for name, statements in functions.items()
     }
     files = dealt([piece for cut in all_pieces.values() for piece in cut.pieces], SIZES.file)
     first = "" if stem == STEM else f"{stem}_"
@@ -175,7 +175,7 @@ def model_text(
     return {f"{stem}.c": text} | dict(zip(names, files, strict=True))
 
 
-def _standing(name: str) -> tuple[str, ...]:
+def _constant_results(name: str) -> tuple[str, ...]:
     return FUNCTIONS[name].standing if name in FUNCTIONS else ()
 
 
@@ -199,8 +199,8 @@ def tables_text(
     Args:
         equations: the derived equations.
         sizes: the constants, for functions that need no tables; these are then left out.
-        numbers: tables of numbers by name. Their values stand apart, so that puppets that differ
-            in them alone share what is compiled.
+        numbers: tables of numbers by name. Their values have a file of their own, so that puppets
+            that differ in them alone share compiled code.
     """
     constants = [
         f"  static constexpr int {name} = {value};"
@@ -242,7 +242,7 @@ def _macro(name: str) -> str:
 def _tables(equations: Equations) -> list[str]:
     tree, table = equations.tree, equations.tree.coordinates
     columns = equations.columns
-    numbered = {link: k for k, link in enumerate(columns)}
+    column_of = {link: k for k, link in enumerate(columns)}
     places = [_limit_place(tree, limit) for limit in tree.limits]
     units = {row.name: row.unit for row in table.rows}
     turns = [int(units.get(name, "rad") != "m") for name in table.v_D]
@@ -252,32 +252,34 @@ def _tables(equations: Equations) -> list[str]:
     return [
         f"  static constexpr bool coupled = {int(_coupled(tree))};",
         # Whether driven accelerations act on dynamic coordinates by themselves, not through rows.
-        f"  static constexpr bool accelerated = {int(_coupled(tree) or _follows(tree))};",
+        f"  static constexpr bool accelerated = {int(_coupled(tree) or _has_commands(tree))};",
         _array("bool", "wire", [int(s.wire) for s in tree.strings]),
-        # Places of a length in q_K and v_K, and in q_D if a drive winds it; otherwise -1.
+        # Indices of a length in q_K and v_K, and in q_D if a drive winds it; otherwise -1.
         _array("int", "length_q", length_q),
         _array("int", "length_v", length_v),
         _array("int", "wound_q", wound_q),
         _array("int", "string_points", [len(s.points) for s in tree.strings]),
-        # Places in v_D of the entries of a string's column of W.
-        *_lists("string", [_pulled(tree, s) for s in tree.strings]),
+        # Indices in v_D of the entries of a string's column of W.
+        *_lists("string", [_string_velocities(tree, s) for s in tree.strings]),
         _array("bool", "turns", turns),
         _array("int", "motor_v", tree.motor_places),
         _array("bool", "watched_steps", [int(row.steps) for row in tree.watched]),
         _array("bool", "watched_turns", [turns[row.v.start] for row in tree.watched]),
         _array("int", "limit_v", [first for first, _ in places]),
         _array("int", "limit_n", [n for _, n in places]),
-        # Index of a limit's column in Equations.columns, and places of its entries in v_D.
+        # Index of a limit's column in Equations.columns, and indices in v_D of its entries.
         f"  static constexpr int n_columns = {len(columns)};",
-        _array("int", "limit_column", [numbered[r.link] for r in tree.limits if columns]),
+        _array("int", "limit_column", [column_of[r.link] for r in tree.limits if columns]),
         *_lists("column", [entries for entries, _ in columns.values()]),
-        *_ways(tree),
+        *_contact_tables(tree),
         *_space("Dynamic", table.n_qD, table.n_vD, table.scalars_D, table.quaternions_D),
         *_space("Driven", table.n_qK, table.n_vK, table.scalars_K, table.quaternions_K),
     ]
 
 
-def _space(name: str, n_q: int, n_v: int, scalars: Places, quaternions: Places) -> list[str]:
+def _space(
+    name: str, n_q: int, n_v: int, scalars: IndexPairs, quaternions: IndexPairs
+) -> list[str]:
     return [
         f"  struct {name} {{",
         f"    static constexpr int n_q = {n_q}, n_v = {n_v};",
@@ -299,11 +301,11 @@ def _array(kind: str, name: str, values: Sequence[float]) -> str:
 
 def _coupled(tree: Tree) -> bool:
     """Whether M_DK is not zero: dynamic and driven joints move a common link."""
-    ways = (tree.ancestors(i) for i in range(len(tree.links)))
-    return any(len({tree.links[i].role for i in way} - {Role.FIXED}) > 1 for way in ways)
+    paths = (tree.ancestors(i) for i in range(len(tree.links)))
+    return any(len({tree.links[i].role for i in path} - {Role.FIXED}) > 1 for path in paths)
 
 
-def _follows(tree: Tree) -> bool:
+def _has_commands(tree: Tree) -> bool:
     """Whether the force of a drive depends on its command's acceleration."""
     return any(row.command is not None for row in tree.drives)
 
@@ -317,15 +319,15 @@ def _lists(name: str, lists: list[list[int]]) -> list[str]:
     ]
 
 
-def _ways(tree: Tree) -> list[str]:
-    """For contact: parents of links, and places in v_D and v_K of the velocities that move them."""
+def _contact_tables(tree: Tree) -> list[str]:
+    """For contact: parents of links, and indices of the velocities that move them."""
     if not tree.n_contacts:
         return []
     moved: dict[Role, list[list[int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
     for i in range(len(tree.links)):
-        for role, ways in moved.items():
+        for role, paths in moved.items():
             links = [tree.links[j] for j in reversed(tree.ancestors(i))]
-            ways.append([k for a in links if a.role is role for k in range(a.v.start, a.v.stop)])
+            paths.append([k for a in links if a.role is role for k in range(a.v.start, a.v.stop)])
     return [
         _array("int", "link_parent", [link.parent for link in tree.links]),
         *_lists("moved_D", moved[Role.DYNAMIC]),
@@ -351,10 +353,10 @@ def _carriers(tree: Tree, moved: dict[Role, list[list[int]]]) -> list[list[int]]
     return carriers
 
 
-def _pulled(tree: Tree, string: StringRow) -> list[int]:
-    """Places in v_D of the links between a string's points and the world, in order."""
-    ways = (tree.ancestors(point.link) for point in string.points)
-    links = {i for way in ways for i in way if tree.links[i].role is Role.DYNAMIC}
+def _string_velocities(tree: Tree, string: StringRow) -> list[int]:
+    """Indices in v_D of the links between a string's points and the world, in order."""
+    paths = (tree.ancestors(point.link) for point in string.points)
+    links = {i for path in paths for i in path if tree.links[i].role is Role.DYNAMIC}
     if string.wound_length:
         links |= {d.link for d in tree.drives if d.v.start == string.wound_length[1]}
     return [k for i in sorted(links) for k in range(tree.links[i].v.start, tree.links[i].v.stop)]

@@ -22,11 +22,11 @@ HEADER = Path(__file__).resolve().parents[1] / "cpp" / "fantoccini" / "contract.
 
 def header() -> str:
     """The text of ``contract.hpp``."""
-    called = [f for f in FUNCTIONS.values() if set(f.libraries) - {VARIATIONAL_DERIVATIVES}]
+    functions = [f for f in FUNCTIONS.values() if set(f.libraries) - {VARIATIONAL_DERIVATIVES}]
     return _HEADER.format(
         digest=f"0x{digest():016x}",
-        sizes=_filled("Sizes::", list(SIZES), "      "),
-        calls="\n".join(_call(f) for f in (*called, COLUMN)),
+        sizes=_joined("Sizes::", list(SIZES), "      "),
+        calls="\n".join(_call(f) for f in (*functions, COLUMN)),
         constants=_constants(),
         codes="\n".join(map(_code, CODES)),
         structures="\n".join(map(_structure, STRUCTURES)),
@@ -34,8 +34,8 @@ def header() -> str:
         contact=_layout(CONTACT),
         event=", ".join(q.name for q in EVENT),
         winch=", ".join(q.name for q in WINCH),
-        part=_filled("", [q.name for q in PARTS], "    "),
-        widths=_filled("", [_numel(q) for q in PARTS], "      "),
+        part=_joined("", [q.name for q in PARTS], "    "),
+        widths=_joined("", [_numel(q) for q in PARTS], "      "),
     )
 
 
@@ -43,7 +43,9 @@ def _constants() -> str:
     lines: list[str] = []
     for name, x in CONSTANTS.items():
         unit = "" if x.unit == "1" else f" [{x.unit}]"
-        lines += _noted(f"  static constexpr double {name} = {float(x)!r};", x.meaning + unit)
+        lines += _with_meaning(
+            f"  static constexpr double {name} = {float(x)!r};", x.meaning + unit
+        )
     return "\n".join(lines)
 
 
@@ -53,18 +55,20 @@ def _code(code: type[Code] | type[Status]) -> str:
     members: list[str] = []
     for m in code:
         meaning = m.message if isinstance(m, Status) else m.meaning
-        members += _noted(f"  {m.name} = {m.value},", meaning)
-    about = _comment((code.__doc__ or "").partition("\n")[0], "")
-    return "\n".join([*about, f"{kind} {code.__name__} : {type_} {{", *members, "};", ""])
+        members += _with_meaning(f"  {m.name} = {m.value},", meaning)
+    comment = _comment((code.__doc__ or "").partition("\n")[0], "")
+    return "\n".join([*comment, f"{kind} {code.__name__} : {type_} {{", *members, "};", ""])
 
 
 def _structure(structure: Structure) -> str:
-    fields = [line for f in structure.fields for line in _noted(f"  {_field(f)};", f.meaning)]
-    about = _comment(structure.meaning, "")
-    return "\n".join([*about, f"struct {structure.name} {{", *fields, "};", ""])
+    fields = [
+        line for f in structure.fields for line in _with_meaning(f"  {_field(f)};", f.meaning)
+    ]
+    comment = _comment(structure.meaning, "")
+    return "\n".join([*comment, f"struct {structure.name} {{", *fields, "};", ""])
 
 
-def _noted(code: str, meaning: str) -> list[str]:
+def _with_meaning(code: str, meaning: str) -> list[str]:
     """A line of code with its meaning after it; before it if the line would be too long."""
     if not meaning:
         return [code]
@@ -89,14 +93,14 @@ def _numel(quantity: Quantity) -> str:
 def _layout(parts: tuple[Quantity, ...]) -> str:
     lines, before = [], "0"
     for q in parts:
-        lines += _noted(f"  static constexpr int {q.name} = {before};", q.described)
+        lines += _with_meaning(f"  static constexpr int {q.name} = {before};", q.described)
         before = f"{q.name} + {_numel(q)}"
     return "\n".join([*lines, f"  static constexpr int width = {before};"])
 
 
 def _call(function: Function) -> str:
     """A member of ``Call``: a single result is an argument, several are members of a structure."""
-    own, several = function.name, len(function.results) > 1
+    name, several = function.name, len(function.results) > 1
     parameters = ["int which"] if function is COLUMN else []
     parameters += [_parameter(q, "const Real") for q in function.arguments]
     if several:
@@ -105,17 +109,17 @@ def _call(function: Function) -> str:
         parameters.append(_parameter(function.results[0], "Real"))
     if function.standing:
         parameters.append("bool constants")
-    arg = _filled("", [q.name if q.shape else f"&{q.name}" for q in function.arguments], "        ")
+    arg = _joined("", [q.name if q.shape else f"&{q.name}" for q in function.arguments], "        ")
     names = [f"at(to.{q.name})" if several else f"at({q.name})" for q in function.results]
     which = "which, " if function is COLUMN else ""
-    res = _filled("", names, "        ")
+    res = _joined("", names, "        ")
     body = [f"    const Real* arg[] = {{{arg}}};", f"    Real* res[] = {{{res}}};"]
     if function.standing:
-        body.append(f"    if (constants) Model::{own}_constants(res);")
-    body.append(f"    Model::{own}{'_varying' if function.standing else ''}({which}arg, res);")
+        body.append(f"    if (constants) Model::{name}_constants(res);")
+    body.append(f"    Model::{name}{'_varying' if function.standing else ''}({which}arg, res);")
     lines = _comment(function.purpose)
     lines += ["  template <class Results>"] if several else []
-    lines.append(f"  FAN_FN static void {own}(\n      {_filled('', parameters, '      ')}) {{")
+    lines.append(f"  FAN_FN static void {name}(\n      {_joined('', parameters, '      ')}) {{")
     return "\n".join([*lines, *body, "  }", ""])
 
 
@@ -127,7 +131,7 @@ def _comment(text: str, indent: str = "  ") -> list[str]:
     return [f"{indent}// {line}" for line in textwrap.wrap(text, 90)]
 
 
-def _filled(prefix: str, words: list[str], indent: str) -> str:
+def _joined(prefix: str, words: list[str], indent: str) -> str:
     """Words joined by commas, wrapped to lines of at most 100 characters."""
     text = ", ".join(f"{prefix}{word}".replace(" ", "\0") for word in words)
     lines = textwrap.wrap(text, 78, break_long_words=False, break_on_hyphens=False)

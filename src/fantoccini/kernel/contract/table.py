@@ -21,7 +21,7 @@ def page() -> str:
     results = [(f"{f.name}.{q.name}", q) for f in functions for q in f.results]
     return _PAGE.format(
         sizes="\n".join(f"| `{name}` | {meaning} |" for name, meaning in SIZES.items()),
-        functions="\n".join(map(_line, functions)),
+        functions="\n".join(map(_function_row, functions)),
         arguments=_table("argument", ARGUMENTS.items()),
         results=_table("result", results),
         sample=_table("part", ((q.name, q) for q in SAMPLE)),
@@ -34,12 +34,12 @@ def page() -> str:
     )
 
 
-def _line(function: Function) -> str:
+def _function_row(function: Function) -> str:
     arguments = ", ".join(q.name for q in function.arguments)
     results = ", ".join(f"`{q.name}`" for q in function.results)
-    where = [*function.libraries, *["C99"] * function.exported]
+    libraries = [*function.libraries, *["C99"] * function.exported]
     cells = f"| `{function.name}({arguments})` | {results} | {function.purpose} "
-    return f"{cells}| {', '.join(where) or 'interpreted'} |"
+    return f"{cells}| {', '.join(libraries) or 'interpreted'} |"
 
 
 def _table(title: str, quantities: Iterable[tuple[str, Quantity]]) -> str:
@@ -64,8 +64,8 @@ import fantoccini as fan
 arm = fan.puppets.arm2d()
 x = arm.rest()
 at = {{"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "p": arm.p}}
-on = arm.library.evaluate("dynamics", **at, acc_K=0 * x.v_K, u_D=0 * x.v_D)
-print(on.G, on.hdot)                         # results by name; leading axes broadcast
+results = arm.library.evaluate("dynamics", **at, acc_K=0 * x.v_K, u_D=0 * x.v_D)
+print(results.G, results.hdot)               # results by name; leading axes broadcast
 M = arm.equations["mass_matrix"](q_D=x.q_D, q_K=x.q_K, p=arm.p)["M"]    # interpreted
 ```
 

@@ -65,8 +65,8 @@ def _from_bodies(system: System) -> ca.SX:
         columns: Columns = {}
         if link.parent != WORLD:
             for c, (w, v, wdot, vdot) in jacobians[link.parent].items():
-                w_here, v_here = _moved(joint, w, v)
-                wdot_here, vdot_here = _moved(joint, wdot, vdot)
+                w_here, v_here = _in_link_frame(joint, w, v)
+                wdot_here, vdot_here = _in_link_frame(joint, wdot, vdot)
                 # Xdot = -(joint velocity) x X
                 wdot_here = wdot_here - cross(w_joint, w_here)
                 vdot_here = vdot_here - cross(w_joint, v_here) - cross(v_joint, w_here)
@@ -82,7 +82,9 @@ def _from_bodies(system: System) -> ca.SX:
     return matrix(C)
 
 
-def _moved(joint: JointMotion, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _in_link_frame(
+    joint: JointMotion, w: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """A motion of the parent, transformed to the link's frame."""
     Rt = joint.R.T
     return Rt.dot(w), Rt.dot(v + cross(w, joint.r))

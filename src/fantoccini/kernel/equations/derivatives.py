@@ -65,9 +65,9 @@ class Derivatives:
         symbols = self.system.symbols
         names = [n for n in compiled(library, self.tree.sizes) if n in _FUNCTIONS]
         if "step_back" in names:
-            results = self._gradient()
+            results = self._residual_gradient()
         elif "hanging" in names:
-            results = self._hanging()
+            results = self._at_rest()
         else:
             results = {**self._forces(symbols.tension), **self._rows()}
         return {name: declared(name, symbols, results) for name in names}
@@ -90,18 +90,20 @@ class Derivatives:
         tau, pulls = elements(tension), [(zeros(3), zeros(3)) for _ in tree.links]
         for i, string in enumerate(tree.strings):
             self._pull(string.points, tau[i], pulls)
-        late_drag = self._late_drag()
+        drag_changes = self._drag_change()
         wrenches = [
-            (torque - pulled[0] + late[0], force - pulled[1] + late[1])
-            for (torque, force), pulled, late in zip(loads.wrenches, pulls, late_drag, strict=True)
+            (torque - pulled[0] + drag[0], force - pulled[1] + drag[1])
+            for (torque, force), pulled, drag in zip(
+                loads.wrenches, pulls, drag_changes, strict=True
+            )
         ]
         f_D, _ = system.generalised(dataclasses.replace(loads, wrenches=wrenches))
         acc_D, motors = elements(s.acc_D), drives.forces(system, s.dt)
         f_D = f_D + (system.armature + motors.armature) * acc_D - motors.f_D
         for link in tree.links:
             if link.role is Role.DYNAMIC:
-                late = scaled(s.dt * system.value(link.damping), acc_D[link.v])
-                f_D[link.v] = f_D[link.v] + late
+                implicit = scaled(s.dt * system.value(link.damping), acc_D[link.v])
+                f_D[link.v] = f_D[link.v] + implicit
         for i, row in enumerate(system.string_rows):
             f_D = f_D + scaled(tau[i], row.winding)
         for i, limit in enumerate(tree.limits):
@@ -110,13 +112,13 @@ class Derivatives:
             f_D[place] = f_D[place] + scaled(tau[len(tree.strings) + i], J)
         return column(f_D)
 
-    def _late_drag(self) -> list[tuple[np.ndarray, np.ndarray]]:
+    def _drag_change(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Change of the drag on every link over a step with acc_D."""
         system, s = self.system, self.system.symbols
-        moved = system.motions(elements(s.acc_D))
+        motions = system.motions(elements(s.acc_D))
         return [
             system.drag_inertia(i, s.dt).momentum(motion.w, motion.v)
-            for i, motion in enumerate(moved)
+            for i, motion in enumerate(motions)
         ]
 
     def _pull(
@@ -124,12 +126,12 @@ class Derivatives:
     ) -> None:
         """Adds a string's pull to the wrenches on its links."""
         system = self.system
-        around = system.around(system.full_motions)
+        arguments = system.row_arguments(system.full_motions)
         pulls = [zeros(3) for _ in points]
         for k, (first, second) in enumerate(pairwise(points)):
             if first.link == second.link:
                 continue
-            d = around.place(second) - around.place(first)
+            d = arguments.position(second) - arguments.position(first)
             along = scaled(tension / segment_length(d), d)
             pulls[k] = pulls[k] + along
             pulls[k + 1] = pulls[k + 1] - along
@@ -171,7 +173,7 @@ class Derivatives:
             hdot.append(dot(J, v_D[place]))
             hddot.append(dot(J, acc_D[place]) + gamma)
         results = {"A_D": stacked(A_D, n), "A_K": stacked(A_K, n_K)}
-        # A string acts on few links: differentiation backwards from each row is shorter.
+        # A string acts on few links: reverse mode from each row needs fewer operations.
         for name, values, by in (
             ("h", h, "p"),
             ("hdot", hdot, "q_D q_K p"),
@@ -182,10 +184,10 @@ class Derivatives:
                 results[f"{name}_{symbol.removesuffix('_D').replace('_', '')}"] = x
         return results
 
-    def _gradient(self) -> dict[str, ca.SX]:
+    def _residual_gradient(self) -> dict[str, ca.SX]:
         """Gradient of z . r + y . hdot + y_h . h, in one backward pass."""
         s = self.system.symbols
-        h, hdot = self._heights()
+        h, hdot = self._row_values()
         rates = ca.substitute(hdot, s.v_D, s.v_next)
         value = ca.dot(s.z, self.residual(s.tension, s.v_ahead))
         value = ca.cse(value + ca.dot(s.y, rates) + ca.dot(s.y_h, h))
@@ -201,18 +203,20 @@ class Derivatives:
         }
         variables = [getattr(s, name) for name in names.values()]
         # One vector for all variables, so that common subexpressions are differentiated once.
-        whole = ca.SX.sym("whole", sum(x.numel() for x in variables))
+        joined = ca.SX.sym("joined", sum(x.numel() for x in variables))
         cuts = np.cumsum([0, *(x.numel() for x in variables)]).tolist()
-        value = ca.substitute([value], variables, ca.vertsplit(whole, cuts))[0]
-        back = ca.substitute(ca.gradient(value, whole), whole, ca.vertcat(*variables))
+        value = ca.substitute([value], variables, ca.vertsplit(joined, cuts))[0]
+        gradient = ca.substitute(ca.gradient(value, joined), joined, ca.vertcat(*variables))
         return {
             result: tangents(s, self.tree, name).T @ part
-            for (result, name), part in zip(names.items(), ca.vertsplit(back, cuts), strict=True)
+            for (result, name), part in zip(
+                names.items(), ca.vertsplit(gradient, cuts), strict=True
+            )
         }
 
-    def _hanging(self) -> dict[str, ca.SX]:
+    def _at_rest(self) -> dict[str, ca.SX]:
         """r and h at rest, and their derivatives."""
-        s, (h, _) = self.system.symbols, self._heights()
+        s, (h, _) = self.system.symbols, self._row_values()
         moving = [s.v_D, s.v_K, s.acc_D, s.acc_K, s.dt]
         zero = [ca.SX.zeros(*x.shape) for x in moving]
         r = ca.cse(ca.substitute([self.residual(s.tension)], moving, zero)[0])
@@ -222,7 +226,7 @@ class Derivatives:
         h_by = self._derivatives(ca.cse(h), names, backward=True)
         return {"r": r, "h": h, **r_by, **{names[name]: x for name, x in h_by.items()}}
 
-    def _heights(self) -> tuple[ca.SX, ca.SX]:
+    def _row_values(self) -> tuple[ca.SX, ca.SX]:
         """h and hdot (n_rows,) of strings and limits."""
         system, v_D = self.system, elements(self.system.symbols.v_D)
         rows = system.full_string_rows

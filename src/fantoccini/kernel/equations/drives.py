@@ -56,19 +56,20 @@ class DriveForces:
 
     Attributes:
         f_D: (n_vD,) forces of the motors for a step without change of velocity [N or N m].
-        yields: (n_vD,) decrease of these forces per change of velocity over the step.
+        velocity_slopes: (n_vD,) decrease of f_D per change of velocity over the step [N s/m or
+            N m s].
         armature: (n_vD,) terms that the step adds to the diagonal of M_DD, without inertia.
     """
 
     f_D: np.ndarray
-    yields: np.ndarray
+    velocity_slopes: np.ndarray
     armature: np.ndarray
 
 
 def forces(system: System, dt: ca.SX) -> DriveForces:
     """Forces of the motors over a step dt; dt = 0 for the exact equations."""
     n = system.tree.coordinates.n_vD
-    f_D, yields, friction = zeros(n), zeros(n), zeros(n)
+    f_D, velocity_slopes, friction = zeros(n), zeros(n), zeros(n)
     controllers = _Controllers(system, dt)
     v_D = elements(system.symbols.v_D)
     for row in system.tree.drives:
@@ -76,12 +77,14 @@ def forces(system: System, dt: ca.SX) -> DriveForces:
         force, share, braked = _bounded(row, force, v_D[row.v], system.value)
         f_D[row.v] = force
         n = len(force)
-        yields[row.v] = scaled(share, damping + scaled(dt, stiffness)) + _each(braked, n)
-        friction[row.v] = _each(system.resistance(row), n)
-    return DriveForces(f_D, yields, scaled(dt, yields + friction))
+        velocity_slopes[row.v] = scaled(share, damping + scaled(dt, stiffness)) + _repeated(
+            braked, n
+        )
+        friction[row.v] = _repeated(system.resistance(row), n)
+    return DriveForces(f_D, velocity_slopes, scaled(dt, velocity_slopes + friction))
 
 
-def lags(system: System) -> dict[str, np.ndarray]:
+def motor_lags(system: System) -> dict[str, np.ndarray]:
     """The results of ``motor_lags``: lags of watched drives behind their commands.
 
     ``at`` and ``command`` are positions [m or rad]; for an orientation, ``at`` is its angle from
@@ -90,15 +93,15 @@ def lags(system: System) -> dict[str, np.ndarray]:
     """
     s, entries = system.symbols, []
     for row in system.tree.watched:
-        q, own, lag = _command(row)[0], elements(s.q_D)[row.q], ca.SX(0)
+        q, actual, lag = _command(row)[0], elements(s.q_D)[row.q], ca.SX(0)
         if row.turns:
             target = elements(s.q_K)[q : q + 4]
-            vector = _between(own, target)
+            vector = _vector_part(actual, target)
             sine = ca.sqrt(dot(vector, vector) + REGULAR.square)
-            cosine = ca.sqrt(dot(own, target) ** 2 + REGULAR.square)
+            cosine = ca.sqrt(dot(actual, target) ** 2 + REGULAR.square)
             at, command = 2 * ca.atan(sine / cosine), ca.SX(0)
         else:
-            at, command = own[0], s.q_K[q]
+            at, command = actual[0], s.q_K[q]
         motor = row.drive.motor
         if isinstance(motor, StepperMotor):
             periods = _periods(system, row, motor) / (2 * np.pi) * row.ratio(system.value)
@@ -108,7 +111,7 @@ def lags(system: System) -> dict[str, np.ndarray]:
     return {n: symbolic(list(c)) for n, c in zip(("at", "command", "lag"), columns, strict=True)}
 
 
-def shares(system: System) -> np.ndarray:
+def available_shares(system: System) -> np.ndarray:
     """Share of the demanded force that the motor of each watched drive can exert, at most 1."""
     controllers, v_D = _Controllers(system, ca.SX(0)), elements(system.symbols.v_D)
     out = []
@@ -118,7 +121,7 @@ def shares(system: System) -> np.ndarray:
     return symbolic(out)
 
 
-def demands(system: System) -> np.ndarray:
+def demanded_forces(system: System) -> np.ndarray:
     """(n_vD,) forces that controllers demand, without the bounds of motors [N or N m]."""
     controllers, f_D = _Controllers(system, ca.SX(0)), zeros(system.tree.coordinates.n_vD)
     for row in system.tree.drives:
@@ -127,7 +130,7 @@ def demands(system: System) -> np.ndarray:
 
 
 def _command(row: DriveRow) -> tuple[int, int]:
-    """Places of the command in q_K and v_K."""
+    """Indices of the command in q_K and v_K."""
     assert row.command is not None, "the drive has no command"
     return row.command
 
@@ -166,13 +169,17 @@ class _Controllers:
         if isinstance(row.drive.motor, StepperMotor):
             return self._stepper(row, row.drive.motor)
         if isinstance(control, PD):
-            late, rate, _ = self._error(row)
+            error, rate, _ = self._error(row)
             k, d = value(control.stiffness), value(control.damping)
-            return scaled(k, late) + scaled(d, rate), _each(k, len(zero)), _each(d, len(zero))
+            return (
+                scaled(k, error) + scaled(d, rate),
+                _repeated(k, len(zero)),
+                _repeated(d, len(zero)),
+            )
         assert control is not None, "a command is followed by a stepper motor or a controller"
         w, zeta = value(control.bandwidth), value(control.damping_ratio)
-        own = self.inertia[row.v]
-        return self.computed_torque[row.v], scaled(w * w, own), scaled(2 * zeta * w, own)
+        inertia = self.inertia[row.v]
+        return self.computed_torque[row.v], scaled(w * w, inertia), scaled(2 * zeta * w, inertia)
 
     def _error(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """e and edot at the end of the step, and rddot; for an orientation in the body's frame.
@@ -180,19 +187,19 @@ class _Controllers:
         Over a step v_K is the command's mean velocity and acc_K its mean acceleration.
         """
         q, v = _command(row)
-        own, w = self.q_D[row.q], self.v_D[row.v]
+        actual, w = self.q_D[row.q], self.v_D[row.v]
         n = row.v.stop - row.v.start
-        mean, curve = self.v_K[v : v + n], self.acc_K[v : v + n]
-        last = mean + scaled(0.5 * self.dt, curve)
+        mean, acceleration = self.v_K[v : v + n], self.acc_K[v : v + n]
+        last = mean + scaled(0.5 * self.dt, acceleration)
         if not row.turns:
-            late = self.q_K[q : q + 1] - own + scaled(self.dt, mean - w)
-            return late, last - w, curve
+            error = self.q_K[q : q + 1] - actual + scaled(self.dt, mean - w)
+            return error, last - w, acceleration
         target = self.q_K[q : q + 4]
-        scalar = dot(own, target)
-        vector = _between(own, target)
+        scalar = dot(actual, target)
+        vector = _vector_part(actual, target)
         R = quaternion_rotation(np.concatenate([[scalar], vector]))
-        late = scaled(2 * scalar, vector) + scaled(self.dt, R.dot(mean) - w)
-        return late, R.dot(last) - w, R.dot(curve)
+        error = scaled(2 * scalar, vector) + scaled(self.dt, R.dot(mean) - w)
+        return error, R.dot(last) - w, R.dot(acceleration)
 
     def _inverse_dynamics(self) -> np.ndarray:
         """(n_vD,) forces of computed torque for the error at the end of the step."""
@@ -204,8 +211,8 @@ class _Controllers:
                 continue
             is_used = True
             w, zeta = system.value(control.bandwidth), system.value(control.damping_ratio)
-            late, rate, curve = self._error(row)
-            acc[row.v] = curve + scaled(2 * zeta * w, rate) + scaled(w * w, late)
+            error, rate, acceleration = self._error(row)
+            acc[row.v] = acceleration + scaled(2 * zeta * w, rate) + scaled(w * w, error)
         if not is_used:
             return acc
         motions = system.motions(self.v_D, self.v_K, acc, self.acc_K)
@@ -220,8 +227,8 @@ class _Controllers:
     def inertia(self) -> np.ndarray:
         """(n_vD,) row sums of |M| over the coordinates that computed torque moves."""
         sums, links = self.system.armature.copy(), self.system.tree.links
-        moved = [d for d in self.system.tree.drives if isinstance(d.drive.control, ComputedTorque)]
-        places = {k for row in moved for k in range(row.v.start, row.v.stop)}
+        rows = [d for d in self.system.tree.drives if isinstance(d.drive.control, ComputedTorque)]
+        places = {k for row in rows for k in range(row.v.start, row.v.stop)}
         for (i, j), block in self.system.mass_blocks.items():
             for a, b in np.ndindex(block.shape):
                 k, m = links[j].v.start + a, links[i].v.start + b
@@ -242,15 +249,15 @@ class _Controllers:
         value, (q, v) = self.system.value, _command(row)
         n, pairs = row.ratio(value), _periods(self.system, row, motor)
         turn = 1.0 if _is_linear(self.system, row) else 2 * np.pi
-        micro = turn / (motor.steps * motor.microsteps)
-        coming, own = self.q_K[q] + self.dt * self.v_K[v], row.q.start
-        angle = micro * ca.floor(n * coming / micro + 0.5)
+        microstep = turn / (motor.steps * motor.microsteps)
+        command, q_index = self.q_K[q] + self.dt * self.v_K[v], row.q.start
+        angle = microstep * ca.floor(n * command / microstep + 0.5)
         torque = value(motor.torque)
         if motor.corner_speed is not None:
             corner = value(motor.corner_speed)
             speed = ca.sqrt((n * self.v_K[v]) ** 2 + REGULAR.square)
             torque = torque * ca.fmin(1, corner / ca.fmax(speed, corner))
-        lag = pairs * (angle - n * (self.q_D[own] + self.dt * self.v_D[row.v.start]))
+        lag = pairs * (angle - n * (self.q_D[q_index] + self.dt * self.v_D[row.v.start]))
         stiffness = n * n * torque * pairs * ca.fmax(ca.cos(lag), 0)
         return symbolic([n * torque * ca.sin(lag)]), symbolic([stiffness]), zeros(1)
 
@@ -270,7 +277,7 @@ def _bounded(
             share = limit / ca.fmax(size, limit)
             return scaled(share, force), share, zero
         clipped = _clipped(force[0], -limit, limit)
-        return symbolic([clipped]), _same(force[0], clipped, limit), zero
+        return symbolic([clipped]), _equality(force[0], clipped, limit), zero
     gain = n * value(motor.constant)
     limit, R = gain * value(motor.current), value(motor.resistance)
     stall, back_emf = gain * value(motor.voltage) / R, gain * gain / R * v[0]
@@ -278,16 +285,17 @@ def _bounded(
     by_both = _clipped(by_current, -stall - back_emf, stall - back_emf)
     # Above its no-load speed the motor brakes, at most with the largest current.
     exerted = _clipped(by_both, -limit, limit)
-    at_voltage = (1 - _same(by_current, by_both, limit)) * _same(by_both, exerted, limit)
-    return symbolic([exerted]), _same(force[0], exerted, limit), at_voltage * gain * gain / R
+    at_voltage = (1 - _equality(by_current, by_both, limit)) * _equality(by_both, exerted, limit)
+    return symbolic([exerted]), _equality(force[0], exerted, limit), at_voltage * gain * gain / R
 
 
-def _between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+def _vector_part(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """(3,) vector part of the quaternion from one orientation to another."""
     return scaled(p[0], q[1:]) - scaled(q[0], p[1:]) - cross(p[1:], q[1:])
 
 
-def _each(x: ca.SX, n: int) -> np.ndarray:
+def _repeated(x: ca.SX, n: int) -> np.ndarray:
+    """(n,) n times x."""
     return symbolic([x] * n)
 
 
@@ -295,6 +303,6 @@ def _clipped(x: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
     return ca.fmax(low, ca.fmin(high, x))
 
 
-def _same(a: ca.SX, b: ca.SX, size: ca.SX) -> ca.SX:
+def _equality(a: ca.SX, b: ca.SX, size: ca.SX) -> ca.SX:
     """1 if a equals b, 0 if they differ; smooth."""
     return ca.fmax(0, 1 - ((a - b) / (REGULAR.same * size)) ** 2)

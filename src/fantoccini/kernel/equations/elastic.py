@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.kernel.equations.algebra import scaled
-from fantoccini.kernel.equations.rows import PathRow, Surroundings, path_row
+from fantoccini.kernel.equations.rows import PathRow, RowArguments, path_row
 from fantoccini.model.tree import ChainRow
 
 
@@ -48,12 +48,12 @@ class Elastic:
     def add_gradient(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
         """Adds dV/dq_D (n_vD,) and dV/dq_K (n_vK,)."""
         self._pull(self.k * self.row.length, f_D, f_K)
-        own = self.row.own
-        if self.relaxed is None or own is None:
+        string = self.row.string
+        if self.relaxed is None or string is None:
             return
-        for f, place in ((f_D, own.wound_length), (f_K, own.driven_length)):
+        for f, place in ((f_D, string.wound_length), (f_K, string.driven_length)):
             if place is not None:
-                f[place[1]] -= self.row.share * self.energy / self.relaxed
+                f[place[1]] -= self.row.factor * self.energy / self.relaxed
 
     def add_damping(self, f_D: np.ndarray, f_K: np.ndarray) -> ca.SX:
         """Adds the damping forces, with the sign of the bias; returns their power [W]."""
@@ -67,34 +67,42 @@ class Elastic:
 
 
 def elastics(
-    around: Surroundings, own_length: Callable[[ChainRow], tuple[ca.SX, ca.SX, ca.SX]]
+    arguments: RowArguments, unstretched_length: Callable[[ChainRow], tuple[ca.SX, ca.SX, ca.SX]]
 ) -> list[Elastic]:
     """The springs of a tree, then the pieces of its chains.
 
     Args:
-        around: arguments of rows.
-        own_length: returns L of a chain, its rate and its acceleration.
+        arguments: arguments of rows.
+        unstretched_length: returns L of a chain, its rate and its acceleration.
     """
     springs = []
-    for spring in around.tree.springs:
-        row = path_row(around, spring.points)
-        row = replace(row, length=row.length - around.value(spring.rest))
-        springs.append(Elastic(row, around.value(spring.stiffness), around.value(spring.damping)))
-    for chain in around.tree.chains:
-        springs.extend(_pieces(around, chain, *own_length(chain)[:2]))
+    for spring in arguments.tree.springs:
+        row = path_row(arguments, spring.points)
+        row = replace(row, length=row.length - arguments.value(spring.rest))
+        springs.append(
+            Elastic(row, arguments.value(spring.stiffness), arguments.value(spring.damping))
+        )
+    for chain in arguments.tree.chains:
+        springs.extend(_pieces(arguments, chain, *unstretched_length(chain)[:2]))
     return springs
 
 
-def _pieces(around: Surroundings, chain: ChainRow, length: ca.SX, rate: ca.SX) -> Iterator[Elastic]:
+def _pieces(
+    arguments: RowArguments, chain: ChainRow, length: ca.SX, rate: ca.SX
+) -> Iterator[Elastic]:
     share = 1.0 / chain.pieces
     relaxed = share * length
-    k, c = around.value(chain.stiffness) / relaxed, around.value(chain.damping) / relaxed
+    k, c = arguments.value(chain.stiffness) / relaxed, arguments.value(chain.damping) / relaxed
     for ends in pairwise(chain.points):
-        row = path_row(around, ends)
+        row = path_row(arguments, ends)
         if chain.length_index is None:
             yield Elastic(replace(row, length=row.length - relaxed), k, c)
             continue
         moving = replace(
-            row, length=row.length - relaxed, rate=row.rate - share * rate, own=chain, share=share
+            row,
+            length=row.length - relaxed,
+            rate=row.rate - share * rate,
+            string=chain,
+            factor=share,
         )
         yield Elastic(moving, k, c, relaxed)

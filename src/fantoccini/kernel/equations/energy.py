@@ -29,7 +29,7 @@ def potential_energy(system: System) -> ca.SX:
     for i, motion in enumerate(system.resting_motions):
         m = system.inertias[i].m
         if not m.is_zero():
-            total = total - m * dot(system.gravity, motion.point(system.centre(i)))
+            total = total - m * dot(system.gravity, motion.point(system.centre_of_mass(i)))
     q = system.by_link(elements(system.symbols.q_D), elements(system.symbols.q_K), "q")
     for i, link in enumerate(system.tree.links):
         k = system.value(link.stiffness)
@@ -39,6 +39,8 @@ def potential_energy(system: System) -> ca.SX:
             total = total + 2 * k * (1 - q[i][0] ** 2)
         else:
             total = total + 0.5 * k * (q[i][0] - system.value(link.rest)) ** 2
-    for elastic in elastics(system.around(system.resting_motions), system.own_length):
+    for elastic in elastics(
+        system.row_arguments(system.resting_motions), system.unstretched_length
+    ):
         total = total + elastic.energy
     return total

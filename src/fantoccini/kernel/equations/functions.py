@@ -124,7 +124,10 @@ class Equations:
         results = self._with_factor(self.factor, self.system.symbols.dt, self.system.step_loads)
         results = {name: x for name, x in results.items() if name not in ("gamma", "gamma_limit")}
         motors, places = drives.forces(self.system, self.system.symbols.dt), self.tree.motor_places
-        return results | {"f_M": column(motors.f_D[places]), "y_M": column(motors.yields[places])}
+        return results | {
+            "f_M": column(motors.f_D[places]),
+            "y_M": column(motors.velocity_slopes[places]),
+        }
 
     def _with_factor(self, factor: articulated.Factor, dt: ca.SX, loads: Loads) -> dict[str, ca.SX]:
         system, s, tree = self.system, self.system.symbols, self.tree
@@ -265,13 +268,13 @@ class Equations:
         return {"f_K": column(f_K)}
 
     def _motor_lags(self) -> dict[str, ca.SX]:
-        return {name: column(x) for name, x in drives.lags(self.system).items()}
+        return {name: column(x) for name, x in drives.motor_lags(self.system).items()}
 
     def _motor_shares(self) -> dict[str, ca.SX]:
-        return {"share": column(drives.shares(self.system))}
+        return {"share": column(drives.available_shares(self.system))}
 
     def _motor_demands(self) -> dict[str, ca.SX]:
-        return {"f_D": column(drives.demands(self.system))}
+        return {"f_D": column(drives.demanded_forces(self.system))}
 
     def _wrench_forces(self) -> dict[str, ca.SX]:
         """u_D = sum_i J_i^T w_i of wrenches on the links' centres of mass, in world axes."""
@@ -280,7 +283,7 @@ class Equations:
         for i, motion in enumerate(system.resting_motions):
             wrench = elements(system.symbols.wrench[:, i])
             force = motion.R.T.dot(wrench[:3])
-            arm = cross(system.centre(i), force)
+            arm = cross(system.centre_of_mass(i), force)
             external.append((motion.R.T.dot(wrench[3:]) + arm, force))
         forces = dynamics.joint_forces(tree, system.joints, external)
         u = zeros(tree.coordinates.n_vD)
@@ -315,9 +318,9 @@ class Equations:
 
     def _points(self) -> dict[str, ca.SX]:
         """World positions of all points of all strings, in order: 3 numbers for each point."""
-        around = self.system.around(self.system.resting_motions)
+        arguments = self.system.row_arguments(self.system.resting_motions)
         points = (point for string in self.tree.strings for point in string.points)
-        return {"points": column(x for point in points for x in around.place(point))}
+        return {"points": column(x for point in points for x in arguments.position(point))}
 
     def _mass_matrix(self) -> dict[str, ca.SX]:
         dynamic, driven = Role.DYNAMIC, Role.DRIVEN

@@ -37,7 +37,7 @@ class BodyInertia:
         return BodyInertia(self.m + other.m, self.h + other.h, self.J + other.J)
 
     @classmethod
-    def nothing(cls) -> BodyInertia:
+    def zero(cls) -> BodyInertia:
         """The inertia of a massless frame."""
         return cls(ca.SX(0), zeros(3), zeros(3, 3))
 
@@ -95,7 +95,7 @@ class BodyInertia:
 
     def without_mass(self) -> tuple[BodyInertia, BodyInertia]:
         """(rest, part): the part is a point mass at the origin."""
-        nothing = BodyInertia.nothing()
+        nothing = BodyInertia.zero()
         return BodyInertia(ca.SX(0), self.h, self.J), BodyInertia(self.m, nothing.h, nothing.J)
 
     def without_axis(self, axis: np.ndarray) -> tuple[BodyInertia, BodyInertia]:
@@ -133,7 +133,7 @@ def regrouped(tree: Tree, inertias: list[BodyInertia], at: list[np.ndarray]) -> 
         if link.kind == "free" or out[i].is_zero():
             continue
         if link.kind == "fixed":
-            out[i], moved = BodyInertia.nothing(), out[i]
+            out[i], moved = BodyInertia.zero(), out[i]
         elif link.kind == "ball":
             out[i], moved = out[i].without_mass()
         elif link.kind == "revolute":

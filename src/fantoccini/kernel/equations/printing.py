@@ -263,7 +263,7 @@ class _Reading:
                 return _Value(self._root(x))
         function = _UNARY.get(op) or _BINARY.get(op)
         if function is None:
-            raise TooLargeError(f"they hold an operation that is not printed ({op})")
+            raise TooLargeError(f"they have an operation that is not printed ({op})")
         arguments = [self.form.shortest(v.value) for v in operands]
         return _Value(self._generator((op, *(v.value for v in operands)), function(*arguments)))
 
@@ -277,7 +277,7 @@ class _Reading:
         return product
 
     def _reduced(self, value: PolyElement) -> PolyElement:
-        """The value with all squares replaced that have a rule."""
+        """The value without those squares of generators that ``_squares`` replaces."""
         for generator, square in self._squares.items():
             while high := {m: c for m, c in value.items() if m[generator] > 1}:
                 lowered = self.ring.from_dict(

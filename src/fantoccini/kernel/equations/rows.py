@@ -30,8 +30,8 @@ from fantoccini.model.tree import WORLD, ChainRow, LimitRow, Point, Role, String
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """Arguments of the rows of a tree: joints, motions, gravity, values of numbers."""
+class RowArguments:
+    """Arguments of the rows of a tree: joints, motions, gravity, and ``System.value``."""
 
     tree: Tree
     joints: list[JointMotion]
@@ -39,20 +39,20 @@ class Surroundings:
     gravity: np.ndarray
     value: Value
 
-    def at(self, point: Point) -> np.ndarray:
+    def local(self, point: Point) -> np.ndarray:
         """(3,) position of a point in its link's frame."""
         return symbolic([self.value(x) for x in point.at])
 
-    def place(self, point: Point) -> np.ndarray:
+    def position(self, point: Point) -> np.ndarray:
         """(3,) world position of a point."""
-        at = self.at(point)
+        at = self.local(point)
         return at if point.link == WORLD else self.motions[point.link].point(at)
 
     def velocity(self, point: Point) -> np.ndarray:
         """(3,) world velocity of a point."""
         if point.link == WORLD:
             return zeros(3)
-        return self.motions[point.link].point_velocity(self.at(point))
+        return self.motions[point.link].point_velocity(self.local(point))
 
     def add_pull(self, point: Point, direction: np.ndarray, role: Role, row: np.ndarray) -> None:
         """Adds direction . d(point velocity)/dv to a row: the pull J^T direction.
@@ -65,7 +65,7 @@ class Surroundings:
         """
         if point.link == WORLD:
             return
-        place = self.place(point)
+        position = self.position(point)
         for i in self.tree.ancestors(point.link):
             link = self.tree.links[i]
             if link.role is not role:
@@ -77,7 +77,7 @@ class Surroundings:
                 for k in range(link.v.stop - v0):
                     row[v0 + k] = row[v0 + k] + dot(joint.S_v[:, k], linear)
                 continue
-            arm = cross(place - motion.r, direction)
+            arm = cross(position - motion.r, direction)
             if link.kind == "revolute":
                 row[v0] = row[v0] + dot(motion.R.dot(joint.S_w[:, 0]), arm)
                 continue
@@ -96,36 +96,36 @@ class PathRow:
     """A path's length, possibly minus a string's length, and its derivatives.
 
     Attributes:
-        around: arguments of the row.
+        arguments: arguments of the row.
         points: points of the path.
         pulls: (3,) derivative of the length by each point's position, in the world.
         length: sum of the segments, minus the string's length [m].
         rate: d length / dt.
         bias: d^2 length / dt^2 for the accelerations of the motions.
-        own: string or chain whose length is subtracted, or None.
-        share: factor of that length.
+        string: string or chain whose length is subtracted, or None.
+        factor: factor of that length.
     """
 
-    around: Surroundings
+    arguments: RowArguments
     points: tuple[Point, ...]
     pulls: list[np.ndarray]
     length: ca.SX
     rate: ca.SX
     bias: ca.SX
-    own: StringRow | ChainRow | None = None
-    share: float = 1.0
+    string: StringRow | ChainRow | None = None
+    factor: float = 1.0
 
     @cached_property
     def A_D(self) -> np.ndarray:
         """(n_vD,) derivative of the rate by v_D."""
-        return self._pulled(Role.DYNAMIC, self.around.tree.coordinates.n_vD) + self.winding
+        return self._jacobian(Role.DYNAMIC, self.arguments.tree.coordinates.n_vD) + self.winding
 
     @cached_property
     def A_K(self) -> np.ndarray:
         """(n_vK,) derivative of the rate by v_K."""
-        row = self._pulled(Role.DRIVEN, self.around.tree.coordinates.n_vK)
-        if self.own is not None and self.own.driven_length:
-            row[self.own.driven_length[1]] -= self.share
+        row = self._jacobian(Role.DRIVEN, self.arguments.tree.coordinates.n_vK)
+        if self.string is not None and self.string.driven_length:
+            row[self.string.driven_length[1]] -= self.factor
         return row
 
     @cached_property
@@ -135,8 +135,8 @@ class PathRow:
         for point, pull in zip(self.points, self.pulls, strict=True):
             if point.link == WORLD:
                 continue
-            force = self.around.motions[point.link].R.T.dot(pull)
-            torque = cross(self.around.at(point), force)
+            force = self.arguments.motions[point.link].R.T.dot(pull)
+            torque = cross(self.arguments.local(point), force)
             before = sums.get(point.link, (zeros(3), zeros(3)))
             sums[point.link] = (before[0] + torque, before[1] + force)
         return sums
@@ -144,29 +144,29 @@ class PathRow:
     @property
     def winding(self) -> np.ndarray:
         """(n_vD,) force of a unit multiplier on the drive that winds the length."""
-        row = zeros(self.around.tree.coordinates.n_vD)
-        if self.own is not None and self.own.wound_length:
-            row[self.own.wound_length[1]] -= self.share
+        row = zeros(self.arguments.tree.coordinates.n_vD)
+        if self.string is not None and self.string.wound_length:
+            row[self.string.wound_length[1]] -= self.factor
         return row
 
-    def _pulled(self, role: Role, n: int) -> np.ndarray:
+    def _jacobian(self, role: Role, n: int) -> np.ndarray:
         row = zeros(n)
         for point, pull in zip(self.points, self.pulls, strict=True):
-            self.around.add_pull(point, pull, role, row)
+            self.arguments.add_pull(point, pull, role, row)
         return row
 
 
-def path_row(around: Surroundings, points: tuple[Point, ...]) -> PathRow:
+def path_row(arguments: RowArguments, points: tuple[Point, ...]) -> PathRow:
     """Length, rate and bias of a path through points."""
     length, rate, bias = ca.SX(0), ca.SX(0), ca.SX(0)
     pulls = [zeros(3) for _ in points]
     for k, (first, second) in enumerate(pairwise(points)):
-        d = around.place(second) - around.place(first)
+        d = arguments.position(second) - arguments.position(first)
         segment = segment_length(d)
         length = length + segment
         if first.link == second.link:
             continue
-        dv = around.velocity(second) - around.velocity(first)
+        dv = arguments.velocity(second) - arguments.velocity(first)
         u = scaled(1 / segment, d)
         along = dot(u, dv)
         rate = rate + along
@@ -176,27 +176,31 @@ def path_row(around: Surroundings, points: tuple[Point, ...]) -> PathRow:
     for point, pull in zip(points, pulls, strict=True):
         if point.link == WORLD:
             # Links' accelerations exclude gravity, and the pulls sum to zero.
-            bias = bias - dot(pull, around.gravity)
+            bias = bias - dot(pull, arguments.gravity)
         else:
-            motion = around.motions[point.link]
-            acceleration = motion.a + motion.U.dot(around.at(point))
+            motion = arguments.motions[point.link]
+            acceleration = motion.a + motion.U.dot(arguments.local(point))
             bias = bias + dot(motion.R.T.dot(pull), acceleration)
-    return PathRow(around, points, pulls, length, rate, bias)
+    return PathRow(arguments, points, pulls, length, rate, bias)
 
 
 def string_row(
-    around: Surroundings, string: StringRow, length: ca.SX, rate: ca.SX, curve: ca.SX
+    arguments: RowArguments, string: StringRow, length: ca.SX, rate: ca.SX, acceleration: ca.SX
 ) -> PathRow:
     """h, hdot, gamma, A_D and A_K of a string: the row of its path minus its length.
 
     Args:
-        around: arguments of the row.
+        arguments: arguments of the row.
         string: string of the row.
-        length, rate, curve: L and its time derivatives.
+        length, rate, acceleration: L and its time derivatives.
     """
-    row = path_row(around, string.points)
+    row = path_row(arguments, string.points)
     return replace(
-        row, length=row.length - length, rate=row.rate - rate, bias=row.bias - curve, own=string
+        row,
+        length=row.length - length,
+        rate=row.rate - rate,
+        bias=row.bias - acceleration,
+        string=string,
     )
 
 

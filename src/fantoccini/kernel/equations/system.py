@@ -1,6 +1,6 @@
 """Symbolic expressions of a tree in the paper's symbols, each derived on first use.
 
-:mod:`fantoccini.kernel.equations.functions` makes functions of them.
+:mod:`fantoccini.kernel.equations.functions` turns them into functions.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from fantoccini.kernel.equations.kinematics import (
     joint_motion,
     link_motions,
 )
-from fantoccini.kernel.equations.rows import PathRow, Surroundings, limit_row, string_row
+from fantoccini.kernel.equations.rows import PathRow, RowArguments, limit_row, string_row
 from fantoccini.kernel.equations.symbols import Symbols
 from fantoccini.model.tree import ChainRow, DriveRow, Role, StringRow, Tree
 
@@ -147,9 +147,9 @@ class System:
         s = self.symbols
         return self.motions(elements(s.v_ahead), elements(s.v_K), acc_K=elements(s.acc_K))
 
-    def around(self, motions: list[LinkMotion]) -> Surroundings:
-        """The arguments of rows for given motions."""
-        return Surroundings(self.tree, self.joints, motions, self.gravity, self.value)
+    def row_arguments(self, motions: list[LinkMotion]) -> RowArguments:
+        """Arguments of rows for given motions."""
+        return RowArguments(self.tree, self.joints, motions, self.gravity, self.value)
 
     @cached_property
     def armature(self) -> np.ndarray:
@@ -198,7 +198,7 @@ class System:
     @cached_property
     def elastics(self) -> list[Elastic]:
         """Springs between points, and the pieces of chains."""
-        return elastics(self.around(self.free_motions), self.own_length)
+        return elastics(self.row_arguments(self.free_motions), self.unstretched_length)
 
     def spring_forces(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
         """Adds the gradient of the springs' energy to f_D and f_K."""
@@ -244,7 +244,7 @@ class System:
         if rate.is_zero() and angular.is_zero():
             return zeros(3), zeros(3), ca.SX(0)
         motion = self.free_motions[i]
-        com = self.centre(i)
+        com = self.centre_of_mass(i)
         v = motion.v + cross(motion.w, com)
         force = scaled(-rate, v)
         torque = cross(com, force) - scaled(angular, motion.w)
@@ -257,7 +257,7 @@ class System:
         for i, link in enumerate(self.tree.links):
             rate, quadratic, angular = (self.value(x) for x in link.drag)
             if not quadratic.is_zero():
-                v = self.free_motions[i].v + cross(self.free_motions[i].w, self.centre(i))
+                v = self.free_motions[i].v + cross(self.free_motions[i].w, self.centre_of_mass(i))
                 rate = rate + quadratic * ca.sqrt(dot(v, v) + REGULAR.square)
             rates.append((rate, angular))
         return rates
@@ -266,13 +266,13 @@ class System:
         """The inertia that drag over a step dt adds to link i: dt times its drag rates."""
         rate, angular = (dt * x for x in self.drag_rates[i])
         if rate.is_zero() and angular.is_zero():
-            return BodyInertia.nothing()
-        com = self.centre(i)
+            return BodyInertia.zero()
+        com = self.centre_of_mass(i)
         J = scaled(0.5 * angular, symbolic(np.eye(3)))
         J = J + np.array([[rate * x * y for y in com] for x in com], dtype=object)
         return BodyInertia(rate, scaled(rate, com), J)
 
-    def centre(self, i: int) -> np.ndarray:
+    def centre_of_mass(self, i: int) -> np.ndarray:
         """(3,) centre of mass of link i in its frame; its origin if it is massless."""
         inertia = self.inertias[i]
         return zeros(3) if inertia.m.is_zero() else scaled(1 / inertia.m, inertia.h)
@@ -281,19 +281,19 @@ class System:
         """Forces of a motion: inertia, gravity, springs, damping and drag."""
         f_D, f_K, drag, loss = self.dissipation()
         self.spring_forces(f_D, f_K)
-        needed = dynamics.link_wrenches(self.regrouped, motions)
+        inertial = dynamics.link_wrenches(self.regrouped, motions)
         wrenches = [
             (torque - drag_torque, force - drag_force)
-            for (torque, force), (drag_torque, drag_force) in zip(needed, drag, strict=True)
+            for (torque, force), (drag_torque, drag_force) in zip(inertial, drag, strict=True)
         ]
         return Loads(f_D, f_K, wrenches, loss)
 
     def generalised(self, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
         """Generalised forces (n_vD,) and (n_vK,) of loads."""
-        own_D, own_K = self.by_velocity(
+        link_D, link_K = self.by_velocity(
             dynamics.joint_forces(self.tree, self.joints, loads.wrenches)
         )
-        return loads.f_D + own_D, loads.f_K + own_K
+        return loads.f_D + link_D, loads.f_K + link_K
 
     def by_velocity(self, forces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """A dynamic (n_vD,) and a driven (n_vK,) vector from the forces in every link's joint."""
@@ -350,21 +350,21 @@ class System:
     @cached_property
     def string_rows(self) -> list[PathRow]:
         """h, hdot, gamma, A_D, A_K of every string."""
-        around = self.around(self.free_motions)
-        return [string_row(around, s, *self.own_length(s)) for s in self.tree.strings]
+        arguments = self.row_arguments(self.free_motions)
+        return [string_row(arguments, s, *self.unstretched_length(s)) for s in self.tree.strings]
 
     @cached_property
     def full_string_rows(self) -> list[PathRow]:
         """:attr:`string_rows` with all accelerations, so that ``bias`` is hddot."""
-        around, rows = self.around(self.full_motions), []
+        arguments, rows = self.row_arguments(self.full_motions), []
         for string in self.tree.strings:
-            length, rate, curve = self.own_length(string)
+            length, rate, acceleration = self.unstretched_length(string)
             if string.wound_length:
-                curve = self.symbols.acc_D[string.wound_length[1]]
-            rows.append(string_row(around, string, length, rate, curve))
+                acceleration = self.symbols.acc_D[string.wound_length[1]]
+            rows.append(string_row(arguments, string, length, rate, acceleration))
         return rows
 
-    def own_length(self, string: StringRow | ChainRow) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def unstretched_length(self, string: StringRow | ChainRow) -> tuple[ca.SX, ca.SX, ca.SX]:
         """L, its rate, and its acceleration at acc_D = 0."""
         s, zero = self.symbols, ca.SX(0)
         if string.driven_length:

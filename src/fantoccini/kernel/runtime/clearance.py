@@ -31,7 +31,7 @@ JOINT = dtype_of("JointPlace")
 _EXACT: Any = next(f[1] for f in structures["ClearanceArrays"]._fields_ if f[0] == "exact")
 
 _CONFIGURATIONS_PER_THREAD = 4096
-"""Number whose measurement takes as long as the start of a thread."""
+"""Number of configurations measured in the time in which a thread starts."""
 
 
 Records = NDArray[np.void]
@@ -84,7 +84,7 @@ def moved_by(tree: Tree) -> tuple[Records, NDArray[np.int32]]:
 
 
 def clearance_arrays(solids: Solids, exact: Exact) -> ctypes.Structure:
-    """The structure; ``exact`` must outlive its use."""
+    """The contract's ``ClearanceArrays``; ``exact`` must exist as long as it is used."""
     counts = {f"n_{name}": len(getattr(solids, name)) for name in ("moving", "standing", "pairs")}
     names = ("moving", "standing", "pairs", "left_out", "string_radius", "joints", "carriers")
     arrays = {name: getattr(solids, name) for name in names}
@@ -92,13 +92,13 @@ def clearance_arrays(solids: Solids, exact: Exact) -> ctypes.Structure:
 
 
 class Exact:
-    """``Solids.exact`` as a C callback; call the library inside ``with``.
+    """``Solids.exact`` as a C callback, for calls of the library inside ``with``.
 
     An exception cannot pass through compiled code: the callback then reports overlap, so that the
     call soon ends, and leaving ``with`` raises it.
 
     Args:
-        solids: the solids with this function.
+        solids: the solids whose function it is.
     """
 
     def __init__(self, solids: Solids):
@@ -152,8 +152,8 @@ class Moves(NamedTuple):
     Attributes:
         slide, turn: (n, n_links) path of each link's origin in its parent's frame [m], and the
             angle that its joint turns [rad].
-        wound: (n, n_strings) bound of the change of lengths [m].
-        loose: (n, n_strings) 1.0 for strings that may go slack on the way; else 0.0.
+        wound: (n, n_strings) bounds of the changes of length [m].
+        loose: (n, n_strings) 1.0 for strings that may go slack within these bounds, else 0.0.
     """
 
     slide: Array
@@ -163,7 +163,7 @@ class Moves(NamedTuple):
 
 
 class ClearanceLibrary(Loaded):
-    """A library that measures clearances."""
+    """The compiled library that measures clearances."""
 
     def measure(
         self,

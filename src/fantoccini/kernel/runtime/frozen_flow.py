@@ -84,10 +84,10 @@ class FrozenFlow(Run):
         self.library.dll.fan_smooth_until(self._run, t_end, ctypes.addressof(end), out)
         return end.value
 
-    def _evaluate(self, t: float, y: Array, *into: Array | None) -> None:
+    def _evaluate(self, t: float, y: Array, *outputs: Array | None) -> None:
         """Writes rate, guards and slip at (t, y) to the arrays that are not None."""
         y = np.ascontiguousarray(y, dtype=float)
         if y.shape != self.y.shape:
             raise ValueError(f"y has the shape {y.shape}; it must be {self.y.shape}")
-        addresses = [None if a is None else a.ctypes.data for a in into]
+        addresses = [None if a is None else a.ctypes.data for a in outputs]
         self.library.dll.fan_evaluate(self._run, t, y.ctypes.data, *addresses)

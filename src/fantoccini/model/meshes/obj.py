@@ -18,9 +18,9 @@ from fantoccini.model.meshes.limits import LIMITS
 from fantoccini.model.meshes.linked_files import LinkedFiles
 from fantoccini.model.meshes.part import Count, Part, lost
 
-_NUMBERS = {"v": 3, "vt": 1}
+_MIN_VALUES = {"v": 3, "vt": 1}
 """Keyword -> minimum number of values after it."""
-_NO_TINT = (np.nan, np.nan, np.nan)
+_NO_COLOUR = (np.nan, np.nan, np.nan)
 _COMMENT = re.compile(r"(?:^|\s)#")
 """Start of a comment; inside a word, ``#`` is part of a name."""
 _ANY_COMMENT = re.compile("#")
@@ -45,16 +45,16 @@ class _Material:
 
 @dataclass
 class _Faces:
-    """Triangles of one material: three indices of places and three of texture coordinates each.
+    """Triangles of one material: each has three indices of vertices and of texture coordinates.
 
     An index of -1 means that there is no texture coordinate.
     """
 
-    places: array[int] = field(default_factory=lambda: array("q"))
+    vertices: array[int] = field(default_factory=lambda: array("q"))
     textures: array[int] = field(default_factory=lambda: array("q"))
 
 
-def read_obj(content: bytes, beside: LinkedFiles) -> list[Part]:
+def read_obj(content: bytes, linked_files: LinkedFiles) -> list[Part]:
     """The parts of a file, one for each material.
 
     Faces with more than three corners become triangle fans. Free-form surfaces, lines and points,
@@ -62,12 +62,12 @@ def read_obj(content: bytes, beside: LinkedFiles) -> list[Part]:
 
     Args:
         content: content of the file.
-        beside: reader of materials and images.
+        linked_files: reader of materials and images.
 
     Raises:
         ValueError: the file is broken; the message contains the line.
     """
-    reader = _Reader(beside)
+    reader = _Reader(linked_files)
     reader.read(decoded(content))
     return list(reader.parts())
 
@@ -76,21 +76,21 @@ class _Reader:
     """Reads the lines of a file.
 
     Attributes:
-        places: x, y, z of each place.
-        tints: red, green, blue of each place; nan for no colour.
+        vertices: x, y, z of each vertex.
+        vertex_colours: red, green, blue of each vertex; nan for no colour.
         textures: u, v of each pair of texture coordinates.
         faces: name of a material, or an empty name -> its faces.
         materials: name -> material.
     """
 
-    def __init__(self, beside: LinkedFiles):
-        self.beside, self.line = beside, 0
-        self.places, self.tints, self.textures = array("d"), array("d"), array("d")
+    def __init__(self, linked_files: LinkedFiles):
+        self.linked_files, self.line = linked_files, 0
+        self.vertices, self.vertex_colours, self.textures = array("d"), array("d"), array("d")
         self.faces: dict[str, _Faces] = {}
         self.materials: dict[str, _Material] = {}
         self._material, self._count = "", Count()
         self._libraries = set[str]()
-        self._last = (0, 0)  # the largest index of a place, and its line
+        self._largest_index = (0, 0)  # the largest index of a vertex, and its line
 
     def read(self, text: str) -> None:
         """Reads a text."""
@@ -101,8 +101,8 @@ class _Reader:
             match key.lower():
                 case "v":
                     x = self._numbers(words)
-                    self.places.extend(x[:3])
-                    self.tints.extend(x[3:6] if len(x) >= 6 else _NO_TINT)
+                    self.vertices.extend(x[:3])
+                    self.vertex_colours.extend(x[3:6] if len(x) >= 6 else _NO_COLOUR)
                 case "vt":
                     self.textures.extend((*self._numbers(words), 0.0)[:2])
                 case "f" | "fo":
@@ -111,27 +111,27 @@ class _Reader:
                     self._material = " ".join(words[1:])
                 case "mtllib":
                     self._library(_rest(line, words))
-        largest, self.line = self._last
-        if 3 * largest > len(self.places):
-            self._fail(f"names vertex {largest}; the file has {len(self.places) // 3}")
+        largest, self.line = self._largest_index
+        if 3 * largest > len(self.vertices):
+            self._fail(f"names vertex {largest}; the file has {len(self.vertices) // 3}")
 
     def parts(self) -> Iterator[Part]:
         """The triangles of each material."""
-        places = np.array(self.places).reshape(-1, 3)
-        tints = np.array(self.tints).reshape(-1, 3)
-        if np.nanmax(tints, initial=0.0) > 1.0:
-            tints /= 255.0
+        vertices = np.array(self.vertices).reshape(-1, 3)
+        vertex_colours = np.array(self.vertex_colours).reshape(-1, 3)
+        if np.nanmax(vertex_colours, initial=0.0) > 1.0:
+            vertex_colours /= 255.0
         for name, faces in self.faces.items():
-            corners = np.array(faces.places, dtype=int).reshape(-1, 3)
+            corners = np.array(faces.vertices, dtype=int).reshape(-1, 3)
             used, renamed = np.unique(corners, return_inverse=True)
             material = self.materials.get(name)
             colours = None if material is None else self._colours(material, faces)
-            if material is None and np.isfinite(tints[used]).all():
-                colours = np.clip(tints[corners].mean(axis=1), 0.0, 1.0)
+            if material is None and np.isfinite(vertex_colours[used]).all():
+                colours = np.clip(vertex_colours[corners].mean(axis=1), 0.0, 1.0)
             missing = lost(False, False)
             if material is not None:
                 missing = lost(bool(material.image), material.transparent)
-            yield Part(places[used], renamed.reshape(-1, 3), colours, missing)
+            yield Part(vertices[used], renamed.reshape(-1, 3), colours, missing)
 
     def _colours(self, material: _Material, faces: _Faces) -> Array | None:
         """sRGB of triangles, from the image or the diffuse colour; None if there is no colour."""
@@ -140,7 +140,7 @@ class _Reader:
         colours: Array = np.full((len(corners), 3), np.nan)
         if len(material.diffuse) == 3:
             colours[:] = np.clip(material.diffuse, 0.0, 1.0)
-        pixels = linked_image(material.image, self.beside) if material.image else None
+        pixels = linked_image(material.image, self.linked_files) if material.image else None
         if pixels is not None and textured.any():
             uv = np.array(self.textures).reshape(-1, 2)[corners[textured]]
             colours[textured] = srgb(Texture(pixels).over(uv * [1.0, -1.0] + [0.0, 1.0]))
@@ -151,7 +151,7 @@ class _Reader:
             numbers = [float(word) for word in words[1:]]
         except ValueError:
             numbers = []
-        minimum = _NUMBERS[words[0].lower()]
+        minimum = _MIN_VALUES[words[0].lower()]
         if len(numbers) < minimum:
             needed = f"{minimum} number{'s' if minimum > 1 else ''} with decimal points"
             self._fail(f"found {' '.join(words)[:60]!r}; needed: {needed}")
@@ -171,13 +171,13 @@ class _Reader:
         largest = max(i, j, k)
         if min(i, j, k) < 1 or max(largest, u, v, w) > LIMITS.max_bytes:
             return False
-        if largest > self._last[0]:
-            self._last = largest, self.line
+        if largest > self._largest_index[0]:
+            self._largest_index = largest, self.line
         faces = self.faces.get(self._material)
         if faces is None:
             faces = self.faces[self._material] = _Faces()
         self._count.add(1)
-        faces.places.extend((i - 1, j - 1, k - 1))
+        faces.vertices.extend((i - 1, j - 1, k - 1))
         faces.textures.extend((u - 1, v - 1, w - 1))
         return True
 
@@ -187,18 +187,18 @@ class _Reader:
             indices = [[int(n) if n else None for n in corner.split("/")[:2]] for corner in corners]
         except ValueError:
             indices = [[None]]
-        if any(place is None for place, *_ in indices):
+        if any(vertex is None for vertex, *_ in indices):
             self._fail(f"found {' '.join(corners)[:60]!r}; needed: vertices such as 1, -1 or 1/2/3")
-        n_places, n_textures = len(self.places) // 3, len(self.textures) // 2
-        places = [self._index(place, n_places) for place, *_ in indices]
+        n_vertices, n_textures = len(self.vertices) // 3, len(self.textures) // 2
+        vertices = [self._index(vertex, n_vertices) for vertex, *_ in indices]
         textures = [self._index(more[0], n_textures) if more else -1 for _, *more in indices]
         if len(corners) < 3:
             return  # it has no area
         self._count.add(len(corners) - 2)
-        self._last = max(self._last, (max(places) + 1, self.line))
+        self._largest_index = max(self._largest_index, (max(vertices) + 1, self.line))
         faces = self.faces.setdefault(self._material, _Faces())
         for k in range(1, len(corners) - 1):
-            faces.places.extend((places[0], places[k], places[k + 1]))
+            faces.vertices.extend((vertices[0], vertices[k], vertices[k + 1]))
             faces.textures.extend((textures[0], textures[k], textures[k + 1]))
 
     def _index(self, number: int | None, count: int) -> int:
@@ -219,16 +219,16 @@ class _Reader:
 
     def _add_library(self, uri: str) -> bool:
         name = unquote(uri).replace("\\", "/").removeprefix("./")
-        for place in dict.fromkeys((name, posixpath.basename(name))):
+        for path in dict.fromkeys((name, posixpath.basename(name))):
             try:
-                if not place.lower().endswith(".mtl"):
+                if not path.lower().endswith(".mtl"):
                     return False
-                if place in self._libraries:
+                if path in self._libraries:
                     return True
-                self.materials |= _materials(decoded(self.beside.read(quote(place))))
+                self.materials |= _materials(decoded(self.linked_files.read(quote(path))))
             except ValueError:
                 continue
-            self._libraries.add(place)
+            self._libraries.add(path)
             return True
         return False
 
@@ -246,13 +246,13 @@ def _materials(text: str) -> dict[str, _Material]:
             case "newmtl":
                 material = materials[" ".join(words[1:])] = _Material()
             case "kd":
-                material.diffuse = _three(words[1:])
+                material.diffuse = _colour(words[1:])
             case "map_kd" if rest:
                 material.image = _image_name(rest)
             case "d":
-                material.transparent |= _last(words, 1.0) != 1.0
+                material.transparent |= _last_number(words, 1.0) != 1.0
             case "tr":
-                material.transparent |= _last(words, 0.0) != 0.0
+                material.transparent |= _last_number(words, 0.0) != 0.0
             case "map_d":
                 material.transparent = True
     return materials
@@ -310,14 +310,14 @@ def _is_number(word: str) -> bool:
     return True
 
 
-def _three(words: list[str]) -> tuple[float, ...]:
+def _colour(words: list[str]) -> tuple[float, ...]:
     try:
         return tuple(float(word) for word in words)
     except ValueError:
         return ()
 
 
-def _last(words: list[str], default: float) -> float:
+def _last_number(words: list[str], default: float) -> float:
     try:
         return float(words[-1])
     except ValueError:

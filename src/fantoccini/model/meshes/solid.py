@@ -1,4 +1,4 @@
-"""Closed surfaces: test whether one is closed, connected pieces, orientation of faces."""
+"""Closed surfaces: test of closure, connected pieces, orientation of faces."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def is_closed(faces: Indices) -> bool:
 
     Pieces may share edges and corners.
     """
-    key, way, _ = _edges(faces)
+    key, direction, _ = _edges(faces)
     _, edge = np.unique(key, return_inverse=True)
-    return not np.any(np.bincount(edge, weights=way))
+    return not np.any(np.bincount(edge, weights=direction))
 
 
 def pieces(mesh: Any) -> list[Any]:
@@ -32,10 +32,10 @@ def pieces(mesh: Any) -> list[Any]:
         return [mesh]
     owner = np.arange(len(shells.volumes))
     for k in np.flatnonzero(shells.volumes <= 0.0):
-        around = shells.around(int(k), shells.volumes > 0.0)
-        owner[k] = around[np.argmin(shells.volumes[around])] if len(around) else -1
+        outer = shells.containing(int(k), shells.volumes > 0.0)
+        owner[k] = outer[np.argmin(shells.volumes[outer])] if len(outer) else -1
     piece = owner[shells.label]
-    return [shells.part(np.flatnonzero(piece == k)) for k in np.unique(owner) if k >= 0]
+    return [shells.submesh(np.flatnonzero(piece == k)) for k in np.unique(owner) if k >= 0]
 
 
 def faces_to_reverse(mesh: Any) -> Mask:
@@ -53,7 +53,7 @@ def faces_to_reverse(mesh: Any) -> Mask:
     volumes = -shells.volumes if inverted else shells.volumes
     turned = np.full(len(volumes), inverted)
     for k in np.flatnonzero(volumes < 0.0):
-        turned[k] ^= len(shells.around(int(k), volumes > 0.0)) == 0
+        turned[k] ^= len(shells.containing(int(k), volumes > 0.0)) == 0
     return np.asarray(turned[shells.label])
 
 
@@ -99,7 +99,7 @@ class _Shells:
             np.maximum.at(high, label, corner)
         return cls(mesh, label, np.bincount(label, parts).astype(float), low, high)
 
-    def around(self, k: int, among: Mask) -> Indices:
+    def containing(self, k: int, among: Mask) -> Indices:
         """Indices of the shells flagged in ``among`` that contain shell ``k``."""
         boxes = among & np.all((self.low <= self.low[k]) & (self.high >= self.high[k]), axis=1)
         boxes[k] = False
@@ -114,7 +114,7 @@ class _Shells:
                 enclosing.append(i)
         return np.array(enclosing, dtype=int)
 
-    def part(self, faces: Indices) -> Any:
+    def submesh(self, faces: Indices) -> Any:
         """The given faces as a mesh."""
         import trimesh
 
@@ -144,26 +144,32 @@ def _labels(mesh: Any) -> Indices:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    key, way, face = _edges(mesh.faces)
-    order = np.argsort(2 * key + (way > 0.0), kind="stable")
-    order = order[way[order] != 0.0]
+    key, direction, face = _edges(mesh.faces)
+    order = np.argsort(2 * key + (direction > 0.0), kind="stable")
+    order = order[direction[order] != 0.0]
     begins = np.flatnonzero(np.diff(key[order], prepend=-1))
     counts = np.diff(np.append(begins, len(order)))
-    plain = begins[counts == 2]
-    first, second = face[order[plain]], face[order[plain + 1]]
-    more = [
+    simple = begins[counts == 2]
+    first, second = face[order[simple]], face[order[simple + 1]]
+    shared_edges = [
         pair
         for at, n in zip(begins[counts > 2], counts[counts > 2], strict=True)
-        for pair in _pairs(mesh, key[order[at]], face[order[at : at + n]], way[order[at : at + n]])
+        for pair in _pairs(
+            mesh, key[order[at]], face[order[at : at + n]], direction[order[at : at + n]]
+        )
     ]
-    if more:
-        first, second = np.concatenate([np.stack([first, second]), np.array(more).T], axis=1)
+    if shared_edges:
+        first, second = np.concatenate(
+            [np.stack([first, second]), np.array(shared_edges).T], axis=1
+        )
     n = len(mesh.faces)
     links = coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
     return np.asarray(connected_components(links, directed=False)[1])
 
 
-def _pairs(mesh: Any, key: int, faces: Indices, way: NDArray[np.float64]) -> list[tuple[int, int]]:
+def _pairs(
+    mesh: Any, key: int, faces: Indices, direction: NDArray[np.float64]
+) -> list[tuple[int, int]]:
     """Pairs of the faces around one edge, with the inside between them.
 
     A face that runs up the edge has its inside on the side of smaller angles, seen with the edge
@@ -173,11 +179,11 @@ def _pairs(mesh: Any, key: int, faces: Indices, way: NDArray[np.float64]) -> lis
     a, b = mesh.vertices[list(ends)]
     axis = (b - a) / np.linalg.norm(b - a)
     third = mesh.vertices[[next(v for v in f if v not in ends) for f in mesh.faces[faces].tolist()]]
-    away = third - a - np.outer((third - a) @ axis, axis)
-    x = away[np.argmax(np.linalg.norm(away, axis=1))]
-    angle = np.arctan2(away @ np.cross(axis, x), away @ x)
-    down, pairs = np.flatnonzero(way < 0.0).tolist(), []
-    for up in np.flatnonzero(way > 0.0):
+    offset = third - a - np.outer((third - a) @ axis, axis)
+    x = offset[np.argmax(np.linalg.norm(offset, axis=1))]
+    angle = np.arctan2(offset @ np.cross(axis, x), offset @ x)
+    down, pairs = np.flatnonzero(direction < 0.0).tolist(), []
+    for up in np.flatnonzero(direction > 0.0):
         # Coincident faces enclose no volume: they are paired last.
         gap = np.mod(angle[up] - angle[down], 2.0 * np.pi)
         gap = np.where(gap < 1e-7, 2.0 * np.pi, gap)

@@ -38,7 +38,7 @@ from fantoccini.model.puppet.elements import (
 from fantoccini.model.puppet.files import json_schema, load, loads
 from fantoccini.model.puppet.joint import Cone, Joint, JointSpring, Limits, Twist
 from fantoccini.model.puppet.mirror import twin_name
-from fantoccini.model.puppet.parts import named
+from fantoccini.model.puppet.parts import named_parts
 from fantoccini.model.puppet.quantities import QUANTITIES, Gravity, Mass, Place, Point, Vector
 from fantoccini.model.puppet.rig import LimbKind, Rig, RigHead, RigLimb, Side
 from fantoccini.model.puppet.schema import Puppet
@@ -126,7 +126,7 @@ __all__ = [
     "load",
     "load_mesh",
     "loads",
-    "named",
+    "named_parts",
     "named_file",
     "names",
     "parameters",

@@ -18,7 +18,7 @@ from fantoccini.model.puppet.contact import FLOOR, Contact
 from fantoccini.model.puppet.elements import Body, Mirror
 from fantoccini.model.puppet.limits import LIMITS
 from fantoccini.model.puppet.mirror import reflected, twin_name
-from fantoccini.model.puppet.parts import AnyPuppet, Parts, named
+from fantoccini.model.puppet.parts import AnyPuppet, Parts, named_parts
 from fantoccini.model.puppet.shapes import has_mass
 from fantoccini.model.puppet.written import parameters
 
@@ -43,7 +43,7 @@ def findings(puppet: AnyPuppet, data: dict[str, Any]) -> list[Finding]:
     _check_contact(parts)
     check_rig(parts)
     _check_parameters(parts, data)
-    return parts.found
+    return parts.mistakes
 
 
 def twins(
@@ -110,58 +110,64 @@ def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Fin
 
 
 def _check_names(parts: Parts) -> None:
-    for name, path in named(parts.puppet):
+    for name, path in named_parts(parts.puppet):
         if "." in name and name.partition(".")[0] not in parts.puppet.members:
-            parts.say(path, name_mistake(name))
+            parts.add_mistake(path, name_mistake(name))
         elif name == "world":
-            parts.say(path, "found 'world', which is the name of the world itself")
-        elif name in parts.owner:
-            first = key_path(parts.owner[name])
-            parts.say(path, f"the name {shown(name)} is taken by {first}; names are used once")
+            parts.add_mistake(path, "found 'world', which is the name of the world itself")
+        elif name in parts.path_of:
+            first = key_path(parts.path_of[name])
+            parts.add_mistake(
+                path, f"the name {shown(name)} is taken by {first}; names are used once"
+            )
         else:
-            parts.owner[name] = path
+            parts.path_of[name] = path
 
 
 def _check_mirror(parts: Parts) -> None:
-    if not parts.rule:
+    if not parts.mirror_words:
         return
-    token, to = parts.rule
+    token, to = parts.mirror_words
     if token == to:
-        parts.say(("mirror", "to"), f"found {shown(to)} for both from and to")
+        parts.add_mistake(("mirror", "to"), f"found {shown(to)} for both from and to")
         return
     originals: dict[str, str] = {}
-    reflectable = [(n, p) for n, p in named(parts.puppet) if p[0] in _MIRRORED]
+    reflectable = [(n, p) for n, p in named_parts(parts.puppet) if p[0] in _MIRRORED]
     mirrored = {p[:2] for n, p in reflectable if p[-2] != "joint" and token in n}
     for name, path in reflectable:
         if path[:2] not in mirrored:
             if token in name:
                 text = f"the body's name does not contain {shown(token)}, the joint's does"
-                parts.say(path, f"{text}; the mirror reflects bodies with their joints")
+                parts.add_mistake(path, f"{text}; the mirror reflects bodies with their joints")
             continue
         twin = parts.twin(name)
-        taken = parts.owner.get(twin)
+        taken = parts.path_of.get(twin)
         if token not in name or taken is not None or twin in originals:
             by = key_path(taken) if taken is not None else f"the twin of {originals.get(twin)!r}"
-            parts.say(path, f"its twin would be called {shown(twin)}, which is taken by {by}")
+            parts.add_mistake(
+                path, f"its twin would be called {shown(twin)}, which is taken by {by}"
+            )
         elif not re.fullmatch(NAME, twin, re.ASCII) and re.fullmatch(NAME, name, re.ASCII):
-            parts.say(("mirror", "to"), f"{shown(twin)}, the twin of {name!r}, is not a valid name")
+            parts.add_mistake(
+                ("mirror", "to"), f"{shown(twin)}, the twin of {name!r}, is not a valid name"
+            )
         originals[twin] = name
     if not mirrored:
         shared = {w for n, _ in reflectable for w in re.split(r"[_-]", n)}
         text = f"no body, string or spring has {shown(token)} in its name"
-        parts.say(("mirror", "from"), text + parts.near(token, shared))
+        parts.add_mistake(("mirror", "from"), text + parts.hint(token, shared))
 
 
 def _check_parents(parts: Parts) -> None:
     parent_of: dict[str, str] = {}
-    parents = parts.known | {"world"}
+    parents = parts.body_names | {"world"}
     for i, body in enumerate(parts.puppet.bodies):
         name, parent = body.name, body.parent
         if parent == "world" or not isinstance(parent, str):
             continue
-        if parent not in parts.known:
-            hint = parts.near(parent, parents)
-            parts.say(("bodies", i, "parent"), f"no body is called {shown(parent)}{hint}")
+        if parent not in parts.body_names:
+            hint = parts.hint(parent, parents)
+            parts.add_mistake(("bodies", i, "parent"), f"no body is called {shown(parent)}{hint}")
         elif isinstance(name, str) and parts.bodies[name] == i:
             parent_of[name] = parent
             parent_of.setdefault(parts.twin(name), parts.twin(parent))
@@ -178,7 +184,7 @@ def _check_parents(parts: Parts) -> None:
             text = f"the parents form a cycle: {' -> '.join([*shown_ring, name])}"
             firsts = [n for n in ring if n in parts.bodies]
             if firsts:
-                parts.say(("bodies", parts.bodies[firsts[0]], "parent"), text)
+                parts.add_mistake(("bodies", parts.bodies[firsts[0]], "parent"), text)
         done.update(ancestors)
 
 
@@ -194,27 +200,27 @@ def _check_count(parts: Parts) -> None:
     total = sum(counts.values())
     if total > LIMITS.max_parts:
         path = max(counts, key=lambda part: counts[part])
-        more = ", twins included" if parts.rule else ""
+        more = ", twins included" if parts.mirror_words else ""
         text = f"found {total} bodies, strings, springs and masses of chains{more}"
-        parts.say((path,), f"{text}; allowed: {LIMITS.max_parts}")
+        parts.add_mistake((path,), f"{text}; allowed: {LIMITS.max_parts}")
 
 
 def _check_contact(parts: Parts) -> None:
     """Checks the names in contact pairs."""
     puppet = parts.puppet
-    if puppet.contact and FLOOR in parts.owner:
+    if puppet.contact and FLOOR in parts.path_of:
         text = "found 'floor', which is the floor's name in contact; choose another"
-        parts.say(parts.owner[FLOOR], text)
+        parts.add_mistake(parts.path_of[FLOOR], text)
     if not isinstance(puppet.contact, Contact):
         return
     others = (*(obstacle.name for obstacle in puppet.obstacles), *puppet.members, *puppet.props)
-    allowed = {FLOOR, *parts.known, *(name for name in others if isinstance(name, str))}
+    allowed = {FLOOR, *parts.body_names, *(name for name in others if isinstance(name, str))}
     for i, pair in enumerate(puppet.contact.pairs):
         for k, name in enumerate(pair.between):
             if isinstance(name, str) and name not in allowed:
-                hint = parts.near(name, allowed)
+                hint = parts.hint(name, allowed)
                 text = f"no body, obstacle, prop or puppet is called {shown(name)}{hint}"
-                parts.say(("contact", "pairs", i, "between", k), text)
+                parts.add_mistake(("contact", "pairs", i, "between", k), text)
 
 
 def _check_parameters(parts: Parts, data: dict[str, Any]) -> None:
@@ -223,7 +229,7 @@ def _check_parameters(parts: Parts, data: dict[str, Any]) -> None:
         name, value = parameter["parameter"], parameter["value"]
         place, first_value = first.setdefault(name, (path, value))
         if "." in name and name.partition(".")[0] not in parts.puppet.members:
-            parts.say((*path, "parameter"), name_mistake(name))
+            parts.add_mistake((*path, "parameter"), name_mistake(name))
         if value != first_value:
             text = f"the parameter {shown(name)} is {value:g} here but {first_value:g} in"
-            parts.say(path, f"{text} {key_path(place)}; one name has one value")
+            parts.add_mistake(path, f"{text} {key_path(place)}; one name has one value")

@@ -30,20 +30,24 @@ def check_pose(parts: Parts) -> None:
     strings = own | {parts.twin(name) for name in own}
     names = set(kinds)
     for key, value in parts.pose.items():
-        owner, suffix = parts.split(key)
+        owner, suffix = parts.split_coordinate(key)
         path = ("pose", key)
         if key in kinds:
             _pose_value(parts, path, kinds[key], value)
         elif owner in unclear:
             continue
         elif suffix in _QUATERNION and f"{owner}.rotation" in kinds:
-            parts.say(path, f"write {owner}.rotation: [w, x, y, z] instead")
+            parts.add_mistake(path, f"write {owner}.rotation: [w, x, y, z] instead")
         elif owner in strings and suffix in ("x", "y", "z"):
-            parts.say(path, "a driven end starts at its `at`")
+            parts.add_mistake(path, "a driven end starts at its `at`")
         elif owner in strings and suffix == "length":
-            parts.say(path, "this string's length is a number; only driven lengths have a start")
+            parts.add_mistake(
+                path, "this string's length is a number; only driven lengths have a start"
+            )
         else:
-            parts.say(path, f"no coordinate is called {shown(key)}{_hint(parts, key, names)}")
+            parts.add_mistake(
+                path, f"no coordinate is called {shown(key)}{_hint(parts, key, names)}"
+            )
 
 
 def check_drives(parts: Parts) -> None:
@@ -56,32 +60,32 @@ def check_drives(parts: Parts) -> None:
         own: list[tuple[str, Path]] = []
         for k, name in enumerate(drive.on):
             path: Path = ("drives", i, "on", k)
-            if not isinstance(name, str) or parts.split(name)[0] in unclear:
+            if not isinstance(name, str) or parts.split_coordinate(name)[0] in unclear:
                 continue
             if name not in units:
                 hint = _hint(parts, name, known)
-                parts.say(path, f"no driven coordinate is called {shown(name)}{hint}")
+                parts.add_mistake(path, f"no driven coordinate is called {shown(name)}{hint}")
             elif name in taken:
-                parts.say(path, f"{name} has a drive already, {taken[name]}")
+                parts.add_mistake(path, f"{name} has a drive already, {taken[name]}")
             else:
                 taken[name] = f"drives[{i}]"
                 own.append((name, path))
                 misfits = drive_misfits(drive, name, units[name])
-                parts.found += [(("drives", i, *at), text) for at, text in misfits]
+                parts.mistakes += [(("drives", i, *at), text) for at, text in misfits]
         for name, path in own:
-            owner, _ = parts.split(name)
+            owner, _ = parts.split_coordinate(name)
             twin = parts.twin(owner) + name[len(owner) :]
             if twin in drive.on:
                 continue
             if twin in taken:
                 text = f"{twin}, the twin of {name}, has a drive already, {taken[twin]}"
-                parts.say(path, text)
+                parts.add_mistake(path, text)
             taken[twin] = f"drives[{i}] of its twin {name}"
 
 
 def _hint(parts: Parts, key: str, names: set[str]) -> str:
     """The end of a message: the coordinate of the body's joint, or the most similar name."""
-    owner, suffix = parts.split(key)
+    owner, suffix = parts.split_coordinate(key)
     dot = "." if suffix else ""
     joint = parts.joint_of.get(owner, owner)
     candidates = [
@@ -94,7 +98,7 @@ def _hint(parts: Parts, key: str, names: set[str]) -> str:
         return f"{of_body}; did you mean {candidates[0]!r}?"
     if joint != owner:
         return f"; the joint of {owner} is called {joint}"
-    return parts.near(key, names)
+    return parts.hint(key, names)
 
 
 def _joints(parts: Parts) -> Iterator[tuple[str, Joint, dict[str, str] | None]]:
@@ -129,11 +133,11 @@ def _pose_value(parts: Parts, path: Path, kind: str, value: Any) -> None:
     is_list = isinstance(value, list)
     if is_list != (kind == "rotation"):
         needed = "a rotation vector or a quaternion w, x, y, z" if not is_list else "a number"
-        parts.say(path, f"found {shown(value)}; needed: {needed}")
+        parts.add_mistake(path, f"found {shown(value)}; needed: {needed}")
     elif isinstance(value, str) and kind != "revolute":
-        parts.say(path, f"found {shown(value)}; needed: a number of metres, without a unit")
+        parts.add_mistake(path, f"found {shown(value)}; needed: a number of metres, without a unit")
     elif kind == "string" and is_number(value) and value <= 0:
-        parts.say(path, f"found {shown(value)}; needed: a positive length")
+        parts.add_mistake(path, f"found {shown(value)}; needed: a positive length")
 
 
 def _driven(parts: Parts) -> dict[str, str]:

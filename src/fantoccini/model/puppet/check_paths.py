@@ -23,12 +23,12 @@ def _path(parts: Parts, path: Path, points: tuple[Attachment, ...]) -> None:
     driven = [k for k, c in enumerate(all_carriers) if c and c[0] == "driven"]
     for k in driven:
         if path[0] == "springs":
-            parts.say((*path, k, "driven"), "a spring's end cannot be driven")
+            parts.add_mistake((*path, k, "driven"), "a spring's end cannot be driven")
         elif k not in (0, len(all_carriers) - 1):
-            parts.say((*path, k, "driven"), "only a string's two ends can be driven")
+            parts.add_mistake((*path, k, "driven"), "only a string's two ends can be driven")
     if len(driven) > 1 and path[0] == "strings":
         text = "both ends are driven; let one be a body with a driven joint"
-        parts.say((*path, driven[1], "driven"), text)
+        parts.add_mistake((*path, driven[1], "driven"), text)
     carriers = [c for c in all_carriers if c is not None]
     if len(all_carriers) < 2 or len(carriers) < len(all_carriers):
         return
@@ -36,11 +36,11 @@ def _path(parts: Parts, path: Path, points: tuple[Attachment, ...]) -> None:
         where = "in the world" if carriers[0][0] == "world" else f"on {shown(carriers[0][1])}"
         places = {c[2] for c in carriers}
         length = "its length is zero" if len(places) == 1 else "its length can never change"
-        parts.say(path, f"all points lie {where}: {length}")
+        parts.add_mistake(path, f"all points lie {where}: {length}")
         return
     for k in range(1, len(carriers)):
         if carriers[k] == carriers[k - 1] and carriers[k][2] is not None:
-            parts.say((*path, k), "this is the same point as the one before it")
+            parts.add_mistake((*path, k), "this is the same point as the one before it")
 
 
 def _carrier(parts: Parts, point: Attachment, path: Path) -> Carrier | None:
@@ -54,7 +54,7 @@ def _carrier(parts: Parts, point: Attachment, path: Path) -> Carrier | None:
     if point.world is not None:
         return ("world", None, _place(point.world))
     if point.body == "world":
-        parts.say((*path, "body"), "found 'world'; write {world: [x, y, z]} instead")
+        parts.add_mistake((*path, "body"), "found 'world'; write {world: [x, y, z]} instead")
     elif isinstance(point.body, str) and _check_body(parts, point.body, (*path, "body"), set()):
         return ("body", point.body, _place(point.at))
     return None
@@ -62,10 +62,10 @@ def _carrier(parts: Parts, point: Attachment, path: Path) -> Carrier | None:
 
 def _check_body(parts: Parts, name: str, path: Path, others: set[str]) -> bool:
     """Whether a body has this name; reports a mistake otherwise."""
-    if name not in parts.known:
-        hint = parts.near(name, parts.known | others)
-        parts.say(path, f"no body is called {shown(name)}{hint}")
-    return name in parts.known
+    if name not in parts.body_names:
+        hint = parts.hint(name, parts.body_names | others)
+        parts.add_mistake(path, f"no body is called {shown(name)}{hint}")
+    return name in parts.body_names
 
 
 def _place(point: tuple[Number, ...]) -> tuple[float, ...] | None:

@@ -36,7 +36,7 @@ def check_rig(parts: Parts) -> None:
                 break
             if above and above not in _ancestors(parents, name):
                 text = f"{shown(name)} is not carried by {shown(above)}, the body before it"
-                parts.say(spot, text)
+                parts.add_mistake(spot, text)
             above = name
     _check_mirror(parts, rig)
 
@@ -45,11 +45,13 @@ def _body(parts: Parts, path: Path, name: object, part: str, owner: dict[str, st
     """Whether a body has this name and no other part; reports a mistake otherwise."""
     if not isinstance(name, str):
         return False
-    if name not in parts.known:
-        parts.say(path, f"no body is called {shown(name)}{parts.near(name, parts.known)}")
+    if name not in parts.body_names:
+        parts.add_mistake(
+            path, f"no body is called {shown(name)}{parts.hint(name, parts.body_names)}"
+        )
         return False
     if name in owner:
-        parts.say(path, f"the body {shown(name)} belongs to {owner[name]} already")
+        parts.add_mistake(path, f"the body {shown(name)} belongs to {owner[name]} already")
         return False
     owner[name] = part
     return True
@@ -58,7 +60,9 @@ def _body(parts: Parts, path: Path, name: object, part: str, owner: dict[str, st
 def _strings(parts: Parts, path: Path, names: Iterable[object], known: set[str]) -> None:
     for i, name in enumerate(names):
         if isinstance(name, str) and name not in known:
-            parts.say((*path, i), f"no string is called {shown(name)}{parts.near(name, known)}")
+            parts.add_mistake(
+                (*path, i), f"no string is called {shown(name)}{parts.hint(name, known)}"
+            )
 
 
 def _parents(parts: Parts) -> dict[str, str]:
@@ -84,4 +88,4 @@ def _check_mirror(parts: Parts, rig: Rig) -> None:
         names = [name for name in limb.bodies if isinstance(name, str)]
         if any(parts.twin(name) != name for name in names) and limb.side == "middle":
             text = "found a limb in the middle whose bodies have mirrored twins"
-            parts.say(("rig", "limbs", i, "side"), f"{text}; needed: left or right")
+            parts.add_mistake(("rig", "limbs", i, "side"), f"{text}; needed: left or right")

@@ -32,7 +32,7 @@ _ALLOWED_IN = {
 
 
 class JointSpring(Model):
-    """V = k/2 (q - rest)^2; of a ball joint V = 2 k (1 - q_w^2), k/2 phi^2 for small angles."""
+    """Spring on a joint: V = k/2 (q - rest)^2; on a ball joint V = 2 k (1 - q_w^2)."""
 
     stiffness: Stiffness
     """Stiffness k [N m/rad or N/m]."""

@@ -18,7 +18,7 @@ _SECTIONS = ("bodies", "strings", "springs", "obstacles")
 
 
 class AnyPuppet(Protocol):
-    """A :class:`Puppet`, perhaps with unclear parts: any value may be ``UNCLEAR``, too."""
+    """A :class:`Puppet` that may have invalid parts: any value may be ``UNCLEAR``."""
 
     @property
     def bodies(self) -> tuple[Body, ...]:
@@ -42,7 +42,7 @@ class AnyPuppet(Protocol):
 
     @property
     def mirror(self) -> Mirror | None:
-        """Reflects one half into the other."""
+        """Reflection of one half into the other."""
 
     @property
     def contact(self) -> ContactRule | None:
@@ -61,11 +61,11 @@ class AnyPuppet(Protocol):
         """Props of an assembled scene."""
 
 
-def named(puppet: AnyPuppet) -> Iterator[tuple[str, Path]]:
-    """Names of bodies, joints that have their own, strings, springs, obstacles; and where.
+def named_parts(puppet: AnyPuppet) -> Iterator[tuple[str, Path]]:
+    """Names and paths of bodies, strings, springs, obstacles and joints not called like a body.
 
     Args:
-        puppet: perhaps with unclear parts.
+        puppet: puppet that may have invalid parts.
     """
     for key in _SECTIONS:
         for i, item in enumerate(getattr(puppet, key)):
@@ -82,11 +82,11 @@ class Parts:
     Attributes:
         puppet: puppet to check.
         pose: start values of its file.
-        found: paths and messages of mistakes.
-        owner: name -> its path; filled by the check of names.
-        rule: the two words of the mirror, or None.
+        mistakes: paths and messages of mistakes.
+        path_of: name -> path of its key; filled by the check of names.
+        mirror_words: the two words of the mirror, or None.
         bodies: name of a body -> its index.
-        known: names of all bodies, twins included.
+        body_names: names of all bodies, twins included.
         joint_of: body -> name of its joint.
     """
 
@@ -94,33 +94,35 @@ class Parts:
         self.puppet, self._hints = puppet, 0
         pose = data.get("pose")
         self.pose: dict[str, Any] = pose if isinstance(pose, dict) else {}
-        self.found: list[Finding] = []
-        self.owner: dict[str, Path] = {}
-        rule = puppet.mirror
-        self.rule = (rule.from_, rule.to) if rule and rule.from_ and rule.to else None
+        self.mistakes: list[Finding] = []
+        self.path_of: dict[str, Path] = {}
+        mirror = puppet.mirror
+        self.mirror_words = (
+            (mirror.from_, mirror.to) if mirror and mirror.from_ and mirror.to else None
+        )
         self.bodies = {b.name: i for i, b in enumerate(puppet.bodies) if isinstance(b.name, str)}
-        self.known = set(self.bodies) | {self.twin(name) for name in self.bodies}
+        self.body_names = set(self.bodies) | {self.twin(name) for name in self.bodies}
         self.joint_of: dict[str, str] = {}
         for name, i in self.bodies.items():
             joint = puppet.bodies[i].joint.name
             if isinstance(joint, str):
                 self.joint_of |= {self.twin(name): self.twin(joint), name: joint}
 
-    def say(self, path: Path, message: str) -> None:
+    def add_mistake(self, path: Path, message: str) -> None:
         """Adds a mistake."""
-        self.found.append((path, message))
+        self.mistakes.append((path, message))
 
     def twin(self, name: str) -> str:
         """The name of the twin, or the name itself if it is not mirrored."""
-        return twin_name(name, *self.rule) if self.rule else name
+        return twin_name(name, *self.mirror_words) if self.mirror_words else name
 
-    def split(self, coordinate: str) -> tuple[str, str]:
+    def split_coordinate(self, coordinate: str) -> tuple[str, str]:
         """The owner of a coordinate, and the rest of the name after the dot."""
         owner = owner_of(coordinate, tuple(self.puppet.members))
         return owner, coordinate[len(owner) + 1 :]
 
-    def near(self, name: str, allowed: set[str]) -> str:
-        """The end of a message with the most similar name; empty above the limits (slow search)."""
+    def hint(self, name: str, allowed: set[str]) -> str:
+        """The end of a message, with the most similar name; empty if the search would be slow."""
         self._hints += 1
-        within = self._hints <= LIMITS.max_hints and len(allowed) <= LIMITS.max_hint_names
-        return nearest(name[:64], allowed) if within else ""
+        is_quick = self._hints <= LIMITS.max_hints and len(allowed) <= LIMITS.max_hint_names
+        return nearest(name[:64], allowed) if is_quick else ""

@@ -32,7 +32,7 @@ from fantoccini.model.puppet.chain import (
 from fantoccini.model.puppet.contact import Contact, ContactRule
 from fantoccini.model.puppet.drive import Drive
 from fantoccini.model.puppet.elements import Body, Mirror, PoseValue, Spring, String
-from fantoccini.model.puppet.parts import named
+from fantoccini.model.puppet.parts import named_parts
 from fantoccini.model.puppet.quantities import Gravity, Place
 from fantoccini.model.puppet.rig import Rig
 from fantoccini.model.puppet.shapes import AnyObstacle, Mesh
@@ -85,26 +85,26 @@ class Puppet(Document):
             return data
         located = info.context if isinstance(info.context, Located) else Located()
         plain, puppet, mistakes = dump.plain(data), None, []
-        tried = plain
-        while puppet is None and tried is not None:
+        candidate = plain
+        while puppet is None and candidate is not None:
             try:
-                puppet = handler(data if tried is plain else tried)
+                puppet = handler(data if candidate is plain else candidate)
             except ValidationError as error:
-                mistakes += findings(cls, tried, error, WORDS)
+                mistakes += findings(cls, candidate, error, WORDS)
                 # A number out of range is replaced by one in range, so that the rest is checked.
-                tried = mended(tried, error)
+                candidate = mended(candidate, error)
         if isinstance(plain, dict):
             whole = valid_parts(cls, plain, located) if puppet is None else puppet
-            wide = check.findings(whole, plain)
-            if puppet is not None and not wide:
+            file_mistakes = check.findings(whole, plain)
+            if puppet is not None and not file_mistakes:
                 mistakes += check.massless_joints(puppet.bodies, puppet.mirror)
                 mistakes += check.twins(
                     puppet, dump.plain(puppet), lambda halves: puppet._with_halves(halves, located)
                 )
-            mistakes += [(data_path(plain, path)[0], text) for path, text in wide]
+            mistakes += [(data_path(plain, path)[0], text) for path, text in file_mistakes]
         if puppet is None or mistakes or located.mistakes:
             raise located.error(mistakes, PuppetError)
-        lines = {name: located.line(path) for name, path in named(puppet)}
+        lines = {name: located.line(path) for name, path in named_parts(puppet)}
         known = {name: line for name, line in lines.items() if line is not None}
         puppet._origin = Origin(located.file, located.folder, known)
         return puppet

@@ -17,7 +17,7 @@ import numpy as np
 
 from fantoccini.base import Mistake, PuppetError, nearest, rotation
 from fantoccini.base.documents import Finding, Located, Origin, read_document, shown
-from fantoccini.model.puppet import FLOOR, Contact, Puppet, bundled, named, parameters, plain
+from fantoccini.model.puppet import FLOOR, Contact, Puppet, bundled, named_parts, parameters, plain
 from fantoccini.model.scene.schema import PUPPET_OR_SCENE, Member, Prop, Scene
 
 
@@ -35,15 +35,15 @@ class _Placement:
         moved = self.member.orientation is not None or any(self.member.at)
         return self.member.name if moved else "world"
 
-    def part(self, name: str) -> str:
+    def part_name(self, name: str) -> str:
         """Name in the scene of a body, joint, string, coordinate or parameter."""
         return self.prefix + name
 
-    def touched(self, name: str) -> str:
-        """Name in the scene of a partner in contact; all puppets share one floor."""
-        return name if name == FLOOR else self.part(name)
+    def contact_name(self, name: str) -> str:
+        """Name in the scene of a body or obstacle in contact; all puppets share one floor."""
+        return name if name == FLOOR else self.part_name(name)
 
-    def body(self, name: str) -> str:
+    def body_name(self, name: str) -> str:
         """Name in the scene of a body or of the puppet's world."""
         return self.frame if name == "world" else self.prefix + name
 
@@ -67,12 +67,13 @@ def assembled(scene: Scene) -> Puppet:
         raise PuppetError(mistakes)
     findings = _name_clashes(scene, placements)
     shared = {
-        key: _shared(key, getattr(scene, key), placements, findings) for key in ("gravity", "floor")
+        key: _common_value(key, getattr(scene, key), placements, findings)
+        for key in ("gravity", "floor")
     }
     shared["contact"] = _contact(scene, placements, findings)
     if findings:
         raise located.error(findings, PuppetError)
-    folder = _folder(placements, located)
+    folder = _mesh_folder(placements, located)
     data: dict[str, Any] = {"puppet": scene.scene, "bodies": [], "pose": {}, **shared}
     if len(scene.puppets) > 1:
         data["members"] = [member.name for member in scene.puppets]
@@ -80,12 +81,12 @@ def assembled(scene: Scene) -> Puppet:
     data |= _rigs(placements)
     for key in ("strings", "springs", "drives", "obstacles"):
         data[key] = []
-    same: dict[str, str] = {}
+    shared_obstacles: dict[str, str] = {}
     for placement in placements:
-        same |= _add(data, placement, folder)
+        shared_obstacles |= _add(data, placement, folder)
     if isinstance(data["contact"], dict):
         for pair in data["contact"].get("pairs", []):
-            pair["between"] = [same.get(name, name) for name in pair["between"]]
+            pair["between"] = [shared_obstacles.get(name, name) for name in pair["between"]]
     for prop in scene.props:
         _add_prop(data, prop)
     data["obstacles"] += [plain(obstacle) for obstacle in scene.obstacles]
@@ -109,7 +110,9 @@ def _rigs(placements: list[_Placement]) -> dict[str, Any]:
 def _name_clashes(scene: Scene, placements: list[_Placement]) -> list[Finding]:
     """Findings for names of the scene that parts of its puppets already have."""
     taken = {
-        placement.part(name) for placement in placements for name, _ in named(placement.puppet)
+        placement.part_name(name)
+        for placement in placements
+        for name, _ in named_parts(placement.puppet)
     }
     unused = {placement.member.name for placement in placements if placement.frame == "world"}
     if isinstance(scene.contact, Contact):
@@ -164,10 +167,12 @@ def _in_scene(mistake: Mistake, at: tuple[str | int, ...], located: Located) -> 
     return located.problem((*at, "parameters"), f"{mistake.key}: {mistake.message}")
 
 
-def _shared(key: str, own: Any, placements: list[_Placement], findings: list[Finding]) -> Any:
+def _common_value(
+    key: str, value_of_scene: Any, placements: list[_Placement], findings: list[Finding]
+) -> Any:
     """Gravity or floor: the scene's own, or else the common one of the puppets' files."""
-    if own is not None:
-        return plain(own)
+    if value_of_scene is not None:
+        return plain(value_of_scene)
     values: dict[str, tuple[str, Any]] = {}
     for placement in placements:
         value = plain(getattr(placement.puppet, key))
@@ -182,7 +187,9 @@ def _shared(key: str, own: Any, placements: list[_Placement], findings: list[Fin
 def _contact(scene: Scene, placements: list[_Placement], findings: list[Finding]) -> Any:
     """Contact rules: the scene's own, or else the common ones of the puppets' files."""
     if isinstance(scene.contact, Contact):
-        return plain(scene.contact) | {"pairs": _pairs(scene, scene.contact, placements, findings)}
+        return plain(scene.contact) | {
+            "pairs": _contact_pairs(scene, scene.contact, placements, findings)
+        }
     if scene.contact is not None:
         return scene.contact
     with_rules = [p for p in placements if p.puppet.contact is not None]
@@ -196,20 +203,20 @@ def _contact(scene: Scene, placements: list[_Placement], findings: list[Finding]
     if shared[0] is None:
         return False
     pairs = [
-        pair | {"between": [placement.touched(name) for name in pair["between"]]}
+        pair | {"between": [placement.contact_name(name) for name in pair["between"]]}
         for placement, rule in zip(with_rules, rules, strict=True)
         for pair in rule.get("pairs", [])
     ]
     return shared[0] | {"pairs": pairs}
 
 
-def _pairs(
+def _contact_pairs(
     scene: Scene, rules: Contact, placements: list[_Placement], findings: list[Finding]
 ) -> list[dict[str, Any]]:
     """The scene's own pairs; a single member's name is replaced by the names of all its parts."""
     parts = {
         placement.member.name: [
-            placement.part(part.name)
+            placement.part_name(part.name)
             for part in (*placement.puppet.bodies, *placement.puppet.obstacles)
         ]
         for placement in placements
@@ -232,7 +239,7 @@ def _pairs(
     return pairs
 
 
-def _folder(placements: list[_Placement], located: Located) -> Path:
+def _mesh_folder(placements: list[_Placement], located: Located) -> Path:
     """The deepest folder that contains all mesh files."""
     folders = [
         placement.puppet._origin.folder for placement in placements if _has_meshes(placement.puppet)
@@ -249,25 +256,25 @@ def _add(data: dict[str, Any], placement: _Placement, folder: Path) -> dict[str,
     """Adds the parts of a puppet to the data of the scene.
 
     Returns:
-        Names of obstacles that are already in the scene -> their names in the scene.
+        The puppet's name of an obstacle that equals one of the scene -> that one's name.
     """
-    own = _renamed(placement, plain(placement.puppet), folder)
+    parts = _renamed(placement, plain(placement.puppet), folder)
     if placement.frame != "world":
         joint = {"type": "fixed", "at": plain(placement.member.at)}
         if placement.member.orientation is not None:
             joint["orientation"] = plain(placement.member.orientation)
         data["bodies"].append({"name": placement.frame, "joint": joint})
     for key in ("bodies", "strings", "springs", "drives"):
-        data[key] += own.get(key, [])
-    same: dict[str, str] = {}
-    for obstacle in own["obstacles"]:
-        twins = [o["name"] for o in data["obstacles"] if _unnamed(o) == _unnamed(obstacle)]
-        if twins:
-            same[obstacle["name"]] = twins[0]
+        data[key] += parts.get(key, [])
+    shared_obstacles: dict[str, str] = {}
+    for obstacle in parts["obstacles"]:
+        equal_names = [o["name"] for o in data["obstacles"] if _unnamed(o) == _unnamed(obstacle)]
+        if equal_names:
+            shared_obstacles[obstacle["name"]] = equal_names[0]
         else:
             data["obstacles"].append(obstacle)
-    data["pose"] |= own.get("pose", {})
-    return same
+    data["pose"] |= parts.get("pose", {})
+    return shared_obstacles
 
 
 def _unnamed(obstacle: dict[str, Any]) -> dict[str, Any]:
@@ -275,37 +282,39 @@ def _unnamed(obstacle: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in obstacle.items() if key != "name"}
 
 
-def _renamed(placement: _Placement, own: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The plain data of a puppet with the names and places in the scene."""
-    for body in own["bodies"]:
-        body["name"] = placement.part(body["name"])
-        body["parent"] = placement.body(body.get("parent", "world"))
+def _renamed(placement: _Placement, parts: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The plain data of a puppet, with its names and positions in the scene."""
+    for body in parts["bodies"]:
+        body["name"] = placement.part_name(body["name"])
+        body["parent"] = placement.body_name(body.get("parent", "world"))
         if "name" in body.get("joint", {}):
-            body["joint"]["name"] = placement.part(body["joint"]["name"])
+            body["joint"]["name"] = placement.part_name(body["joint"]["name"])
     for key, points in (("strings", "path"), ("springs", "between")):
-        for item in own.get(key, []):
-            item["name"] = placement.part(item["name"])
+        for item in parts.get(key, []):
+            item["name"] = placement.part_name(item["name"])
             item[points] = [_point(placement, point) for point in item[points]]
-    for drive in own.get("drives", []):
-        drive["on"] = [placement.part(name) for name in drive["on"]]
-    own["pose"] = {placement.part(name): value for name, value in own.get("pose", {}).items()}
-    own["obstacles"] = [_obstacle(placement, o) for o in own.get("obstacles", [])]
-    for _, parameter in parameters(own):
-        parameter["parameter"] = placement.part(parameter["parameter"])
+    for drive in parts.get("drives", []):
+        drive["on"] = [placement.part_name(name) for name in drive["on"]]
+    parts["pose"] = {
+        placement.part_name(name): value for name, value in parts.get("pose", {}).items()
+    }
+    parts["obstacles"] = [_obstacle(placement, o) for o in parts.get("obstacles", [])]
+    for _, parameter in parameters(parts):
+        parameter["parameter"] = placement.part_name(parameter["parameter"])
     subfolder = os.path.relpath(placement.puppet._origin.folder.resolve(), folder)
-    shapes = [shape for body in own["bodies"] for shape in body.get("shapes", [])]
-    for shape in (*shapes, *own["obstacles"]):
+    shapes = [shape for body in parts["bodies"] for shape in body.get("shapes", [])]
+    for shape in (*shapes, *parts["obstacles"]):
         if shape["type"] == "mesh":
             shape["file"] = PurePath(subfolder, shape["file"]).as_posix()
-    return own
+    return parts
 
 
 def _point(placement: _Placement, point: dict[str, Any]) -> dict[str, Any]:
     """A point of a string or spring; points in the puppet's world are moved to its frame."""
     if "body" in point:
-        return point | {"body": placement.part(point["body"])}
+        return point | {"body": placement.part_name(point["body"])}
     if "driven" in point:
-        return point | {"parent": placement.body(point.get("parent", "world"))}
+        return point | {"parent": placement.body_name(point.get("parent", "world"))}
     if placement.frame == "world":
         return point
     return {"body": placement.frame, "at": point["world"]}
@@ -313,7 +322,7 @@ def _point(placement: _Placement, point: dict[str, Any]) -> dict[str, Any]:
 
 def _obstacle(placement: _Placement, obstacle: dict[str, Any]) -> dict[str, Any]:
     """An obstacle of a puppet's file, at its place in the scene."""
-    out = obstacle | {"name": placement.part(obstacle["name"])}
+    out = obstacle | {"name": placement.part_name(obstacle["name"])}
     if placement.frame == "world":
         return out
     turn = placement.member.orientation
@@ -323,8 +332,8 @@ def _obstacle(placement: _Placement, obstacle: dict[str, Any]) -> dict[str, Any]
     for key in keys:
         out[key] = (R @ np.array(obstacle.get(key, [0.0, 0.0, 0.0])) + r).tolist()
     if obstacle["type"] in ("box", "ellipsoid", "mesh") and turn is not None:
-        own = obstacle.get("orientation")
-        inner = np.eye(3) if own is None else type(turn).model_validate(own).matrix
+        inner_turn = obstacle.get("orientation")
+        inner = np.eye(3) if inner_turn is None else type(turn).model_validate(inner_turn).matrix
         out["orientation"] = {"quaternion": rotation.quaternion(R @ inner).tolist()}
     return out
 
@@ -344,11 +353,11 @@ def _origin(scene: Scene, placements: list[_Placement], located: Located, folder
     lines: dict[str, int] = {}
     files: dict[str, str] = {}
     for placement in placements:
-        for name, _ in named(placement.puppet):
+        for name, _ in named_parts(placement.puppet):
             file, line = placement.puppet.locate(name)
-            files[placement.part(name)] = file
+            files[placement.part_name(name)] = file
             if line is not None:
-                lines[placement.part(name)] = line
+                lines[placement.part_name(name)] = line
     for path, name in scene.names():
         if (line := located.line(path)) is not None:
             lines[name] = line

@@ -60,7 +60,7 @@ def placed(
     for chain in tree.chains:
         start, end = (place(poses, chain.points[k], number)[0] for k in (0, -1))
         chain.just_reaches(float(np.linalg.norm(end - start)), q_D, q_K)
-        line = _line(start, end, float(chain.own_length(q_D, q_K, number)), chain.pieces)
+        line = _line(start, end, float(chain.unstretched_length(q_D, q_K, number)), chain.pieces)
         for point, at in zip(chain.points[1:-1], line, strict=True):
             q_slice = tree.links[point.link].q
             names = tree.coordinates.q_D[q_slice]

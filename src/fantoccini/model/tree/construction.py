@@ -1,4 +1,4 @@
-"""Puppet -> Tree: links in topological order, rows, and the places of coordinates."""
+"""Construction of a puppet's tree: links in topological order, rows, coordinates."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Pose = dict[str, float | tuple[float, ...]]
 """Coordinate -> start value, or ``joint.rotation`` -> quaternion."""
 
 
-class _Grower:
+class _TreeBuilder:
     """Collects the links, rows and coordinates of a puppet."""
 
     def __init__(self) -> None:
@@ -41,22 +41,22 @@ class _Grower:
         self.chains: list[ChainRow] = []
         self.parameters: dict[str, float] = {}
 
-    def puppet(self, puppet: Puppet) -> None:
-        place = {"world": WORLD}
+    def add_puppet(self, puppet: Puppet) -> None:
+        link_of = {"world": WORLD}
         self.joints.motors = {name: drive for drive in puppet.drives for name in drive.on}
         for body in _parents_first(puppet.bodies):
-            place[body.name] = self.body(body, place[body.parent], puppet.pose)
+            link_of[body.name] = self.add_body(body, link_of[body.parent], puppet.pose)
         for string in puppet.strings:
-            self.string(string, place, puppet.pose)
+            self.add_string(string, link_of, puppet.pose)
         for spring in puppet.springs:
-            start, end = (_point(a, place) for a in spring.between)
+            start, end = (_point(a, link_of) for a in spring.between)
             row = SpringRow(
                 spring.name, (start, end), spring.stiffness, spring.rest, spring.damping
             )
             self.springs.append(row)
         self.parameters = puppet.parameters()
 
-    def body(self, body: Body, parent: int, pose: Pose) -> int:
+    def add_body(self, body: Body, parent: int, pose: Pose) -> int:
         joint = body.joint
         name = joint.name or body.name
         link = replace(
@@ -69,17 +69,17 @@ class _Grower:
             lumps=_lumps(body),
             mass=body.mass,
             com=body.com,
-            inertia=None if body.inertia is None else _six(body.inertia),
+            inertia=None if body.inertia is None else _six_entries(body.inertia),
             drag=(body.drag.linear, body.drag.quadratic, body.drag.angular)
             if body.drag
             else (0.0, 0.0, 0.0),
             shapes=tuple(body.shapes),
         )
         index = self.joints.body(link, joint, _start(name, pose))
-        self.joint_limits(joint, name, index)
+        self.add_limits(joint, name, index)
         return index
 
-    def joint_limits(self, joint: Joint, name: str, link: int) -> None:
+    def add_limits(self, joint: Joint, name: str, link: int) -> None:
         def add(
             side: str,
             bound: float | None,
@@ -100,9 +100,9 @@ class _Grower:
             add("twist.lower", joint.twist.lower, None, b)
             add("twist.upper", joint.twist.upper, None, b)
 
-    def string(self, string: String, place: dict[str, int], pose: Pose) -> None:
+    def add_string(self, string: String, link_of: dict[str, int], pose: Pose) -> None:
         points = tuple(
-            self.driven_end(string.name, a, a.driven, place) if a.driven else _point(a, place)
+            self.driven_end(string.name, a, a.driven, link_of) if a.driven else _point(a, link_of)
             for a in string.path
         )
         length: Number | None = None
@@ -115,7 +115,7 @@ class _Grower:
             row = Coordinate(f"{string.name}.length", role, string.name, "m", None)
             self.joints.table.rows.append(row)
         if string.chain is not None:
-            self.chain(string, string.chain, points, length, length_index, role)
+            self.add_chain(string, string.chain, points, length, length_index, role)
             return
         self.strings.append(
             StringRow(
@@ -132,7 +132,7 @@ class _Grower:
             )
         )
 
-    def chain(
+    def add_chain(
         self,
         string: String,
         chain: Chain,
@@ -162,31 +162,31 @@ class _Grower:
         )
 
     def driven_end(
-        self, string: str, end: Attachment, axes: tuple[str, ...], place: dict[str, int]
+        self, string: str, end: Attachment, axes: tuple[str, ...], link_of: dict[str, int]
     ) -> Point:
         """A massless body on driven axes: `driven: [x, y]` gives hand.x and hand.y."""
-        return Point(self.joints.end(string, place[end.parent], axes, end.at), (0.0, 0.0, 0.0))
+        return Point(self.joints.end(string, link_of[end.parent], axes, end.at), (0.0, 0.0, 0.0))
 
 
 def grow(puppet: Puppet) -> Tree:
     """The tree of a puppet: links in topological order, rows, the coordinate table."""
-    grower = _Grower()
-    grower.puppet(puppet.expanded())
+    builder = _TreeBuilder()
+    builder.add_puppet(puppet.expanded())
     tree = Tree(
         name=puppet.name,
         gravity=puppet.gravity,
-        links=tuple(grower.joints.links),
-        strings=tuple(grower.strings),
-        springs=tuple(grower.springs),
-        limits=tuple(grower.limits),
-        coordinates=grower.joints.table.finish(),
-        parameters=grower.parameters,
-        drives=tuple(grower.joints.drives),
-        chains=tuple(grower.chains),
+        links=tuple(builder.joints.links),
+        strings=tuple(builder.strings),
+        springs=tuple(builder.springs),
+        limits=tuple(builder.limits),
+        coordinates=builder.joints.table.finish(),
+        parameters=builder.parameters,
+        drives=tuple(builder.joints.drives),
+        chains=tuple(builder.chains),
         n_contacts=MAX_CONTACTS if puppet.touching else 0,
     )
     table = tree.coordinates
-    # A driven length without a start stays nan: the initial state sets it.
+    # A driven length without a start stays NaN: the initial state sets it.
     start_D, _ = placed(tree, table.start_D, table.start_K, value_of)
     return replace(tree, coordinates=replace(table, start_D=start_D))
 
@@ -217,11 +217,11 @@ def _start(joint: str, pose: Pose) -> dict[str, float]:
     return values
 
 
-def _point(attachment: Attachment, place: dict[str, int]) -> Point:
+def _point(attachment: Attachment, link_of: dict[str, int]) -> Point:
     if attachment.world is not None:
         return Point(WORLD, attachment.world)
     assert attachment.body is not None, "a driven end has a body of its own"
-    return Point(place[attachment.body], attachment.at)
+    return Point(link_of[attachment.body], attachment.at)
 
 
 def _lumps(body: Body) -> tuple[Lump, ...]:
@@ -234,5 +234,5 @@ def _lumps(body: Body) -> tuple[Lump, ...]:
     return tuple(lumps)
 
 
-def _six(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
+def _six_entries(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
     return inertia if len(inertia) == 6 else (*inertia, 0.0, 0.0, 0.0)

@@ -129,7 +129,7 @@ class Lengthed:
             if own is not None and np.isnan(q[own[0]]):
                 q[own[0]] = span
 
-    def own_length(
+    def unstretched_length(
         self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
     ) -> np.ndarray:
         """L [m], of shape (...) or (), at configurations (..., n_qD), (..., n_qK)."""
@@ -402,7 +402,7 @@ class Tree:
         q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
         out = np.zeros((*q_K.shape[:-1], len(self.strings)))
         for i, string in enumerate(self.strings):
-            out[..., i] = string.own_length(q_D, q_K, number)
+            out[..., i] = string.unstretched_length(q_D, q_K, number)
         return out
 
     def ancestors(self, link: int) -> list[int]:

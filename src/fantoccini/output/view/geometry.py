@@ -332,7 +332,7 @@ def chain_pulls(
     pulls = []
     for row, points in zip(tree.chains, chain_points(tree, poses), strict=True):
         path = np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)
-        length = row.own_length(q_D, q_K, marionette.number)
+        length = row.unstretched_length(q_D, q_K, marionette.number)
         pulls.append(marionette.number(row.stiffness) * (path / length - 1.0))
     return np.stack(pulls, axis=-1) if pulls else np.zeros((*poses.shape[:-3], 0))
 

@@ -44,21 +44,21 @@ class Clearance {
 
   Real q_D[array_size(Model::n_qD)], q_K[array_size(Model::n_qK)], p[array_size(Model::n_p)];
   JointPaths<Model, Real> moves;  // about the configuration; see `measure`
-  Real least, which;              // clearance and number of its pair: see `measure`
+  Real least, pair;               // clearance, and index of its pair: see `measure`
   Real lower;                     // lower bound of all distances on the path given by `moves`
 
   // A link's pose at the last measurement: R by columns, then r.
   FAN_FN const Real* pose(int link) const { return poses_ + 12 * link; }
 
-  // Includes a configuration in the range of the strings' lengths less their spans. moves.clear()
-  // empties the range.
+  // Extends the range of the strings' excess lengths (length less span) by a configuration.
+  // moves.clear() empties the range.
   FAN_FN void include_excess(const Real* D, const Real* K) {
     Call<Model, Real>::points(D, K, p, points_);
     int at = 0;
     for (int i = 0; i < S; at += Model::string_points[i++]) {
       Real excess = string_length<Model, Real>(i, D, K);
       for (int k = 1; k < Model::string_points[i]; ++k)
-        excess -= apart(points_ + 3 * (at + k - 1), points_ + 3 * (at + k));
+        excess -= distance_of(points_ + 3 * (at + k - 1), points_ + 3 * (at + k));
       moves.least_excess[i] = moves.known ? minimum(excess, moves.least_excess[i]) : excess;
       moves.most_excess[i] = moves.known ? maximum(excess, moves.most_excess[i]) : excess;
     }
@@ -67,10 +67,10 @@ class Clearance {
 
   // Finds the least distance over all pairs, numbered in this order: moving (outer) by standing
   // (inner); pairs; string segments (outer) by standing. Distances certainly above `enough`, and
-  // those of meshes in lanes that do not count, are lower bounds. With motion (`moving`), `lower`
-  // is the least distance less the paths of both solids.
+  // those of meshes in lanes that are not selected, are lower bounds. With motion (`moving`),
+  // `lower` is the least distance less the paths of both solids.
   FAN_FN void measure(
-      const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts,
+      const ClearanceArrays& in, Placed<Real>* placed, const Mask& selected,
       double enough = Tol::max_distance, bool moving = false) {
     enough_ = enough + Tol::rounding;
     exact_ = in.exact;
@@ -80,27 +80,26 @@ class Clearance {
       placed[m].moved = moving ? path(in, in.moving[m], placed[m]) : Real(0.0);
     }
     least = lower = Real(Tol::max_distance);
-    which = Real(-1.0);
+    pair = Real(-1.0);
     double number = 0.0;
-    const auto take = [&](const Real& distance) {
+    const auto add = [&](const Real& distance) {
       const auto nearer = distance < least;
       least = select(nearer, distance, least);
-      lower = minimum(distance - spread_, lower);
-      which = select(nearer, Real(number), which);
+      lower = minimum(distance - pair_path_, lower);
+      pair = select(nearer, Real(number), pair);
       number += 1.0;
     };
     for (long long m = 0; m < in.n_moving; ++m) {
-      spread_ = placed[m].moved;
+      pair_path_ = placed[m].moved;
       for (long long o = 0; o < in.n_standing; ++o)
-        take(
-            in.left_out[m * in.n_standing + o]
+        add(in.left_out[m * in.n_standing + o]
                 ? Real(Tol::max_distance)
-                : measured(placed[m], in.standing[o], counts, most()));
+                : measured(placed[m], in.standing[o], selected, needed_distance()));
     }
     for (long long k = 0; k < in.n_pairs; ++k) {
       const Placed<Real>&a = placed[in.pairs[2 * k]], &b = placed[in.pairs[2 * k + 1]];
-      spread_ = a.moved + b.moved;
-      take(measured(a, b, counts, most()));
+      pair_path_ = a.moved + b.moved;
+      add(measured(a, b, selected, needed_distance()));
     }
     static constexpr double no_box[3] = {};
     bool strings = false;
@@ -110,20 +109,20 @@ class Clearance {
     int at = 0;
     for (int i = 0; i < S; at += Model::string_points[i++]) {
       const int pieces = Model::string_points[i] - 1;
-      Real span[array_size(Model::n_points)], whole = Real(0.0);
+      Real span[array_size(Model::n_points)], total_span = Real(0.0);
       for (int k = 0; k < pieces; ++k) {
-        span[k] = apart(points_ + 3 * (at + k), points_ + 3 * (at + k + 1));
-        whole += span[k];
+        span[k] = distance_of(points_ + 3 * (at + k), points_ + 3 * (at + k + 1));
+        total_span += span[k];
       }
       const Real length = string_length<Model, Real>(i, q_D, q_K);
-      Real carried[array_size(Model::n_points)], x = moving ? moves.wound[i] : Real(0.0);
+      Real point_path[array_size(Model::n_points)], x = moving ? moves.wound[i] : Real(0.0);
       for (int k = 0; k <= pieces; ++k) {
-        carried[k] = moving ? moves.path(in, poses_, in.carriers[at + k], points_ + 3 * (at + k))
-                            : Real(0.0);
-        x += (pieces > 1 ? 2.0 : 1.0) * carried[k];  // length moves between pieces
+        point_path[k] = moving ? moves.path(in, poses_, in.carriers[at + k], points_ + 3 * (at + k))
+                               : Real(0.0);
+        x += (pieces > 1 ? 2.0 : 1.0) * point_path[k];  // length moves between pieces
       }
       if (moving && moves.known) {
-        const Real excess = length - whole;
+        const Real excess = length - total_span;
         x = maximum(moves.most_excess[i] - excess, excess - moves.least_excess[i]);
         x = maximum(x, Real(0.0));
       }
@@ -138,21 +137,22 @@ class Clearance {
           segment.b[c] = points_[3 * (at + k + 1) + c];
         }
         // The excess length is shared in proportion to the spans.
-        const Real own = length * (span[k] / select(whole > Real(0.0), whole, Real(1.0)));
+        const Real piece_length =
+            length * (span[k] / select(total_span > Real(0.0), total_span, Real(1.0)));
         Curve curve;
         curve.straight = segment;
         curve.span = span[k];
-        curve.length = own;
+        curve.length = piece_length;
         // Wires also push, and stay straight.
-        curve.slack =
-            own > (Model::wire[i] ? Real(Tol::max_distance) : Real(span[k] * Tol::min_slack));
-        spread_ = maximum(carried[k], carried[k + 1]);
+        curve.slack = piece_length >
+                      (Model::wire[i] ? Real(Tol::max_distance) : Real(span[k] * Tol::min_slack));
+        pair_path_ = maximum(point_path[k], point_path[k + 1]);
         const Mask sags = curve.slack || (moving ? moves.loose[i] : Real(0.0)) > Real(0.5);
-        if (moving && any(sags)) spread_ += select(sags, moves.sag(own, span[k], x), Real(0.0));
+        if (moving && any(sags))
+          pair_path_ += select(sags, moves.sag(piece_length, span[k], x), Real(0.0));
         for (long long o = 0; o < in.n_standing; ++o)
-          take(
-              segment.radius < 0.0 ? Real(Tol::max_distance)
-                                   : from_string(curve, in.standing[o], counts));
+          add(segment.radius < 0.0 ? Real(Tol::max_distance)
+                                   : string_distance(curve, in.standing[o], selected));
       }
     }
   }
@@ -168,31 +168,32 @@ class Clearance {
   };
 
   // Distance of a string from an obstacle. Slack strings sag, but may lie on half-spaces.
-  FAN_FN Real from_string(Curve& curve, const Solid& other, const Mask& counts) {
-    const Real chord = measured(curve.straight, other, counts && !curve.slack, most());
+  FAN_FN Real string_distance(Curve& curve, const Solid& other, const Mask& selected) {
+    const Real chord = measured(curve.straight, other, selected && !curve.slack, needed_distance());
     if (other.kind == HALF_SPACE || !any(curve.slack)) return chord;
     using std::sqrt;
     // In any shape, the string lies within an ellipsoid with its ends as foci.
     const Real spare = curve.length * curve.length - curve.span * curve.span;
     const Real bound = chord - Real(0.5) * sqrt(select(curve.slack, spare, Real(0.0)));
-    const auto needed = curve.slack && bound < most();
+    const auto needed = curve.slack && bound < needed_distance();
     if (!any(needed)) return chord;
-    if (!curve.known) hang(curve);
+    if (!curve.known) set_catenary(curve);
     Placed<Real> piece = curve.straight;
     Real nearest = Real(Tol::max_distance);
     for (int k = 0; k < n_chords; ++k) {
-      const Real limit = select(nearest < most(), nearest, most());
+      const Real limit = select(nearest < needed_distance(), nearest, needed_distance());
       for (int c = 0; c < 3; ++c) {
         piece.a[c] = curve.points[3 * k + c];
         piece.b[c] = curve.points[3 * (k + 1) + c];
       }
-      const Real distance = measured(piece, other, counts && needed, limit);
+      const Real distance = measured(piece, other, selected && needed, limit);
       nearest = select(distance < nearest, distance, nearest);
     }
     return select(needed, nearest, chord);
   }
 
-  FAN_FN static void hang(Curve& curve) {
+  // Sets the points of a slack string's curve.
+  FAN_FN static void set_catenary(Curve& curve) {
     curve.known = true;
     for (int l = 0; l < Traits<Real>::width; ++l) {
       double a[3], b[3], points[3 * (n_chords + 1)];
@@ -206,13 +207,15 @@ class Clearance {
     }
   }
 
-  FAN_FN static Real apart(const Real* a, const Real* b) {
+  // Distance of two points.
+  FAN_FN static Real distance_of(const Real* a, const Real* b) {
     using std::sqrt;
     Real sum = Real(0.0);
     for (int c = 0; c < 3; ++c) sum += (b[c] - a[c]) * (b[c] - a[c]);
     return sqrt(sum);
   }
 
+  // Sets a solid's pose in the world.
   FAN_FN void place(const Solid& solid, Placed<Real>& out) const {
     out.kind = solid.kind;
     out.mesh = solid.mesh;
@@ -239,9 +242,9 @@ class Clearance {
             R[c] * solid.R[3 * j] + R[3 + c] * solid.R[3 * j + 1] + R[6 + c] * solid.R[3 * j + 2];
   }
 
-  // A point x in the frame of a box.
+  // A point x in a box's frame.
   template <class Number>
-  FAN_FN static void into(const Number* R, const Number* centre, const Real* x, Real* out) {
+  FAN_FN static void into_box(const Number* R, const Number* centre, const Real* x, Real* out) {
     Real from[3];
     for (int c = 0; c < 3; ++c) from[c] = x[c] - Real(centre[c]);
     turn(R, from, out);
@@ -254,8 +257,8 @@ class Clearance {
   }
 
   // Distance above which a lower bound is enough.
-  FAN_FN Real most() const {
-    return minimum(maximum(least, lower + spread_), Real(enough_) + spread_);
+  FAN_FN Real needed_distance() const {
+    return minimum(maximum(least, lower + pair_path_), Real(enough_) + pair_path_);
   }
 
   // Longest path of a placed solid's points.
@@ -270,14 +273,14 @@ class Clearance {
     return moves.path(in, poses_, solid.link, centre, beyond);
   }
 
-  // Result of `between`; for meshes the exact distance in lanes that count, if `between` is below
-  // `limit`.
+  // Result of distance_between(); for meshes, in selected lanes where it is below `limit`, the
+  // exact distance.
   template <class Other>
   FAN_FN Real
-  measured(const Placed<Real>& x, const Other& y, const Mask& counts, const Real& limit) const {
-    Real distance = between(x, y);
+  measured(const Placed<Real>& x, const Other& y, const Mask& selected, const Real& limit) const {
+    Real distance = distance_between(x, y);
     if (x.mesh < 0 && y.mesh < 0) return distance;
-    const auto needed = counts && distance < limit;
+    const auto needed = selected && distance < limit;
     if (!any(needed)) return distance;
     for (int l = 0; l < Traits<Real>::width; ++l) {
       if (!lane_of(needed, l)) continue;
@@ -307,9 +310,9 @@ class Clearance {
 
   // Distance of a moving solid from a moving or standing one; a mesh counts as the box around it.
   template <class Other>
-  FAN_FN Real between(const Placed<Real>& x, const Other& y) const {
+  FAN_FN Real distance_between(const Placed<Real>& x, const Other& y) const {
     const double total_radius = x.radius + y.radius;
-    if (y.kind == HALF_SPACE) return above(x, y) - Real(total_radius);
+    if (y.kind == HALF_SPACE) return height_above(x, y) - Real(total_radius);
     if (x.kind == SEGMENT && y.kind == SEGMENT) {
       Real a[3], b[3];
       for (int c = 0; c < 3; ++c) {
@@ -320,11 +323,11 @@ class Clearance {
     }
     Real a[3], b[3];
     if (x.kind == SEGMENT) {
-      into(y.R, y.a, x.a, a);
-      into(y.R, y.a, x.b, b);
-      const Real bound = at_least(a, b, y.half) - Real(total_radius);
-      if (!any(!(bound > Real(enough_) + spread_))) return bound;
-      return parted(segment_to_box(a, b, y.half)) - Real(total_radius);
+      into_box(y.R, y.a, x.a, a);
+      into_box(y.R, y.a, x.b, b);
+      const Real bound = segment_box_bound(a, b, y.half) - Real(total_radius);
+      if (!any(!(bound > Real(enough_) + pair_path_))) return bound;
+      return without_touch(segment_to_box(a, b, y.half)) - Real(total_radius);
     }
     if (y.kind == SEGMENT) {
       Real from[3], to[3];
@@ -332,27 +335,27 @@ class Clearance {
         from[c] = Real(y.a[c]);
         to[c] = Real(y.b[c]);
       }
-      into(x.R, x.a, from, a);
-      into(x.R, x.a, to, b);
-      return parted(segment_to_box(a, b, x.half)) - Real(total_radius);
+      into_box(x.R, x.a, from, a);
+      into_box(x.R, x.a, to, b);
+      return without_touch(segment_to_box(a, b, x.half)) - Real(total_radius);
     }
     Real axes[9];
-    into(y.R, y.a, x.a, a);
+    into_box(y.R, y.a, x.a, a);
     for (int j = 0; j < 3; ++j) turn(y.R, x.R + 3 * j, axes + 3 * j);
     const Real bound = box_to_box(a, axes, x.half, y.half);
-    const auto needed = bound > Real(0.0) && bound - Real(total_radius) < most();
+    const auto needed = bound > Real(0.0) && bound - Real(total_radius) < needed_distance();
     if (!any(needed)) return bound - Real(total_radius);
     return select(needed, between_boxes(a, axes, x.half, y.half), bound) - Real(total_radius);
   }
 
-  // Solids that touch count as overlapping, however little.
-  FAN_FN static Real parted(const Real& distance) {
+  // The distance; negative for solids that touch.
+  FAN_FN static Real without_touch(const Real& distance) {
     return select(distance > Real(0.0), distance, Real(-Tol::rounding));
   }
 
   // A lower bound of a segment's distance from a box about the origin: the distance of its middle
   // less half its length.
-  FAN_FN static Real at_least(const Real* a, const Real* b, const double* half) {
+  FAN_FN static Real segment_box_bound(const Real* a, const Real* b, const double* half) {
     using std::sqrt;
     Real off = Real(0.0), length = Real(0.0);
     for (int k = 0; k < 3; ++k) {
@@ -366,7 +369,7 @@ class Clearance {
 
   // Height of the lowest point above a half-space, before the radius is subtracted.
   template <class Other>
-  FAN_FN static Real above(const Placed<Real>& x, const Other& y) {
+  FAN_FN static Real height_above(const Placed<Real>& x, const Other& y) {
     using std::abs;
     const auto height = [&](const Real* point) {
       Real sum = Real(0.0);
@@ -395,7 +398,7 @@ class Clearance {
   }
 
   double enough_ = Tol::max_distance;
-  Real spread_ = Real(0.0);  // path of both solids of the current pair
+  Real pair_path_ = Real(0.0);  // path of both solids of the current pair
   double (*exact_)(const Solid*, const Solid*) = nullptr;
   Real poses_[array_size(12 * Model::n_links)], points_[array_size(3 * Model::n_points)];
 };

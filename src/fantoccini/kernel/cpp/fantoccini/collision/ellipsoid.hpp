@@ -4,11 +4,11 @@
 //
 //     g(n) = n . c - h_1(n) - h_2(n),
 //
-// where c leads from the second's middle to the first's. Its greatest value is the distance, or
+// where c is the vector from the second's middle to the first's. The largest g is the distance, or
 // minus the least depth. h(n) = sqrt(n . M n) for an ellipsoid and sum_k half_k |n_k| for a box, of
 // which points and segments are special cases. g is smooth except on the folds n_k = 0 of the box.
-// Newton's method on the unit sphere maximises g; components on a fold are held at 0 until the
-// slope beside it leads away, at which the touching point leaves the box's face or edge. For solids
+// Newton's method on the unit sphere maximises g; components on a fold are held at 0 until g
+// rises beside it, where the touching point leaves the box's face or edge. For solids
 // apart, g has one maximum; for overlapping solids, the ascent starts at the best of a guess and
 // the box's faces.
 #pragma once
@@ -20,17 +20,17 @@ namespace fan {
 struct EllipsoidTolerances {
   static constexpr double slope = 1e-14;     // relative to the size: end of the ascent
   static constexpr double rounding = 1e-15;  // relative to the size: of the gap
-  static constexpr double min_reach = 1e-9;  // relative to the size: of flat ellipsoids across
+  static constexpr double min_reach = 1e-9;  // relative to the size: of flat ellipsoids, across
   static constexpr int max_climbs = 60;      // Newton steps; about 6 are usual
   static constexpr int max_halvings = 30;    // of a step that does not ascend
 };
 
 // Solves A x = b for a symmetric positive definite A (3, 3). Returns whether A is. A is changed.
 FAN_FN bool solve_definite(double* A, const double* b, double* x) {
-  const double most = fmax(A[0], fmax(A[4], A[8]));
+  const double largest = fmax(A[0], fmax(A[4], A[8]));
   for (int k = 0; k < 3; ++k) x[k] = b[k];
   for (int i = 0; i < 3; ++i) {
-    if (!(A[4 * i] > TouchTolerances::tiny * most)) return false;
+    if (!(A[4 * i] > TouchTolerances::tiny * largest)) return false;
     for (int j = i + 1; j < 3; ++j) {
       const double factor = A[3 * j + i] / A[4 * i];
       for (int k = i; k < 3; ++k) A[3 * j + k] -= factor * A[3 * i + k];
@@ -138,7 +138,7 @@ class GapClimb {
     return true;
   }
 
-  // Gradient of the gap; components on a fold that do not lead away are held.
+  // Sets the gradient of the gap, and holds components on folds beside which it does not rise.
   FAN_FN void find_slope() {
     for (int k = 0; k < 3; ++k) {
       const double r = centre_[k] - at_.p[0][k] - at_.p[1][k];
@@ -150,7 +150,8 @@ class GapClimb {
     along3(slope_, -dot3(slope_, n), n, slope_);
   }
 
-  // Newton step; `bend` is its gap, or positive to guarantee ascent.
+  // Newton step. `bend`: curvature by the constraint |n| = 1, which is the gap; a larger one
+  // guarantees ascent.
   FAN_FN bool find_step(double bend, double* step) const {
     double A[9] = {};
     first_.add_curvature(at_.h[0], at_.p[0], A);
@@ -165,8 +166,8 @@ class GapClimb {
     return solve_definite(A, slope_, step);
   }
 
-  // Holds components that the step would return across the fold they are on. Returns whether there
-  // are any.
+  // Holds components that the step would move back across their fold. Returns whether there are
+  // any.
   FAN_FN bool hold_back(const double* step) {
     bool any_held = false;
     for (int k = 0; k < 3; ++k) {
@@ -183,21 +184,21 @@ class GapClimb {
     if (!(length3(slope_) > Tol::slope * size_)) return false;
     double step[3];
     do {
-      const double sure = fabs(at_.gap) + Tol::rounding * size_;
-      if (!find_step(at_.gap, step) && !find_step(sure, step)) return false;
+      const double large_bend = fabs(at_.gap) + Tol::rounding * size_;
+      if (!find_step(at_.gap, step) && !find_step(large_bend, step)) return false;
     } while (hold_back(step));
     // Stops at the first fold on the way.
-    double share = 1.0;
+    double fraction = 1.0;
     int fold = -1;
     for (int k = 0; k < 3; ++k) {
       if (!(half_[k] > 0.0) || n[k] == 0.0) continue;
-      if ((n[k] + share * step[k] > 0.0) == (n[k] > 0.0)) continue;
-      share = -n[k] / step[k];
+      if ((n[k] + fraction * step[k] > 0.0) == (n[k] > 0.0)) continue;
+      fraction = -n[k] / step[k];
       fold = k;
     }
-    for (int i = 0; i < Tol::max_halvings; ++i, share *= 0.5) {
+    for (int i = 0; i < Tol::max_halvings; ++i, fraction *= 0.5) {
       double m[3];
-      along3(n, share, step, m);
+      along3(n, fraction, step, m);
       if (fold >= 0 && i == 0) m[fold] = 0.0;
       if (unit3(m, 0.0) && take_if_higher(m, -Tol::rounding * size_)) return true;
     }
@@ -241,8 +242,8 @@ FAN_FN void touch_ellipsoid(const PlacedSolid& x, const PlacedSolid& y, Touches&
   difference3(x_at, y_at, apart);
   into_axes(R, apart, centre);
   for (int j = 0; j < 3; ++j) into_axes(R, x.R + 3 * j, axes + 3 * j);
-  const double own[] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
-  const EllipsoidReach first(axes, x.half), second(own, y.half);
+  const double identity[] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+  const EllipsoidReach first(axes, x.half), second(identity, y.half);
   const GapClimb climb(
       first, is_ellipsoid(y) ? &second : nullptr, half, centre, to.margin + to.y_radius);
   double local[3], p[3], q[3], normal[3];

@@ -7,9 +7,9 @@
 //     gap = n . (p_x - p_y),   n = +-u x v / |u x v|.
 //
 // Spheres and capsules have a point of their core nearest to a facet, an edge or a vertex; the
-// region then says which. Inside their features these are the points that touches() finds. Trial
-// states of an integrator, and states of finite differences, lie beyond: the gap of a feature
-// continues smoothly there.
+// region then says which. Within their features these are the points that touches() finds. In trial
+// states of integrators and finite differences, points lie outside them: the gap continues smoothly
+// there.
 #pragma once
 
 #include "fantoccini/collision/narrow_phase.hpp"
@@ -17,9 +17,9 @@
 namespace fan {
 
 struct FollowTolerances {
-  // Tolerance relative to a solid's size, and to a unit vector: a point of two hulls, or of a round
-  // solid whose gap continues with its slope, may be this far outside its features.
-  static constexpr double outside = HullTolerances::rounding, turn = 1e-12;
+  // Distances by which a point may lie outside its features, relative to a solid's size or in a
+  // unit vector: for pairs of hulls or boxes, and for round solids, whose gaps continue smoothly.
+  static constexpr double polyhedra = HullTolerances::rounding, round = 1e-12;
 };
 
 namespace following {
@@ -40,7 +40,8 @@ struct EdgeLine {
   double a[3], u[3], outward[3];
 };
 
-// Two edges that cross, and the positions along them of their crossing. Returns whether they cross.
+// Adds the point of two edges. `along`: its positions along them. Returns false if they are
+// parallel.
 FAN_FN bool follow_edges(
     const EdgeLine& x, const EdgeLine& y, int feature, double* along, double* n, Touches& to) {
   double w[3], p[3], q[3];
@@ -71,9 +72,9 @@ FAN_FN EdgeLine line_of(const PlacedHull& hull, int e) {
   return out;
 }
 
-// The length of an edge, and whether n is among the normals of the hull there.
+// Whether n is among the normals of the hull at an edge. Sets the edge's length.
 FAN_FN bool is_normal_of_edge(
-    const PlacedHull& hull, int e, const double* n, double most, double* length) {
+    const PlacedHull& hull, int e, const double* n, double tolerance, double* length) {
   const int* edge = hull.edge(e);
   const Core core = core_of_edge(hull, e);
   double facet[3], inward[3];
@@ -82,7 +83,7 @@ FAN_FN bool is_normal_of_edge(
   for (int k = 0; k < 2; ++k) {
     hull.normal(edge[2 + k], facet);
     cross(facet, core.u, inward);
-    if ((k == 0 ? 1.0 : -1.0) * dot3(n, inward) > most) return false;
+    if ((k == 0 ? 1.0 : -1.0) * dot3(n, inward) > tolerance) return false;
   }
   return true;
 }
@@ -103,19 +104,19 @@ FAN_FN bool is_in_facet(const PlacedHull& hull, int f, const double* point, doub
   return true;
 }
 
-// `holds`: whether the point lies within its features.
+// Follows a point of two hulls. `holds`: whether it lies within its features.
 FAN_FN bool follow_hulls(
     const PlacedHull& x, const PlacedHull& y, int feature, Touches& to, bool* holds) {
-  const double rounding = FollowTolerances::outside * fmin(x.hull.outer, y.hull.outer);
+  const double rounding = FollowTolerances::polyhedra * fmin(x.hull.outer, y.hull.outer);
   if (feature >= HullFeatures::nearest) return false;
   if (feature >= HullFeatures::edges) {
     const int e = (feature - HullFeatures::edges) / max_hull_edges;
     const int g = (feature - HullFeatures::edges) % max_hull_edges;
-    double at[2], n[3], back[3], length[2];
+    double at[2], n[3], reversed[3], length[2];
     if (!follow_edges(line_of(x, e), line_of(y, g), feature, at, n, to)) return false;
-    for (int k = 0; k < 3; ++k) back[k] = -n[k];
-    *holds = is_normal_of_edge(x, e, back, FollowTolerances::outside, length) &&
-             is_normal_of_edge(y, g, n, FollowTolerances::outside, length + 1);
+    for (int k = 0; k < 3; ++k) reversed[k] = -n[k];
+    *holds = is_normal_of_edge(x, e, reversed, FollowTolerances::polyhedra, length) &&
+             is_normal_of_edge(y, g, n, FollowTolerances::polyhedra, length + 1);
     for (int k = 0; k < 2; ++k)
       *holds = *holds && at[k] >= -rounding && at[k] <= length[k] + rounding;
     return true;
@@ -141,32 +142,33 @@ FAN_FN bool is_normal_of_vertex(const PlacedHull& hull, int i, const double* n) 
     double along[3];
     difference3(hull.local(edge[0] == i ? edge[1] : edge[0]), hull.local(i), along);
     unit3(along, 0.0);
-    if (dot3(along, n) > FollowTolerances::turn) return false;
+    if (dot3(along, n) > FollowTolerances::round) return false;
   }
   return true;
 }
 
-// A core in the axes of a hull, from the region of their nearest points (CoreAndHull).
+// Follows a point of a core, in the axes of a hull, from the region of their nearest points
+// (CoreAndHull).
 FAN_FN bool follow_core(
     const PlacedHull& hull, const Core& core, int feature, int region, Touches& to, bool* holds) {
   const int code = region - lasting_regions, number = code / 12 - 1;
   const auto part = CorePart(code % 3);
   const auto kind = HullFeature::Kind(code / 3 % 4);
-  const bool middle = part == MIDDLE;
-  const double rounding = FollowTolerances::turn * hull.hull.outer;
+  const bool is_middle = part == MIDDLE;
+  const double rounding = FollowTolerances::round * hull.hull.outer;
   double p[3], q[3], n[3], length = 0.0;
   *holds = true;
-  if (!middle) copy3(part == FIRST_END ? core.a : core.b, p);
+  if (!is_middle) copy3(part == FIRST_END ? core.a : core.b, p);
   if (kind == HullFeature::FACET) {
     copy3(hull.local_normal(number), n);
     along3(p, hull.height(number) - dot3(p, n), n, q);
     *holds = is_in_facet(hull, number, q, rounding);
   } else if (kind == HullFeature::VERTEX) {
     copy3(hull.local(number), q);
-    if (middle) core.project(q, p);
+    if (is_middle) core.project(q, p);
   } else {
     const Core edge = core_of_edge(hull, number);
-    if (!middle) {
+    if (!is_middle) {
       edge.project(p, q);
     } else {
       PointPair pair;
@@ -184,9 +186,9 @@ FAN_FN bool follow_core(
     if (!unit3(n, TouchTolerances::tiny)) return false;
   }
   if (kind == HullFeature::EDGE)
-    *holds = *holds && is_normal_of_edge(hull, number, n, FollowTolerances::turn, &length);
+    *holds = *holds && is_normal_of_edge(hull, number, n, FollowTolerances::round, &length);
   if (kind == HullFeature::VERTEX) *holds = *holds && is_normal_of_vertex(hull, number, n);
-  *holds = *holds && is_nearest_part(core, part, p, n, FollowTolerances::turn);
+  *holds = *holds && is_nearest_part(core, part, p, n, FollowTolerances::round);
   to.add(p, q, n, feature, region);
   return true;
 }
@@ -206,20 +208,20 @@ FAN_FN EdgeLine line_of(const PlacedSolid& box, int number) {
 // Whether n is among the normals of a box at an edge.
 FAN_FN bool is_normal_of_edge(const PlacedSolid& box, int number, const double* n) {
   const int k = number / 4, j = (k + 1) % 3, i = (k + 2) % 3;
-  return (number & 1 ? 1.0 : -1.0) * dot3(n, box.R + 3 * j) >= -FollowTolerances::outside &&
-         (number & 2 ? 1.0 : -1.0) * dot3(n, box.R + 3 * i) >= -FollowTolerances::outside;
+  return (number & 1 ? 1.0 : -1.0) * dot3(n, box.R + 3 * j) >= -FollowTolerances::polyhedra &&
+         (number & 2 ? 1.0 : -1.0) * dot3(n, box.R + 3 * i) >= -FollowTolerances::polyhedra;
 }
 
 FAN_FN bool follow_boxes(
     const PlacedSolid& x, const PlacedSolid& y, int feature, Touches& to, bool* holds) {
-  const double rounding = FollowTolerances::outside * fmin(length3(x.half), length3(y.half));
+  const double rounding = FollowTolerances::polyhedra * fmin(length3(x.half), length3(y.half));
   if (feature >= BoxFeatures::nearest) return false;
   if (feature >= BoxFeatures::edges) {
     const int e = (feature - BoxFeatures::edges) / 12, g = (feature - BoxFeatures::edges) % 12;
-    double at[2], n[3], back[3];
+    double at[2], n[3], reversed[3];
     if (!follow_edges(line_of(x, e), line_of(y, g), feature, at, n, to)) return false;
-    for (int k = 0; k < 3; ++k) back[k] = -n[k];
-    *holds = is_normal_of_edge(x, e, back) && is_normal_of_edge(y, g, n) &&
+    for (int k = 0; k < 3; ++k) reversed[k] = -n[k];
+    *holds = is_normal_of_edge(x, e, reversed) && is_normal_of_edge(y, g, n) &&
              fmin(at[0], at[1]) >= -rounding && at[0] <= 2.0 * x.half[e / 4] + rounding &&
              at[1] <= 2.0 * y.half[g / 4] + rounding;
     return true;
@@ -241,9 +243,9 @@ FAN_FN bool follow_boxes(
   return true;
 }
 
-// A core in the axes of a box, from the part of the core and the region of the box (region_of_box):
-// the points of the box nearest to it lie on a line, where the coordinates along the region's
-// directions are at their bounds.
+// Follows a point of a core, in the axes of a box, from the part of the core and the region of the
+// box (region_of_box): the nearest points of the box lie on a line, where the coordinates along the
+// region's directions are at their bounds.
 FAN_FN bool follow_core(
     const double* half, const Core& core, int feature, int region, Touches& to, bool* holds) {
   const int code = region - lasting_regions, digit[3] = {code / 9 % 3, code / 3 % 3, code % 3};
@@ -258,7 +260,7 @@ FAN_FN bool follow_core(
   if (part == MIDDLE && !(square > TouchTolerances::lying * TouchTolerances::lying)) return false;
   if (part == MIDDLE) along3(core.a, -along / square, core.u, p);
   else copy3(part == FIRST_END ? core.a : core.b, p);
-  const double rounding = FollowTolerances::turn * length3(half);
+  const double rounding = FollowTolerances::round * length3(half);
   *holds = true;
   for (int k = 0; k < 3; ++k) {
     if (digit[k] == 0) {
@@ -270,12 +272,12 @@ FAN_FN bool follow_core(
   }
   difference3(p, q, n);
   if (!unit3(n, TouchTolerances::tiny)) return false;
-  *holds = *holds && is_nearest_part(core, part, p, n, FollowTolerances::turn);
+  *holds = *holds && is_nearest_part(core, part, p, n, FollowTolerances::round);
   to.add(p, q, n, feature, region);
   return true;
 }
 
-// Two cores, from the part of each that is nearest.
+// Follows a point of two cores, from the nearest part of each.
 FAN_FN bool follow_cores(
     const Core& x, const Core& y, int feature, int region, Touches& to, bool* holds) {
   const auto of_x = CorePart((region - lasting_regions) / 3);
@@ -286,16 +288,16 @@ FAN_FN bool follow_cores(
   if (of_x == MIDDLE && of_y == MIDDLE && !lines_nearest(x, y, at)) return false;
   if (of_x == MIDDLE && of_y != MIDDLE) x.project(at.q, at.p);
   if (of_x != MIDDLE && of_y == MIDDLE) y.project(at.p, at.q);
-  double n[3], back[3];
+  double n[3], reversed[3];
   if (!aim(at, n)) return false;
-  for (int k = 0; k < 3; ++k) back[k] = -n[k];
-  *holds = is_nearest_part(x, of_x, at.p, n, FollowTolerances::turn) &&
-           is_nearest_part(y, of_y, at.q, back, FollowTolerances::turn);
+  for (int k = 0; k < 3; ++k) reversed[k] = -n[k];
+  *holds = is_nearest_part(x, of_x, at.p, n, FollowTolerances::round) &&
+           is_nearest_part(y, of_y, at.q, reversed, FollowTolerances::round);
   to.add(at.p, at.q, n, feature, region);
   return true;
 }
 
-// A sphere or capsule x, and a sphere, capsule, box or hull y.
+// Follows a point of a sphere or capsule x and a sphere, capsule, box or hull y.
 FAN_FN bool follow_segment(
     const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touches& to, bool* holds) {
   using namespace touching;
@@ -316,8 +318,8 @@ FAN_FN bool follow_segment(
   return exists;
 }
 
-// Solids in the order of `touching`.
-FAN_FN bool in_order(
+// Follows a point of two solids in the order of `touching`.
+FAN_FN bool follow_in_order(
     const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touches& to, bool* holds) {
   using namespace touching;
   const Rank first = rank(x), second = rank(y);
@@ -340,14 +342,14 @@ FAN_FN bool in_order(
 }  // namespace following
 
 // Finds the point of x and y with a feature and a region, whether or not the solids touch there
-// now; `holds`: whether they certainly may. Returns whether the features have such a point.
+// now. `holds`: whether it certainly lies within its features. Returns whether there is one.
 FAN_TOUCH_FN bool follow_touch(
     const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touch* out, bool* holds) {
   const bool turned = touching::out_of_order(x, y);
   const PlacedSolid &first = turned ? y : x, &second = turned ? x : y;
   Touches to{out, DistanceTolerances::max_distance, inflation(first), inflation(second)};
   *holds = false;
-  if (!following::in_order(first, second, feature, region, to, holds)) return false;
+  if (!following::follow_in_order(first, second, feature, region, to, holds)) return false;
   for (int k = 0; turned && k < 3; ++k) out->normal[k] = -out->normal[k];
   return true;
 }

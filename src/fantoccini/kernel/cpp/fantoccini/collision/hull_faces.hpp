@@ -1,5 +1,5 @@
-// Points that facets of two hulls share, numbered by the features that touch in them, as for two
-// boxes (box_faces.hpp).
+// Points shared by facets of two hulls, numbered by the features that touch there, as for two boxes
+// (box_faces.hpp).
 #pragma once
 
 #include "fantoccini/collision/hull_axes.hpp"
@@ -29,7 +29,7 @@ struct HullFacetIn {
   // Unit directions of the sides in the plane of the first two axes, and their lengths there.
   double along[max_hull_vertices][2], length[max_hull_vertices];
 
-  // `axes`: (9,) in the world, the last one up; `origin`: their origin.
+  // `axes`: (9,) unit vectors in the world, the last one upwards; `origin`: their origin.
   FAN_FN HullFacetIn(const PlacedHull& hull, int f, const double* axes, const double* origin)
       : facet(f), n(hull.n_corners(f)), hull_(hull), axes_(axes) {
     double p[3], from[3];
@@ -153,8 +153,8 @@ class HullPolygon {
     copy3(normal, to.normal);
   }
 
-  // Adds the corners of the first hull, then of the second, that carry load at the other's edge, or
-  // those that do not.
+  // Adds the corners of the first hull, then of the second, that carry load beyond the other's
+  // edge, or those that do not.
   FAN_FN void add_corners(bool that_carry) {
     for (const bool of_upper : {!lower_is_first_, lower_is_first_}) {
       const int corners = of_upper ? up_.n : low_.n;
@@ -165,7 +165,7 @@ class HullPolygon {
     }
   }
 
-  // Whether no side of the upper facet goes down from its corner k.
+  // Whether no side of the upper facet slopes down from its corner k.
   FAN_FN bool carries_upper(int k) const {
     for (const int other : {k + 1 < up_.n ? k + 1 : 0, k > 0 ? k - 1 : up_.n - 1}) {
       double d[3];
@@ -175,7 +175,7 @@ class HullPolygon {
     return true;
   }
 
-  // Whether no side of the lower facet goes up from its corner k, as the upper facet sees it.
+  // Whether no side of the lower facet rises towards the upper one from its corner k.
   FAN_FN bool carries_lower(int k) const {
     for (const int other : {k + 1 < low_.n ? k + 1 : 0, k > 0 ? k - 1 : low_.n - 1}) {
       double d[3];
@@ -254,11 +254,11 @@ class HullPolygon {
     }
   }
 
-  // Adds that of side j, whose ends are at_p and at_q to the left.
+  // Adds the crossing with side j of the upper facet, whose ends lie at_p and at_q to the left.
   FAN_FN void add_crossing(int i, int j, double at_p, double at_q) {
     const double *a = low_.corners[i], *p = up_.corners[j];
-    // By rounding, a corner on this side of the lower facet's side may count as beyond it. The
-    // crossing of an edge along that side is at the corner all the same.
+    // By rounding, a corner inside of the lower facet's side may count as outside. The crossing of
+    // an edge along that side is at the corner even then.
     double d[3];
     difference3(up_.next(j), p, d);
     const double more = 2.0 * tolerance / length3(d);

@@ -1,19 +1,20 @@
 // Nearest points of the convex hulls of two sets of points, by the algorithm of Gilbert, Johnson
-// and Keerthi (IEEE J. Robotics and Automation 4(2), 1988). It seeks v, the point of the difference
-// of the hulls that is nearest to the origin: v is the nearest point of a simplex, to which every
-// round adds the farthest point of the difference in the direction -v.
+// and Keerthi (IEEE J. Robotics and Automation 4(2), 1988). It finds v, the point of the hulls'
+// difference nearest to the origin, as the nearest point of a simplex, to which every round adds
+// the farthest point of the difference in the direction -v.
 #pragma once
 
 #include "fantoccini/collision/hull.hpp"
 
 namespace fan {
 
-// A set of points placed in the world; it stands for its convex hull.
+// A set of points placed in the world, in place of its convex hull.
 struct Cloud {
   const double* points;
   int n;
   const double *R, *at;
 
+  // Index of the farthest point in a direction.
   FAN_FN int farthest(const double* direction) const {
     double n_local[3];
     into_axes(R, direction, n_local);
@@ -31,10 +32,10 @@ struct Cloud {
 
   // Writes point i, in world axes, relative to an origin.
   FAN_FN void point(int i, const double* origin, double* out) const {
-    double away[3];
+    double offset[3];
     out_of_axes(R, points + 3 * i, out);
-    difference3(at, origin, away);
-    along3(out, 1.0, away, out);
+    difference3(at, origin, offset);
+    along3(out, 1.0, offset, out);
   }
 };
 
@@ -69,9 +70,9 @@ class NearestOfClouds {
     copy3(w, v_);
     double square = dot3(v_, v_);
     for (int round = 0; round < Tol::max_turns && square > Tol::meeting * Tol::meeting; ++round) {
-      double back[3];
-      for (int k = 0; k < 3; ++k) back[k] = -v_[k];
-      const int i = x_.farthest(back), j = y_.farthest(v_);
+      double reversed[3];
+      for (int k = 0; k < 3; ++k) reversed[k] = -v_[k];
+      const int i = x_.farthest(reversed), j = y_.farthest(v_);
       if (is_in_simplex(i, j)) break;
       add(i, j, w);
       const double along = dot3(v_, w);
@@ -116,7 +117,7 @@ class NearestOfClouds {
     return out;
   }
 
-  // If the first cloud has one or two points: which of them is nearest; MIDDLE means between them.
+  // For a first cloud of one or two points: the nearest of them; MIDDLE means between them.
   FAN_FN CorePart part_of_first() const {
     bool used[2] = {};
     for (int k = 0; k < n_; ++k) used[first_index_[k] == 0 ? 0 : 1] = true;
@@ -142,7 +143,7 @@ class NearestOfClouds {
 
   // A part of the simplex and its point nearest to the origin.
   struct Part {
-    int n = 0, which[3];
+    int n = 0, corner[3];
     double weight[3], v[3], square = DistanceTolerances::max_distance;
   };
 
@@ -150,7 +151,7 @@ class NearestOfClouds {
     const double square = dot3(difference_[a], difference_[a]);
     if (!(square < best.square)) return;
     best.n = 1;
-    best.which[0] = a;
+    best.corner[0] = a;
     best.weight[0] = 1.0;
     copy3(difference_[a], best.v);
     best.square = square;
@@ -166,8 +167,8 @@ class NearestOfClouds {
     const double square = dot3(v, v);
     if (!(square < best.square)) return;
     best.n = 2;
-    best.which[0] = a;
-    best.which[1] = b;
+    best.corner[0] = a;
+    best.corner[1] = b;
     best.weight[0] = 1.0 - t / length;
     best.weight[1] = t / length;
     copy3(v, best.v);
@@ -192,9 +193,9 @@ class NearestOfClouds {
     const double square = height * height * area;
     if (!(square < best.square)) return;
     best.n = 3;
-    best.which[0] = a;
-    best.which[1] = b;
-    best.which[2] = c;
+    best.corner[0] = a;
+    best.corner[1] = b;
+    best.corner[2] = c;
     best.weight[0] = at_a;
     best.weight[1] = at_b;
     best.weight[2] = at_c;
@@ -203,7 +204,7 @@ class NearestOfClouds {
   }
 
   // Whether the origin is in the simplex of four points.
-  FAN_FN bool holds_origin() const {
+  FAN_FN bool contains_origin() const {
     for (int k = 0; k < 4; ++k) {
       const double *a = difference_[(k + 1) % 4], *b = difference_[(k + 2) % 4],
                    *c = difference_[(k + 3) % 4];
@@ -212,9 +213,9 @@ class NearestOfClouds {
       difference3(c, a, ac);
       cross(ab, ac, normal);
       difference3(difference_[k], a, up);
-      const double height = dot3(up, normal), own = -dot3(a, normal);
+      const double height = dot3(up, normal), origin_height = -dot3(a, normal);
       const double flat = Tol::progress * length3(normal) * (length3(up) + length3(a));
-      if (!(fabs(height) > flat) || !(own * height > 0.0)) return false;
+      if (!(fabs(height) > flat) || !(origin_height * height > 0.0)) return false;
     }
     return true;
   }
@@ -224,7 +225,7 @@ class NearestOfClouds {
   FAN_FN bool shrink(double square) {
     const int last = n_;
     Part best;
-    if (last == 3 && holds_origin()) {
+    if (last == 3 && contains_origin()) {
       meet = true;
       return false;
     }
@@ -234,7 +235,7 @@ class NearestOfClouds {
       for (int b = a + 1; b < last; ++b) try_triangle(a, b, last, best);
     if (!(best.square < square)) return false;
     for (int k = 0; k < best.n; ++k) {
-      const int from = best.which[k];  // >= k: in ascending order
+      const int from = best.corner[k];  // >= k: in ascending order
       first_index_[k] = first_index_[from];
       second_index_[k] = second_index_[from];
       copy3(p_[from], p_[k]);
@@ -247,6 +248,7 @@ class NearestOfClouds {
     return true;
   }
 
+  // Sets the results from the simplex.
   FAN_FN void finish() {
     for (int k = 0; k < n_; ++k)
       for (int c = 0; c < 3; ++c) {

@@ -19,23 +19,24 @@ class GroundFeet {
   using Push = ContactPush;
 
   struct Point {
-    // Lanes in which it exists in this step, takes part, and pushed in the previous step.
+    // Lanes in which the point exists in this step, takes part, and pushed in the previous step.
     Mask here, joins, pushes;
-    // Lanes in which it would have to pull in the last solution, and in which it no longer takes
-    // part because of that.
+    // Lanes in which it would have to pull in the last solution, and in which it was therefore
+    // dropped.
     Mask would_pull, dropped;
     Real at[3], gap;
     Real required;  // m/s: parting speed required after the step
     Real drift[3];  // m/s: rates required of a rolling ellipsoid, in addition (rolling.hpp)
-    Mask rested;    // as in ContactPush; this and the following ones from the last completed step
+    // As in ContactPush: of the last completed step, and of this one.
+    Mask rested;
     Real steps, impulse[3];
-    Mask rests;  // likewise, of this step
+    Mask rests;
     Real next_impulse[3];
   };
 
   // A solid that may stand on the ground, alone or with others of its link.
   struct Foot {
-    int pair = -1, link;  // -1: it may not
+    int pair = -1, link;  // pair -1: it may not stand
     double friction, restitution;
     bool is_round;                // an ellipsoid, which may roll
     int n = 0, listed[features];  // features that exist in some lane
@@ -45,7 +46,7 @@ class GroundFeet {
 
   Mask kept;  // lanes whose points of the previous step are stored here
 
-  // Finds the solids, before any contact. Feet stand on the first half-space.
+  // Finds the solids that may stand on the first half-space, before any contact.
   FAN_FN void begin(const ContactArrays& in) {
     const Mask none = Real(0.0) > Real(1.0);
     kept = none;
@@ -105,7 +106,7 @@ class GroundFeet {
     return true;
   }
 
-  // Writes the points that pushed in lane l in order, all at rest. Returns their number.
+  // Writes the points that pushed in lane l, in order of pairs. Returns their number.
   FAN_FN int hand_over(int l, Push* push) const {
     int n_push = 0;
     each_push(l, [&](const Foot& from, int feature) {
@@ -138,7 +139,7 @@ class GroundFeet {
         if (lane_of(foot[known_[j]].point[k].pushes, l)) f(foot[known_[j]], k);
   }
 
-  // Begins a step: without points.
+  // Begins a step without points.
   FAN_FN void clear() {
     const Mask none = Real(0.0) > Real(1.0);
     n = 0;
@@ -153,7 +154,7 @@ class GroundFeet {
     }
   }
 
-  // Adds a point in these lanes. Features of a solid come in order.
+  // Adds a point in these lanes; the features of a solid in ascending order.
   FAN_FN void add(int solid, int feature, const Real* at, const Real& gap, const Mask& lanes) {
     Foot& own = foot[solid];
     if (list_foot(solid)) {

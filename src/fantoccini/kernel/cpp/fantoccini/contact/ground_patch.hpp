@@ -27,27 +27,27 @@ class GroundPatch {
 
   Foot* foot;
   Mask here, several, many;  // lanes with points, with more than one, with more than two
-  int rank;                  // rows: three of F, then those of T in the lane that has the most
+  int rank;  // number of rows: three of F, then those of T; the largest of all lanes
   Real middle[3], frame[9];  // normal and tangents
   Real size;                 // m: rows of T are this times an angular velocity
-  Real required[6];          // of the rows, to meet those of the points' normals
-  Real misfit;               // m/s: between the two
+  Real required[6];          // rates of the rows that meet those required of the points' normals
+  Real misfit;               // m/s: largest difference between the two
 
-  // Lanes in which row k is held.
-  FAN_FN Mask has(int k) const { return k < 3 ? here : k < 5 ? several : many; }
+  // Lanes that have row k.
+  FAN_FN Mask has_row(int k) const { return k < 3 ? here : k < 5 ? several : many; }
 
   // Loads the points that take part. Returns the lanes in which they are flat.
-  FAN_FN Mask make(Foot& own, const double* ground) {
-    foot = &own;
+  FAN_FN Mask load(Foot& in, const double* ground) {
+    foot = &in;
     Real count = Real(0.0);
     for (int c = 0; c < 3; ++c) middle[c] = Real(0.0);
     n_ = 0;
     // Corners in this order go around each face of a box.
     constexpr int around[features] = {0, 1, 3, 2, 6, 7, 5, 4};
     for (const int k : around) {
-      const Point& p = own.point[k];
+      const Point& p = in.point[k];
       bool is_listed = false;
-      for (int j = 0; j < own.n; ++j) is_listed = is_listed || own.listed[j] == k;
+      for (int j = 0; j < in.n; ++j) is_listed = is_listed || in.listed[j] == k;
       if (!is_listed || !any(p.joins)) continue;
       which_[n_++] = k;
       count += select(p.joins, Real(1.0), Real(0.0));
@@ -59,11 +59,11 @@ class GroundPatch {
     rank = any(many) ? 6 : any(several) ? 5 : 3;
     share_ = Real(1.0) / select(here, count, Real(1.0));
     for (int c = 0; c < 3; ++c) middle[c] *= share_;
-    return turn(ground) && fit();
+    return set_frame(ground) && set_required_rates();
   }
 
-  // Adds up the points' impulses of the previous step.
-  FAN_FN void add_up(Real* x) const {
+  // Sums up the points' impulses of the previous step.
+  FAN_FN void sum_impulses(Real* x) const {
     for (int k = 0; k < 6; ++k) x[k] = Real(0.0);
     for (int j = 0; j < n_; ++j) {
       const Point& p = foot->point[which_[j]];
@@ -87,9 +87,9 @@ class GroundPatch {
     return turn_[0] * along + turn_[3] * first + turn_[6] * second;
   }
 
-  // Distributes F and T among the points: their impulses in the world. Returns the lanes in which
-  // all lie within their cones. Where the centre of pressure lies beyond an edge, or the foot would
-  // have to be pulled, it marks the points that are not on that edge.
+  // Distributes F and T among the points: sets their impulses in the world. Returns the lanes in
+  // which all lie within their cones. Where the centre of pressure lies beyond an edge, or the foot
+  // would have to be pulled, marks the points that are not on that edge.
   FAN_FN Mask share(const Real* x, const double* ground) {
     using std::sqrt;
     const Real N = x[0], zero = Real(0.0), unity = Real(1.0);
@@ -98,7 +98,7 @@ class GroundPatch {
     const Real by = unity / select(good, N, unity);
     const Real c[2] = {
         select(many, Real(-size * by * x[5]), zero), select(several, Real(size * by * x[4]), zero)};
-    good = good && weigh(c);
+    good = good && set_weights(c);
     for (int j = 0; j < n_; ++j) {
       Point& own = foot->point[which_[j]];
       own.would_pull = own.joins && (outside_[j] || !presses);
@@ -127,14 +127,14 @@ class GroundPatch {
     return good;
   }
 
-  // Its points in their order around it, and their impulses.
+  // The patch's points in their order around it, and their impulses.
   FAN_FN int n() const { return n_; }
   FAN_FN Point& point(int j) const { return foot->point[which_[j]]; }
   FAN_FN const Real* impulse(int j) const { return impulse_[j]; }
 
  private:
-  // Sets the frame and the positions of the points in it.
-  FAN_FN Mask turn(const double* ground) {
+  // Sets the frame and the points' positions in it. Returns the lanes in which the points are flat.
+  FAN_FN Mask set_frame(const double* ground) {
     using std::abs;
     using std::sqrt;
     const Real zero = Real(0.0), unity = Real(1.0);
@@ -198,8 +198,8 @@ class GroundPatch {
     return !here || (off <= Tolerance::flat * size && (!pair || line) && (!many || plane));
   }
 
-  // Required rates of the rows. Returns the lanes in which they are determined.
-  FAN_FN Mask fit() {
+  // Sets the required rates of the rows. Returns the lanes in which they are determined.
+  FAN_FN Mask set_required_rates() {
     using std::abs;
     const Real zero = Real(0.0);
     Real mean = zero, first = zero, second = zero, s11 = zero, s12 = zero, s22 = zero;
@@ -239,9 +239,9 @@ class GroundPatch {
     return misfit < Real(unbounded) || !here;
   }
 
-  // The points' shares of the normal impulse with its centre at c (Wachspress). Returns the lanes
-  // in which c lies inside.
-  FAN_FN Mask weigh(const Real* c) {
+  // Sets the points' shares of a normal impulse with its centre at c (Wachspress's coordinates).
+  // Returns the lanes in which c lies inside.
+  FAN_FN Mask set_weights(const Real* c) {
     const Real zero = Real(0.0), unity = Real(1.0);
     const Mask pair = several && !many;
     Mask good = here, begun = zero > unity;
@@ -299,7 +299,7 @@ class GroundPatch {
   int n_ = 0, which_[features];  // features that take part in some lane
   Real turn_[9];                 // the frame in the ground's: normal and tangents
   Real d_[features][2];          // of the points from the middle, along the tangents
-  Real share_;                   // one over their number
+  Real share_;                   // reciprocal of the number of points
   Mask outside_[features];
   Real weight_[features], impulse_[features][3], first_ = Real(0.0);
 };

@@ -78,7 +78,7 @@ class GroundSystem {
       if (!any(takes_part && selected)) continue;
       if (size_ + 6 > Matrix::capacity) return false;
       first[n_feet] = size_;
-      flat_[n_feet] = patch[n_feet].make(own, feet.frame);
+      flat_[n_feet] = patch[n_feet].load(own, feet.frame);
       size_ += patch[n_feet++].rank;
     }
     return true;
@@ -122,7 +122,7 @@ class GroundSystem {
     Real left = Real(unbounded);
     for (int i = 0; i < size_; ++i) y[i] = Real(0.0);
     for (int k = 0; k < Tolerance::rounds; ++k) {
-      const Mask rough = good && left > Tolerance::rough * scale;
+      const Mask rough = good && left > Tolerance::no_refinement * scale;
       if (!any(rough)) break;
       if (k == 0) matrix_.take_column(left_, given_);
       else matrix_.substitute(left_);
@@ -182,7 +182,7 @@ class GroundSystem {
       }
     }
     for (int k = 0; k < own.rank; ++k) {
-      has[first[p] + k] = own.has(k);
+      has[first[p] + k] = own.has_row(k);
       b_[first[p] + k] = start[k] + by_forces[p][k] + own.required[k];
     }
     for (int k = own.rank; k < 6; ++k) by_forces[p][k] = Real(0.0);
@@ -257,7 +257,7 @@ class GroundSystem {
       given_[i] = select(has[i], guess[rows.row[single[i]]], Real(0.0));
     for (int p = 0; p < n_feet; ++p) {
       Real x[6];
-      patch[p].add_up(x);
+      patch[p].sum_impulses(x);
       for (int k = 0; k < patch[p].rank; ++k) {
         const int i = first[p] + k;
         given_[i] = select(has[i], x[k], Real(0.0));

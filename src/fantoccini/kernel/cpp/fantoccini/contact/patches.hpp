@@ -21,12 +21,12 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 struct ContactPatchesTolerances {
-  // Rows whose pivots fall to this share of their diagonal entry are redundant.
+  // Pivot, relative to the diagonal entry, at which a row is redundant.
   static constexpr double least_pivot = 1e-11;
-  static constexpr int rounds = 3;  // of refinement, with the solution itself
-  // Largest |s| relative to the largest |b|: of a solution that needs no refinement, and of one
-  // that is accepted.
-  static constexpr double rough = 1e-13;
+  static constexpr int rounds = 3;  // of refinement, the first solution included
+  // Largest |s| relative to the largest |b| of a solution that needs no refinement, and of one that
+  // is accepted.
+  static constexpr double no_refinement = 1e-13;
   static constexpr double residual = 1e-11;
   // Steps without an attempt after one that failed.
   static constexpr int wait = 1;
@@ -70,21 +70,21 @@ class ContactPatches {
 
   // w <- w - W x over the patches.
   FAN_FN void add(Real* w) const {
-    for (int k = 0; k < N && any_held_; ++k) w[k] += taken_[k];
+    for (int k = 0; k < N && any_held_; ++k) w[k] += exchange_[k];
   }
 
   // Reduction of hdot of gathered row a by the patches.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     if (!any_held_) return Real(0.0);
     Real rate[array_size(M)];
-    rows.along(taken_, rate);
+    rows.along(exchange_, rate);
     return -rate[a];
   }
 
  private:
   using Columns = ContactColumns<Model, Real>;
 
-  // Finds the group of each point and row that takes part, and the groups to be tried.
+  // Finds the group of each point and row that takes part, and the groups to try.
   FAN_FN void sort_all(const State& state, const RowSystem<Model, Real>& rows, const Mask* near) {
     groups_.begin();
     for (int i = 0; i < state.points.n[0]; ++i) {
@@ -104,13 +104,13 @@ class ContactPatches {
       if (!state.near[0][i]) continue;
       const int g = groups_.at(tree_[i]);
       has_points[g] = true;
-      sticks_[g] = sticks_[g] && stuck(state, i);
+      sticks_[g] = sticks_[g] && is_stuck(state, i);
     }
     for (int g = 0; g < groups_.n; ++g) sticks_[g] = sticks_[g] && has_points[g];
   }
 
   // Whether the points of point i's pair that pushed in the previous step were at rest.
-  FAN_FN bool stuck(const State& state, int i) const {
+  FAN_FN bool is_stuck(const State& state, int i) const {
     const auto& point = state.points.point[0][i];
     return state.is_carried[0][i] && state.wait[0][i] == 0 &&
            state.in->friction[point.pair] > 0.0 && !point.slid;
@@ -121,18 +121,18 @@ class ContactPatches {
       const RowSystem<Model, Real>& rows, const Real* guess, double cap, Real* row_impulses,
       Real* s) {
     const bool holds = list_points(state, group) && list_rows(group, rows, guess) &&
-                       solve_held(state, eval, rows, guess) && share_out(state, cap);
+                       solve_held(state, eval, rows, guess) && distribute(state, cap);
     for (int p = 0; p < n_; ++p)
       for (int k = 0; k < patch_[p].n; ++k) {
         const int i = patch_[p].point[k];
         state.held[i] = holds;
         if (!holds) state.wait[0][i] = Tolerance::wait;
       }
-    if (holds) take(state, rows, row_impulses, s);
+    if (holds) store(state, rows, row_impulses, s);
     return holds;
   }
 
-  // Makes the patches of a group. Returns false if its points do not form patches.
+  // Forms the patches of a group. Returns false if its points do not form patches.
   FAN_FN bool list_points(const State& state, int group) {
     n_ = 0;
     for (int i = 0; i < state.points.n[0]; ++i) {
@@ -169,7 +169,7 @@ class ContactPatches {
     return true;
   }
 
-  // Finds y of the rows and patches. Returns false if it does not hold them all.
+  // Solves for y of the rows and patches. Returns false if it cannot hold them all.
   FAN_FN bool solve_held(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       const Real* guess) {
@@ -186,19 +186,19 @@ class ContactPatches {
     if (!(worst <= Tolerance::residual * scale)) return false;
     write_held(state, rows);
     if (!ldl_.factorise(Tolerance::least_pivot)) return false;
-    double left = unbounded;  // of the rows that were not left out
+    double residual = unbounded;  // of the rows that were not left out
     for (int i = 0; i < size_; ++i) y_[i] = 0.0;
-    if (ldl_.n_left_out > 0) recall_held(state, rows, guess);
-    for (int k = 0; k < Tolerance::rounds && left > Tolerance::rough * scale; ++k) {
-      if (k == 0) ldl_.take_column(left_, given_);
-      else ldl_.substitute(left_);
-      for (int i = 0; i < size_; ++i) y_[i] += left_[i];
-      find_left(state, rows);
-      left = 0.0;
+    if (ldl_.n_left_out > 0) set_given(state, rows, guess);
+    for (int k = 0; k < Tolerance::rounds && residual > Tolerance::no_refinement * scale; ++k) {
+      if (k == 0) ldl_.take_column(residual_, given_);
+      else ldl_.substitute(residual_);
+      for (int i = 0; i < size_; ++i) y_[i] += residual_[i];
+      find_residual(state, rows);
+      residual = 0.0;
       for (int i = 0; i < size_; ++i)
-        if (!ldl_.is_left_out(i)) left = larger(left, left_[i]);
+        if (!ldl_.is_left_out(i)) residual = larger(residual, residual_[i]);
     }
-    for (int i = 0; i < size_; ++i) worst = larger(worst, left_[i]);
+    for (int i = 0; i < size_; ++i) worst = larger(worst, residual_[i]);
     if (!(worst <= Tolerance::residual * scale)) return false;
     if (worst > state.held_residual * scale) state.held_residual = worst / scale;
     for (int i = 0; i < n_single_; ++i) {
@@ -208,17 +208,16 @@ class ContactPatches {
     return true;
   }
 
-  FAN_FN static double larger(double most, double x) { return fabs(x) > most ? fabs(x) : most; }
+  FAN_FN static double larger(double bound, double x) { return fabs(x) > bound ? fabs(x) : bound; }
 
-  // Redundant rows keep their impulses of the previous step.
-  FAN_FN void recall_held(
-      const State& state, const RowSystem<Model, Real>& rows, const Real* guess) {
+  // Sets the impulses of redundant rows: those of the previous step.
+  FAN_FN void set_given(const State& state, const RowSystem<Model, Real>& rows, const Real* guess) {
     for (int i = 0; i < n_single_; ++i) given_[i] = guess[rows.row[single_[i]]];
     for (int p = 0; p < n_; ++p) patch_[p].add_up(state.x, given_ + first_[p]);
   }
 
-  // left = b - G y, and the residual speeds of all gathered rows.
-  FAN_FN void find_left(const State& state, const RowSystem<Model, Real>& rows) {
+  // Sets the residual b - G y, and the residual speeds of all gathered rows.
+  FAN_FN void find_residual(const State& state, const RowSystem<Model, Real>& rows) {
     Real w[array_size(N)], pull[array_size(M)];
     for (int k = 0; k < N; ++k) w_[k] = Real(0.0);
     for (int p = 0; p < n_; ++p)
@@ -233,12 +232,12 @@ class ContactPatches {
     rows.add(pull, w);
     rows.along(w, speed_);
     for (int a = 0; a < rows.n; ++a) speed_[a] += rows.problem.b[a];
-    for (int i = 0; i < n_single_; ++i) left_[i] = speed_[single_[i]];
+    for (int i = 0; i < n_single_; ++i) residual_[i] = speed_[single_[i]];
     for (int p = 0; p < n_; ++p)
       for (int k = 0; k < patch_[p].rank; k += 3) {
         const Triple<Real> taken = moved_of(state, p).along(W_[p][k / 3], w);
         for (int i = first_[p] + k, d = 0; d < 3 && k + d < patch_[p].rank; ++i, ++d)
-          left_[i] = b_held_[i] + taken[d];
+          residual_[i] = b_held_[i] + taken[d];
       }
   }
 
@@ -246,8 +245,8 @@ class ContactPatches {
     return state.points.moved[patch_[p].point[0]];
   }
 
-  // W of a patch, three columns of F and three of T, and the effect of the step's forces on its
-  // rows.
+  // Computes W of a patch, three columns of F and three of T, and the effect of the step's forces
+  // on its rows.
   FAN_FN void push_patch(const State& state, int p, const Evaluation<Model, Real>& eval) {
     const ContactPatch& own = patch_[p];
     const auto& moved = moved_of(state, p);
@@ -265,9 +264,9 @@ class ContactPatches {
     }
   }
 
-  // G on its diagonal and to the right of it, and b beside it. Three numbers are written as a
-  // register of four. Its last entry, and those beyond a patch's rank, are 0 and overwritten by the
-  // next ones.
+  // Writes G, on its diagonal and to the right of it, and b in the column after it. Three numbers
+  // are written as a register of four: its last entry, and those beyond a patch's rank, are 0 and
+  // overwritten by the next ones.
   FAN_FN void write_held(const State& state, const RowSystem<Model, Real>& rows) {
     constexpr int from = Complementarity<Real, M>::N;
     ldl_.resize(size_, true);
@@ -315,8 +314,9 @@ class ContactPatches {
     quad(to) = all;
   }
 
-  // Impulses of the points, and the rows that do not pull. Returns false if the law does not hold.
-  FAN_FN bool share_out(const State& state, double cap) {
+  // Distributes the patches' impulses over their points, and checks the rows that do not pull.
+  // Returns false if the law does not hold.
+  FAN_FN bool distribute(const State& state, double cap) {
     for (int p = 0; p < n_; ++p) {
       const double* x = y_ + first_[p];
       if (!(x[0] <= cap) || !patch_[p].share(x, state.in->friction[patch_[p].pair], impulse_[p]))
@@ -328,8 +328,8 @@ class ContactPatches {
   }
 
   // Stores the solution.
-  FAN_FN void take(State& state, const RowSystem<Model, Real>& rows, Real* row_impulses, Real* s) {
-    for (int k = 0; k < N; ++k) taken_[k] = any_held_ ? taken_[k] + w_[k] : w_[k];
+  FAN_FN void store(State& state, const RowSystem<Model, Real>& rows, Real* row_impulses, Real* s) {
+    for (int k = 0; k < N; ++k) exchange_[k] = any_held_ ? exchange_[k] + w_[k] : w_[k];
     any_held_ = true;
     for (int i = 0; i < n_single_; ++i) {
       const int a = single_[i], r = rows.row[a];
@@ -355,10 +355,10 @@ class ContactPatches {
   }
 
   bool any_held_ = false;
-  Real taken_[array_size(N)];  // - W x
+  Real exchange_[array_size(N)];  // -W x of the patches
   ContactGroups<Model> groups_;
   int tree_[array_size(C)], row_tree_[array_size(M)];  // of points and gathered rows that take part
-  bool sticks_[array_size(N)];                         // of each group, whether it is to be tried
+  bool sticks_[array_size(N)];                         // whether to try a group
   // Of the current group: pulling rows, and others.
   int n_ = 0, n_single_ = 0, n_rest_ = 0;
   int single_[array_size(M)], rest_[array_size(M)];
@@ -369,10 +369,10 @@ class ContactPatches {
   // Of the pulling rows, then of the patches.
   int size_ = 0;
   double y_[padded(array_size(M + 3 * C) + 1)], b_held_[padded(array_size(M + 3 * C) + 1)];
-  double given_[padded(array_size(M + 3 * C) + 1)];  // of redundant rows
-  double by_forces_[array_size(C)][6];               // by patch
-  double left_[padded(array_size(M + 3 * C) + 1)];   // b - G y
-  Real w_[array_size(N)], speed_[array_size(M)];     // - W y of the patches; of all gathered rows
+  double given_[padded(array_size(M + 3 * C) + 1)];     // of redundant rows
+  double by_forces_[array_size(C)][6];                  // by patch
+  double residual_[padded(array_size(M + 3 * C) + 1)];  // b - G y
+  Real w_[array_size(N)], speed_[array_size(M)];  // - W y of the patches; of all gathered rows
   DenseLdl<M + 3 * C> ldl_;
 };
 

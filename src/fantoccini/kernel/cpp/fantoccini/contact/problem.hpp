@@ -1,5 +1,5 @@
-// The problem of the contacts of a time step, lane by lane: their rows, those of the strings and
-// limits that take part, their bounds, and restitutions that add no energy.
+// The complementarity problem of a time step's contacts, lane by lane: the rows of contacts and of
+// the strings and limits that take part, their bounds, and restitutions that add no energy.
 #pragma once
 
 #include "fantoccini/contact/columns.hpp"
@@ -25,7 +25,7 @@ class ContactProblem {
   // Discards the columns of all points.
   FAN_FN void begin() { columns_.begin(); }
 
-  // Point i is another one in some lane.
+  // Discards the columns of point i, which is another one in some lane.
   FAN_FN void renew(int i) { columns_.renew(i); }
 
   FAN_FN const ContactColumns<Model, Real>& columns() const { return columns_; }
@@ -49,9 +49,9 @@ class ContactProblem {
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       if (state.row_held[r]) continue;
-      const Mask awake =
+      const Mask can_pull =
           guess[r] > Real(0.0) || problem.lower[a] < Real(0.0) || problem.b[a] > Real(0.0);
-      const Mask may_pull = near[r] && awake;
+      const Mask may_pull = near[r] && can_pull;
       bool some_pulls = false;
       for (int l = 0; l < width; ++l) {
         state.pulls[l][r] = state.pulls[l][r] || lane_of(may_pull, l);
@@ -84,7 +84,7 @@ class ContactProblem {
   // Restores the problem of a group of lane 0, with its impulses. Returns false if it has no
   // points.
   FAN_FN bool restore(const State& state, int group, const RowSystem<Model, Real>& rows) {
-    choose(group);
+    choose_group(group);
     if (n_triple_ == 0) return false;
     write(state, 0, rows);
     for (int i = 0; i < n_single_; ++i) cone_.x[i] = lane_of(rows.problem.x[single_[i]], 0);
@@ -104,18 +104,18 @@ class ContactProblem {
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
       const Real* before, double cap, Real* row_impulses, Real* s) {
     cone_.quick = true;
-    const auto adds_with = [&](double factor) {
+    const auto adds_energy_with = [&](double factor) {
       state.scale[l] = factor;
       state.set_rebounds(l);
       return !solve(state, l, rows, near, guess, cap, row_impulses, s) ||
-             adds(state, l, rows, before, row_impulses);
+             adds_energy(state, l, rows, before, row_impulses);
     };
     const bool solved = solve(state, l, rows, near, guess, cap, row_impulses, s);
-    if (!state.bounces[l] || !adds(state, l, rows, before, row_impulses)) return solved;
+    if (!state.bounces[l] || !adds_energy(state, l, rows, before, row_impulses)) return solved;
     double least = 0.0, most = state.scale[l];
     for (int k = 0; k < Tolerance::halvings; ++k) {
       const double factor = 0.5 * (least + most);
-      (adds_with(factor) ? most : least) = factor;
+      (adds_energy_with(factor) ? most : least) = factor;
     }
     state.scale[l] = least;
     state.set_rebounds(l);
@@ -124,20 +124,20 @@ class ContactProblem {
 
  private:
   struct Member {
-    int which, group;
+    int index, group;
   };
 
   // Chooses the rows and points of one group.
-  FAN_FN void choose(int group) {
+  FAN_FN void choose_group(int group) {
     n_single_ = n_triple_ = 0;
     for (int i = 0; i < n_row_members_; ++i)
-      if (groups_.at(row_members_[i].group) == group) single_[n_single_++] = row_members_[i].which;
+      if (groups_.at(row_members_[i].group) == group) single_[n_single_++] = row_members_[i].index;
     for (int i = 0; i < n_members_; ++i)
-      if (groups_.at(members_[i].group) == group) triple_[n_triple_++] = members_[i].which;
+      if (groups_.at(members_[i].group) == group) triple_[n_triple_++] = members_[i].index;
   }
 
-  // G, b and mu of lane l's problem. Three numbers are written as a register of four, whose last
-  // entry the next ones overwrite.
+  // Writes G, b and mu of lane l's problem. Three numbers are written as a register of four, whose
+  // last entry the next ones overwrite.
   FAN_FN void write(const State& state, int l, const RowSystem<Model, Real>& rows) {
     cone_.resize(n_single_, n_triple_);
     for (int i = 0; i < n_single_; ++i) cone_.b[i] = lane_of(rows.problem.b[single_[i]], l);
@@ -173,7 +173,7 @@ class ContactProblem {
   // Whether the impulses of lane l add energy, apart from the work of driven solids:
   //   sum of x . (before - G x / 2) < 0,   G x the change of hdot
   // by more than the residual of the law allows.
-  FAN_FN bool adds(
+  FAN_FN bool adds_energy(
       const State& state, int l, const RowSystem<Model, Real>& rows, const Real* before,
       const Real* row_impulses) const {
     constexpr int stride = Complementarity<Real, M>::N;
@@ -205,8 +205,8 @@ class ContactProblem {
           lane_of(state.b[d], l));
     }
     const double rounding = Tolerance::rounding * exchanged;
-    const double left_open = lane_of(residual, l) * impulse * fastest;
-    return lost < -(left_open > rounding ? left_open : rounding);
+    const double unsolved = lane_of(residual, l) * impulse * fastest;
+    return lost < -(unsolved > rounding ? unsolved : rounding);
   }
 
   // Solves lane l, until the impulses close no further row.
@@ -219,8 +219,8 @@ class ContactProblem {
     return solved;
   }
 
-  // s of the rows that take part in lane l and may not pull; those that would close may pull from
-  // now on. Returns whether there are any.
+  // Sets s of the rows that take part in lane l and may not pull; those that would close may pull
+  // from now on. Returns whether there are any.
   FAN_FN bool closes_more(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near,
       const Real* row_impulses, Real* s) {
@@ -230,17 +230,17 @@ class ContactProblem {
           !state.row_held[rows.row[a]])
         rest[n_rest++] = a;
     if (n_rest == 0) return false;
-    Real w[array_size(N)], taken[array_size(M)];  // - W x
+    Real w[array_size(N)], exchange[array_size(M)];  // - W x
     for (int k = 0; k < N; ++k) w[k] = Real(0.0);
-    for (int a = 0; a < rows.n; ++a) taken[a] = -row_impulses[a];
-    rows.add(taken, w);
+    for (int a = 0; a < rows.n; ++a) exchange[a] = -row_impulses[a];
+    rows.add(exchange, w);
     for (int i = 0; i < state.points.n[l]; ++i)
       if (state.takes_part(l, i)) columns_.take(i, state.x + 3 * i, state.points.moved[i], w);
-    rows.along(w, taken);
+    rows.along(w, exchange);
     bool more = false;
     for (int i = 0; i < n_rest; ++i) {
       const int a = rest[i];
-      lane_of(s[a], l) = -lane_of(taken[a], l) - lane_of(rows.problem.b[a], l);
+      lane_of(s[a], l) = -lane_of(exchange[a], l) - lane_of(rows.problem.b[a], l);
       if (!(lane_of(s[a], l) < 0.0)) continue;
       state.pulls[l][rows.row[a]] = more = true;
       columns_.cross(rows, a, state.points.moved);
@@ -261,7 +261,7 @@ class ContactProblem {
     double worst = state.held_residual;
     bool solved = true;
     for (int g = 0; g < groups_.n; ++g) {
-      choose(g);
+      choose_group(g);
       solved = solve_group(state, l, rows, guess, cap, row_impulses, s) && solved;
       if (!(cone_.residual <= worst)) worst = cone_.residual;
     }
@@ -269,8 +269,8 @@ class ContactProblem {
     return solved;
   }
 
-  // The largest impulse of a point: that of the largest force over the step, `cap`, or the one that
-  // stops everything at the closing speed of the chosen points.
+  // Largest impulse of a point: `cap`, that of the largest force over the step, or more where the
+  // chosen points close fast.
   FAN_FN double largest_impulse(const State& state, int l, double cap) const {
     double closing = 0.0;
     for (int i = 0; i < n_triple_; ++i)
@@ -341,7 +341,8 @@ class ContactProblem {
     groups_.count();
   }
 
-  // Whether a solution is accepted; if the law has none, with compliant rows.
+  // Solves the group. Returns whether a solution is accepted; if the law has none, one with
+  // compliant rows.
   FAN_FN bool has_solution() {
     bool solved = cone_.solve() || cone_.residual <= Tolerance::accepted_residual;
     for (const double share : Tolerance::softness)
@@ -351,9 +352,9 @@ class ContactProblem {
   }
 
   ContactColumns<Model, Real> columns_;
-  ConeProblem<M + 3 * C> cone_;               // of one group,
-  int single_[array_size(M)], n_single_ = 0;  // with these gathered rows
-  int triple_[array_size(C)], n_triple_ = 0;  // and these points
+  ConeProblem<M + 3 * C> cone_;               // of one group
+  int single_[array_size(M)], n_single_ = 0;  // its gathered rows
+  int triple_[array_size(C)], n_triple_ = 0;  // its points
   ContactGroups<Model> groups_;               // of the lane that was solved last
   int n_members_ = 0, n_row_members_ = 0;     // points and rows that take part
   Member members_[array_size(C)], row_members_[array_size(M)];

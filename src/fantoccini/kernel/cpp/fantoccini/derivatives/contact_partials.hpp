@@ -20,10 +20,10 @@ FAN_LOOPS_BEGIN
 
 namespace fan {
 
-// Adds `part` of the largest force, distributed by `idle` over the rows of n points, which follow
-// n_held others, to the points' forces.
+// Adds a fraction of the largest force to the points' forces, distributed by `idle` over their
+// rows, which follow n_held others.
 inline void share_otherwise(
-    StepContact* points, int n, int n_held, const double* idle, double part) {
+    StepContact* points, int n, int n_held, const double* idle, double fraction) {
   double largest = 0.0;
   for (int i = 0; i < n; ++i) largest = fmax(largest, sqrt(dot3(points[i].force, points[i].force)));
   for (int i = 0, a = n_held; i < n; ++i) {
@@ -33,7 +33,8 @@ inline void share_otherwise(
     add_tangents(frame);
     for (int d = 0; d < (own.sticks ? 3 : 1); ++d, ++a)
       for (int c = 0; c < 3; ++c)
-        own.force[c] += part * largest * idle[a] * (frame[3 * d + c] - own.friction * own.along[c]);
+        own.force[c] +=
+            fraction * largest * idle[a] * (frame[3 * d + c] - own.friction * own.along[c]);
   }
 }
 
@@ -66,32 +67,31 @@ class ContactPartials {
       for (int c = 0; c < 3; ++c) Q[k] += U_[c][k] * point.force[c];
   }
 
-  // A point that pushes. Writes the number of its held rows to `n`, the `rows` of -u along these
-  // directions, the generalised `forces` of the multipliers, negated, and their changes over dt,
-  // `rates`. Writes to `drag` the z with z^T z acc_D the force from the turning of friction, and
-  // whether there is any. Adds the changes of the generalised forces, negated, to `by` (n_columns,
-  // N).
+  // Adds a point that pushes. Writes the number `n` of its held rows, the `rows` of -u along their
+  // directions, the negated generalised `forces` of their multipliers, and the changes of the rows
+  // over dt, `rates`. Adds the negated changes of the generalised forces to `by` (n_columns, N).
+  // Returns whether friction turns with u; the force of that is z^T z acc_D, z written to `drag`.
   bool take(
       const StepContact& point, int* n, double (*rows)[array_size(N)],
       double (*forces)[array_size(N)], double (*rates)[array_size(n_columns)], double* drag,
       double* by) {
     set(point, n, rows, forces);
-    move();
-    differ_rates(*n, rates);
+    set_pose_changes();
+    set_rate_changes(*n, rates);
     find_speed();
-    turn();
-    load(by);
+    set_force_changes();
+    subtract_force_changes(by);
     return find_drag(drag);
   }
 
   // Changes of the gap of a point (n_columns,); valid until the next call.
   const double* gap_by(const StepContact& point) {
     point_ = &point;
-    move();
+    set_pose_changes();
     return gap_by_;
   }
 
-  // The rows that a point holds, the generalised forces of the multipliers and the drag only.
+  // As take(), for the rows, the generalised forces of the multipliers and the drag only.
   bool hold(
       const StepContact& point, int* n, double (*rows)[array_size(N)],
       double (*forces)[array_size(N)], double* drag) {
@@ -129,15 +129,16 @@ class ContactPartials {
     add_tangents(frame);
   }
 
-  // Changes of the n rows over dt, after those of P and n. Leaves the velocity after the step in u.
-  void differ_rates(int n, double (*rates)[array_size(n_columns)]) {
+  // Sets the changes of the n rows over dt; those of P and n must be set. Leaves the velocity after
+  // the step in u.
+  void set_rate_changes(int n, double (*rates)[array_size(n_columns)]) {
     const StepContact& point = *point_;
     double frame[9];
     find_frame(frame);
-    if (point.bounces != 0.0) differ_velocity(before_, u_, u_by_);
+    if (point.bounces != 0.0) set_velocity_changes(before_, u_, u_by_);
     for (int c = 0; c < n_columns && point.bounces != 0.0; ++c)
       rebound_[c] = point.bounces * (along(frame, u_by_, c) + across(n_by_, u_, c));
-    differ_velocity(after_, u_, u_by_);
+    set_velocity_changes(after_, u_, u_by_);
     const double normal = dot3(point.normal, u_);
     for (int c = 0; c < n_columns; ++c) {
       const double back = point.bounces != 0.0 ? rebound_[c] : 0.0;
@@ -149,7 +150,7 @@ class ContactPartials {
     }
   }
 
-  // u after the step.
+  // Sets u to the velocity after the step.
   void find_velocity() {
     double twist[6] = {};
     each_link([&](int link, double sign) {
@@ -160,7 +161,7 @@ class ContactPartials {
     velocity(twist, u_);
   }
 
-  // Velocity across the normal, from u.
+  // Sets the sliding speed from u.
   void find_speed() {
     const double *n = point_->normal, normal = dot3(n, u_);
     double across_u[3];
@@ -196,7 +197,7 @@ class ContactPartials {
       for (int i = 0; i < n_columns; ++i) x[c][i] = 0.0;
   }
 
-  // U (3, N).
+  // Sets U (3, N).
   void find_subspace() {
     for (int c = 0; c < 3; ++c)
       for (int k = 0; k < N; ++k) U_[c][k] = 0.0;
@@ -216,9 +217,9 @@ class ContactPartials {
     for (int c = 0; c < 3; ++c) u[c] += twist[c];
   }
 
-  // Changes of gap, P and n: those by the twist xi_1 - xi_2, and the common motion with the second
-  // link.
-  void move() {
+  // Sets the changes of gap, P and n: those by the twist xi_1 - xi_2, and the common motion with
+  // the second link.
+  void set_pose_changes() {
     clear(P_by_);
     clear(n_by_);
     for (int i = 0; i < n_columns; ++i) gap_by_[i] = 0.0;
@@ -252,8 +253,8 @@ class ContactPartials {
     }
   }
 
-  // u at velocities v (E,), and its changes.
-  void differ_velocity(const double* v, double* u, Columns& by) {
+  // Sets u at velocities v (E,), and its changes.
+  void set_velocity_changes(const double* v, double* u, Columns& by) {
     double twist[6] = {};
     clear(by);
     each_link([&](int link, double sign) {
@@ -295,8 +296,8 @@ class ContactPartials {
     for (int c = 0; c < 3; ++c) by[c][column] += sign * u[c];
   }
 
-  // Changes of f at fixed multipliers and acc_D.
-  void turn() {
+  // Sets the changes of f at fixed multipliers and acc_D.
+  void set_force_changes() {
     const StepContact& at = *point_;
     const double *n = at.normal, *d = at.along, *f = at.force;
     const double push = dot3(n, f), normal = dot3(n, u_);
@@ -319,8 +320,8 @@ class ContactPartials {
     }
   }
 
-  // Loads the changes of Q from `by`.
-  void load(double* by) {
+  // Subtracts the changes of Q from `by`.
+  void subtract_force_changes(double* by) {
     const double* f = point_->force;
     double wrench[6];
     for (int c = 0; c < 3; ++c) wrench[c] = f[c];
@@ -349,6 +350,7 @@ class ContactPartials {
     });
   }
 
+  // Writes z of take(). Returns whether there is any.
   bool find_drag(double* drag) const {
     const StepContact& at = *point_;
     if (!at.turns) return false;

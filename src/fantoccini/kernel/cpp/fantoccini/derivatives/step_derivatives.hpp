@@ -37,7 +37,7 @@ class StepDerivatives {
 
   Columns columns;
 
-  // Begins with node i of the arrays, whose state takes a lane.
+  // Loads node i of the arrays, and writes its state to a lane of `states`.
   void begin(const StepDerivativeArrays& in, long long i, int lane, StatesInLanes<Model>* states) {
     columns.set(in.forces != 0);
     evaluate(in, i);
@@ -52,14 +52,14 @@ class StepDerivatives {
     put_lane(p_, P, lane, states->p);
   }
 
-  // In bundles: for the derivatives of r, and for those of the held rows, A_D v+ + A_K rate + ...
+  // Bundles for the derivatives of r, and for those of the held rows, A_D v+ + A_K rate + ...
   Wide* force() { return change_; }
   Wide* rate() { return rate_by_; }
 
   const double* v_next() const { return v_next_; }
   // Index of a row among the held ones; -1 if it is not held.
   int place(int row) const { return place_[row]; }
-  // The derivative of min(h/dt, recovery speed) by h, of a held row.
+  // Derivative of a held row's min(h/dt, recovery speed) by h.
   double gap(int row, double per_step, double recovery_speed) const {
     const double h = eval_.height(row) - (row < S ? slip_[row] : 0.0),
                  size = rows_.two_sided[place_[row]] ? fabs(h) : h;
@@ -86,11 +86,11 @@ class StepDerivatives {
     for (int k = 0; k < N; ++k) columns.at(dv, N, N + k, k) += 1.0;
     for (int k = 0; k < N; ++k)
       columns.write(motion + (N + k) * columns.n, [&](int b) FAN_INLINE { return dv[b * N + k]; });
-    move(in.dt - delay_.time, dv, motion);
+    write_dq(in.dt - delay_.time, dv, motion);
     if (pull) write_pull(in, pull);
     if constexpr (touches) {
       if (in.shares) write_shares(in, i);
-      if (delay_.time > 0.0) wait(in, i, motion, pull);
+      if (delay_.time > 0.0) add_delay(in, i, motion, pull);
     }
   }
 
@@ -115,7 +115,7 @@ class StepDerivatives {
     eval_.at(q_D_, v_D_, q_K_, rate_, mean_, u_D, v_D_, in.dt, p_);
   }
 
-  // The held rows, their factor, and acc_D under the tensions.
+  // Gathers the held rows, factorises them, and solves for acc_D under the tensions.
   void hold(const StepDerivativeArrays& in, long long i) {
     const unsigned char* held = in.held + i * M;
     int list[array_size(M)], n = 0;
@@ -148,7 +148,7 @@ class StepDerivatives {
     factor_.factorise(rows_.problem.G, Complementarity<double, M>::N, rows_.n);
   }
 
-  // dt dacc with contacts; null without.
+  // Solves for dt dacc with contacts. Returns null without contacts.
   Wide* solve_in_modes(const StepDerivativeArrays& in, long long i, double* pull) {
     if constexpr (touches) {
       if (!in.n_points || in.n_points[i] == 0) return nullptr;
@@ -176,9 +176,8 @@ class StepDerivatives {
     for (int k = 0; k < N; ++k) x[k] = dt * x[k];
   }
 
-  // Converts derivatives by rate and mean to those by v_K and acc_K of scalars, in n numbers of
-  // bundles of `height`:
-  // rate = v_K + dt/2 acc_K, mean = acc_K.
+  // Converts derivatives by rate and mean to those by v_K and acc_K of scalars, in the first n of
+  // `height` numbers of each bundle: rate = v_K + dt/2 acc_K, mean = acc_K.
   void chain(double dt, Wide* bundles, int height, int n) const {
     using Space = typename Model::Driven;
     Wide half[array_size(Columns::bundles_of(K))] = {};
@@ -192,8 +191,8 @@ class StepDerivatives {
     }
   }
 
-  // The rows of the tensions; 0 for those that are not held, except by the parameter that is their
-  // tension.
+  // Writes the derivatives of the tensions; 0 for rows that are not held, except by the parameter
+  // that is their tension.
   void write_pull(const StepDerivativeArrays& in, double* pull) {
     chain(in.dt, pull_, M, rows_.n);
     for (int r = 0; r < M; ++r) {
@@ -207,7 +206,7 @@ class StepDerivatives {
     }
   }
 
-  // The rows of the points' multipliers.
+  // Writes the derivatives of the points' multipliers.
   void write_shares(const StepDerivativeArrays& in, long long i) {
     if (in.n_points[i] == 0) return;
     chain(in.dt, shares_, 3 * C, modes_.n_shares());
@@ -217,28 +216,29 @@ class StepDerivatives {
   }
 
   // Converts derivatives by the state at the touch to those by the start of the step.
-  void wait(const StepDerivativeArrays& in, long long i, double* motion, double* pull) {
+  void add_delay(const StepDerivativeArrays& in, long long i, double* motion, double* pull) {
     delay_.set_gap(modes_.touch_by());
     const double *dv = modes_.solution_by_delay(), *dx = modes_.pull_by_delay();
     double dq[array_size(N)];
     move_by(in.dt - delay_.time, dv, dq);
-    for (int k = 0; k < N; ++k) wait(in.dt, motion + k * columns.n, dq[k] - v_next_[k]);
-    for (int k = 0; k < N; ++k) wait(in.dt, motion + (N + k) * columns.n, dv[k]);
+    for (int k = 0; k < N; ++k) add_delay(in.dt, motion + k * columns.n, dq[k] - v_next_[k]);
+    for (int k = 0; k < N; ++k) add_delay(in.dt, motion + (N + k) * columns.n, dv[k]);
     for (int r = 0; pull && r < M; ++r)
-      wait(in.dt, pull + r * columns.n, place_[r] < 0 ? 0.0 : dx[place_[r]]);
+      add_delay(in.dt, pull + r * columns.n, place_[r] < 0 ? 0.0 : dx[place_[r]]);
     if (!in.shares) return;
     double* shares = in.shares + i * 3 * in.capacity * columns.n;
     for (int a = 0; a < modes_.n_shares(); ++a)
-      wait(in.dt, shares + a * columns.n, modes_.shares_by_delay()[a]);
+      add_delay(in.dt, shares + a * columns.n, modes_.shares_by_delay()[a]);
     double* moved = in.moved + i * (N + K) * columns.n;
     for (int k = 0; k < N + K; ++k) {
       for (int c = 0; c < columns.n; ++c) moved[k * columns.n + c] = 0.0;
       moved[k * columns.n + (k < N ? k : N + k)] = 1.0;
-      wait(in.dt, moved + k * columns.n, 0.0);
+      add_delay(in.dt, moved + k * columns.n, 0.0);
     }
   }
 
-  void wait(double dt, double* row, double by_time) const {
+  // Converts one row of derivatives; `by_time`: its derivative by the delay.
+  void add_delay(double dt, double* row, double by_time) const {
     using Space = typename Model::Driven;
     double *by_rate = row + Columns::first[Columns::BY_V_K], before[array_size(K)];
     double* by_mean = row + Columns::first[Columns::BY_ACC_K];
@@ -250,7 +250,7 @@ class StepDerivatives {
     }
   }
 
-  // dq (N,) by dv (N,).
+  // Sets dq (N,) for a change of velocity dv (N,).
   void move_by(double dt, const double* dv, double* dq) const {
     using Space = typename Model::Dynamic;
     for (int k = 0; k < N; ++k) dq[k] = dt * dv[k];
@@ -263,8 +263,8 @@ class StepDerivatives {
     }
   }
 
-  // dq (N, m).
-  void move(double dt, const Wide* dv, double* dq) const {
+  // Writes the derivatives of the configuration after the step, dq (N, m).
+  void write_dq(double dt, const Wide* dv, double* dq) const {
     using Space = typename Model::Dynamic;
     const int m = columns.n;
     for (int i = 0; i < Space::n_scalars; ++i) {

@@ -22,8 +22,8 @@ namespace fan {
 
 struct FlowTolerances {
   // -h up to which a row counts as closed, relative to its scale (row_scale). Smaller overlaps of
-  // rows that are not held remain: for nearly dependent rows, as strings along one another, closing
-  // them would move the puppet many times as far.
+  // rows that are not held remain: closing nearly dependent rows, such as strings along one
+  // another, would move the puppet many times as far.
   static constexpr double closed_gap = Constants::closed_gap;
   // |hddot| above which a redundant row no longer follows from the held ones, relative to
   // hddot_scale.
@@ -130,12 +130,12 @@ struct Flow {
     return apart[r] - Tolerance::parting_acceleration;
   }
 
-  // Magnitude of the terms of the gathered rows' hddot, at least 1 m/s^2.
+  // Largest magnitude of terms of the gathered rows' hddot, at least 1 m/s^2.
   double hddot_scale() const {
-    double top = 1.0;
+    double largest = 1.0;
     for (int a = 0; a < rows.n; ++a)
-      top = larger_of(top, fabs(rows.hddot[a]) + fabs(rows.free_acc[a]));
-    return top;
+      largest = larger_of(largest, fabs(rows.hddot[a]) + fabs(rows.free_acc[a]));
+    return largest;
   }
 
   // N: magnitude of forces.
@@ -146,10 +146,10 @@ struct Flow {
     if (contacts.active()) return false;
     constexpr int stride = Complementarity<double, M>::N;
     bool redundant = false;
-    double least = unbounded, top = 0.0;
+    double least = unbounded, largest = 0.0;
     for (int a = 0; a < rows.n; ++a) {
-      const double own = rows.problem.G[a * stride + a];
-      if (own > top) top = own;
+      const double diagonal = rows.problem.G[a * stride + a];
+      if (diagonal > largest) largest = diagonal;
       if (row_state[rows.row[a]] != HELD) {
         redundant = redundant || row_state[rows.row[a]] != SLIPPING;
         continue;
@@ -157,14 +157,13 @@ struct Flow {
       const double pivot = rows.problem.pivot(a);
       if (pivot < least) least = pivot;
     }
-    return redundant && least < Tolerance::dependent_pivot * top;
+    return redundant && least < Tolerance::dependent_pivot * largest;
   }
 
-  // Acceleration with which row r's winch brakes while it winds back, at the latest evaluation.
+  // Acceleration with which row r's winch brakes while it rewinds, at the latest evaluation.
   double braking(int r) const { return r < S ? slip_acc_[r] : 0.0; }
 
-  // Stores the slips of the latest evaluation, at the time `at`, as the start of their winding
-  // back.
+  // Stores the slips of the latest evaluation, at the time `at`, from which winches rewind them.
   void settle_slip(double at) {
     for (int i = 0; i < S; ++i) slip[i] = winches.resolved(i, slip_now[i], at);
     slip_time = at;
@@ -183,8 +182,7 @@ struct Flow {
     }
   }
 
-  // Time at which the first winch that winds back begins to brake or stops; `none` if none winds
-  // back.
+  // Time at which the first rewinding winch begins to brake or stops; `none` if none rewinds.
   double rewound(double none) const {
     double first = none;
     for (int i = 0; i < S; ++i) {
@@ -250,7 +248,7 @@ struct Flow {
 
   // Size of the local error against the tolerances (accept when <= 1), Hairer's estimate.
   double error(double s) const {
-    double five = 0.0, three = 0.0;
+    double fifth = 0.0, third = 0.0;
     for (int j = 0; j < NY; ++j) {
       double e5 = 0.0, e3 = 0.0;
       for (int i = 0; i < dop853::stages; ++i) {
@@ -259,11 +257,11 @@ struct Flow {
       }
       const double floor = j < WORK ? opt.atol : opt.atol * opt.energy_scale;
       const double scale = floor + opt.rtol * larger_of(fabs(y[j]), fabs(end[j]));
-      five += (e5 / scale) * (e5 / scale);
-      three += (e3 / scale) * (e3 / scale);
+      fifth += (e5 / scale) * (e5 / scale);
+      third += (e3 / scale) * (e3 / scale);
     }
-    if (five == 0.0 && three == 0.0) return 0.0;
-    return fabs(s) * five / sqrt((five + 0.01 * three) * NY);
+    if (fifth == 0.0 && third == 0.0) return 0.0;
+    return fabs(s) * fifth / sqrt((fifth + 0.01 * third) * NY);
   }
 
   // Polynomials of the dense output over the step s just tried; k[12] is the rate at its end. The
@@ -299,12 +297,12 @@ struct Flow {
 
   // --- projection -----------------------------------------------------------------------------
 
-  // Brings the held rows of `state` at time `at` back to h = 0 and hdot = 0 with the smallest
-  // change in the metric of M_DD. The evaluation must be that of (at, state).
+  // Projects the held rows of `state` at time `at` onto h = 0 and hdot = 0 with the smallest change
+  // in the metric of M_DD. The evaluation must be that of (at, state).
   Status project(double at, double* state) {
     if (rows.n == 0 && !contacts.holds()) return RUNNING;
     if (contacts.holds()) return contacts.project(*this, at, state);
-    const Status status = pull_back(state);
+    const Status status = project_configuration(state);
     if (status != RUNNING) return status;
     double rate[NY];
     evaluate(at, state, rate);
@@ -314,12 +312,12 @@ struct Flow {
     return RUNNING;
   }
 
-  // The position part: h = 0 on the held rows.
-  Status pull_back(double* state) {
+  // Projects the configuration onto h = 0 of the held rows.
+  Status project_configuration(double* state) {
     double h[array_size(M)];
     for (int a = 0; a < rows.n; ++a) h[a] = eval.height(rows.row[a]);
     return correct<NQ>(
-        state, [&] { return relative(h); },
+        state, [&] { return largest_relative(h); },
         [&] {
           double move[array_size(N)], all[array_size(M)];
           correction(h, move);
@@ -341,7 +339,7 @@ struct Flow {
     }
   }
 
-  // -M^-1 A^T (A M^-1 A^T)^-1 h over the held rows.
+  // Sets `move` to -M^-1 A^T (A M^-1 A^T)^-1 h over the held rows.
   void correction(const double* h, double* move) {
     auto& problem = rows.problem;
     double w[array_size(N)], pull[array_size(M)];
@@ -405,7 +403,7 @@ struct Flow {
     rows.add(pull, w);
   }
 
-  // Converts h, hdot and gamma to the length L + slip.
+  // Converts the strings' h, hdot and gamma to the length L + slip.
   void add_slips(double at) {
     for (int i = 0; i < S; ++i) {
       if (row_state[i] == SLIPPING) {
@@ -419,6 +417,7 @@ struct Flow {
     }
   }
 
+  // Lengthens string i by the slip on its winch.
   void lengthen(int i, const Wound& wound) {
     slip_now[i] = wound.slip;
     slip_rate[i] = wound.rate;
@@ -431,7 +430,8 @@ struct Flow {
   // NaN if either is.
   static double larger_of(double a, double b) { return a > b || a != a ? a : b; }
 
-  double relative(const double* h) const {
+  // Largest |h| of the held rows, relative to their scales.
+  double largest_relative(const double* h) const {
     double worst = 0.0;
     for (int a = 0; a < rows.n; ++a)
       if (row_state[rows.row[a]] == HELD)
@@ -439,6 +439,7 @@ struct Flow {
     return worst;
   }
 
+  // out = y + s sum of weights times stages' rates.
   void combine(const double* weights, int n, double s, double* out) const {
     for (int j = 0; j < NY; ++j) {
       double sum = 0.0;

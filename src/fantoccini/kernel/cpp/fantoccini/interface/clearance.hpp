@@ -38,7 +38,7 @@ FAN_EXPORT int fan_clearance(
       for (int l = 0; l < width && first + l < n; ++l) {
         clearance[first + l] = fan::lane_of(at.least, l);
         lower[first + l] = fan::lane_of(at.lower, l);
-        pair[first + l] = (long long)(fan::lane_of(at.which, l));
+        pair[first + l] = (long long)(fan::lane_of(at.pair, l));
       }
     }
   } catch (const std::bad_alloc&) {

@@ -34,8 +34,8 @@ struct DenseLdl {
     for (int k = 0; k < n; k += 4) {
       double* row[4];
       FAN_UNROLL for (int r = 0; r < 4; ++r) row[r] = A + (k + r) * stride;
-      const int own = n - k < 4 ? n - k : 4;
-      for (int r = 0; r < own; ++r) {
+      const int rows = n - k < 4 ? n - k : 4;
+      for (int r = 0; r < rows; ++r) {
         const double pivot = row[r][k + r];
         const double too_small = least > 0.0 ? inverse_[k + r] : 0.0;
         if (!(pivot > too_small && pivot < unbounded)) {
@@ -45,19 +45,19 @@ struct DenseLdl {
           continue;
         }
         inverse_[k + r] = 1.0 / pivot;
-        for (int i = r + 1; i < own; ++i) {
+        for (int i = r + 1; i < rows; ++i) {
           const double share = row[r][k + i] * inverse_[k + r];
           for (int j = k; j < stride; j += 4) quad(row[i] + j) -= share * quad(row[r] + j);
         }
       }
       for (int i = k + 4; i < n; ++i) {
-        double* own = A + i * stride;
+        double* below = A + i * stride;
         double share[4];
         FAN_UNROLL for (int r = 0; r < 4; ++r) share[r] = row[r][i] * inverse_[k + r];
         for (int j = i / 4 * 4; j < stride; j += 4) {
-          const Quad a = quad(own + j) - share[0] * quad(row[0] + j);
+          const Quad a = quad(below + j) - share[0] * quad(row[0] + j);
           const Quad b = share[1] * quad(row[1] + j) + share[2] * quad(row[2] + j);
-          quad(own + j) = a - (b + share[3] * quad(row[3] + j));
+          quad(below + j) = a - (b + share[3] * quad(row[3] + j));
         }
       }
     }
@@ -102,19 +102,19 @@ struct DenseLdl {
       if (inverse_[i] == 0.0) r[i] = given[i];
     for (int k = (n - 1) / 4 * 4; k >= 0; k -= 4) {
       Quad sum[4] = {};
-      double own[4] = {};
+      double solved[4] = {};
       const int rows = n - k < 4 ? n - k : 4;
       for (int j = k + 4; j < stride; j += 4) {
-        const Quad by = quad(r + j);
-        FAN_UNROLL for (int i = 0; i < 4; ++i) sum[i] += quad(A + (k + i) * stride + j) * by;
+        const Quad known = quad(r + j);
+        FAN_UNROLL for (int i = 0; i < 4; ++i) sum[i] += quad(A + (k + i) * stride + j) * known;
       }
       FAN_UNROLL for (int i = 3; i >= 0; --i) {
         if (i >= rows) continue;
-        double left = (sum[i][0] + sum[i][1]) + (sum[i][2] + sum[i][3]);
-        for (int j = i + 1; j < rows; ++j) left += A[(k + i) * stride + k + j] * own[j];
-        own[i] = r[k + i] - left * inverse_[k + i];
+        double products = (sum[i][0] + sum[i][1]) + (sum[i][2] + sum[i][3]);
+        for (int j = i + 1; j < rows; ++j) products += A[(k + i) * stride + k + j] * solved[j];
+        solved[i] = r[k + i] - products * inverse_[k + i];
       }
-      quad(r + k) = Quad{own[0], own[1], own[2], own[3]};
+      quad(r + k) = Quad{solved[0], solved[1], solved[2], solved[3]};
     }
   }
 

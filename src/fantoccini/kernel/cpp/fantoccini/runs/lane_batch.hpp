@@ -20,7 +20,7 @@ class LaneDrive {
     forced_ = input.force != nullptr;
   }
 
-  // The inputs at t: at a break inside, those of the piece that begins there.
+  // Evaluates the inputs at t: at an inner break, those of the piece that begins there.
   template <class Inputs>
   void at(const Real& t, Inputs& in) {
     find(t, false);
@@ -28,7 +28,8 @@ class LaneDrive {
     force(in.u_D);
   }
 
-  // The same for a run that steps from inputs to inputs; constant ones are written once.
+  // at() for a run that keeps `in` from step to step: inputs constant in all lanes are written
+  // once.
   template <class Inputs>
   void fill(const Real& t, Inputs& in) {
     find(t, false);
@@ -38,7 +39,7 @@ class LaneDrive {
     in.still = still_number_;
   }
 
-  // The same at the start of a run: inputs are constant after the last break.
+  // at() for the start of a run: at the last break, inputs are already constant.
   template <class Inputs>
   void start(const Real& t, Inputs& in) {
     find(t, true);
@@ -46,7 +47,7 @@ class LaneDrive {
     force(in.u_D);
   }
 
-  // u_D only.
+  // Evaluates u_D only.
   void force(const Real& t, Real* u) {
     find(t, false);
     force(u);
@@ -76,11 +77,11 @@ class LaneDrive {
     }
     if (entered)
       for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + n_powers * j);
-    if (changed) number();
+    if (changed) number_constant();
   }
 
-  // Numbers inputs that are constant in all lanes.
-  void number() {
+  // Gives inputs that are constant in all lanes a number of their own; 0 for others.
+  void number_constant() {
     bool still = !forced_;
     for (int j = 0; j < Space::n_v; ++j) still = still && still_[j];
     still_number_ = still || !any(moves_ != Real(0.0)) ? ++numbers_ : 0;
@@ -123,9 +124,8 @@ class LaneDrive {
   int piece_[width];
   bool forced_ = false, still_[array_size(Space::n_v)];
   long long still_number_ = 0, numbers_ = 0;
-  Real s_,
-      moves_ =
-          Real(0.0);  // s: time since the piece began; 1 within the input, 0 before and after it
+  Real s_;                  // s: time since the piece began
+  Real moves_ = Real(0.0);  // 1 within the input, 0 before and after it
   Real coef_[array_size(Space::n_v * n_powers)], base_[array_size(Space::n_q)],
       force_[array_size(n_vD * n_powers)];
 };
@@ -149,7 +149,7 @@ class LaneBatch {
 
  private:
   static constexpr int M = Model::n_rows;
-  static constexpr int steps_per_report = 64;  // between two checks of the pool
+  static constexpr int steps_per_report = 64;  // steps between checks of the pool
 
   // Lanes beyond the last trajectory repeat it and are not written.
   void begin(const BatchArrays& in, long long first, int n) {
@@ -187,7 +187,7 @@ class LaneBatch {
     LaneBatch& batch;
     Pool& pool;
     double reported;      // s: last time reported to the pool
-    long long row = 0;    // the next one
+    long long row = 0;    // index of the next row
     Status ended = DONE;  // at the end of the grid; else the reason for leaving it
 
     bool ready(const StepCount& count) {
@@ -210,22 +210,22 @@ class LaneBatch {
 
   // Counts catches and releases in the last step.
   void count_changes() {
-    bool went[width];
+    bool advanced[width];
     for (int l = 0; l < n_; ++l) {
-      went[l] = lane_of(bundle_.t, l) > reached_[l];
+      advanced[l] = lane_of(bundle_.t, l) > reached_[l];
       reached_[l] = lane_of(bundle_.t, l);
     }
     for (int r = 0; r < M; ++r) {
       const auto caught = bundle_.caught(r), released = bundle_.released(r);
       if (!any(caught || released)) continue;
       for (int l = 0; l < n_; ++l) {
-        caught_[l] += went[l] && lane_of(caught, l);
-        released_[l] += went[l] && lane_of(released, l);
+        caught_[l] += advanced[l] && lane_of(caught, l);
+        released_[l] += advanced[l] && lane_of(released, l);
       }
     }
   }
 
-  // The row of all lanes that still run.
+  // Writes a row for all lanes that still run.
   void write(const BatchArrays& in, long long row) {
     const auto& inputs = bundle_.inputs();
     put_lanes(in, Part::q_D, row, bundle_.q_D());

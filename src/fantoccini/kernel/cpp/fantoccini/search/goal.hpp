@@ -8,8 +8,8 @@
 
 namespace fan {
 
-// d = sum_i w_i |q_i - goal_i| + w_v |v_D - goal| + w_K |v_K - goal|, or |point - place| instead of
-// the first sum; `pose` is the link's, R by columns and r.
+// d = sum_i w_i |q_i - goal_i| + w_v |v_D - goal| + w_K |v_K - goal|, or with |point - place|
+// instead of the first sum; `pose` of the link: R by columns, then r.
 template <class Model>
 double goal_distance(
     const GoalArrays& goal, const double* q_D, const double* v_D, const double* v_K,
@@ -21,10 +21,10 @@ double goal_distance(
   double total = 0.0;
   if (goal.kind == POINT) {
     for (int c = 0; c < 3; ++c) {
-      double there = pose[9 + c];
-      for (int j = 0; j < 3; ++j) there += pose[3 * j + c] * goal.at[j];
-      const double off = outside(there, goal.place[c], goal.place_high[c]);
-      total += off * off;
+      double world = pose[9 + c];
+      for (int j = 0; j < 3; ++j) world += pose[3 * j + c] * goal.at[j];
+      const double distance = outside(world, goal.place[c], goal.place_high[c]);
+      total += distance * distance;
     }
     total = std::sqrt(total);
   } else {
@@ -43,13 +43,14 @@ double goal_distance(
       total += w * std::sqrt(squares<3>(phi));
     }
   }
-  const auto away = [](const double* v, const double* wanted, int n) {
+  const auto difference = [](const double* v, const double* wanted, int n) {
     double sum = 0.0;
     for (int k = 0; k < n; ++k) sum += (v[k] - wanted[k]) * (v[k] - wanted[k]);
     return std::sqrt(sum);
   };
-  if (goal.speed_weight > 0.0) total += goal.speed_weight * away(v_D, goal.v_D, Model::n_vD);
-  if (goal.driven_weight > 0.0) total += goal.driven_weight * away(v_K, goal.v_K, Model::n_vK);
+  if (goal.speed_weight > 0.0) total += goal.speed_weight * difference(v_D, goal.v_D, Model::n_vD);
+  if (goal.driven_weight > 0.0)
+    total += goal.driven_weight * difference(v_K, goal.v_K, Model::n_vK);
   return total;
 }
 

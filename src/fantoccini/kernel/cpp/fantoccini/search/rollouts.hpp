@@ -18,32 +18,33 @@
 
 namespace fan {
 
-// Takes the next rollout.
-inline long long take(RolloutProgress& progress) {
+// Index of the next rollout, for the calling thread only.
+inline long long take_next(RolloutProgress& progress) {
   return __atomic_fetch_add(&progress.next, 1, __ATOMIC_RELAXED);
 }
 
-inline long long reached(const RolloutProgress& progress) {
+// Index of the first rollout known to have reached the goal.
+inline long long first_reached(const RolloutProgress& progress) {
   return __atomic_load_n(&progress.reached, __ATOMIC_RELAXED);
 }
 
 // Records that rollout i has reached the goal. Rollouts after the first one that has are abandoned,
 // so that the result does not depend on the threads.
-inline void reach(RolloutProgress& progress, long long i) {
-  long long known = reached(progress);
+inline void record_reached(RolloutProgress& progress, long long i) {
+  long long known = first_reached(progress);
   while (i < known && !__atomic_compare_exchange_n(
                           &progress.reached, &known, i, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
   }
 }
 
 struct RolloutTolerances {
-  static constexpr double speed_slack = 1e-12;  // relative to a bound of speed: rounding
-  // m or rad: violation of strings above which they count as jammed against touched solids; half of
-  // that of a sound run.
-  static constexpr double jam = 0.01;
-  static constexpr double no_distance = 1e300;  // of a goal that only Python can measure
-  static constexpr double min_move = 1e-5;      // m: shorter paths between checks are not halved
-  static constexpr int max_halvings = 30;       // of a step
+  static constexpr double speed_rounding = 1e-12;  // relative to a bound of speed
+  // m or rad: violation above which strings count as jammed against touched solids; half of that
+  // allowed in a run.
+  static constexpr double max_violation = 0.01;
+  static constexpr double unknown_distance = 1e300;  // of a goal that only Python can measure
+  static constexpr double min_move = 1e-5;  // m: shorter paths between checks are not halved
+  static constexpr int max_halvings = 30;   // of a step
 };
 
 template <class Model, class Real>
@@ -56,7 +57,7 @@ class Rollouts {
     placed_.resize(in.solids->n_moving);
     for (int i = 0; i < Model::n_p; ++i) clearance_.p[i] = lanes_.p()[i] = Real(in.p[i]);
     for (int l = 0; l < width; ++l) rollout_[l] = -1;
-    while (fill(in, progress)) segment(in, progress);
+    while (assign(in, progress)) simulate_segment(in, progress);
   }
 
  private:
@@ -67,13 +68,13 @@ class Rollouts {
 
   // Assigns rollouts to free lanes. Returns false if none is left. Lanes without one repeat
   // another's state.
-  bool fill(const RolloutArrays& in, RolloutProgress& progress) {
+  bool assign(const RolloutArrays& in, RolloutProgress& progress) {
     int occupied = -1;
     for (int l = 0; l < width; ++l) {
-      if (rollout_[l] >= 0 && rollout_[l] > reached(progress)) rollout_[l] = -1;
+      if (rollout_[l] >= 0 && rollout_[l] > first_reached(progress)) rollout_[l] = -1;
       if (rollout_[l] < 0) {
-        const long long i = take(progress);
-        if (i < in.n && i <= reached(progress)) {
+        const long long i = take_next(progress);
+        if (i < in.n && i <= first_reached(progress)) {
           rollout_[l] = i;
           segment_[l] = 0;
           const long long start = in.start[i];
@@ -99,14 +100,14 @@ class Rollouts {
   }
 
   // Simulates the next segment of all lanes.
-  void segment(const RolloutArrays& in, RolloutProgress& progress) {
+  void simulate_segment(const RolloutArrays& in, RolloutProgress& progress) {
     const double dt = in.options.dt;
     Real acc_K[array_size(NK)];
     for (int l = 0; l < width; ++l) {
       set_accelerations(in, l, acc_K);
       active_[l] = rollout_[l] >= 0;
       caught_[l] = 0;
-      slackened_[l] = strayed_[l] = false;
+      slackened_[l] = touched_wrongly_[l] = false;
     }
     held_.set(lanes_.inputs(), acc_K);
     Inputs inputs{held_};
@@ -117,12 +118,12 @@ class Rollouts {
     int check_index = 0;
     bool running = true;
     while (running && check_index < in.n_checks) {
-      way_.clear();
+      path_.clear();
       record_configuration();
       clearance_.moves.clear();
       ++check_index;
       make_steps(lanes_, inputs, EvenSteps{dt, (long long)check_index * in.steps}, count, watch);
-      if (reached(progress) < 0) return;
+      if (first_reached(progress) < 0) return;
       running = any(lanes_.runs()) ? check(in, progress, check_index) : release_all();
     }
   }
@@ -147,8 +148,8 @@ class Rollouts {
     put_lane(acc, NK, l, out);
   }
 
-  // The inputs of a segment, evaluated in every step: whether they are constant in all lanes would
-  // depend on the neighbours.
+  // The inputs of a segment, evaluated in every step: whether they are constant in all lanes
+  // depends on the neighbours.
   struct Inputs {
     const Held& held;
 
@@ -168,13 +169,13 @@ class Rollouts {
     const RolloutArrays& in;
     const RolloutProgress& progress;
 
-    bool ready(const StepCount&) const { return reached(progress) >= 0; }
+    bool ready(const StepCount&) const { return first_reached(progress) >= 0; }
 
     void record(const StepCount&, bool) {
       rollouts.count_catches();
-      if (in.kept_off) rollouts.watch_touches(in);
+      if (in.kept_off) rollouts.mark_forbidden_touches(in);
       rollouts.record_configuration();
-      const Real* now = rollouts.way_.data() + rollouts.way_.size() - (NQ + QK);
+      const Real* now = rollouts.path_.data() + rollouts.path_.size() - (NQ + QK);
       const Real* before = now - (NQ + QK);
       rollouts.clearance_.moves.add(*in.solids, before, before + NQ, now, now + NQ);
     }
@@ -192,25 +193,27 @@ class Rollouts {
   }
 
   // Marks the lanes in which a forbidden contact pushes.
-  void watch_touches(const RolloutArrays& in) {
-    each_push([&](int l, int pair) { strayed_[l] = strayed_[l] || in.kept_off[pair]; });
+  void mark_forbidden_touches(const RolloutArrays& in) {
+    each_push(
+        [&](int l, int pair) { touched_wrongly_[l] = touched_wrongly_[l] || in.kept_off[pair]; });
   }
 
-  // Whether strings are violated, as strings that pull against touched solids are.
+  // Whether strings are violated, as those that pull a link against a solid are.
   bool jammed(int lane) {
-    return lanes_.opt.contacts && lane_of(lanes_.worst_violation, lane) > RolloutTolerances::jam;
+    return lanes_.opt.contacts &&
+           lane_of(lanes_.worst_violation, lane) > RolloutTolerances::max_violation;
   }
 
-  // Whether all touches that the goal requires push in a lane.
-  bool touching(const GoalArrays& goal, int lane) {
-    int closed = 0;
+  // Whether all contacts that the goal requires push in a lane.
+  bool has_goal_touches(const GoalArrays& goal, int lane) {
+    int n_pushing = 0;
     for (int k = 0; k < goal.n_touches; ++k) {
       bool pushes = false;
       each_push(
           [&](int l, int pair) { pushes = pushes || (l == lane && goal.touches[pair] == k); });
-      closed += pushes;
+      n_pushing += pushes;
     }
-    return closed == goal.n_touches;
+    return n_pushing == goal.n_touches;
   }
 
   // Calls `f` with the lane and the pair of every point that pushes.
@@ -227,7 +230,8 @@ class Rollouts {
     for (int i = 0; i < QK; ++i) clearance_.q_K[i] = inputs.q_K[i];
     Real counts = Real(0.0);
     for (int l = 0; l < width; ++l) lane_of(counts, l) = active_[l];
-    for (int s = 0; s <= in.steps; ++s) clearance_.include_excess(place(s), place(s) + NQ);
+    for (int s = 0; s <= in.steps; ++s)
+      clearance_.include_excess(configuration(s), configuration(s) + NQ);
     clearance_.measure(*in.solids, placed_.data(), counts > Real(0.5), in.margin, true);
     const Real least = clearance_.least;
     Real pose_of_goal[12] = {};
@@ -235,13 +239,13 @@ class Rollouts {
       for (int k = 0; k < 12; ++k) pose_of_goal[k] = clearance_.pose(in.goal.link)[k];
     bool doubtful = false;
     for (int l = 0; l < width; ++l) {
-      passed_[l] = false;
+      too_near_[l] = false;
       const bool clear = lane_of(least, l) >= in.margin;
       lane_of(counts, l) = active_[l] && clear && !(lane_of(clearance_.lower, l) >= in.margin);
       doubtful = doubtful || lane_of(counts, l) > 0.5;
     }
     for (int s = 0; s < in.steps && doubtful; ++s)
-      check_between(in, place(s), place(s + 1), counts, 0);
+      check_between(in, configuration(s), configuration(s + 1), counts, 0);
     bool running = false;
     for (int l = 0; l < width; ++l) {
       if (!active_[l]) continue;
@@ -251,33 +255,33 @@ class Rollouts {
       take_lane(inputs.v_K, NK, l, v_K);
       const double clear = lane_of(least, l);
       const bool slack = slackened_[l] && !in.may_slacken;
-      const bool weak = lanes_.motors.verdict(l) != DONE;
-      const bool touches_wrongly = strayed_[l] || jammed(l);
-      if (lane_of(lanes_.status, l) > RUNNING + 0.5 || slack || weak || touches_wrongly ||
-          !(clear >= in.margin) || passed_[l] || !within_bounds(in, l)) {
+      const bool motor_failed = lanes_.motors.verdict(l) != DONE;
+      const bool touches_wrongly = touched_wrongly_[l] || jammed(l);
+      if (lane_of(lanes_.status, l) > RUNNING + 0.5 || slack || motor_failed || touches_wrongly ||
+          !(clear >= in.margin) || too_near_[l] || !within_bounds(in, l)) {
         release(l);
         continue;
       }
-      double distance = RolloutTolerances::no_distance;
+      double distance = RolloutTolerances::unknown_distance;
       if (in.goal.kind != UNKNOWN) {
         take_lane(pose_of_goal, 12, l, pose);
         distance = goal_distance<Model>(in.goal, q_D, v_D, v_K, pose);
-        if (in.goal.n_touches && !touching(in.goal, l)) distance += in.goal.open;
+        if (in.goal.n_touches && !has_goal_touches(in.goal, l)) distance += in.goal.open;
       }
-      const bool there = distance <= in.goal.tolerance;
-      if (!there && check_index < in.n_checks) {
+      const bool at_goal = distance <= in.goal.tolerance;
+      if (!at_goal && check_index < in.n_checks) {
         running = true;
         continue;
       }
       write(in, l, check_index, distance);
-      if (there) reach(progress, rollout_[l]);
-      if (there || ++segment_[l] == in.n_segments[rollout_[l]]) release(l);
+      if (at_goal) record_reached(progress, rollout_[l]);
+      if (at_goal || ++segment_[l] == in.n_segments[rollout_[l]]) release(l);
     }
     return running;
   }
 
-  // Marks the lanes among those requested (1.0) that may come nearer than the margin on the linear
-  // path between two configurations.
+  // Marks, among the requested lanes (1.0), those that may come nearer than the margin on the
+  // linear path between two configurations.
   void check_between(
       const RolloutArrays& in, const Real* from, const Real* to, const Real& requested,
       int halvings) {
@@ -291,23 +295,23 @@ class Rollouts {
     clearance_.include_excess(from, from + NQ);
     clearance_.include_excess(to, to + NQ);
     clearance_.measure(*in.solids, placed_.data(), requested > Real(0.5), in.margin, true);
-    Real unsure = Real(0.0);
+    Real uncertain = Real(0.0);
     bool any_uncertain = false;
     for (int l = 0; l < width; ++l) {
-      if (lane_of(requested, l) < 0.5 || passed_[l]) continue;
+      if (lane_of(requested, l) < 0.5 || too_near_[l]) continue;
       const double least = lane_of(clearance_.least, l), lower = lane_of(clearance_.lower, l);
       if (lower >= in.margin) continue;
       using Tol = RolloutTolerances;
       // Short moves may violate the margin slightly, but must not touch anything.
       const bool last = !(least - lower > Tol::min_move) || halvings == Tol::max_halvings;
-      passed_[l] = !(least >= in.margin) || (last && !(lower >= 0.0));
-      if (last || passed_[l]) continue;
-      lane_of(unsure, l) = 1.0;
+      too_near_[l] = !(least >= in.margin) || (last && !(lower >= 0.0));
+      if (last || too_near_[l]) continue;
+      lane_of(uncertain, l) = 1.0;
       any_uncertain = true;
     }
     if (!any_uncertain) return;
-    check_between(in, from, middle, unsure, halvings + 1);
-    check_between(in, middle, to, unsure, halvings + 1);
+    check_between(in, from, middle, uncertain, halvings + 1);
+    check_between(in, middle, to, uncertain, halvings + 1);
   }
 
   // Midpoint of two configurations.
@@ -329,39 +333,41 @@ class Rollouts {
 
   // Records the present configuration for the check of the path.
   void record_configuration() {
-    for (int i = 0; i < NQ; ++i) way_.push_back(lanes_.state().q_D[i]);
-    for (int i = 0; i < QK; ++i) way_.push_back(lanes_.inputs().q_K[i]);
+    for (int i = 0; i < NQ; ++i) path_.push_back(lanes_.state().q_D[i]);
+    for (int i = 0; i < QK; ++i) path_.push_back(lanes_.inputs().q_K[i]);
   }
 
-  const Real* place(int step) const { return way_.data() + std::size_t(step) * (NQ + QK); }
+  // q_D and q_K after a step since the last check.
+  const Real* configuration(int step) const { return path_.data() + std::size_t(step) * (NQ + QK); }
 
   bool within_bounds(const RolloutArrays& in, int l) {
     const auto& at = lanes_.inputs();
-    constexpr double fastest = 1.0 + RolloutTolerances::speed_slack;
+    constexpr double allowed = 1.0 + RolloutTolerances::speed_rounding;
     bool inside = true;
     for (int k = 0; k < QK; ++k) {
       const double q = lane_of(at.q_K[k], l);
       inside = inside && q >= in.bounds.low[k] && q <= in.bounds.high[k];
     }
     for (int k = 0; k < NK; ++k)
-      inside = inside && std::abs(lane_of(at.v_K[k], l)) <= in.bounds.speed[k] * fastest;
+      inside = inside && std::abs(lane_of(at.v_K[k], l)) <= in.bounds.speed[k] * allowed;
     return inside;
   }
 
-  // Frees the lane. Its state is constant until the end of the segment.
+  // Frees the lane. Its state stays constant until the end of the segment.
   void release(int l) {
     rollout_[l] = -1;
     active_[l] = false;
     lane_of(lanes_.status, l) = STOPPED;
   }
 
-  // Frees all lanes. None of them runs or remains in its segment.
+  // Frees all lanes. Returns false: none runs.
   bool release_all() {
     for (int l = 0; l < width; ++l)
       if (active_[l]) release(l);
     return false;
   }
 
+  // Writes the end of a lane's segment to the output.
   void write(const RolloutArrays& in, int l, int check_index, double distance) {
     const long long at = rollout_[l] * in.segments + segment_[l];
     each_part(
@@ -385,9 +391,9 @@ class Rollouts {
   TimeSteppingTrajectory<Model, Real> lanes_;
   Clearance<Model, Real> clearance_;
   std::vector<Placed<Real>> placed_;
-  std::vector<Real> way_;  // configurations since the last check: q_D and q_K after every step
+  std::vector<Real> path_;  // configurations since the last check: q_D and q_K after every step
   Held held_;
-  bool active_[width], slackened_[width], strayed_[width], passed_[width];
+  bool active_[width], slackened_[width], touched_wrongly_[width], too_near_[width];
   long long rollout_[width];
   int segment_[width], caught_[width];
 };

@@ -5,15 +5,15 @@
 //
 // with dq_K the exact increment of the inputs, damping and drag D implicit, and Lambda capped, so
 // that every step has a solution. The speed at which a violated row recovers is limited, and at
-// most h over a whole step: over a short last step it would be a blow. The velocity products in c
+// most h over a full step: a short last step would make it an impact. The velocity products in c
 // are evaluated half a step ahead, extrapolated from the accelerations a of the two previous steps,
 //
 //   v_ahead = v + dt (a/2 + (a - a-)/4)
 //
 // At v they would add energy to spinning bodies, by exp((w dt)^2 t/dt); with a/2 alone by exp((w
-// dt)^4 t/2dt), which the quarter removes. At the start and after a catch or slow_down() there is
-// nothing to extrapolate from, and v_ahead is v. Without `extrapolates` it always is, and a step
-// depends on its state alone.
+// dt)^4 t/2dt), which the quarter removes. At the start, after a catch and where the speed was
+// limited, v_ahead is v. Without `extrapolates` it always is, and a step depends on its state
+// alone.
 //
 // A slipping winch caps Lambda at its largest tension times dt; the remaining speed lengthens its
 // slip. Once a row has been violated by stirred_violation, all velocities are scaled down if a step
@@ -52,13 +52,13 @@ struct TimeStep {
   std::conditional_t<touches, Contacts, NoContacts> contacts;
   std::conditional_t<touches && !separate_lanes, TouchingStep<Model>, NoTouchingStep> touching;
   const ContactArrays* solids = nullptr;  // null: no contacts
-  double whole = 0.0;                     // s: the run's step; the last one may be shorter
-  bool forced = true;                     // otherwise u_D is 0
+  double whole = 0.0;                     // s: the run's step; its last one may be shorter
+  bool forced = true;                     // whether u_D is not 0
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
-  // Whether the next step may extrapolate the last one, and whether the last one did.
+  // Whether the next step may extrapolate the last one, and whether the last one could.
   Mask steady = Real(0.0) > Real(1.0), was_steady = steady;
   Real tension[array_size(M)];  // Lambda / dt
-  Mask taut[array_size(M)];     // rows that pulled in the last step; to be set by set_row()
+  Mask taut[array_size(M)];     // rows that pulled in the last step; set by set_row()
   Mask pulled[array_size(M)];   // the same, except for rows that the first step of a run catches
   Mask held[array_size(M)];     // rows that pulled in the last two steps
   Real slip[array_size(S)];     // m, >= 0
@@ -97,8 +97,8 @@ struct TimeStep {
     };
     begin(q_D, v_D, q_K, dt, dt);
     const auto end = [&](auto* v, double part, bool may_part) {
-      const double most = cap * (dt / part);
-      return respond(v, v_K, u_D, part, recovery_speed, most, winches, may_part, v_next);
+      const double part_cap = cap * (dt / part);
+      return respond(v, v_K, u_D, part, recovery_speed, part_cap, winches, may_part, v_next);
     };
     if constexpr (touches && !separate_lanes)
       if (solids)
@@ -106,9 +106,9 @@ struct TimeStep {
     end(v_D, dt, false);
     retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
     if constexpr (separate_lanes)
-      if (any(apart()))
+      if (any(separate()))
         singles_.step(
-            *this, apart(), q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery_speed, cap, winches, p,
+            *this, separate(), q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery_speed, cap, winches, p,
             q_next, v_next);
   }
 
@@ -118,9 +118,9 @@ struct TimeStep {
     return rows.hdot[a] > maximum(forced, Real(0.0)) + Real(Tolerance::catching_speed);
   }
 
-  // The same for row r in the last step of lanes that made it separately.
+  // closes_fast() of row r in the last step, for lanes that made it separately.
   FAN_FN Mask closed_fast_singly(int r) const {
-    if constexpr (separate_lanes) return singles_.fast[r] && apart();
+    if constexpr (separate_lanes) return singles_.fast[r] && separate();
     else return Real(0.0) > Real(1.0);
   }
 
@@ -145,7 +145,7 @@ struct TimeStep {
   // (v+ - v) / dt of the last step.
   FAN_FN const Real* acc() const { return accs_[acc_at_]; }
 
-  // Sets it to zero before the first step.
+  // Sets acc() to zero before the first step.
   FAN_FN void clear_acc() {
     for (int k = 0; k < N; ++k) accs_[0][k] = accs_[1][k] = Real(0.0);
   }
@@ -157,25 +157,25 @@ struct TimeStep {
   friend class TouchingStep;
 
   // Lanes that make the step separately.
-  FAN_FN Mask apart() const {
+  FAN_FN Mask separate() const {
     if constexpr (separate_lanes) return solids ? contacts.apart : Real(0.0) > Real(1.0);
     else return Real(0.0) > Real(1.0);
   }
 
-  // Lanes that take no part here.
-  FAN_FN Mask away() const { return idle || apart(); }
+  // Lanes in which this step does nothing: stopped or separate.
+  FAN_FN Mask inactive() const { return idle || separate(); }
 
-  // The equations of a step of length dt, the violations of its rows and contacts, and its points;
-  // the step continues for `left` with its velocities.
+  // Evaluates the equations of a step of length dt, the violations of rows and contacts, and the
+  // contact points; the velocities hold for `left` [s].
   FAN_FN void begin_step(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double left, double recovery_speed, const Winches<S>& winches,
       const Real* p) {
     evaluate(q_D, v_D, q_K, v_K, acc_K, u_D, dt, p);
-    wind(winches, dt);
+    apply_slips(winches, dt);
     violation =
         maximum(largest_of<M - S>([&](int i) FAN_INLINE { return eval.h_limit[i]; }), Real(0.0));
-    for (int i = 0; i < S; ++i) violation = maximum(overstep(i), violation);
+    for (int i = 0; i < S; ++i) violation = maximum(string_violation(i), violation);
     was_violated = was_violated || violation > Real(Tolerance::limiting_violation);
     if constexpr (touches)
       if (solids) {
@@ -199,44 +199,45 @@ struct TimeStep {
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
   }
 
-  // From the evaluation to the impulses, v_next and the step's entries of the ledger. Returns
-  // false, with nothing done, if the step needs to be made in parts and may be.
+  // Computes the impulses, v_next and the step's entries of the ledger from the evaluation. Returns
+  // false, with nothing done, if the step has to be made in parts and may be.
   FAN_OUT_OF_LINE bool respond(
       const Real* v_D, const Real* v_K, const Real* u_D, double dt, double recovery_speed,
       double cap, const Winches<S>& winches, bool may_part, Real* v_next) {
     Real change[array_size(N)];  // v+ - v
-    watch_first(v_D, dt);
+    choose_rows(v_D, dt);
     rows.gather_leading(eval);
     if constexpr (touches)
       if (solids) rows.copy_leading(eval);
     gather(v_D);
-    pull(dt, recovery_speed, cap, winches, change);
-    while (watch_more(v_D, change, dt, recovery_speed, v_next) ||
-           look_again(v_D, change, v_K, dt, recovery_speed)) {
+    solve_impulses(dt, recovery_speed, cap, winches, change);
+    while (add_passed_limits(v_D, change, dt, recovery_speed, v_next) ||
+           add_passed_contacts(v_D, change, v_K, dt, recovery_speed)) {
       gather(v_D);
-      pull(dt, recovery_speed, cap, winches, change);
+      solve_impulses(dt, recovery_speed, cap, winches, change);
     }
     if constexpr (touches && !separate_lanes)
       if (may_part && contacts.next_strike() < unbounded) return false;
     update_slips(winches, cap, dt);
-    const Mask caught = account(v_D, change, u_D, dt);
+    const Mask caught = record_step(v_D, change, u_D, dt);
     Real* acc = accs_[1 - acc_at_];
     each<N>([&](int k) FAN_INLINE { acc[k] = change[k] * (1.0 / dt); });
     acc_at_ = 1 - acc_at_;
     was_steady = steady;
     steady = !caught;
-    const Real most = select(was_violated, Real(1.0), Real(Tolerance::initial_factor));
-    const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);
-    steady = steady && !braked;
+    const Real factor = select(was_violated, Real(1.0), Real(Tolerance::initial_factor));
+    const Mask limited = limit_speed<Model>(factor, dt, v_next, speed_bound);
+    steady = steady && !limited;
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
     return true;
   }
 
-  // The rate at which winches wind back their slip; converts the strings' h and hdot to L + slip.
-  FAN_FN void wind(const Winches<S>& winches, double dt) {
-    Mask out = Real(0.0) > Real(1.0);
-    for (int i = 0; i < S; ++i) out = out || slip[i] != Real(0.0);
-    may_slip_ = winches.some_slip || any(out);
+  // Converts the strings' h and hdot to the length L + slip, with the rates at which winches rewind
+  // their slip.
+  FAN_FN void apply_slips(const Winches<S>& winches, double dt) {
+    Mask has_slip = Real(0.0) > Real(1.0);
+    for (int i = 0; i < S; ++i) has_slip = has_slip || slip[i] != Real(0.0);
+    may_slip_ = winches.some_slip || any(has_slip);
     if (!may_slip_) return;
     for (int i = 0; i < S; ++i) {
       winding_[i] = winches.winding(i, slip[i], dt);
@@ -258,7 +259,7 @@ struct TimeStep {
       const Mask slipping = rows.problem.high[a] && rows.problem.s[a] < Real(0.0);
       slips[r] = slipping;
       slip_rate_[r] -= select(slipping, rows.problem.s[a], Real(0.0));
-      slip_loss -= pull_[a] * slip_rate_[r];
+      slip_loss -= minus_lambda_[a] * slip_rate_[r];
     }
     // The last step of unwinding ends at 0 up to rounding.
     for (int i = 0; i < S; ++i) slip[i] = maximum(Real(slip[i] + dt * slip_rate_[i]), Real(0.0));
@@ -267,8 +268,8 @@ struct TimeStep {
   // Chooses the rows that take part: all strings, and the limits that pulled in the previous step
   // or would be passed at the present velocity. Each lane has its own, so that its result does not
   // depend on its neighbours.
-  FAN_FN void watch_first(const Real* v_D, double dt) {
-    const Mask here = !away();
+  FAN_FN void choose_rows(const Real* v_D, double dt) {
+    const Mask here = !inactive();
     for (int r = 0; r < S; ++r) near_[r] = here;
     Real rate[array_size(M - S)];
     eval.limit_rates(v_D, rate);
@@ -283,9 +284,9 @@ struct TimeStep {
     }
   }
 
-  // The velocity v with the impulses. Adds the limits that it would pass. Returns whether there are
-  // any.
-  FAN_FN bool watch_more(
+  // Sets v, the velocity with the impulses, and adds the limits that it would pass. Returns whether
+  // there are any.
+  FAN_FN bool add_passed_limits(
       const Real* v_D, const Real* change, double dt, double recovery_speed, Real* v) {
     Real rate[array_size(M - S)];
     each<N>([&](int k) FAN_INLINE { v[k] = v_D[k] + change[k]; });
@@ -295,7 +296,8 @@ struct TimeStep {
     bool more = false;
     if (any(largest_of<M - S>(closing) > Real(-Tolerance::safe_distance)))
       for (int i = 0; i < M - S; ++i) {
-        const Mask passes = !away() && !near_[S + i] && closing(i) > Real(Tolerance::passing_speed);
+        const Mask passes =
+            !inactive() && !near_[S + i] && closing(i) > Real(Tolerance::passing_speed);
         if (!any(passes)) continue;
         near_[S + i] = near_[S + i] || passes;
         limits_near_ = more = true;
@@ -306,7 +308,7 @@ struct TimeStep {
   }
 
   // Adds the contact points that accelerated links would pass. Returns whether there are any.
-  FAN_FN bool look_again(
+  FAN_FN bool add_passed_contacts(
       const Real* v_D, const Real* change, const Real* v_K, double dt, double recovery_speed) {
     if constexpr (touches)
       if (!solids) return false;
@@ -328,25 +330,25 @@ struct TimeStep {
   }
 
   // Violation of a string, if positive. For a wire h < 0 counts, too.
-  FAN_FN Real overstep(int i) const {
+  FAN_FN Real string_violation(int i) const {
     using std::abs;
     return is_wire(i) ? Real(abs(eval.h[i])) : eval.h[i];
   }
 
   FAN_FN static bool is_wire(int r) { return r < S && Model::wire[r]; }
 
-  // The impulses over the rows that take part, and v+ - v with them.
-  FAN_FN void pull(
+  // Solves for the impulses of the rows that take part. Sets v+ - v.
+  FAN_FN void solve_impulses(
       double dt, double recovery_speed, double cap, const Winches<S>& winches, Real* change) {
     auto& problem = rows.problem;
     const PositionTerm<Real> term(dt, whole, recovery_speed);
-    const Mask here = !away();
-    const auto pose = [&](auto a) FAN_INLINE {
+    const Mask here = !inactive();
+    const auto set_problem = [&](auto a) FAN_INLINE {
       const int r = a < Rows::leading ? int(a) : rows.row[a];
       const Mask takes_part = near_[r] && here;
-      before_[a] = rows.hdot[a] + dt * rows.free_acc[a];
+      free_rate_[a] = rows.hdot[a] + dt * rows.free_acc[a];
       const Real h = eval.height(r);
-      const Real closing = before_[a] + (is_wire(r) ? term.of_wire(h) : term(h));
+      const Real closing = free_rate_[a] + (is_wire(r) ? term.of_wire(h) : term(h));
       const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
       problem.b[a] = select(takes_part, closing, Real(-ComplementarityTolerances::excluded_speed));
       problem.upper[a] = Real(dt * (winch ? winches.max_tension[r] : cap));
@@ -354,39 +356,38 @@ struct TimeStep {
       problem.active[a] = is_wire(r) ? takes_part : takes_part && taut[r];
       problem.high[a] = Real(0.0) > Real(1.0);
     };
-    unrolled<0, Rows::leading>(pose);
-    for (int a = Rows::leading; a < rows.n; ++a) pose(a);
+    unrolled<0, Rows::leading>(set_problem);
+    for (int a = Rows::leading; a < rows.n; ++a) set_problem(a);
     const bool all = all_touch();
-    settled = all ? away() : rows.problem.solve_firmly(away());  // lanes away have no impulses
+    settled = all ? inactive() : rows.problem.solve_firmly(inactive());
     for (int a = 0; all && a < rows.n; ++a) problem.x[a] = problem.s[a] = Real(0.0);
     if constexpr (touches)
-      if (solids) touch(dt, cap);
+      if (solids) solve_contacts(dt, cap);
     Real w[array_size(N)];
-    for (int a = 0; a < rows.n; ++a) pull_[a] = -problem.bounded(a);
-    rows.push(eval, dt, pull_, w);
+    for (int a = 0; a < rows.n; ++a) minus_lambda_[a] = -problem.bounded(a);
+    rows.push(eval, dt, minus_lambda_, w);
     if constexpr (touches)
       if (solids) contacts.add(w);
     eval.solve_factor(w, change);
   }
 
-  // Whether contacts take part in every lane that is not away: the rows' problem is then part of
-  // theirs.
+  // Whether contacts take part in every active lane: the rows' problem is then part of theirs.
   FAN_FN bool all_touch() const {
-    if constexpr (touches) return solids && contacts.take_part(away());
+    if constexpr (touches) return solids && contacts.take_part(inactive());
     else return false;
   }
 
   // Solves for the impulses of contacts, with those of the rows.
-  FAN_FN void touch(double dt, double cap) {
+  FAN_FN void solve_contacts(double dt, double cap) {
     Real guess[array_size(M)];
     for (int r = 0; r < M; ++r) guess[r] = tension[r] * dt;
     if constexpr (separate_lanes) contacts.settle(eval, rows, near_, guess, dt * cap, settled);
-    else contacts.settle(eval, rows, near_, guess, before_, dt * cap, settled);
+    else contacts.settle(eval, rows, near_, guess, free_rate_, dt * cap, settled);
   }
 
-  // Tensions, the active set and the step's entries of the ledger. Returns the lanes in which a row
-  // was caught.
-  FAN_FN Mask account(const Real* v_D, const Real* change, const Real* u_D, double dt) {
+  // Sets tensions, the active set and the step's entries of the ledger. Returns the lanes in which
+  // a row was caught.
+  FAN_FN Mask record_step(const Real* v_D, const Real* change, const Real* u_D, double dt) {
     Mask fresh[array_size(M)], some_caught = Real(0.0) > Real(1.0);
     // Limits that pull neither now nor in the last two steps need no change.
     const bool limits = limits_pull_ || limits_pulled_ || rows.n > S;
@@ -401,7 +402,7 @@ struct TimeStep {
     impact = friction = Real(0.0);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      const Real x = -pull_[a];
+      const Real x = -minus_lambda_[a];
       tension[r] = x * (1.0 / dt);
       taut[r] = rows.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
       work += x * rows.hdot_K[a];
@@ -427,29 +428,29 @@ struct TimeStep {
     return some_caught;
   }
 
-  // Adds the energy of the catch of gathered row a in the lanes `caught`.
+  // Adds the energy lost when gathered row a is caught in the lanes `caught`.
   FAN_FN void add_catch_loss(int a, const Mask& caught) {
     if (!any(caught)) return;
-    Real after = before_[a];
-    for (int b = 0; b < rows.n; ++b) after += rows.problem.at(a, b) * pull_[b];
+    Real after = free_rate_[a];
+    for (int b = 0; b < rows.n; ++b) after += rows.problem.at(a, b) * minus_lambda_[b];
     if constexpr (touches)
       if (solids) after -= contacts.rate_by_impulses(rows, a);
     Real lost = 0.5 * (rows.hdot[a] + after);
     const int r = rows.row[a];
     if (r < S) lost -= select(slips[r], slip_rate_[r], Real(0.0));  // that is in slip_loss
-    impact -= select(caught, Real(pull_[a] * lost), Real(0.0));
+    impact -= select(caught, Real(minus_lambda_[a] * lost), Real(0.0));
   }
 
   std::conditional_t<separate_lanes, SingleLanes<Model, Real>, NoContacts> singles_;
-  Real accs_[2][array_size(N)] = {};                // of the last two steps
-  int acc_at_ = 0;                                  // index of that of the last one
+  Real accs_[2][array_size(N)] = {};                // (v+ - v) / dt of the last two steps
+  int acc_at_ = 0;                                  // index of the last one's
   bool may_slip_ = false;                           // whether a string slips in some lane, or may
   bool limits_near_ = true;                         // whether a limit may take part in some lane
   bool limits_pull_ = true, limits_pulled_ = true;  // in the last two steps
   Real winding_[array_size(S)], slip_rate_[array_size(S)];
-  Mask near_[array_size(M)];    // lanes in which the row takes part in this step
-  Real pull_[array_size(M)];    // -Lambda, by gathered row
-  Real before_[array_size(M)];  // hdot at the end of the step without impulses, likewise
+  Mask near_[array_size(M)];          // lanes in which the row takes part in this step
+  Real minus_lambda_[array_size(M)];  // -Lambda, by gathered row
+  Real free_rate_[array_size(M)];  // hdot at the end of the step without impulses, by gathered row
 };
 
 }  // namespace fan
