@@ -138,7 +138,7 @@ def test_bounds_of_jerks_are_kept_by_the_interior_point_method(arm):
     nodes = motion(arm, task)
     step, _, solution, _ = both(arm, task, nodes)
     jumps = np.diff(nodes.acc_K + step.u, axis=0, prepend=0.0)
-    assert np.max(np.abs(jumps)) < 200.0 * INTERVAL + np.max(solution.passed) + 0.02
+    assert np.max(np.abs(jumps)) < 200.0 * INTERVAL + np.max(solution.violation) + 0.02
     assert np.max(np.abs(jumps)) > 3.9
 
 

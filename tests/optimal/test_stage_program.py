@@ -110,8 +110,8 @@ def test_bounds_and_elastic_rows_agree_with_another_solver():
     x = np.concatenate([solution.u, solution.z[1:]], axis=1).ravel()
     assert solution.solved
     assert x == pytest.approx(best.x[:n], abs=2e-5)
-    assert solution.passed.ravel() == pytest.approx(best.x[n:], abs=2e-5)
-    assert np.max(solution.passed) > 0.01 and np.max(np.abs(solution.u)) > 0.149
+    assert solution.violation.ravel() == pytest.approx(best.x[n:], abs=2e-5)
+    assert np.max(solution.violation) > 0.01 and np.max(np.abs(solution.u)) > 0.149
 
 
 def test_a_solver_solves_program_after_program_of_one_shape():

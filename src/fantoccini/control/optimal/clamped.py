@@ -167,7 +167,7 @@ class ClampedSteps:
         linear.e[:] = 0.0
         program = objective.program(nodes, linear, damping * objective.unit, 0.0)
         solution = self._solver.solve(
-            program, objective.unit, barrier=_MIN_BARRIER, most=_FACTORISATIONS
+            program, objective.unit, barrier=_MIN_BARRIER, max_iterations=_FACTORISATIONS
         )
         u = objective.widened(solution)[1]
         n = solution.iterations

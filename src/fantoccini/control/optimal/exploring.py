@@ -3,7 +3,7 @@
 The cross-entropy method (Rubinstein, Methodol. Comput. Appl. Probab. 1, 1999) draws motions from a
 normal distribution and moves it towards the best of them, by
 
-    J / J_0 + price (|gap|^2 / gap_0^2 + passed)
+    J / J_0 + price (|gap|^2 / gap_0^2 + violation)
 
 The mean of this merit over many orders of slack and catch is a smooth function of the distribution,
 whereas the cost of a single motion has kinks. As the spread falls and the price rises, the
@@ -68,7 +68,7 @@ class Drawn:
     Attributes:
         theta: (n, knots, k) drawn numbers: changes of the inputs' accelerations at knots.
         acc_K: (n, N, n_vK) accelerations of the inputs.
-        cost, gap, passed: (n,) J, |gap|^2 at the end, and the total violation of bounds; inf if the
+        cost, gap, violation: (n,) J, |gap|^2 at the end, and total violation of bounds; inf if the
             run ended early.
     """
 
@@ -76,7 +76,7 @@ class Drawn:
     acc_K: Array
     cost: Array
     gap: Array
-    passed: Array
+    violation: Array
 
     def part(self, indices: Indices) -> Drawn:
         """The motions with these indices."""
@@ -149,7 +149,7 @@ class Exploration:
                 J, gap = np.median(drawn.cost[arrived]), np.median(drawn.gap[arrived])
                 units = max(float(J), _MIN_UNIT), max(float(gap), _MIN_UNIT)
             price = low * (high / low) ** (1.0 if self._near else g / (generations - 1))
-            merit = drawn.cost / units[0] + price * (drawn.gap / units[1] + drawn.passed)
+            merit = drawn.cost / units[0] + price * (drawn.gap / units[1] + drawn.violation)
             order = np.argsort(merit, kind="stable")[: min(SETTINGS.best, len(arrived))]
             best = drawn.part(order)
             memory = SETTINGS.kept
@@ -170,14 +170,14 @@ class Exploration:
         for _ in range(SETTINGS.endings):
             acc_K = driven.within(driven.ending(acc_K, h), h)
         motions = self._motions(acc_K)
-        cost, gap, passed = (np.full(len(theta), np.inf) for _ in range(3))
+        cost, gap, violation = (np.full(len(theta), np.inf) for _ in range(3))
         for i, motion in enumerate(motions):
             if motion is not None:
                 nodes, ends = motion
                 scaled_gap = self._gap_scale * self._objective.end_gap(nodes)
                 cost[i], gap[i] = self._objective.cost(nodes, ends), float(scaled_gap @ scaled_gap)
-                passed[i] = float(np.sum(self._objective.rows.violation(nodes, ends)))
-        return Drawn(theta, acc_K, cost, gap, passed)
+                violation[i] = float(np.sum(self._objective.rows.violation(nodes, ends)))
+        return Drawn(theta, acc_K, cost, gap, violation)
 
     def _motions(self, acc_K: Array) -> list[tuple[Nodes, Ends] | None]:
         """The nodes of runs, and their intervals; None for a run that did not arrive."""

@@ -27,10 +27,10 @@ from fantoccini.motion import State, Trajectory, pair_name
 
 SAME_PLACE = 1e-7
 """Largest distance of a run's point from the narrow phase's at the same state [m]."""
-AGREE = 1e-5
-"""Relative difference up to which changes of the times of events count as equal."""
-JUMP = 1e-7
-"""Largest change of accelerations without a jump, relative to 1 or the largest."""
+TIME_AGREEMENT = 1e-5
+"""Largest relative difference of changes of event times that count as equal."""
+MAX_SMOOTH_CHANGE = 1e-7
+"""Largest change of accelerations that is no jump, relative to max(1, |acc|)."""
 
 Key = frozenset[tuple[int, int, ContactMode]]
 
@@ -59,22 +59,27 @@ class ContactPieces:
         self._by_sample: dict[int, dict[tuple[int, int], _SampledPoint]] = {}
 
     def groups(self, first: int, last: int) -> list[tuple[int, int, tuple[PointMode, ...]]]:
-        """Stretches of samples first to last with equal modes: (sample, sample, modes).
+        """Ranges of samples with equal modes, from first to last: (first, last, modes).
 
-        A step in which a point begins or stops sliding is a stretch of its own: its direction is
+        A step in which a point begins or stops sliding is a range of its own: its direction is
         that of its friction while at rest.
         """
         if self._marionette.contacts is None:
             return [(first, last, ())]
         out: list[tuple[int, int, tuple[PointMode, ...]]] = []
-        alone = False
+        is_separate = False
         for i in range(first, last):
             modes, turning = self._modes(i)
-            if out and not alone and not turning and key_of(out[-1][2]) == key_of(modes):
+            if (
+                out
+                and not is_separate
+                and not turning
+                and modes_key(out[-1][2]) == modes_key(modes)
+            ):
                 out[-1] = (out[-1][0], i + 1, out[-1][2])
             else:
                 out.append((i, i + 1, modes))
-            alone = turning
+            is_separate = turning
         return out
 
     def touches(self, i: int) -> bool:
@@ -128,7 +133,7 @@ class ContactPieces:
             pair = PairGeometry(self._marionette, screws.poses, number)
             feature = pair.nearest(pushing.point[k], SAME_PLACE)
             if feature is None:
-                raise StateError(f"{name} touch at t = {run.t[i]:.6g} s where no solid is")
+                raise StateError(f"{name} touch at t = {run.t[i]:.6g} s away from all solids")
             n, u, f = pushing.normal[k], pushing.velocity[k], pushing.force[k]
             across, friction = u - n * (n @ u), f - n * (n @ f)
             size = float(np.linalg.norm(friction))
@@ -143,7 +148,7 @@ class ContactPieces:
         return out
 
 
-def key_of(modes: Sequence[PointMode]) -> Key:
+def modes_key(modes: Sequence[PointMode]) -> Key:
     """Key that is equal for equal modes."""
     return frozenset((point.pair, point.feature, point.mode) for point in modes)
 
@@ -158,13 +163,13 @@ class Change:
 
     Attributes:
         names: names of the points that stop.
-        late: (1, m) change of the time of the stop [s].
+        time_change: (1, m) change of the time of the stop [s].
         jump: (n_vD,) difference acc- - acc+.
         sharp: whether they stop together for nearby motions, too.
     """
 
     names: tuple[str, ...]
-    late: Array
+    time_change: Array
     jump: Array
     sharp: bool
 
@@ -192,21 +197,24 @@ class Change:
         acc, _, points = FrozenModes(marionette, before[1]).moving(at, x, acc_K, before[0])
         new, _, _ = FrozenModes(marionette, after[1]).moving(at, x, acc_K, after[0])
         size = max(1.0, float(np.max(np.abs(acc))), float(np.max(np.abs(new))))
-        if np.max(np.abs(acc - new)) <= JUMP * size:
+        if np.max(np.abs(acc - new)) <= MAX_SMOOTH_CHANGE * size:
             return None
         screws = Screws(marionette, x, acc, acc_K)
-        lates, names = [], []
+        time_changes, names = [], []
         for point in points:
             if point.mode is ContactMode.SLIDE and point.friction > 0.0 and not point.turns:
                 speed, by = _slowing(screws, point)
                 if speed < 0.0:
-                    lates.append(-(by @ D)[None] / speed)
+                    time_changes.append(-(by @ D)[None] / speed)
                     names.append(point.name)
-        if not lates:
+        if not time_changes:
             return cls((), np.zeros((1, D.shape[1])), acc - new, False)
-        spread = max(float(np.max(np.abs(late - lates[0]), initial=0.0)) for late in lates)
-        sharp = spread <= AGREE * float(np.max(np.abs(lates[0]), initial=1e-9))
-        return cls(tuple(dict.fromkeys(names)), lates[0], acc - new, sharp)
+        spread = max(
+            float(np.max(np.abs(time_change - time_changes[0]), initial=0.0))
+            for time_change in time_changes
+        )
+        sharp = spread <= TIME_AGREEMENT * float(np.max(np.abs(time_changes[0]), initial=1e-9))
+        return cls(tuple(dict.fromkeys(names)), time_changes[0], acc - new, sharp)
 
 
 def _slowing(screws: Screws, point: HeldPoint) -> tuple[float, Array]:
@@ -217,7 +225,7 @@ def _slowing(screws: Screws, point: HeldPoint) -> tuple[float, Array]:
     return -float(parts @ rows.accelerations()), -parts @ rows.velocity_by()
 
 
-def stacked(Z: Array, by_input: InputVariation) -> Array:
-    """Changes (n_columns, m) of q_D, v_D, q_K, v_K, acc_K, u_D and p."""
-    b = by_input
+def stacked(Z: Array, input_change: InputVariation) -> Array:
+    """Changes (n_columns, m) of q_D, v_D, q_K, v_K, acc_K, u_D and p in one array."""
+    b = input_change
     return np.concatenate([Z, b.q_K, b.v_K, b.acc_K, b.u_D, b.p])
