@@ -44,7 +44,7 @@ def nodes(crane: fan.Marionette) -> Nodes:
 )
 def test_residuals_by_changes_of_states(crane: fan.Marionette, nodes: Nodes, track: Track):
     residual = residual_of(crane, track, nodes)
-    derivative = residual.by(NodeKinematics(crane, nodes))
+    derivative = residual.derivatives(NodeKinematics(crane, nodes))
     for j in range(nodes.n_z):
         z = np.zeros((len(nodes) + 1, nodes.n_z))
         z[:, j] = STEP

@@ -44,7 +44,7 @@ def swing_up() -> fan.control.Optimum:
 @pytest.fixture
 def few_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small explorations."""
-    small = replace(exploring.SETTINGS, runs=32, best=8, generations=5)
+    small = replace(exploring.SETTINGS, n_runs=32, n_best=8, n_generations=5)
     monkeypatch.setattr(exploring, "SETTINGS", small)
 
 

@@ -93,7 +93,7 @@ def test_projected_changes_keep_taut_strings_taut(plan, law):
 def test_derivatives_predict_where_neighbours_end(plan, law):
     """Segments without events, for neighbours with the same active set as the plan's."""
     marionette, rng = plan.problem.marionette, np.random.default_rng(2)
-    free = plan.rollouts.where(tolerance=-1.0, free=True)
+    free = plan.rollouts.with_tolerance(tolerance=-1.0, free=True)
     onto = taut_projection(marionette, law.nodes, np.ones((len(law.nodes.q_D), 1), dtype=bool))
     quiet = np.flatnonzero(plan.tree.catches[list(plan.path[1:])] == 0)
     for k in quiet[::4]:

@@ -236,7 +236,7 @@ def test_a_plan_found_at_the_time_limit_says_that_it_is_not_polished(problem, mo
     monkeypatch.setattr(search, "find_better", better)
     monkeypatch.setattr(search, "polish", lambda *_: False)
     search.improve(0.01, 1e-3)
-    assert search.polished.status is PolishStatus.TIMEOUT and search.polished.asked == 1e-3
+    assert search.polished.status is PolishStatus.TIMEOUT and search.polished.required == 1e-3
 
 
 def test_a_search_is_continued(problem):

@@ -207,7 +207,11 @@ def test_an_end_of_the_search_returns_the_nearest():
         (bounds(position={"hand.x": (1.0, 0.0)}), fan.errors.StateError, "must not be empty"),
         ({"obstacles": [{"name": "o", "type": "sphere", "radius": 0}]}, FileError, "radius"),
         (bounds(clearance=-1.0), ValueError, "clearance"),
-        (bounds(jerk=1.0), fan.errors.StateError, "no bounds of jerk; give position, speed"),
+        (
+            bounds(jerk=1.0),
+            fan.errors.StateError,
+            "not support bounds of jerk; give position, speed",
+        ),
         ({"iterations": 0}, ValueError, "iterations is 0"),
         ({"obstacles": [3]}, FileError, r"obstacles\[0\]: found 3"),
         ({"goal": lambda rows: 1.0}, fan.errors.StateError, "finite distances of the shape"),

@@ -145,7 +145,7 @@ def test_derivatives_of_segments_are_those_of_the_simulators_steps():
 
 def test_regulated_motions_come_to_rest_at_the_goal():
     asked = Problem(ARM, START, {"shoulder.rotation": [0, -0.6, 0], "elbow": 1.2}, tolerance=1e-3)
-    rolled = asked.rollouts.where(tolerance=-1.0).simulate(
+    rolled = asked.rollouts.with_tolerance(tolerance=-1.0).simulate(
         asked.root,
         np.zeros(4),
         np.zeros((4, 100, 3)),
@@ -228,7 +228,9 @@ def test_python_hears_signals_while_many_rollouts_are_simulated():
     before = signal.signal(signal.SIGALRM, lambda *_: heard.append(len(heard)))
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.005, 0.005)
-        asked.rollouts.where(tolerance=-1.0, free=True).simulate(asked.root, np.zeros(256), push)
+        asked.rollouts.with_tolerance(tolerance=-1.0, free=True).simulate(
+            asked.root, np.zeros(256), push
+        )
         during = len(heard)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -41,7 +41,7 @@ def test_the_hand_touches_the_table_and_keeps_off_the_post(past_post, touch, met
         float(Clearance(ARM, [POST], free=[frozenset({"hand", "table"})]).of(checked.run).min()) > 0
     )
     (met,) = checked.touches
-    assert met.parts == ("hand", "table") and met.asked and met.force > 0.0
+    assert met.parts == ("hand", "table") and met.allowed and met.force > 0.0
     assert 0.0 < met.t <= checked.run.t[-1]
     gaps = past_post.touches.gaps(checked.run.q_D, checked.run.q_K)[:, 0]
     assert gaps[0] > 0.1 and gaps.min() > -1e-5 and abs(gaps[-1]) < 1e-5
@@ -76,7 +76,7 @@ def test_functions_without_contact_refuse_it(past_post, touch):
         touch.polish()
     with pytest.raises(ValueError, match="feedback knows nothing"):
         touch.feedback()
-    with pytest.raises(ValueError, match="knows no contact"):
+    with pytest.raises(ValueError, match="does not support contact"):
         touch.verify(backend="mujoco")
 
 
@@ -114,10 +114,10 @@ def test_unwanted_contact_is_reported(touch):
     post = POST | {"size": [0.02, 0.3, 0.02], "at": (tip - [0.0, 0.0, 0.03]).tolist()}
     asked = Problem(ARM, START, ON_TABLE, [post])
     checked = check.checked(PlanPath(asked, plan.tree, plan.path))
-    (met,) = checked.unasked
+    (met,) = checked.forbidden
     assert not checked.arrives and met.parts == ("hand", "post") and met.speed > 0.0
     assert f"hand touches post at {met.t:.3g} s" in checked.fault
-    assert solve(asked, seed=0, time_limit=30.0).verify().unasked == ()
+    assert solve(asked, seed=0, time_limit=30.0).verify().forbidden == ()
 
 
 def test_rollouts_end_at_forbidden_contact(past_post, touch):
@@ -126,7 +126,7 @@ def test_rollouts_end_at_forbidden_contact(past_post, touch):
     acceleration = touch.acceleration[None]
     done = rollouts.where(tolerance=-1.0).simulate(past_post.root, start, acceleration)
     assert np.all(done.n_checks > 0)
-    every = np.ones(len(past_post.touches.may), dtype=bool)
+    every = np.ones(len(past_post.touches.may_touch), dtype=bool)
     strict = Rollouts(
         past_post.marionette,
         rollouts.clearance,

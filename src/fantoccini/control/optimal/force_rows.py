@@ -55,7 +55,7 @@ class ForceRows:
         acc_D, u = _accelerations(nodes), np.zeros((1, nodes.acc_K.shape[1]))
         return self._at(marionette, nodes, zeros, u, acc_D, ends.tension)[0]
 
-    def by(self, nodes: Nodes, linear: LinearEnds) -> Array:
+    def derivatives(self, nodes: Nodes, linear: LinearEnds) -> Array:
         """(N, m, n_z + n_c + n_vK) derivatives by the state, constants and accelerations."""
         N, n_z, k = len(nodes), nodes.n_z, nodes.acc_K.shape[1]
         n_c = linear.B.shape[1] - n_z

@@ -60,7 +60,7 @@ class MotorRows:
         """(N, m) voltages and currents [V or A]."""
         return self._values(self._chosen.marionette(nodes.parameters), nodes)
 
-    def by(self, nodes: Nodes, n_c: int) -> Array:
+    def derivatives(self, nodes: Nodes, n_c: int) -> Array:
         """(N, m, n_z + n_c + n_vK + n_z + n_c) derivatives by z_i, acc_i and z_{i+1}.
 
         Args:

@@ -234,10 +234,10 @@ class Search:
         """A step from the best motion, None without one; updates the motion's residuals."""
         at, objective = self.best, self.objective
         if len(objective.touches):
-            at.nodes = objective.touches.marked(at.nodes)
+            at.nodes = objective.touches.with_moments(at.nodes)
         linear = self._shooting.linearise(at.nodes, at.ends)
         if not objective.unit:
-            objective.take_unit(at.nodes, linear)
+            objective.set_unit(at.nodes, linear)
         damping = objective.unit * at.damping
         program = objective.program(at.nodes, linear, damping, at.force)
         size = max(float(np.max(np.abs(program.g))), _MIN_SIZE)
@@ -253,7 +253,10 @@ class Search:
         at.violation = float(np.max(violation, initial=0.0))
         at.solution = solution
         z, u, c = objective.widened(solution)
-        weight, (closed, force) = objective.end_weight, objective.closed(at.nodes, z, c, at.force)
+        weight, (closed, force) = (
+            objective.end_weight,
+            objective.closed_gap(at.nodes, z, c, at.force),
+        )
         price = objective.price
         rows_fall = price * float(np.sum(violation) - np.sum(solution.violation))
         merit_slope = float(np.sum(program.g * step)) - rows_fall
@@ -263,7 +266,7 @@ class Search:
         # no decrease although the bound is not reached: so its remaining gap counts as well.
         # The weight of the end is no residual: it only shifts multipliers of the gradient.
         if objective.task.goal is not None:
-            at_end = solution.u.shape[1] + np.arange(len(objective.kept[1]))
+            at_end = solution.u.shape[1] + np.arange(len(objective.program_indices[1]))
             Hd[-1, at_end] -= objective.end_weight * step[-1, at_end]
         gradient_change = float(np.max(np.abs(Hd))) / size
         predicted_decrease = -min(phi_slope, 0.0) / max(abs(at.cost), _MIN_SIZE)
@@ -318,7 +321,7 @@ class Search:
             is_small = is_small and (alpha == 1.0 or abs(step.phi_slope) <= small_decrease)
             settled = self._small_steps.record(is_small)
             if theta > SETTINGS.max_gap_ratio * step.theta > limits.tolerance:
-                objective.stiffen_end()
+                objective.raise_end_weight()
             return replace(
                 at,
                 nodes=nodes,

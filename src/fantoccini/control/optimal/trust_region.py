@@ -52,9 +52,9 @@ class TrustRegionSettings:
     max_price: float = 1e3
     price_factor: float = 2.0
     price_margin: float = 3.0
-    """Price relative to the largest multiplier of the end, down to which it phi_decrease again."""
+    """Smallest price after a decrease, relative to the largest multiplier of the end."""
     price_decrease_error: float = 1e-3
-    """Largest error at the end with which the price phi_decrease [m, rad and their rates]."""
+    """Largest error at the end with which the price decreases [m, rad and their rates]."""
     min_price: float = 1e-3
     damping: float = 1e-8
     """Damping of the Hessian, in units of the cost."""
@@ -103,7 +103,7 @@ class TrustRegionSearch:
         self.best = start
         self._runs, self._objective, self._limits = runs, objective, limits
         self._free = Objective(replace(objective.task, end=None))  # here the end is a set of rows
-        self._u, self._z = objective.kept
+        self._u, self._z = objective.program_indices
         self._max_acceleration = DrivenConditions.of(objective.task).scale[self._u]
         self._solver, self._radius = StageSolver(), SETTINGS.first_radius
         self._small_steps, self._decrease_ratio = SmallSteps(), -np.inf
@@ -121,7 +121,7 @@ class TrustRegionSearch:
         except (SimulationError, StateError):
             return None
         if not free.unit:
-            free.take_unit(at.nodes, linear)
+            free.set_unit(at.nodes, linear)
             self._objective.unit = free.unit
             free.price = SETTINGS.first_price * free.unit
         return linear

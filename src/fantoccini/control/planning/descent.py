@@ -140,7 +140,9 @@ class _Descent:
         if best.stalled:
             return None
         last = round(_TOLERANCES.end_duration / shooting.segment)
-        first = max(int(candidate.calm[0]), len(candidate) - last) if self._late else 0
+        first = (
+            max(int(candidate.first_calm_segment[0]), len(candidate) - last) if self._late else 0
+        )
         derivatives = shooting.derivatives(candidate, min(first, len(candidate) - 1))
         return derivatives, step(shooting, candidate, derivatives, self._trust)
 

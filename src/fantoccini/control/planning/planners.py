@@ -177,7 +177,7 @@ class Explore:
 
 def _exploring_velocities(rollouts: Rollouts, n: int, rng: np.random.Generator) -> Array:
     """(n, n_vK) 1 for driven velocities that explore, else 0: all those of a few string ends."""
-    end_of_velocity, ends = rollouts.ends
+    end_of_velocity, ends = rollouts.string_ends
     explores = rng.random((n, ends)) < _SAMPLING.extra_ends / ends
     explores[np.arange(n), rng.integers(0, ends, n)] = True
     return explores[:, end_of_velocity].astype(float)

@@ -162,13 +162,13 @@ class Problem:
         self.rollouts = Rollouts(
             marionette,
             clearance,
-            self.bounds.without(options.reserve) if options.reserve else self.bounds,
+            self.bounds.reduced(options.reserve) if options.reserve else self.bounds,
             self.goal,
             options,
             tolerance=tolerance,
             margin=margin,
             slack=conditions.slack,
-            kept_off=~self.touches.may,
+            kept_off=~self.touches.may_touch,
         )
         self.reason = _start_violation(start, self.rollouts, self.touches)
         self.distance = self.goal.of_start(self.root)
@@ -264,7 +264,7 @@ class Problem:
         if contacts is not None or self.hold:
             digest.update(repr((self.hold, self.goal.share, self.goal.touches)).encode())
         if contacts is not None:
-            parts = contacts.pairs, contacts.friction, contacts.restitution, self.touches.may
+            parts = contacts.pairs, contacts.friction, contacts.restitution, self.touches.may_touch
             for array in parts:
                 digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
@@ -277,7 +277,7 @@ class Problem:
 
 def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
     """Reason why no plan can begin at a state; may be empty."""
-    if pair := touches.broken(start.q_D, start.q_K):
+    if pair := touches.forbidden_touch(start.q_D, start.q_K):
         a, b = pair
         return f"at the start {a} touches {b}; they may with contact: {{touch: [[{a}, {b}]]}}"
     nearest = rollouts.clearance.nearest(start)

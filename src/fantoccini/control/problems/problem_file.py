@@ -59,7 +59,7 @@ class PointGoal(Model):
     """The highest corner [m]."""
 
     @model_validator(mode="after")
-    def _is_somewhere(self) -> PointGoal:
+    def _has_place(self) -> PointGoal:
         check_one_of(self, "place", "by")
         if self.by is not None and (self.to is not None or any(self.at)):
             raise mistake("found `by` with `at` or `to`, which go with `place`")

@@ -1,7 +1,7 @@
 """Tasks of control: goals, costs, bounds, paths and touches, and their files."""
 
 from fantoccini.control.tasks.answer import Answer, AnswerStatus
-from fantoccini.control.tasks.bounds import Bounds, Interval, Most
+from fantoccini.control.tasks.bounds import Bounds, Interval, Magnitudes
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.control_file import (
@@ -49,8 +49,8 @@ __all__ = [
     "Goal",
     "GoalLike",
     "Interval",
+    "Magnitudes",
     "Meeting",
-    "Most",
     "NodeKinematics",
     "Nodes",
     "NumberResidual",

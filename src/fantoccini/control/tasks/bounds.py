@@ -17,7 +17,7 @@ from fantoccini.model.puppet import DirectCurrent
 from fantoccini.model.tree import DriveRow
 from fantoccini.motion import State
 
-Most: TypeAlias = float | Mapping[str, float]
+Magnitudes: TypeAlias = float | Mapping[str, float]
 """The largest magnitude of all driven coordinates, or by name."""
 _MIN_TENSION_SHARE = 5e-3
 """Least tension of a string that must stay taut, relative to the weight."""
@@ -54,17 +54,17 @@ class Bounds:
     """
 
     position: Mapping[str, Interval] = field(default_factory=dict)
-    speed: Most = np.inf
-    acceleration: Most = np.inf
-    jerk: Most = np.inf
+    speed: Magnitudes = np.inf
+    acceleration: Magnitudes = np.inf
+    jerk: Magnitudes = np.inf
     tension: Mapping[str, Interval] = field(default_factory=dict)
     joint: Mapping[str, Interval] = field(default_factory=dict)
     held: tuple[str, ...] = ()
     clearance: float | None = None
     own_body: bool = False
     force: Mapping[str, Interval] = field(default_factory=dict)
-    voltage: Most = np.inf
-    current: Most = np.inf
+    voltage: Magnitudes = np.inf
+    current: Magnitudes = np.inf
 
     @property
     def has_motors(self) -> bool:

@@ -18,7 +18,7 @@ from fantoccini.base.documents import (
     rotation_vector_quaternion,
     shown,
 )
-from fantoccini.control.tasks.bounds import Bounds, Interval, Most
+from fantoccini.control.tasks.bounds import Bounds, Interval, Magnitudes
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.control_file import Reading, read_control_file
@@ -365,11 +365,11 @@ def _bounds(reading: Reading[TaskFile]) -> Bounds:
                 check(("bounds", key, name), lambda bounds=bounds: bounds.intervals(marionette))
         return spans
 
-    def most(key: str) -> Most:
-        section: Most | None = getattr(file, key)
+    def magnitudes(key: str) -> Magnitudes:
+        section: Magnitudes | None = getattr(file, key)
         if section is None:
             return math.inf
-        spots: list[tuple[Spot, Most]] = [((), section)]
+        spots: list[tuple[Spot, Magnitudes]] = [((), section)]
         if isinstance(section, dict):
             spots = [((name,), {name: value}) for name, value in section.items()]
         for spot, value in spots:
@@ -386,17 +386,17 @@ def _bounds(reading: Reading[TaskFile]) -> Bounds:
         check(("bounds", "held", j), lambda held=held: held.magnitudes(marionette, "acceleration"))
     return Bounds(
         intervals("position"),
-        most("speed"),
-        most("acceleration"),
-        most("jerk"),
+        magnitudes("speed"),
+        magnitudes("acceleration"),
+        magnitudes("jerk"),
         intervals("tension"),
         intervals("joint"),
         file.held,
         file.clearance,
         file.own_body,
         intervals("force"),
-        most("voltage"),
-        most("current"),
+        magnitudes("voltage"),
+        magnitudes("current"),
     )
 
 

@@ -33,7 +33,7 @@ from fantoccini.motion import State, pair_name
 MAX_CLOSED_GAP = 1e-8
 """Largest gap of a point in an impact [m]: above the gaps of a run at its events."""
 MIN_SLIDING_SPEED = 10.0
-"""Minimum speed of a sliding point after the impact, relative to ``_rest_speed``."""
+"""Minimum speed of a sliding point after the impact, relative to the speed at rest."""
 VELOCITY_TOLERANCE = 1e-6
 """Largest error of velocities after an impact, relative to max(1, |v|)."""
 
