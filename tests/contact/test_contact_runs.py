@@ -130,7 +130,7 @@ def test_methods_without_contact_refuse_it(box):
         fan.simulate(box, x, t_end=0.1, method="variational")
     with pytest.raises(fan.errors.StateError, match="contact: false"):
         fan.simulate_batch(box, [x], t_end=0.1, method="variational")
-    with pytest.raises(fan.errors.StateError, match="external integrators does not know"):
+    with pytest.raises(fan.errors.StateError, match="external integrators does not support"):
         box.flow(x)
 
 

@@ -84,8 +84,8 @@ def test_segments_check_the_shapes_of_their_arrays(arm, field, t, q_K, v_K, acc_
 def refused(arm, x0):
     hold = fan.Input.hold(arm)
     yield lambda: arm.with_winches([12.0, 0.5, 0.0]), "winches have the shape"
-    yield lambda: fan.simulate(arm, x0, t_end=1.0, save_every=10), "save_every goes with fixed"
-    yield lambda: fan.simulate_batch(arm, [x0], t_end=1.0, save_every=10), "save_every goes with"
+    yield lambda: fan.simulate(arm, x0, t_end=1.0, save_every=10), "save_every is for fixed"
+    yield lambda: fan.simulate_batch(arm, [x0], t_end=1.0, save_every=10), "save_every is for"
     yield lambda: fan.simulate(arm, {"elbow": 0.3}, hold), r"x0 is a dict; it must be a State"
     yield lambda: fan.simulate(arm, x0, {"hand": 1}), r"inputs is a dict; it must be an Input"
     yield lambda: fan.simulate(arm, [x0], hold), "x0 are several; .* fan.simulate_batch"

@@ -48,11 +48,11 @@ def test_points_of_strings_go_by_name() -> None:
 
 
 def test_an_option_with_a_slip_names_the_one_that_is_meant() -> None:
-    with pytest.raises(TypeError, match=r"plan\(\) takes no option 'timelimit'; did you mean 't"):
+    with pytest.raises(TypeError, match=r"plan\(\) has no option 'timelimit'; did you mean 't"):
         fan.plan(ARM, REST, {"elbow": 1.0}, timelimit=3.0)
-    with pytest.raises(TypeError, match=r"plan\(\) takes no option 'tolerence'; did you mean 'to"):
+    with pytest.raises(TypeError, match=r"plan\(\) has no option 'tolerence'; did you mean 'to"):
         fan.plan(ARM, REST, {"elbow": 1.0}, tolerence=3.0)
-    with pytest.raises(TypeError, match=r"solve\(\) takes no option 'sed'; did you mean 'seed'"):
+    with pytest.raises(TypeError, match=r"solve\(\) has no option 'sed'; did you mean 'seed'"):
         solve(Problem(ARM, REST, {"elbow": 1.0}), sed=3)
 
 

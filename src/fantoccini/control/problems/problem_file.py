@@ -224,7 +224,7 @@ def _n_checks(segment: float | None) -> int:
 
 
 def _check_touches(reading: Reading[ProblemFile]) -> None:
-    """Notes the pairs of a file that cannot touch."""
+    """Reports pairs of a file that cannot touch."""
     file, marionette = reading.file, reading.marionette
     entries_to_check: list[tuple[tuple[str | int, ...], tuple[str, str]]] = []
     if file.contact != "keep off":

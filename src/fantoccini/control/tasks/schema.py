@@ -116,7 +116,7 @@ class TrackFile(Model):
         if self.circle is not None and self.point is None:
             raise mistake("found a circle; it is a path of a `point`")
         if self.point is None and any(self.at):
-            raise mistake("found `at`; it goes with `point`")
+            raise mistake("found `at`, which is for `point`")
         if bool(self.times) != (self.values is not None):
             raise mistake("found one of `times` and `values`; they go together")
         if self.start is not None and self.end is not None and self.start >= self.end:

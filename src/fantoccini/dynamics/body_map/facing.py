@@ -31,7 +31,10 @@ def facing_of(puppet: CompiledPuppet, anatomy: Anatomy, parts: Parts) -> tuple[A
         # Puppets of unknown direction look towards +x, as the bundled ones do, or else +y.
         main = forward[0] if abs(forward[0]) > 0.1 else forward[1]
         sign = 1.0 if main > 0.0 else -1.0
-        return sign * forward, "neither head, tail, feet, joints nor strings tell front from back"
+        return (
+            sign * forward,
+            "head, tail, feet, joints and strings do not distinguish front and back",
+        )
     doubt = ""
     if opposed > MAX_DISSENT * sum(map(abs, clues)):
         doubt = "head, tail, feet, joints and strings contradict one another"

@@ -210,7 +210,8 @@ def refuse_contact(marionette: CompiledPuppet, what: str) -> None:
     """Raises StateError if a puppet has contact, which ``what`` does not support."""
     if marionette.puppet.touching is not None:
         text = (
-            f"{marionette.name} has contact, which {what} does not know; {_leave_out(marionette)}"
+            f"{marionette.name} has contact, which {what} does not support; "
+            f"{_leave_out(marionette)}"
         )
         raise StateError(text)
 
@@ -229,8 +230,8 @@ def _check_contact(marionette: CompiledPuppet, states: States, method: str) -> N
         return
     if method == "variational":
         raise StateError(
-            f"{marionette.name} has contact, which method={method!r} does not know; take "
-            f"method='event' or 'timestepping', or {_leave_out(marionette)}"
+            f"{marionette.name} has contact, which method={method!r} does not support; "
+            f"needed: method='event' or 'timestepping', or {_leave_out(marionette)}"
         )
     allowed = ROW_TOLERANCES
     check_apart(marionette, states, allowed.touching if method == "event" else allowed.stepped_gap)
@@ -335,8 +336,8 @@ def check_inputs(
             which = f"inputs[{n}].{own.v_K[i]}" if len(inputs) > 1 else own.v_K[i]
             text = (
                 f"the inputs {what} at t = {at:g} s with the velocity {speed[n, i]:.6g}, and the "
-                f"run goes from {t:g} s to {t_end:g} s; let them {what} at rest, or keep the run "
-                "within them"
+                f"run lasts from {t:g} s to {t_end:g} s; needed: inputs that {what} at rest, or a "
+                "run within them"
             )
             mistakes.append(Mistake("inputs", None, which, text))
     if mistakes:

@@ -288,7 +288,7 @@ def _parts(
     for (name, part), (other, same) in combinations(out.items(), 2):
         if np.may_share_memory(part, same):
             raise ValueError(
-                f"out[{other!r}] and out[{name!r}] share their memory; each takes its own array"
+                f"out[{other!r}] and out[{name!r}] share their memory; each needs its own array"
             )
     parts = {}
     for name in sorted(wanted):

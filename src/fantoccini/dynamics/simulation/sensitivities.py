@@ -88,8 +88,8 @@ def sensitivity(
         rtol, atol: tolerances of the integration of state and derivatives.
 
     Raises:
-        StateError: a winch slips, bounces of solids accumulate, or the motion depends on how
-            redundant points that slide share their force: there is no derivative.
+        StateError: a winch slips, bounces of solids accumulate, or the motion depends on the
+            distribution of force among redundant sliding points: there is no derivative.
         SimulationError: the run stopped.
     """
     check_positive(rtol=rtol, atol=atol)
