@@ -102,9 +102,9 @@ def test_values_and_derivatives_are_those_of_two_spheres(ball_arm: fan.Marionett
         turned = np.array([np.sin(pin + swing), 0.0, -np.cos(pin + swing)])
         return np.array([np.sin(pin), 0.0, -np.cos(pin)]) + 0.2 * turned
 
-    off = place(pin, swing) - POST
-    assert rows.value(nodes)[0, j] == pytest.approx(np.linalg.norm(off) - RADIUS, abs=1e-12)
-    normal = off / np.linalg.norm(off)
+    deviation = place(pin, swing) - POST
+    assert rows.value(nodes)[0, j] == pytest.approx(np.linalg.norm(deviation) - RADIUS, abs=1e-12)
+    normal = deviation / np.linalg.norm(deviation)
     along = np.array([np.cos(pin + swing), 0.0, np.sin(pin + swing)])
     by_pin = np.array([np.cos(pin), 0.0, np.sin(pin)]) + 0.2 * along
     assert rows.value(nodes)[0, j] < 0.1

@@ -139,9 +139,9 @@ def by_linear_programs(current: float, voltage: float, intervals: int) -> float:
                 continue
             A += [rows, -rows]
             b += [np.full(2 * intervals, bound - still), np.full(2 * intervals, bound + still)]
-        way = h * h * (np.arange(intervals)[::-1] + 0.5)
+        displacement = h * h * (np.arange(intervals)[::-1] + 0.5)
         solution = linprog(
-            -way,
+            -displacement,
             np.concatenate(A),
             np.concatenate(b),
             np.ones((1, intervals)),

@@ -95,8 +95,8 @@ def test_a_plan_with_too_weak_drives_is_not_confirmed(boxes, monkeypatch, status
 
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
     """17.19: a run stopped by Ctrl-C says nothing about the plan, and is not refused."""
-    whole = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)
-    stopped = dataclasses.replace(whole, status=fan.Status.STOPPED)
+    full_run = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)
+    stopped = dataclasses.replace(full_run, status=fan.Status.STOPPED)
     monkeypatch.setattr(plan_path, "simulate", lambda *_, **__: stopped)
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert not plan and plan.refused == 0 and plan.status is fan.control.AnswerStatus.APPROXIMATE
@@ -107,11 +107,11 @@ def test_a_true_plan_is_confirmed_in_any_case(boxes, monkeypatch):
     plan = first_plan(boxes, made=lambda p: solve(boxes, seed=0, confirm=False))
     assert plan.status is fan.control.AnswerStatus.UNCONFIRMED and plan.holds
     monkeypatch.setattr(result, "confirmed", refused)
-    again = PlanResult.of(plan.search)
-    assert not again and "does not hold in simulation" in again.message
-    assert again.distance <= boxes.tolerance
+    repeated = PlanResult.of(plan.search)
+    assert not repeated and "does not hold in simulation" in repeated.message
+    assert repeated.distance <= boxes.tolerance
     with pytest.raises(ValueError, match="no plan to polish"):
-        again.polish()
+        repeated.polish()
 
 
 def test_contact_between_checks_is_found(boxes):

@@ -68,8 +68,10 @@ def test_gains_are_those_of_least_squares():
     best = -np.linalg.lstsq(rows, right, rcond=None)[0]
 
     z, (gains, P) = np.eye(n), riccati.gains(A, B, Q, R, Q_m)
-    left = rows @ best + right
-    np.testing.assert_allclose(P[0], left.T @ left, rtol=1e-9, atol=1e-9 * np.abs(P[0]).max())
+    residual = rows @ best + right
+    np.testing.assert_allclose(
+        P[0], residual.T @ residual, rtol=1e-9, atol=1e-9 * np.abs(P[0]).max()
+    )
     for j in range(m):
         a = -gains[j] @ z
         np.testing.assert_allclose(a, best[j * k : (j + 1) * k], atol=1e-9 * np.abs(best).max())

@@ -91,8 +91,8 @@ def test_a_user_defined_objective(problem, tmp_path):
     catches = result.tree.catches[path].sum()
     assert result.cost == pytest.approx(result.duration + 0.5 * catches + 0.25 * effort)
     result.save(tmp_path / "plan.npz")
-    again = fan.control.PlanResult.load(tmp_path / "plan.npz", problem)
-    assert again.search.objective == own and again.cost == result.cost
+    loaded = fan.control.PlanResult.load(tmp_path / "plan.npz", problem)
+    assert loaded.search.objective == own and loaded.cost == result.cost
     for wrong in (-1.0, np.inf, np.nan):
         with pytest.raises(ValueError, match="acceleration"):
             Objective(acceleration=wrong)

@@ -242,11 +242,11 @@ def test_meshes_of_one_puppet_keep_clear_of_one_another():
     """Two Ls; one is turned by half a turn, so that a leg of each is in the notch of the other."""
     puppet = free_bodies(mesh("ell"), mesh("ell"))
     own = Clearance(puppet, self_collision=True)
-    still, turn = (np.zeros(3), Rotation.identity()), Rotation.from_euler("y", 180, degrees=True)
-    near = own.nearest(state_with_poses(puppet, still, (np.array([0.53, 0.0, 0.54]), turn)))
+    zeros, turn = (np.zeros(3), Rotation.identity()), Rotation.from_euler("y", 180, degrees=True)
+    near = own.nearest(state_with_poses(puppet, zeros, (np.array([0.53, 0.0, 0.54]), turn)))
     assert near.distance == pytest.approx(np.hypot(0.03, 0.04), abs=1e-9)
     assert {near.what, near.other} == {"body0", "body1"}
-    assert float(own.of(state_with_poses(puppet, still, (np.array([0.45, 0.0, 0.45]), turn)))) < 0.0
+    assert float(own.of(state_with_poses(puppet, zeros, (np.array([0.45, 0.0, 0.45]), turn)))) < 0.0
 
 
 def test_threads_and_neighbours_do_not_matter():
@@ -256,10 +256,10 @@ def test_threads_and_neighbours_do_not_matter():
     q_D = np.zeros((n, 7))
     q_D[:, :3] = rng.normal([0.2, 0.0, 0.2], 0.3, (n, 3))
     q_D[:, 3:] = Rotation.random(n, random_state=rng).as_quat()[:, [3, 0, 1, 2]]
-    clear, none = Clearance(puppet, [mesh("ell", name="ell")]), np.zeros((n, 0))
-    distance = clear.at(q_D, none)
-    assert np.array_equal(distance, clear.at(q_D, none, threads=2))
-    assert np.array_equal(distance[5:40:7], [clear.at(q_D[k], none[k]) for k in range(5, 40, 7)])
+    clear, zeros = Clearance(puppet, [mesh("ell", name="ell")]), np.zeros((n, 0))
+    distance = clear.at(q_D, zeros)
+    assert np.array_equal(distance, clear.at(q_D, zeros, threads=2))
+    assert np.array_equal(distance[5:40:7], [clear.at(q_D[k], zeros[k]) for k in range(5, 40, 7)])
 
 
 ARM = fan.puppets.arm3d()

@@ -35,8 +35,8 @@ def bounds(**keywords) -> dict[str, fan.control.Bounds]:
 
 
 def raised(seed: int = 0, obstacles=(), **options) -> fan.control.PlanResult:
-    asked = {"tolerance": 0.25, "iterations": 40_000, "time_limit": LIMIT} | options
-    return fan.plan(ARM, HANGING, RAISED, obstacles, seed=seed, **asked)
+    arguments = {"tolerance": 0.25, "iterations": 40_000, "time_limit": LIMIT} | options
+    return fan.plan(ARM, HANGING, RAISED, obstacles, seed=seed, **arguments)
 
 
 @pytest.fixture(scope="module")
@@ -146,8 +146,8 @@ def test_goals_of_other_kinds():
         return np.maximum(0.1 - rows.q_K[..., 1], 0.0)
 
     assert fan.plan(ARM, ARM.rest(), left, tolerance=1e-6, iterations=20_000)
-    there = ARM.rest({"hand.x": 0.4})
-    assert fan.plan(ARM, ARM.rest(), there, tolerance=0.1, iterations=20_000)
+    state = ARM.rest({"hand.x": 0.4})
+    assert fan.plan(ARM, ARM.rest(), state, tolerance=0.1, iterations=20_000)
 
 
 def test_a_goal_that_is_met_needs_no_motion():

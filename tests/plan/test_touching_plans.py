@@ -61,8 +61,8 @@ def test_the_speed_of_a_touch_is_that_of_the_gap_before_it(touch):
 def test_a_touching_plan_is_saved_and_replayed(past_post, touch, tmp_path):
     assert touch.replay()
     touch.save(tmp_path / "plan.npz")
-    again = PlanResult.load(tmp_path / "plan.npz", past_post)
-    assert again and again.path == touch.path
+    loaded = PlanResult.load(tmp_path / "plan.npz", past_post)
+    assert loaded and loaded.path == touch.path
     other = Problem(
         ARM, START, ON_TABLE, [POST], bounds=fan.control.Bounds(clearance=0.005), hold=0.5
     )
@@ -112,12 +112,12 @@ def test_unwanted_contact_is_reported(touch):
     at = plan.verify().run.at(0.6 * plan.touches[0].t)
     tip = ARM.poses(at.q_D, at.q_K)[1] @ [0.2, 0.0, 0.0, 1.0]
     post = POST | {"size": [0.02, 0.3, 0.02], "at": (tip - [0.0, 0.0, 0.03]).tolist()}
-    asked = Problem(ARM, START, ON_TABLE, [post])
-    checked = check.checked(PlanPath(asked, plan.tree, plan.path))
+    task = Problem(ARM, START, ON_TABLE, [post])
+    checked = check.checked(PlanPath(task, plan.tree, plan.path))
     (met,) = checked.forbidden
     assert not checked.arrives and met.parts == ("hand", "post") and met.speed > 0.0
     assert f"hand touches post at {met.t:.3g} s" in checked.fault
-    assert solve(asked, seed=0, time_limit=30.0).verify().forbidden == ()
+    assert solve(task, seed=0, time_limit=30.0).verify().forbidden == ()
 
 
 def test_rollouts_end_at_forbidden_contact(past_post, touch):

@@ -18,10 +18,10 @@ def caught(arm):
 
 
 def test_a_run_of_a_batch_says_that_events_are_not_recorded(arm, caught, tmp_path):
-    alone = fan.simulate(arm, caught, t_end=1.0)
+    single_run = fan.simulate(arm, caught, t_end=1.0)
     batch = fan.simulate_batch(arm, [caught, caught], t_end=1.0, save="all")
     run = batch.trajectory(1)
-    n = alone.summary()["tension"]["hand"]["catches"]
+    n = single_run.summary()["tension"]["hand"]["catches"]
     assert n >= 1 and batch.catches[1] == n
     run.save(tmp_path / "run.npz")
     for loaded in (run, fan.Trajectory.load(tmp_path / "run.npz")):

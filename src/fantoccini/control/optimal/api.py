@@ -302,8 +302,8 @@ def tracks_of(
         elif name in (*table.q_D, *table.q_K):
             tracks.append(Track.coordinate(str(name), path, weight=weight))
         else:
-            known = [*bodies, *table.q_D, *table.q_K]
-            raise UnknownNameError("body or coordinate", str(body), known)
+            known_names = [*bodies, *table.q_D, *table.q_K]
+            raise UnknownNameError("body or coordinate", str(body), known_names)
     return tracks
 
 
@@ -323,7 +323,7 @@ def _clearance_violation(objective: Objective, runs: EventRuns, nodes: Nodes) ->
     clear = objective.rows.clear
     if clear is None:
         return NO_RESIDUAL
-    nodes_and_run = runs.run(nodes.finer(_CLEARANCE_SAMPLES))
+    nodes_and_run = runs.run(nodes.refined(_CLEARANCE_SAMPLES))
     if nodes_and_run is None:
         return Residual(math.inf, "the run cannot be repeated to measure its clearances")
     return clearance_residual(clear, nodes_and_run[1])

@@ -15,7 +15,7 @@ from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.tasks import AnswerStatus, Nodes, Touched, number_names
+from fantoccini.control.tasks import AnswerStatus, Nodes, Touched, entry_names
 from fantoccini.motion import Trajectory
 
 _MAX_ROUNDING_EFFECT = 1e-9
@@ -59,7 +59,7 @@ def end_residual(objective: Objective, nodes: Nodes) -> Residual:
     if not np.max(errors, initial=0.0) > 0.0:
         return NO_RESIDUAL
     index = int(np.argmax(errors))
-    name = number_names(nodes.table)[index]
+    name = entry_names(nodes.table)[index]
     text = f"{name} ends {errors[index]:.3g} from the required state, at {nodes.t[-1]:.6g} s"
     return Residual(float(errors[index]), text)
 
@@ -162,8 +162,8 @@ def search_status(at: Iterate, limits: Limits) -> AnswerStatus:
         return AnswerStatus.SETTLED
     if at.stalled:
         return AnswerStatus.STALLED
-    late = time.perf_counter() > limits.until
-    return AnswerStatus.TIMEOUT if late else AnswerStatus.ITERATIONS
+    is_late = time.perf_counter() > limits.until
+    return AnswerStatus.TIMEOUT if is_late else AnswerStatus.ITERATIONS
 
 
 def early_end_note(at: Iterate, limits: Limits) -> str:

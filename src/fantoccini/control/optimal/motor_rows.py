@@ -104,7 +104,7 @@ class MotorRows:
 
     def _at(self, marionette: Marionette, nodes: Nodes, first: int, z: Array, u: Array) -> Array:
         """(n, N, m / 2) values for n changes z and u of states and accelerations."""
-        q_D, v_D, q_K, v_K = nodes.states(z, first)
+        q_D, v_D, q_K, v_K = nodes.changed_states(z, first)
         force = marionette.library.evaluate(
             "motor_demands",
             q_D=q_D,

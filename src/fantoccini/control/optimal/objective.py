@@ -152,7 +152,7 @@ class Objective:
 
     def end_gap(self, nodes: Nodes) -> Array:
         """(n_z,) the change from the last node to the required end."""
-        return np.zeros(nodes.n_z) if self._goal is None else nodes.gap_at_end(self._goal)
+        return np.zeros(nodes.n_z) if self._goal is None else nodes.change_to(self._goal)
 
     def gap(self, nodes: Nodes) -> Array:
         """(n_z + 3 T,) the gap at the end, and the offsets of touching points from their places."""

@@ -12,7 +12,7 @@ from fantoccini.control.optimal.clear_rows import ClearanceRows
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.force_rows import ForceRows
 from fantoccini.control.optimal.motor_rows import MotorRows
-from fantoccini.control.tasks import ChosenParameters, Nodes, Task, number_names
+from fantoccini.control.tasks import ChosenParameters, Nodes, Task, entry_names
 
 _BOUND_TOLERANCE = 1e-3
 """Distance of a tension, force or voltage at its bound, relative to the largest such value."""
@@ -62,7 +62,7 @@ class Rows:
         return [
             *((f"the tension of {rows[i]}", 0) for i in self._taut),
             *((f"the change of the acceleration of {inputs[j]}", 0) for j in self._jerks),
-            *((number_names(self._table)[z], 1) for z in self.joint_indices),
+            *((entry_names(self._table)[z], 1) for z in self.joint_indices),
             *((f"the force on {name}", 0) for name in self._forces.names),
             *motors,
             *((f"the clearance of {name}", 1) for name in (self.clear.names if self.clear else ())),

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError
-from fantoccini.control.tasks.nodes import Nodes, number_names
+from fantoccini.control.tasks.nodes import Nodes, entry_names
 from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.dynamics.derivatives import motion_at
 from fantoccini.dynamics.marionette import Marionette
@@ -147,15 +147,15 @@ class Bounds:
                 raise StateError(f"{name} is held, but moves {when}")
         low, high = self.intervals(marionette)
         numbers = Nodes.still(marionette, x, 1.0, 1).numbers[0]
-        for name, value, a, b in zip(number_names(t), numbers, low, high, strict=True):
+        for name, value, a, b in zip(entry_names(t), numbers, low, high, strict=True):
             if not a - _STATE_TOLERANCE <= value <= b + _STATE_TOLERANCE:
                 raise StateError(f"{name} is {value:.6g} {when}, beyond its bounds {a:g} to {b:g}")
 
     def check_end(self, marionette: Marionette, x0: State, end: State) -> None:
         """Raises StateError if no motion from a start within bounds can end in a state."""
         self.check_state(marionette, end, "at the end")
-        change = Nodes.still(marionette, x0, 1.0, 1).gap_at_end(end)
-        names = number_names(marionette.coordinates)
+        change = Nodes.still(marionette, x0, 1.0, 1).change_to(end)
+        names = entry_names(marionette.coordinates)
         first_driven = 2 * marionette.coordinates.n_vD
         for name in self.held:
             index = first_driven + marionette.coordinates.v_K.index(name)

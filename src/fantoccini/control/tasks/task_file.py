@@ -175,8 +175,8 @@ class _Reader:
             end,
         )
         if file.kind != "tension":  # its path is checked by the width of its values
-            still = Nodes.still(self._marionette, self._x0, 1.0, 1)
-            if self._check(location, lambda: residual_of(self._marionette, track, still)) is None:
+            resting = Nodes.still(self._marionette, self._x0, 1.0, 1)
+            if self._check(location, lambda: residual_of(self._marionette, track, resting)) is None:
                 return None
         return track
 
@@ -257,8 +257,8 @@ class _Reader:
         needed = ("t", *_COLUMNS.get(kind, ("value",)))
         for column in needed:
             if column not in columns:
-                known = ", ".join(columns)
-                raise StateError(f"{name} has no column {column}; found: {known}")
+                known_names = ", ".join(columns)
+                raise StateError(f"{name} has no column {column}; found: {known_names}")
         if unknown := [column for column in columns if column not in needed]:
             hint = nearest(unknown[0], needed)
             raise StateError(f"{name} has the column {shown(unknown[0])}{hint}")
@@ -341,9 +341,9 @@ def _check_name(
     if kind == "tension":
         check((*location, kind), lambda: Bounds(tension={name: (0.0, 1.0)}).tensions(marionette))
         return
-    still = Nodes.still(marionette, marionette.state(), 1.0, 1)
+    resting = Nodes.still(marionette, marionette.state(), 1.0, 1)
     value = {"point": np.zeros(3), "orientation": np.array([1.0, 0.0, 0.0, 0.0])}.get(kind, 0.0)
-    check((*location, kind), lambda: residual_of(marionette, Track(kind, name, value), still))
+    check((*location, kind), lambda: residual_of(marionette, Track(kind, name, value), resting))
 
 
 def _bounds(reading: Reading[TaskFile]) -> Bounds:

@@ -98,9 +98,9 @@ class PairGeometry:
 
     def nearest(self, point: Array, most: float) -> int | None:
         """Feature of the point nearest to a place (3,) [m], if any is within ``most`` [m]."""
-        apart = {f: float(np.max(np.abs(at[1:4] - point))) for f, at in self.points.items()}
-        near = [f for f, distance in apart.items() if distance <= most]
-        return min(near, key=apart.__getitem__) if near else None
+        distances = {f: float(np.max(np.abs(at[1:4] - point))) for f, at in self.points.items()}
+        near = [f for f, distance in distances.items() if distance <= most]
+        return min(near, key=distances.__getitem__) if near else None
 
     def twist(self, screws: Screws) -> Array:
         """Twist (6,) of the first solid relative to the second."""
@@ -164,8 +164,8 @@ class PairGeometry:
             if differences is None:
                 continue
             if last is not None:
-                apart = float(np.max(np.abs(differences - last)))
-                if apart <= tolerance * max(1.0, float(np.max(np.abs(last)))):
+                difference = float(np.max(np.abs(differences - last)))
+                if difference <= tolerance * max(1.0, float(np.max(np.abs(last)))):
                     return last, True
             last = differences
         return (np.zeros((7, 6)) if last is None else last), False

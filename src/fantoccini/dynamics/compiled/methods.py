@@ -103,10 +103,10 @@ def as_method(method: Method | MethodName, **options: Any) -> Method:
             "fan.Event(...), fan.TimeStepping(...) or fan.Variational(...)"
         )
     kind = METHODS[method]
-    known = kind.__dataclass_fields__
+    fields = kind.__dataclass_fields__
     for name in options:
-        if name not in known:
+        if name not in fields:
             raise ValueError(
-                f"{name} does not go with method={method!r}, which takes {', '.join(known)}"
+                f"method={method!r} has no option {name}; allowed: {', '.join(fields)}"
             )
     return kind(**options)

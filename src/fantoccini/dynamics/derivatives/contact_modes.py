@@ -82,15 +82,15 @@ def mode_of(
         force, u: (3,) force on the first solid, and its velocity relative to the second.
         still: speed that counts as zero [m/s].
     """
-    none = np.zeros(3)
+    zeros = np.zeros(3)
     if mu == 0.0:
-        return ContactMode.SLIDE, none, False, ""
+        return ContactMode.SLIDE, zeros, False, ""
     u_T, f_T = u - n * (n @ u), force - n * (n @ force)
     speed, size = float(np.linalg.norm(u_T)), float(np.linalg.norm(f_T))
     if speed > still:
         return ContactMode.SLIDE, u_T / speed, True, ""
     strained = size > (1.0 - TOLERANCES.cone) * mu * (n @ force)
-    return ContactMode.STICK, none, False, "sticks at the edge of its cone" if strained else ""
+    return ContactMode.STICK, zeros, False, "sticks at the edge of its cone" if strained else ""
 
 
 def closed_without_force(

@@ -243,8 +243,8 @@ class FrozenModes:
         rows = ContactRows(screws, points, 0.0)
         hddot = at.gamma[held] + at.W[:, held].T @ at.w0
         rate = np.concatenate([hddot, rows.accelerations()])[:, None]
-        none = np.zeros((len(free), 1))
-        acc, y = ModeSystem(at, held, rows).solve(none, rate)
+        zeros = np.zeros((len(free), 1))
+        acc, y = ModeSystem(at, held, rows).solve(zeros, rate)
         tension, forces, first = y[: len(held), 0], [], len(held)
         for point in points:
             k = len(point.directions)

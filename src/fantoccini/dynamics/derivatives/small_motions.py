@@ -109,11 +109,11 @@ def balanced_state(marionette: CompiledPuppet, x: State) -> State:
             motion = motion_at(marionette, x)
         except StateError:
             break
-        left = float(np.max(np.abs(motion.acc_D), initial=0.0))
-        if not left < smallest:
+        remaining = float(np.max(np.abs(motion.acc_D), initial=0.0))
+        if not remaining < smallest:
             break
-        best, smallest = x, left
-        if left <= BALANCE.still:
+        best, smallest = x, remaining
+        if remaining <= BALANCE.still:
             break
         small = SmallMotions.of(marionette, x, motion)
         eta = np.linalg.lstsq(small.K, small.N.T @ small.M @ motion.acc_D, BALANCE.neutral)[0]

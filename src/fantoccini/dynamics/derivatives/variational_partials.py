@@ -118,9 +118,9 @@ def variational_partials(
     none = NO_IMPULSE * dt * marionette.reference_force
     begun, ended = (library.evaluate("momenta", p=values, **at).p_D for at in (x, end))
     size = np.max(np.abs(begun), axis=1, initial=0.0)
-    Lambda, left = _impulses(start.A_D, closed, begun - mid.before)
+    Lambda, residual = _impulses(start.A_D, closed, begun - mid.before)
     mu, left_after = _impulses(last.A_D, closed, mid.after - ended)
-    solved = np.maximum(left, left_after) <= RESIDUAL * size + none
+    solved = np.maximum(residual, left_after) <= RESIDUAL * size + none
     pulls = closed & (wires | (np.abs(Lambda) > none))
     holds = closed & (wires | (np.abs(mu) > none))
 
@@ -266,8 +266,8 @@ def _impulses(A_D: Array, some: MaskRows, momenta: Array) -> tuple[Array, Array]
     """Impulses y (n, n_rows) with A_D^T y = momenta over some rows, and largest residuals (n,)."""
     A = np.swapaxes(A_D * some[..., None], 1, 2)
     y = (np.linalg.pinv(A, rcond=DEPENDENT) @ momenta[..., None])[..., 0] * some
-    left = momenta - (A @ y[..., None])[..., 0]
-    return y, np.max(np.abs(left), axis=1, initial=0.0)
+    remaining = momenta - (A @ y[..., None])[..., 0]
+    return y, np.max(np.abs(remaining), axis=1, initial=0.0)
 
 
 def _solve_held(

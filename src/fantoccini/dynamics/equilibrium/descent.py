@@ -150,8 +150,8 @@ def _motors_work(marionette: CompiledPuppet, x: State, other: State) -> float:
     move = tangent.between(*places, x.q_D, other.q_D, n)
     q_D = tangent.moved(*places, x.q_D, np.array([[0.0], [0.5], [1.0]]) * move)
     k, strings = len(x.v_K), len(marionette.tree.strings)
-    still = np.zeros((3, n)), np.tile(x.q_K, (3, 1)), np.zeros((3, k))
-    force = marionette.effort(q_D, *still, still[0], still[2], np.zeros((3, strings)))
+    zeros = np.zeros((3, n)), np.tile(x.q_K, (3, 1)), np.zeros((3, k))
+    force = marionette.effort(q_D, *zeros, zeros[0], zeros[2], np.zeros((3, strings)))
     mean = (force[0] + 4.0 * force[1] + force[2]) / 6.0
     work = 0.0
     for row, first in commanded:

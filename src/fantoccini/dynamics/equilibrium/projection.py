@@ -72,8 +72,8 @@ def difference_quotient(
     """Central difference quotient (m, n_vD) of a function (m,) of a configuration."""
     n = marionette.coordinates.n_vD
     moves = np.concatenate([np.eye(n), -np.eye(n)]) * step
-    around = np.array([function(q) for q in retract(marionette, q_D, moves)])
-    return (around[:n] - around[n:]).T / (2 * step)
+    values = np.array([function(q) for q in retract(marionette, q_D, moves)])
+    return (values[:n] - values[n:]).T / (2 * step)
 
 
 def project(marionette: CompiledPuppet, x: State) -> State:
@@ -83,10 +83,11 @@ def project(marionette: CompiledPuppet, x: State) -> State:
     not converge, a state near by with h <= 0. Then velocities: hdot <= 0 on closed rows.
     """
     taut = ActiveSet.of(marionette, x, Evaluation.of(marionette, x)).held & taut_mask(marionette, x)
-    solution, left = positioned(marionette, x)
-    if left:
+    solution, remaining = positioned(marionette, x)
+    if remaining:
         raise StateError(
-            f"no state of the puppet was found that fits these string ends and lengths: {left}. "
+            "no state of the puppet was found that fits these string ends and lengths: "
+            f"{remaining}. "
             f"Tried: moves onto the strings and limits, from there and {len(SEARCH.pushes)} places "
             "nearby"
         )
@@ -166,13 +167,13 @@ def onto_rows(marionette: CompiledPuppet, x: State) -> tuple[State, float]:
         for _ in range(SEARCH.halvings):
             other = x.replace(q_D=retract(marionette, x.q_D, part * move))
             there = Evaluation.of(marionette, other)
-            left = _violation(marionette, there.h) / scale
-            if np.linalg.norm(left) < SEARCH.least_decrease * np.linalg.norm(violation):
+            remaining = _violation(marionette, there.h) / scale
+            if np.linalg.norm(remaining) < SEARCH.least_decrease * np.linalg.norm(violation):
                 break
             part *= 0.5
         else:
             break
-        x, at, violation = other, there, left
+        x, at, violation = other, there, remaining
     return x, float(np.max(violation, initial=0.0))
 
 
@@ -240,9 +241,9 @@ def _nearest(marionette: CompiledPuppet, x: State, origin: State) -> State:
         at = Evaluation.of(marionette, x)
         away = _away(marionette, at, x, origin)
         rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
-        W, wanted = at.W[:, rows], away / (1.0 + mu)
-        solution = at.complementarity(rows, at.h[rows] + W.T @ wanted, wires)
-        move = at.solve_factor(wanted - W @ solution.x)
+        W, free_move = at.W[:, rows], away / (1.0 + mu)
+        solution = at.complementarity(rows, at.h[rows] + W.T @ free_move, wires)
+        move = at.solve_factor(free_move - W @ solution.x)
         size = _size(move)
         if not solution.solved or not SEARCH.nearest_move < size < np.inf:
             return x

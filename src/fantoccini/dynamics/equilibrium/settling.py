@@ -58,8 +58,8 @@ def settled(marionette: CompiledPuppet, x: State) -> State:
         moved = np.max(np.abs(samples["q_D"][-1] - q_D), initial=0.0)
         q_D = samples["q_D"][-1]
         if moved < SETTLING.moved and np.max(np.abs(v_D), initial=0.0) < SETTLING.still:
-            still = {"v_D": np.zeros_like(v_D), "v_K": np.zeros_like(x.v_K)}
-            return x.replace(q_D=q_D, **still, taut=samples["taut"][-1] > 0)
+            zeros = {"v_D": np.zeros_like(v_D), "v_K": np.zeros_like(x.v_K)}
+            return x.replace(q_D=q_D, **zeros, taut=samples["taut"][-1] > 0)
         if piece < SETTLING.stops:
             v_D = np.zeros_like(v_D)
     names = marionette.coordinates.v_D

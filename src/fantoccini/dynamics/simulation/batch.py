@@ -277,12 +277,12 @@ def _parts(
 ) -> dict[str, Array]:
     """Arrays for the runtime: those of ``out``, and new ones. All are filled with NaN."""
     widths = _widths(marionette)
-    wanted = {_RUNTIME_PART.get(name, name) for name in saved}
+    requested = {_RUNTIME_PART.get(name, name) for name in saved}
     for name in out:
-        if name not in wanted:
+        if name not in requested:
             raise ValueError(
                 f"out has an array {name!r}, which this batch does not write; it writes "
-                f"{', '.join(sorted(wanted))} ('force' is tension and limit_force in one array, "
+                f"{', '.join(sorted(requested))} ('force' is tension and limit_force in one array, "
                 "'energy_terms' the entries of the ledger)"
             )
     for (name, part), (other, same) in combinations(out.items(), 2):
@@ -291,7 +291,7 @@ def _parts(
                 f"out[{other!r}] and out[{name!r}] share their memory; each needs its own array"
             )
     parts = {}
-    for name in sorted(wanted):
+    for name in sorted(requested):
         kind = np.dtype(np.bool_ if name == "taut" else np.float64)
         shape = (n, n_times, widths[name])
         part = out[name] if name in out else np.empty(shape, dtype=kind)

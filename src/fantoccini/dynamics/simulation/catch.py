@@ -45,8 +45,8 @@ def catch_at(
     fast = np.max(np.abs(at.hdot[rows]), initial=0.0)
     # Rows held after the catch were stopped by it, even from speeds close to rest.
     rows = np.flatnonzero(strikes | wires | stays)
-    still = np.zeros((len(before.v_D), 1))
-    kick, own = KKTSystem(at, rows).solve(still, stopped[rows, None])
+    zeros = np.zeros((len(before.v_D), 1))
+    kick, own = KKTSystem(at, rows).solve(zeros, stopped[rows, None])
     impulse = np.zeros(n_rows)
     impulse[rows] = own[:, 0]
     caught = np.flatnonzero(closed & ~was & ~wires & (at.hdot > RELATIVE_ROUNDING * fast))

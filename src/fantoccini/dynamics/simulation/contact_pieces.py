@@ -58,7 +58,7 @@ class ContactPieces:
         self._marionette, self._run = marionette, run
         self._by_sample: dict[int, dict[tuple[int, int], _SampledPoint]] = {}
 
-    def groups(self, first: int, last: int) -> list[tuple[int, int, tuple[PointMode, ...]]]:
+    def mode_ranges(self, first: int, last: int) -> list[tuple[int, int, tuple[PointMode, ...]]]:
         """Ranges of samples with equal modes, from first to last: (first, last, modes).
 
         A step in which a point begins or stops sliding is a range of its own: its direction is
@@ -69,31 +69,31 @@ class ContactPieces:
         out: list[tuple[int, int, tuple[PointMode, ...]]] = []
         is_separate = False
         for i in range(first, last):
-            modes, turning = self._modes(i)
+            modes, is_transition = self._modes(i)
             if (
                 out
                 and not is_separate
-                and not turning
+                and not is_transition
                 and modes_key(out[-1][2]) == modes_key(modes)
             ):
                 out[-1] = (out[-1][0], i + 1, out[-1][2])
             else:
                 out.append((i, i + 1, modes))
-            is_separate = turning
+            is_separate = is_transition
         return out
 
     def touches(self, i: int) -> bool:
         """Whether any contact point pushes at a sample."""
         return self._marionette.contacts is not None and bool(self._points(i))
 
-    def stops(self, i: int, modes: Sequence[PointMode]) -> bool:
+    def is_stopping(self, i: int, modes: Sequence[PointMode]) -> bool:
         """Whether a point that slides in ``modes`` is at rest at a sample."""
         sliding = [p for p in modes if p.mode is ContactMode.SLIDE and p.friction > 0.0]
         if not sliding:
             return False
-        seen, still = self._points(i), self._rest_speed(i)
+        seen, rest_speed = self._points(i), self._rest_speed(i)
         at = [seen.get((p.pair, p.feature)) for p in sliding]
-        return any(own is not None and own.speed <= still for own in at)
+        return any(own is not None and own.speed <= rest_speed for own in at)
 
     def _rest_speed(self, i: int) -> float:
         """Speed that counts as zero at a sample [m/s]."""
@@ -102,21 +102,21 @@ class ContactPieces:
     def _modes(self, i: int) -> tuple[tuple[PointMode, ...], bool]:
         """Modes of the step from sample i to the next; whether sliding begins or ends in it."""
         before, after = self._points(i), self._points(i + 1)
-        still = self._rest_speed(i)
-        modes, turning = [], False
+        rest_speed = self._rest_speed(i)
+        modes, is_transition = [], False
         for (pair, feature), own in after.items():
             old = before.get((pair, feature))
-            begins = old is None or old.speed <= still
-            ends = own.speed <= still
+            begins = old is None or old.speed <= rest_speed
+            ends = own.speed <= rest_speed
             mode, along, turns = ContactMode.STICK, np.zeros(3), False
             if own.mu == 0.0:
                 mode = ContactMode.SLIDE
             elif not (begins and ends):
                 mode, turns = ContactMode.SLIDE, True
-                turning = turning or begins or ends
+                is_transition = is_transition or begins or ends
                 along = -own.friction if ends or old is None else -old.friction
             modes.append(PointMode(own.name, pair, feature, mode, own.mu, along, turns))
-        return tuple(modes), turning
+        return tuple(modes), is_transition
 
     def _points(self, i: int) -> dict[tuple[int, int], _SampledPoint]:
         """Points that push at a sample: (pair, feature) -> point."""

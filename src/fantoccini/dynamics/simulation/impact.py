@@ -156,7 +156,7 @@ class _Impact:
         self, points: list[HeldPoint], stopped: Array
     ) -> tuple[Array, Array, list[HeldPoint]]:
         """Change of velocity v+ - v-, impulses of rows, and pushing points with their impulses."""
-        none, marionette = np.zeros((len(self._before.v_D), 1)), self._marionette
+        zeros, marionette = np.zeros((len(self._before.v_D), 1)), self._marionette
         while True:
             rows = ContactRows(self.screws, points, 0.0)
             # -u along held directions; with the rebound e of struck normals.
@@ -166,7 +166,7 @@ class _Impact:
                 closing[k] *= 1.0 + point.bounces
             system = ModeSystem(self._at, self.rows, rows)
             rate = np.concatenate([stopped[self.rows], closing])[:, None]
-            kick, y = system.solve(none, rate)
+            kick, y = system.solve(zeros, rate)
             y = y[:, 0]
             own = y[len(self.rows) :]
             size = float(np.max(np.abs(y), initial=0.0))

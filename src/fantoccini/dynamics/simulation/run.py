@@ -239,8 +239,8 @@ def _where(
         text += f"; the largest tension was {np.max(last):.3g} N"
     lengths = marionette.string_lengths(result.q_D[-1], result.q_K[-1])
     short = lengths < REPORTING.short_length
-    gone = [n for n, is_short in zip(result.tension.names, short, strict=True) if is_short]
-    return text + "".join(f"; {n}.length is nearly 0" for n in gone)
+    out_of_length = [n for n, is_short in zip(result.tension.names, short, strict=True) if is_short]
+    return text + "".join(f"; {n}.length is nearly 0" for n in out_of_length)
 
 
 def _chatter_text(marionette: CompiledPuppet, pieces: list[Piece]) -> str:

@@ -110,14 +110,14 @@ class RunChanges:
         lasts = np.concatenate([edges, [end]])
         before: tuple[PointMode, ...] = ()
         for first, last in zip(firsts, lasts, strict=True):
-            groups = self._contacts.groups(first, last)
+            mode_ranges = self._contacts.mode_ranges(first, last)
             if first > start:
-                after = groups[0][2] if groups else ()
+                after = mode_ranges[0][2] if mode_ranges else ()
                 Z = self._after_event(first - 1, Z, input_change, (before, after))
             if first == last:
                 yield run.t[first], Z
                 continue
-            for a, b, points in groups:
+            for a, b, points in mode_ranges:
                 if a > first:
                     Z = self._after_mode_change(a, Z, input_change, (a, a), (before, points))
                     if run.t[a] in saved:
@@ -184,7 +184,9 @@ class RunChanges:
         points: tuple[Sequence[PointMode], Sequence[PointMode]],
     ) -> Array:
         """Changes after contacts change modes at sample i with continuous velocities."""
-        if modes_key(points[0]) == modes_key(points[1]) and not self._contacts.stops(i, points[0]):
+        if modes_key(points[0]) == modes_key(points[1]) and not self._contacts.is_stopping(
+            i, points[0]
+        ):
             return Z
         run, marionette = self.run, self.marionette
         if np.min(np.abs(self._inputs.breaks - run.t[i])) <= TOLERANCES.time:

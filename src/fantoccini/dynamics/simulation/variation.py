@@ -96,7 +96,7 @@ class Variation:
     ) -> Array:
         marionette, n = self.marionette, len(x.v_D)
         at, results = Evaluation.of(marionette, x), row_derivatives_at(marionette, x)
-        still = np.zeros((n, Z.shape[1]))
+        zeros = np.zeros((n, Z.shape[1]))
         held = FrozenModes(marionette, points).at(Screws(marionette, x))
         touching = ContactRows(Screws(marionette, x, changes=stacked(Z, input_change)), held, 0.0)
         first = np.cumsum([0, *(len(p.directions) for p in held)])[:-1]
@@ -107,14 +107,14 @@ class Variation:
         )
         gaps = np.concatenate([gap[rows], touching.gap_by()])
         system = ModeSystem(at, rows, _frictionless(touching, touching.rows[first]))
-        Z_q = Z[:n] + system.solve(still, gaps)[0]
+        Z_q = Z[:n] + system.solve(zeros, gaps)[0]
         rate = rate_change(results, Z_q, input_change.q_K, input_change.v_K, input_change.p)
         rate = (rate + results["A_D"] @ Z[n:])[rows]
         Z = np.concatenate([Z_q, Z[n:]])
         touching = ContactRows(Screws(marionette, x, changes=stacked(Z, input_change)), held, 0.0)
         rates = np.concatenate([rate, touching.velocity_by()])
         system = ModeSystem(at, rows, _frictionless(touching, touching.rows))
-        return np.concatenate([Z_q, Z[n:] + system.solve(still, rates)[0]])
+        return np.concatenate([Z_q, Z[n:] + system.solve(zeros, rates)[0]])
 
     def along(
         self,

@@ -109,6 +109,6 @@ def _forces(marionette: Marionette, run: Trajectory, i: int, led: list[DriveRow]
             [S.T, zero((k, m)), zero((k, k))],
         ]
     )
-    wanted = np.concatenate([-load, -bias, commanded])
+    right_side = np.concatenate([-load, -bias, commanded])
     # With redundant strings, least squares give the solution of least norm.
-    return np.linalg.lstsq(system, wanted, rcond=1e-12)[0][n + m :]
+    return np.linalg.lstsq(system, right_side, rcond=1e-12)[0][n + m :]

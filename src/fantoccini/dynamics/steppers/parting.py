@@ -106,10 +106,10 @@ def _shortest(W: Array, b: Array) -> Array | None:
     target = np.zeros(len(W) + 1)
     target[-1] = 1.0
     E = np.concatenate([-W, b[None] / size])
-    left = E @ nonnegative_least_squares(E, target)[0] - target
-    if not abs(left[-1]) > INFEASIBLE:
+    remaining = E @ nonnegative_least_squares(E, target)[0] - target
+    if not abs(remaining[-1]) > INFEASIBLE:
         return None
-    return np.asarray(-left[:-1] / left[-1] * size)
+    return np.asarray(-remaining[:-1] / remaining[-1] * size)
 
 
 def _deepest(marionette: CompiledPuppet, x: State) -> float:

@@ -195,8 +195,8 @@ class _Gaps:
             ends[0 if inside(np.array([middle]))[0] == first else 1] = middle
         at = 0.5 * (ends[0] + ends[1])
         step = 1e-6 * max(t_end - t, 1e-9)
-        around = self._gap(self._motion(np.array([at - step, at + step])), margin)[:, k]
-        speed = float((around[0] - around[1]) / (2.0 * step))
+        values = self._gap(self._motion(np.array([at - step, at + step])), margin)[:, k]
+        speed = float((values[0] - values[1]) / (2.0 * step))
         return float(at), speed if np.isfinite(speed) else 0.0
 
     def _gap(self, q_K: Array, margin: float) -> Array:
