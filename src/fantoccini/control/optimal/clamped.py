@@ -27,7 +27,7 @@ _MIN_BARRIER, _FACTORISATIONS = 1e-5, 15
 _MAX_MULTIPLICATIONS = 4.8e7
 """Multiplications allowed for a program: about 7 ms."""
 MIN_FACTORISATIONS, MAX_FACTORISATIONS = 1.5, 20.0
-"""Least and largest number of whole factorisations of a program."""
+"""Smallest and largest number of whole factorisations of a program."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ _MAX_REST_ACCELERATION = 1e-3
 _MAX_DISPLACEMENT = 100.0
 """Largest displacement of a driven scalar [m or rad]; far ends only turn a string's direction."""
 _MIN_LENGTH = 0.01
-"""Least length of a driven string [m]."""
+"""Smallest length of a driven string [m]."""
 
 
 def reach(

@@ -17,7 +17,7 @@ from fantoccini.control.tasks import ChosenParameters, Nodes, Task, entry_names
 _BOUND_TOLERANCE = 1e-3
 """Distance of a tension, force or voltage at its bound, relative to the largest such value."""
 _MIN_PULL = 1e-9
-"""Least such value [N, N m, V or A]."""
+"""Smallest such value [N, N m, V or A]."""
 
 
 class Rows:

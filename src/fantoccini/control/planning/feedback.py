@@ -63,7 +63,7 @@ class _Tolerances:
     rounding: float = 1e-9
     """Rounding error of a number of segments."""
     min_acceleration: float = 1e-9
-    """Least braking acceleration of a coordinate [m/s^2]; avoids a division by 0."""
+    """Smallest braking acceleration of a coordinate [m/s^2]; avoids a division by 0."""
 
 
 _TOLERANCES = _Tolerances()

@@ -47,7 +47,7 @@ class _Tolerances:
     max_unknowns: int = 60
     """Largest number of unknowns varied at once, with a rollout for each."""
     min_unknowns: int = 6
-    """Least number of unknowns for each driven coordinate."""
+    """Smallest number of unknowns for each driven coordinate."""
 
 
 _TOLERANCES = _Tolerances()

@@ -28,7 +28,7 @@ class _Tolerances:
     min_tension: float = 1e-6
     """Minimum tension, relative to the weight, to count as taut."""
     min_slack: float = 0.005
-    """Least slack of the other strings [m]."""
+    """Smallest slack of the other strings [m]."""
     limit_margin: float = 0.05
     """Distance kept from limits during the search [rad or m]."""
     n_stages: int = 8

@@ -32,7 +32,7 @@ class _Limits:
     stop_share: float = 0.8
     """Share of the tolerance at which a rollout stops, so that other simulations also arrive."""
     min_length: float = 1e-3
-    """Least length of a string on a winch [m]."""
+    """Smallest length of a string on a winch [m]."""
     max_bound: float = 1e6
     """Largest bound on a speed or an acceleration [m/s or m/s^2; rad/s or rad/s^2]."""
     unbounded_speed: float = 1.01

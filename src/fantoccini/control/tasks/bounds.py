@@ -20,7 +20,7 @@ from fantoccini.motion import State
 Magnitudes: TypeAlias = float | Mapping[str, float]
 """The largest magnitude of all driven coordinates, or by name."""
 _MIN_TENSION_SHARE = 5e-3
-"""Least tension of a string that must stay taut, relative to the weight."""
+"""Smallest tension of a string that must stay taut, relative to the weight."""
 _TAUT_TENSION_SHARE = 1e-4
 """Tension above which a string counts as taut at the start, relative to the weight."""
 

@@ -24,9 +24,9 @@ from fantoccini.model.puppet import FLOOR, Contact, Group, Mesh, Obstacle, Puppe
 from fantoccini.model.tree import WORLD, Role, Tree
 from fantoccini.motion import pair_name
 
-OVERLAP = 1e-9
+MAX_START_OVERLAP = 1e-9
 """Overlap at the start pose above which two solids of one tree never touch [m]."""
-TOUCHING = 1e-6
+TOUCHING_GAP = 1e-6
 """Gap up to which solids count as touching [m]."""
 
 
@@ -114,7 +114,7 @@ def contacts_of(
     excluded = {
         k
         for k, gap in zip(which, gaps, strict=True)
-        if gap < -OVERLAP and _kin(tree, *(parts[i].link for i in meet[k][:2]))
+        if gap < -MAX_START_OVERLAP and _kin(tree, *(parts[i].link for i in meet[k][:2]))
     }
     selected = np.array([k not in excluded for k in which], dtype=np.bool_)
     sides = [(parts[meet[k][0]].link, parts[meet[k][1]].link) for k in which]

@@ -30,12 +30,12 @@ from fantoccini.motion import State
 class BalanceSettings:
     """Bounds of the search for balance."""
 
-    rounds: int = 8
-    still: float = 1e-7
+    max_rounds: int = 8
+    max_rest_acceleration: float = 1e-7
     """Acceleration of a state at rest [rad/s^2 or m/s^2]: a tenth of the bound for modes."""
-    move: float = 1e-3
+    max_move: float = 1e-3
     """Largest move of a round [rad or m]; with larger ones, the set of pulling rows may change."""
-    neutral: float = 1e-12  # Eigenvalue of K that counts as 0, relative to the largest
+    zero_eigenvalue: float = 1e-12  # Eigenvalue of K that counts as 0, relative to the largest
 
 
 BALANCE = BalanceSettings()
@@ -104,7 +104,7 @@ def balanced_state(marionette: CompiledPuppet, x: State) -> State:
     Rows and contact points stay held: K eta = N^T M acc_D. If it does not converge, it is ``x``.
     """
     best, smallest = x, np.inf
-    for _ in range(BALANCE.rounds):
+    for _ in range(BALANCE.max_rounds):
         try:
             motion = motion_at(marionette, x)
         except StateError:
@@ -113,12 +113,14 @@ def balanced_state(marionette: CompiledPuppet, x: State) -> State:
         if not remaining < smallest:
             break
         best, smallest = x, remaining
-        if remaining <= BALANCE.still:
+        if remaining <= BALANCE.max_rest_acceleration:
             break
         small = SmallMotions.of(marionette, x, motion)
-        eta = np.linalg.lstsq(small.K, small.N.T @ small.M @ motion.acc_D, BALANCE.neutral)[0]
+        eta = np.linalg.lstsq(small.K, small.N.T @ small.M @ motion.acc_D, BALANCE.zero_eigenvalue)[
+            0
+        ]
         move = small.N @ eta
-        if not 0.0 < np.max(np.abs(move), initial=0.0) < BALANCE.move:
+        if not 0.0 < np.max(np.abs(move), initial=0.0) < BALANCE.max_move:
             break
         x = x.replace(q_D=retract(marionette, x.q_D, move))
     return best

@@ -34,7 +34,7 @@ class Acceptance:
     """Unbalanced force of puppets on chains, whose stiff springs cause more rounding."""
     max_rise: float = 1e-9
     """Rise of V above the start that counts as rounding, over the puppet's weight [m]."""
-    hauls: int = 20  # Maximum number of time-stepping runs that haul in strings
+    max_hauls: int = 20  # Maximum number of time-stepping runs that haul in strings
 
 
 ACCEPTANCE = Acceptance()
@@ -114,7 +114,7 @@ def _accepted(marionette: CompiledPuppet, start: State, resting_point: Equilibri
 def _brought_onto_rows(marionette: CompiledPuppet, x: State) -> State:
     """The state brought onto its rows, with time-stepping if their slopes do not lead there."""
     start, remaining = positioned(marionette, x)
-    for _ in range(ACCEPTANCE.hauls if remaining else 0):
+    for _ in range(ACCEPTANCE.max_hauls if remaining else 0):
         x = relaxation.hauled_in(marionette, x)
         if onto_rows(marionette, x)[1] <= ROW_TOLERANCES.start_gap:
             start, remaining = positioned(marionette, x)

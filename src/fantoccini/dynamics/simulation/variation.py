@@ -36,7 +36,7 @@ from fantoccini.dynamics.simulation.saltation import rate_change
 from fantoccini.motion import State
 
 FIRST_STEP = 0.01
-"""First step of a run [s]; each piece begins with the last step of the one before."""
+"""First step of a run [s]; each later piece begins with the last step of the previous one."""
 MAX_ERROR = 1e-6
 """Largest distance of the integration from the run, relative to 1 or to the state."""
 _MIN_STEPS_OF_LONG_PIECE = 5.0
