@@ -268,5 +268,5 @@ def test_explorations_are_counted_in_whole_numbers(arm: fan.Marionette, explore:
 
 
 def test_parameters_are_not_chosen_while_it_explores(arm: fan.Marionette):
-    with pytest.raises(fan.errors.StateError, match="do not go together"):
+    with pytest.raises(fan.errors.StateError, match="explore excludes"):
         fan.Task(arm, arm.rest(), 1.0, [], parameters={"m1": (0.1, 0.2)}, explore=1)

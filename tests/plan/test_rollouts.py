@@ -1,4 +1,4 @@
-"""Compiled rollouts compared with the simulator; laws and goals with other computations."""
+"""Compiled rollouts compared with the simulator; laws and goals with independent computations."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def problem(**options) -> Problem:
 
 
 def test_motions_are_those_of_the_simulator():
-    made_of = problem()
-    rollouts = made_of.rollouts
+    simulated_with = problem()
+    rollouts = simulated_with.rollouts
     rng = np.random.default_rng(0)
     acceleration = rng.uniform(-1.0, 1.0, (9, 6, 3))
-    rolled = rollouts.simulate(made_of.root, np.zeros(9), acceleration)
+    rolled = rollouts.simulate(simulated_with.root, np.zeros(9), acceleration)
     segment = rollouts.options.segment
     assert np.all(rolled.n_checks == rollouts.options.n_checks)
     for i in range(9):
@@ -72,7 +72,7 @@ def test_a_motion_does_not_depend_on_its_neighbours_or_on_threads():
             assert np.array_equal(a[0], together.states[name][i])
 
 
-def test_no_rollout_follows_the_first_that_arrives():
+def test_rollouts_end_after_the_first_arrival():
     near = Problem(
         ARM,
         START,

@@ -93,7 +93,7 @@ def test_states_and_inputs_are_paired_or_one_is_shared():
     for i in range(4):
         assert same(both, stepped(inputs.bound(X0.q_K)[i], [states[i]]), slice(i, i + 1))
     assert len(stepped(None, states)) == len(stepped(inputs)) == 4
-    with pytest.raises(ValueError, match="4 states and 3 inputs do not go together"):
+    with pytest.raises(ValueError, match="4 states and 3 inputs; needed"):
         stepped(wandering(3), states)
 
 
@@ -152,7 +152,7 @@ def test_only_requested_results_are_saved():
     assert batch.acc_D is None and batch.ledger is None
     with pytest.raises(ValueError, match="were not saved"):
         batch.trajectory(0)
-    with pytest.raises(ValueError, match="save names 'q'"):
+    with pytest.raises(ValueError, match="save has 'q'"):
         stepped(wandering(3), save="q")
 
 

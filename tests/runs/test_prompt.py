@@ -57,7 +57,7 @@ def test_an_option_with_a_slip_names_the_one_that_is_meant() -> None:
 
 
 def test_batches_of_the_wrong_shape_are_state_errors() -> None:
-    with pytest.raises(StateError, match="2 states and 3 inputs do not go together"):
+    with pytest.raises(StateError, match="2 states and 3 inputs; needed"):
         fan.simulate_batch(ARM, [REST] * 2, [fan.Input.hold(ARM)] * 3, t_end=0.1)
     with pytest.raises(StateError, match="3 rows; it must have 1 or 2"):
         ARM.stepper_batch([REST] * 2).advance(0.1, np.zeros((3, 2)))

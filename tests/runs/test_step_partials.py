@@ -28,11 +28,11 @@ def moving(name, n=4, seed=0):
     return puppet, batch, rng
 
 
-def split(puppet, many):
+def split(puppet, steps):
     """Places of the columns of `motion`."""
     t = puppet.coordinates
     widths = (t.n_vD, t.n_vD, t.n_vK, t.n_vK, t.n_vK, t.n_vD, len(puppet.p))
-    return np.split(many, np.cumsum(widths)[:-1], axis=-1)
+    return np.split(steps, np.cumsum(widths)[:-1], axis=-1)
 
 
 @pytest.mark.parametrize("name", PUPPETS)

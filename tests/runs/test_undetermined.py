@@ -301,5 +301,5 @@ def test_four_corners_of_a_sole_alone_are_not_marked(method):
     winches = loads_stand(LIFTS)
     assert "no contact points" in str(check_stand(winches, batch.trajectory(0), standing).notes)
     assert "no contact points" not in str(check_stand(winches, run, standing).notes)
-    with pytest.raises(ValueError, match="does not keep the contact points"):
+    with pytest.raises(ValueError, match="does not store contact points"):
         fan.simulate_batch(standing, x0, t_end=0.05, save="undetermined")

@@ -357,7 +357,7 @@ def first_nodes(task: Task, chosen: ChosenParameters, guess: Input | Optimum | N
     """The nodes of the first motion, with the accelerations of a guess clipped to their bounds."""
     N, (shortest, longest) = task.n_intervals, task.durations
     nodes = Nodes.still(task.marionette, task.x0, longest, N)
-    values = chosen.first
+    values = chosen.own_values
     if isinstance(guess, Optimum):
         values = np.array(
             [guess.parameters.get(n, v) for n, v in zip(chosen.names, values, strict=True)]

@@ -218,7 +218,7 @@ def _variable_bounds(
         if not a <= marionette.p[index[name]] <= b or not np.isfinite(a + b):
             raise StateError(
                 f"reach: the parameter {name} is {marionette.p[index[name]]:g} and is to lie from "
-                f"{a:g} to {b:g}; needed: finite bounds that it lies between"
+                f"{a:g} to {b:g}; needed: finite bounds on both sides of it"
             )
         for bound in (a, b):
             marionette.with_parameters({name: bound})

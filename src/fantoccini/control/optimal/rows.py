@@ -31,7 +31,7 @@ class Rows:
     Args:
         task: see :class:`Task`.
         chosen: the parameters chosen along with the motion.
-        c: indices of the motion's constants that programs have.
+        c: indices of the motion's constants that are variables of programs.
     """
 
     def __init__(self, task: Task, chosen: ChosenParameters, c: Indices):

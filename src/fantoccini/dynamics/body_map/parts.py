@@ -29,7 +29,7 @@ MIN_HEAD_SCORE = 2.0
 MIN_HEAD_MASS = 0.5
 """Smallest mass of a head, relative to the heaviest body of its branch."""
 CLEAR_MARGIN, CLEAR_RISE = 0.5, 0.1
-"""Margin of scores, and height above the trunk relative to the puppet's height, above which the head
+"""Margin of scores, and height above the trunk relative to the puppet's height, above which a head
 is not doubtful."""
 
 
