@@ -17,12 +17,12 @@ from dataclasses import replace
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.control.optimal.attribution import passed_bound
+from fantoccini.control.optimal.attribution import largest_bound_violation
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.exploring import Exploration
 from fantoccini.control.optimal.hybrid import HybridRuns
 from fantoccini.control.optimal.iterations import Limits
-from fantoccini.control.optimal.multi_start import HOLDS
+from fantoccini.control.optimal.multi_start import MAX_RESIDUAL
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.optimal.sqp import Iterate, Search
@@ -57,7 +57,7 @@ def by_seed(task: fan.Task, seeds: int) -> None:
         )
         again = fan.simulate(task.marionette, task.x0, best.inputs, best.run.t[-1])
         off = max(np.max(np.abs(again.q_D[-1] - task.end.q_D)), np.max(np.abs(again.v_D[-1])))
-        successes.append(best.holds and off < HOLDS)
+        successes.append(best.holds and off < MAX_RESIDUAL)
         print(f"seed {seed:2}: {best}, end within {off:.1e}, slack {slack(best.run):.2f} s")
     print(f"found: {sum(successes)} of {seeds}")
 
@@ -81,7 +81,10 @@ def by_method(task: fan.Task, seeds: int) -> None:
             best = search(at, runs, objective, LIMITS).run()
             seconds[name] += time.perf_counter() - began
             off = np.max(np.abs(objective.end_gap(best.nodes)))
-            held = max(off, passed_bound(objective, best.nodes, best.ends).size) <= HOLDS
+            held = (
+                max(off, largest_bound_violation(objective, best.nodes, best.ends).size)
+                <= MAX_RESIDUAL
+            )
             costs[name].append(best.cost if held else np.inf)
     for name, J in costs.items():
         held = np.isfinite(J)

@@ -43,7 +43,7 @@ def first_program(task: fan.Task) -> tuple[StageProgram, float]:
     motion = runs.run(Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals))
     assert motion is not None
     objective, linear = Objective(task), runs.linearise(motion[0], runs.ends(*motion))
-    objective.take_unit(motion[0], linear)
+    objective.set_unit(motion[0], linear)
     return objective.program(motion[0], linear, DAMPING * objective.unit, 0.0), objective.unit
 
 

@@ -138,5 +138,5 @@ def test_without_front_and_back_the_direction_is_doubtful():
         bodies.append(zoo.body(name, "plate", [0, y, 0], zoo.rod([0, 0, -0.1]), joint=zoo.ball()))
         strings.append(zoo.string(f"lift_{name}", name, [0, 0, -0.09]))
     body_map = Marionette(zoo.puppet("plate", bodies, strings, {"plate": 0.2})).body_map
-    assert "tell front from back" in body_map.doubt("facing")
+    assert "do not distinguish front and back" in body_map.doubt("facing")
     assert body_map.facing == (1.0, 0.0, 0.0)

@@ -29,10 +29,10 @@ def converges(
     values: list[float], exact: float, order: float = 1.0, max_error: float = np.inf
 ) -> None:
     """Assert that errors shrink at an order as steps halve, or are rounding."""
-    off = errors(values, exact)
-    assert off[-1] <= max_error, off
-    for coarse, fine in pairwise(off):
-        assert fine <= coarse * 0.5**order * 1.3 + 1e-10 * abs(exact), off
+    deviations = errors(values, exact)
+    assert deviations[-1] <= max_error, deviations
+    for coarse, fine in pairwise(deviations):
+        assert fine <= coarse * 0.5**order * 1.3 + 1e-10 * abs(exact), deviations
 
 
 @pytest.mark.parametrize("slope", [0.1, 0.5, 1.0])
@@ -68,8 +68,8 @@ def test_a_block_that_slides_stops_after_its_way(mu):
     speed = np.hypot(1.0, 0.7)
     t_end = speed / (mu * G) * 1.2
     runs = [stepped(marionette, x0, t_end, dt) for dt in STEPS]
-    way = [np.hypot(run["body.x"][-1], run["body.y"][-1]) for run in runs]
-    converges(way, speed**2 / (2 * mu * G), max_error=5e-3)
+    displacement = [np.hypot(run["body.x"][-1], run["body.y"][-1]) for run in runs]
+    converges(displacement, speed**2 / (2 * mu * G), max_error=5e-3)
     assert np.max(np.abs(runs[-1].v_D[-1])) < 1e-9
     assert np.allclose(runs[-1]["body.y"][-1] / runs[-1]["body.x"][-1], 0.7, rtol=1e-9)
 
@@ -82,8 +82,8 @@ def test_a_ball_thrown_sliding_comes_to_roll_at_five_sevenths_of_its_speed():
     converges([run["v:body.x"][-1] for run in runs], 10.0 / 7.0, max_error=1e-9)
     converges([run.ledger["friction"][-1] for run in runs], 0.5 * 2.0**2 * 2 / 7, max_error=2e-2)
     roll = 2 * 2.0 / (7 * 0.3 * G)
-    way = 2.0 * roll - 0.3 * G * roll**2 / 2 + 10.0 / 7.0 * (0.5 - roll)
-    converges([run["body.x"][-1] for run in runs], way, max_error=5e-3)
+    displacement = 2.0 * roll - 0.3 * G * roll**2 / 2 + 10.0 / 7.0 * (0.5 - roll)
+    converges([run["body.x"][-1] for run in runs], displacement, max_error=5e-3)
 
 
 def test_a_hoop_with_backspin_comes_back():
@@ -118,8 +118,8 @@ def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
         last = touching.max()
         assert set(np.diff(touching)) == {1}
         heights.append(run["rod.z"][last] - 0.001)
-    off = errors(heights, 0.5 * np.sin(angle) * 2 / 3)
-    assert max(off) < 5e-3 and off[-1] < 2e-3, off
+    deviations = errors(heights, 0.5 * np.sin(angle) * 2 / 3)
+    assert max(deviations) < 5e-3 and deviations[-1] < 2e-3, deviations
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.4, 0.6])

@@ -73,9 +73,9 @@ def stepped(stage: fan.Marionette, starts: list[fan.State], steps: int) -> fan.T
 def test_lanes_keep_the_law_with_any_neighbours(stage):
     """The bits are the same in another order, with other neighbours and alone, in 60 steps."""
     starts = states(stage, 21)
-    whole = stepped(stage, starts, 60)
-    assert np.all(whole.status == Status.DONE)
-    assert np.nanmax(whole.contact_residual) < LAW
+    full_batch = stepped(stage, starts, 60)
+    assert np.all(full_batch.status == Status.DONE)
+    assert np.nanmax(full_batch.contact_residual) < LAW
     others = [
         (stepped(stage, starts[::-1], 60), slice(None, None, -1)),
         (stepped(stage, starts[6:11], 60), slice(6, 11)),
@@ -83,10 +83,10 @@ def test_lanes_keep_the_law_with_any_neighbours(stage):
     ]
     for other, part in others:
         for name in ("q_D", "v_D", "tension", "contact_residual"):
-            a, b = getattr(whole, name), getattr(other, name)
+            a, b = getattr(full_batch, name), getattr(other, name)
             a, b = getattr(a, "values", a), getattr(b, "values", b)
             assert np.array_equal(a[part], b), name
-        assert np.array_equal(whole.ledger.values[part], other.ledger.values)
+        assert np.array_equal(full_batch.ledger.values[part], other.ledger.values)
 
 
 def test_a_step_of_a_lane_is_that_of_a_single_run(stage):

@@ -26,18 +26,18 @@ def check(puppet: fan.Marionette, x: fan.State, modes: list[str], bound: float) 
     assert worst(np.array([point.force for point in lin.contacts]), np.array(forces)) < 1e-8
 
     def at(q_D=0.0, v_D=0.0, u=0.0) -> np.ndarray:
-        none = np.zeros(t.n_vD)
-        there = x.replace(
-            q_D=moved(x.q_D, none + q_D, t.scalars_D, t.quaternions_D), v_D=x.v_D + v_D
+        zeros = np.zeros(t.n_vD)
+        moved_state = x.replace(
+            q_D=moved(x.q_D, zeros + q_D, t.scalars_D, t.quaternions_D), v_D=x.v_D + v_D
         )
-        changed = puppet.linearise(there, acc_K, u_D + u, lin.rows, lin.contacts)
+        changed = puppet.linearise(moved_state, acc_K, u_D + u, lin.rows, lin.contacts)
         return np.concatenate([changed.acc_D, *(point.force for point in changed.contacts)])
 
     for name in ("q_D", "v_D", "u_D"):
         derivative = np.concatenate([getattr(lin.acc, name), getattr(lin.push, name)])
         key = name.removesuffix("_D") if name == "u_D" else name
-        wanted = difference(lambda d, key=key: at(**{key: d}), t.n_vD, 1e-4)
-        assert worst(derivative, wanted) < bound, name
+        expected = difference(lambda d, key=key: at(**{key: d}), t.n_vD, 1e-4)
+        assert worst(derivative, expected) < bound, name
 
 
 def rolling(puppet: fan.Marionette, place: dict[str, float], w: np.ndarray, arm: np.ndarray):

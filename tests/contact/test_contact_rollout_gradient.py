@@ -58,9 +58,9 @@ def check_products(case: Case) -> fan.dynamics.Rollout:
     run = case.rollout(extrapolate=False)
     own, by_tension = weights(run)
     gradient = run.gradient(*own, by_tension)
-    for name, wanted in swept(case.puppet, run, case.acc, case.force, own, by_tension).items():
-        size = np.max(np.abs(wanted), initial=1e-6)
-        assert np.allclose(getattr(gradient, name), wanted, rtol=0, atol=1e-9 * size), name
+    for name, expected in swept(case.puppet, run, case.acc, case.force, own, by_tension).items():
+        size = np.max(np.abs(expected), initial=1e-6)
+        assert np.allclose(getattr(gradient, name), expected, rtol=0, atol=1e-9 * size), name
     return run
 
 
@@ -101,14 +101,14 @@ def check_differences(case: Case, steps: Steps = Steps()) -> fan.dynamics.Rollou
         }
         by[name] = d
         x = case.x
-        there = x.replace(
+        moved_state = x.replace(
             q_D=moved(x.q_D, by["q_D"], t.scalars_D, t.quaternions_D),
             v_D=x.v_D + by["v_D"],
             q_K=moved(x.q_K, by["q_K"], t.scalars_K, t.quaternions_K),
             v_K=x.v_K + by["v_K"],
         )
         at = puppet.rollout(
-            there, case.acc + by["acc_K"], case.force + by["u_D"], p=puppet.p + by["p"], dt=DT
+            moved_state, case.acc + by["acc_K"], case.force + by["u_D"], p=puppet.p + by["p"], dt=DT
         )
         for modes in ("held", "n_contacts", "n_sliding"):
             assert (getattr(at, modes) == getattr(run, modes)).all(), (name, modes)

@@ -44,12 +44,12 @@ def tangent(puppet: fan.Marionette, base: fan.State, x: fan.State) -> np.ndarray
     return np.concatenate([q, x.v_D - base.v_D])
 
 
-def last(puppet: fan.Marionette, x: fan.State, t_end: float, inputs=None) -> fan.State:
+def end_state(puppet: fan.Marionette, x: fan.State, t_end: float, inputs=None) -> fan.State:
     run = fan.simulate(puppet, x, inputs, t_end, **FINE)
     return run.state(len(run) - 1)
 
 
-def by_start(
+def differences_by_start(
     puppet: fan.Marionette,
     x: fan.State,
     t_end: float,
@@ -59,12 +59,12 @@ def by_start(
 ) -> np.ndarray:
     """Differences of runs by their start, along directions (2 n_vD, m)."""
     t = puppet.coordinates
-    base = last(puppet, x, t_end, inputs)
+    base = end_state(puppet, x, t_end, inputs)
 
     def end(d: np.ndarray) -> np.ndarray:
         dq, dv = np.split(directions @ d, 2)
         start = x.replace(q_D=moved(x.q_D, dq, t.scalars_D, t.quaternions_D), v_D=x.v_D + dv)
-        return tangent(puppet, base, last(puppet, start, t_end, inputs))
+        return tangent(puppet, base, end_state(puppet, start, t_end, inputs))
 
     return difference(end, directions.shape[1], step)
 
@@ -84,8 +84,8 @@ def check(
     assert result.sharp
     directions_kept = np.setdiff1d(np.arange(2 * puppet.coordinates.n_vD), drop)
     directions = np.eye(2 * puppet.coordinates.n_vD)[:, directions_kept]
-    wanted = by_start(puppet, x, t_end, directions, step)
-    assert worst(result.x0[-1] @ directions, wanted) < bound
+    expected = differences_by_start(puppet, x, t_end, directions, step)
+    assert worst(result.x0[-1] @ directions, expected) < bound
     return result
 
 
@@ -105,10 +105,10 @@ def test_a_bouncing_ball_agrees_with_complex_steps_through_its_closed_form():
     x = thrown(puppet, {"ball": 0.6}, {"ball": 0.2})
     result = fan.dynamics.sensitivity(puppet, x, t_end=0.9)
     assert len(result.passages) == 2 and result.sharp
-    wanted = np.array(
+    expected = np.array(
         [bounced(0.6 + 1e-30j * a, 0.2 + 1e-30j * b, 0.9, 0.6).imag / 1e-30 for a, b in np.eye(2)]
     ).T
-    assert worst(result.x0[-1], wanted) < 1e-8
+    assert worst(result.x0[-1], expected) < 1e-8
     first = result.passages[0]
     assert first.rows == ("ball|floor",)
     by_hand = np.array([[-0.6, 0.0], [1.6 * G / first.speed, -0.6]])
@@ -186,8 +186,8 @@ bodies: [{name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mas
     directions = np.zeros((12, 4))
     directions[9:12, :3] = np.eye(3)
     directions[[6, 8], 3] = c, -s
-    wanted = by_start(puppet, x, 0.45, directions, 1e-4)
-    assert worst(result.x0[-1] @ directions, wanted) < 1e-7
+    expected = differences_by_start(puppet, x, 0.45, directions, 1e-4)
+    assert worst(result.x0[-1] @ directions, expected) < 1e-7
 
 
 def test_a_ladder_leaves_its_wall():
@@ -201,11 +201,11 @@ def test_a_ladder_leaves_its_wall():
 
     result = fan.dynamics.sensitivity(puppet, x, t_end=0.4)
     assert [event.kind for event in result.run.events] == ["lift"]
-    base = last(puppet, x, 0.4)
+    base = end_state(puppet, x, 0.4)
 
     def end(d: np.ndarray) -> np.ndarray:
         start = ladder(1.0 + d[0])[1].replace(v_D=along(1.0 + d[0]) * d[1])
-        return tangent(puppet, base, last(puppet, start, 0.4))
+        return tangent(puppet, base, end_state(puppet, start, 0.4))
 
     directions = np.zeros((12, 2))
     directions[:6, 0] = directions[6:, 1] = along(1.0)
@@ -242,13 +242,16 @@ def test_a_puppet_lands_slides_and_is_caught(acrobat):
     result = fan.dynamics.sensitivity(puppet, x, inputs, 0.25, along=along)
     kinds = [event.kind for event in result.run.events]
     assert {"touch", "slide", "catch"} <= set(kinds) and result.sharp
-    assert worst(result.x0[-1], by_start(puppet, x, 0.25, np.eye(2 * n), 1e-5, inputs)) < 1e-7
-    base = last(puppet, x, 0.25, inputs)
+    assert (
+        worst(result.x0[-1], differences_by_start(puppet, x, 0.25, np.eye(2 * n), 1e-5, inputs))
+        < 1e-7
+    )
+    base = end_state(puppet, x, 0.25, inputs)
 
     def by_parameters(d: np.ndarray) -> np.ndarray:
         values = zip(puppet.tree.parameters.items(), d, strict=True)
         other = puppet.with_parameters({name: value + more for (name, value), more in values})
-        return tangent(puppet, base, last(other, x, 0.25, inputs))
+        return tangent(puppet, base, end_state(other, x, 0.25, inputs))
 
     assert worst(result.p[-1], difference(by_parameters, len(puppet.p), 1e-5)) < 1e-7
 
@@ -264,7 +267,7 @@ def test_a_puppet_lands_slides_and_is_caught(acrobat):
         q_K, start = np.array(x.q_K), changed_inputs.evaluate(0.0)[0]
         for q, v in puppet.coordinates.scalars_K:
             q_K[q] = start[q] if changed_inputs.named[v] else q_K[q]
-        return tangent(puppet, base, last(puppet, x.replace(q_K=q_K), 0.25, changed_inputs))
+        return tangent(puppet, base, end_state(puppet, x.replace(q_K=q_K), 0.25, changed_inputs))
 
     assert worst(result.along[-1], difference(by_points, len(along), 1e-5)) < 1e-7
 
@@ -282,9 +285,11 @@ def test_the_bundled_marionette_lifts_a_hand_while_it_stands():
     along = fan.motion.InputDerivative.of_waypoints(puppet, points)
     result = fan.dynamics.sensitivity(puppet, x, lift(0.0), 0.1, along=along[1:])
     assert result.sharp and result.run.contact is not None and len(result.run.contact)
-    base = last(puppet, x, 0.1, lift(0.0))
-    wanted = difference(lambda d: tangent(puppet, base, last(puppet, x, 0.1, lift(d[0]))), 1, 1e-5)
-    assert worst(result.along[-1], wanted) < 1e-7
+    base = end_state(puppet, x, 0.1, lift(0.0))
+    expected = difference(
+        lambda d: tangent(puppet, base, end_state(puppet, x, 0.1, lift(d[0]))), 1, 1e-5
+    )
+    assert worst(result.along[-1], expected) < 1e-7
 
 
 def test_runs_without_a_derivative_are_not_sharp():

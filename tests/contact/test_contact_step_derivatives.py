@@ -92,12 +92,12 @@ def check_step(
         size = sizes.get(name, steps.a)
         columns = np.zeros((places[-1], width))
         columns[first : first + width] = size * np.eye(width)
-        wanted = difference(lambda d, c=columns: end_for(c @ d), width, 1.0) / size
+        expected = difference(lambda d, c=columns: end_for(c @ d), width, 1.0) / size
         derivative = state_derivatives[:, first : first + width]
-        assert worst(derivative, wanted[: len(derivative)]) < bound, name
+        assert worst(derivative, expected[: len(derivative)]) < bound, name
         if len(set(modes)) == len(modes):
             # Redundant points may share their forces differently for neighbouring states.
-            assert worst(getattr(lin.push, name), wanted[len(derivative) :]) < 10 * bound, name
+            assert worst(getattr(lin.push, name), expected[len(derivative) :]) < 10 * bound, name
     return lin
 
 
@@ -106,22 +106,22 @@ def check_compiled(
 ):
     """The compiled linearise_steps gives the derivatives of linearise_step; all steps settle."""
     x, t = lin.x, puppet.coordinates
-    many = puppet.linearise_steps(
+    steps = puppet.linearise_steps(
         x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, dt=lin.dt, forces=True, pull=True
     )
-    assert many.settled.all()
-    assert many.n_contacts.tolist() == [len(lin.contacts)]
-    assert many.sharp.tolist() == [lin.sharp]
-    assert np.allclose(many.q_D[0], lin.x_next.q_D, rtol=0, atol=1e-12)
-    assert np.allclose(many.v_D[0], lin.x_next.v_D, rtol=0, atol=1e-12)
+    assert steps.settled.all()
+    assert steps.n_contacts.tolist() == [len(lin.contacts)]
+    assert steps.sharp.tolist() == [lin.sharp]
+    assert np.allclose(steps.q_D[0], lin.x_next.q_D, rtol=0, atol=1e-12)
+    assert np.allclose(steps.v_D[0], lin.x_next.v_D, rtol=0, atol=1e-12)
     n, k = t.n_vD, t.n_vK
-    derivatives = np.concatenate([many.A[0], many.B[0]], axis=1)
-    wanted = np.concatenate([lin.A, lin.B], axis=1)
-    assert worst(derivatives, wanted) < 1e-9
+    derivatives = np.concatenate([steps.A[0], steps.B[0]], axis=1)
+    expected = np.concatenate([lin.A, lin.B], axis=1)
+    assert worst(derivatives, expected) < 1e-9
     more = np.concatenate([lin.B_u, lin.B_p], axis=1)[: 2 * n]
-    assert worst(many.motion[0][:, 2 * n + 3 * k :], more) < 1e-9
+    assert worst(steps.motion[0][:, 2 * n + 3 * k :], more) < 1e-9
     pull = np.concatenate(list(vars(lin.pull).values()), axis=1)
-    assert worst(many.pull[0], pull) < 1e-9
+    assert worst(steps.pull[0], pull) < 1e-9
 
 
 @pytest.fixture(scope="module")
@@ -191,9 +191,9 @@ def test_a_box_that_slides_aside_has_no_derivative(box):
         fan.errors.StateError, match=r"body\|floor slide on more points than the law"
     ):
         box.linearise_step(x)
-    many = box.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
-    assert not many.settled.any() and not many.sharp.any()
-    assert many.edges_of(0) == ("solids slide on so many points that their forces are not unique",)
+    steps = box.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
+    assert not steps.settled.any() and not steps.sharp.any()
+    assert steps.edges_of(0) == ("solids slide on so many points that their forces are not unique",)
 
 
 def test_a_capsule_lies_and_slides():
@@ -298,18 +298,18 @@ def test_edges_are_named(ball, box, balls):
     lin = ball.linearise_step(ball.state({"body.z": 0.07}), u_D=pull)
     assert not lin.sharp
     x = ball.state({"body.z": 0.07})
-    many = ball.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K, u_D=np.array([lift, pull, 0 * pull]))
-    assert many.sharp.tolist() == [False, False, True] and many.settled.all()
-    assert many.edges_of(0) == ("a point touches without force",)
-    assert many.edges_of(1) == ("a point sticks at the edge of its cone",)
-    assert many.edges_of(2) == ()
+    steps = ball.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K, u_D=np.array([lift, pull, 0 * pull]))
+    assert steps.sharp.tolist() == [False, False, True] and steps.settled.all()
+    assert steps.edges_of(0) == ("a point touches without force",)
+    assert steps.edges_of(1) == ("a point sticks at the edge of its cone",)
+    assert steps.edges_of(2) == ()
     above_right = {"a.z": 0.1, "b.z": 0.1 + 0.17 * 0.8, "b.x": 0.17 * 0.6}
     assert balls.linearise_step(balls.state(above_right)).edges == (
         "b|a: springs back if any faster, or is not the only one that touches first",
     )
     x = balls.state(above_right)
-    many = balls.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
-    assert many.edges_of(0) == (
+    steps = balls.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
+    assert steps.edges_of(0) == (
         "a point springs back if any faster, or is not the only one that touches first",
     )
     assert box.linearise_step(box.state({"body.z": 0.05})).sharp

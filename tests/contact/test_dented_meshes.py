@@ -60,9 +60,9 @@ def check(run: fan.Trajectory) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_a_bowl_catches_a_ball(tmp_path, method):
     """It comes to rest inside, at the lowest place above the pieces."""
-    thing = scene(tmp_path, bowl(), "{name: bowl, type: mesh, file: thing.obj}", BALL)
-    x0 = thing.state({"thing.x": 0.03, "thing.y": 0.01, "thing.z": 0.2})
-    run = fan.simulate(thing, x0, t_end=4.0, method=method)
+    puppet = scene(tmp_path, bowl(), "{name: bowl, type: mesh, file: thing.obj}", BALL)
+    x0 = puppet.state({"thing.x": 0.03, "thing.y": 0.01, "thing.z": 0.2})
+    run = fan.simulate(puppet, x0, t_end=4.0, method=method)
     check(run)
     assert np.hypot(*run.q_D[-1, :2]) < 0.01
     # The bowl's inner pole is at 0.02; pieces may fill 3 % of the longest side, 0.2 m.
@@ -72,8 +72,8 @@ def test_a_bowl_catches_a_ball(tmp_path, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_hook_hangs_over_the_edge_of_a_wall(tmp_path, method):
-    thing = scene(tmp_path, hook(), WALL)
-    run = fan.simulate(thing, thing.state({"thing.z": 0.005}), t_end=1.0, method=method)
+    puppet = scene(tmp_path, hook(), WALL)
+    run = fan.simulate(puppet, puppet.state({"thing.z": 0.005}), t_end=1.0, method=method)
     check(run)
     assert np.allclose(run.q_D[-1, :3], 0.0, atol=1e-4)
     assert np.max(np.abs(run.v_D[-1])) < 1e-9
@@ -83,8 +83,8 @@ def test_a_hook_hangs_over_the_edge_of_a_wall(tmp_path, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_ring_hangs_on_a_peg(tmp_path, method):
-    thing = scene(tmp_path, ring(), PEG)
-    run = fan.simulate(thing, thing.state({"thing.z": -0.055}), t_end=2.0, method=method)
+    puppet = scene(tmp_path, ring(), PEG)
+    run = fan.simulate(puppet, puppet.state({"thing.z": -0.055}), t_end=2.0, method=method)
     check(run)
     # Its hole has the radius 0.08, the peg 0.02.
     assert -0.06 - 1e-6 < run.q_D[-1, 2] < -0.06 + 0.03 * 0.24
@@ -124,25 +124,25 @@ pose: {ball.x: 0.05, ball.y: 0.01, ball.z: 0.25, ring.x: 0.29, ring.z: 0.15}
 
 def test_a_dented_mesh_in_lanes_and_in_a_scene_of_two(tmp_path):
     """Batches move it as single runs do; a second body has its own pieces."""
-    thing = scene(
+    puppet = scene(
         tmp_path,
         hook(),
         WALL,
         more="- {name: other, joint: {type: free}, shapes: [" + MESH + "]}\n",
     )
-    assert len(thing.contacts.hulls) == 6
+    assert len(puppet.contacts.hulls) == 6
     method = fan.TimeStepping(dt=1e-3)
     starts = [
-        thing.state({"thing.z": 0.005 + 0.001 * i, "other.z": 0.33, "other.y": 0.05})
+        puppet.state({"thing.z": 0.005 + 0.001 * i, "other.z": 0.33, "other.y": 0.05})
         for i in range(9)
     ]
-    batch = fan.simulate_batch(thing, starts, t_end=0.3, method=method)
+    batch = fan.simulate_batch(puppet, starts, t_end=0.3, method=method)
     for i, x0 in enumerate(starts):
-        run = fan.simulate(thing, x0, t_end=0.3, method=method)
+        run = fan.simulate(puppet, x0, t_end=0.3, method=method)
         assert np.allclose(batch.q_D[i][-1], run.q_D[-1], rtol=0, atol=1e-9)
     assert {"thing|wall", "other|thing"} <= {event.name for event in run.events}
     # Pieces of one body do not touch each other.
-    assert all(len(set(pair)) == 2 for pair in thing.contacts.names)
+    assert all(len(set(pair)) == 2 for pair in puppet.contacts.names)
 
 
 def hulls_of(folder: Path, mesh: trimesh.Trimesh):
@@ -196,8 +196,8 @@ def test_the_same_mesh_has_the_same_pieces_with_and_without_the_cache(tmp_path, 
     for spoil in (None, b"", b"PK\x03\x04 no archive"):
         if spoil is not None:
             cached.write_bytes(spoil)
-        again, _ = hulls_of(tmp_path, hook())
-        for piece, other in zip(first, again, strict=True):
+        repeated, _ = hulls_of(tmp_path, hook())
+        for piece, other in zip(first, repeated, strict=True):
             assert np.array_equal(piece.vertices, other.vertices)
     cached.chmod(0o666)  # not to be trusted: computed again, with the permissions of the first
     hulls_of(tmp_path, hook())
@@ -225,8 +225,8 @@ def test_a_missing_library_has_a_remedy(tmp_path, monkeypatch):
         return known(name)
 
     monkeypatch.setattr(importlib.metadata, "version", version)
-    thing = scene(tmp_path, hook(), WALL)
-    refused(thing, "is not installed: python -m pip install coacd")
+    puppet = scene(tmp_path, hook(), WALL)
+    refused(puppet, "is not installed: python -m pip install coacd")
 
 
 def test_too_many_pieces_and_pieces_that_do_not_fit_are_refused(tmp_path, monkeypatch):
@@ -240,14 +240,14 @@ def test_too_many_pieces_and_pieces_that_do_not_fit_are_refused(tmp_path, monkey
 
 def test_a_mesh_with_later_contact_is_refused(tmp_path):
     """Compiled code has a fixed number of solids, those with contact when it was compiled."""
-    thing = scene(tmp_path, hook(), WALL)
+    puppet = scene(tmp_path, hook(), WALL)
     path = tmp_path / "scene.yaml"
     path.write_text(path.read_text().replace(WALL, ""))
     alone = fan.load(path)
     assert len(alone.contacts.hulls) == 0
-    among = alone.with_obstacles(thing.puppet.obstacles)
+    among = alone.with_obstacles(puppet.puppet.obstacles)
     refused(among, "touched nothing when the puppet was compiled")
     # The reverse is possible.
-    bare = thing.with_obstacles(())
+    bare = puppet.with_obstacles(())
     assert len(bare.contacts.hulls) == 0
     fan.simulate(bare, bare.state(), t_end=0.01, method="timestepping")

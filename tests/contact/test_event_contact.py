@@ -73,9 +73,9 @@ def test_a_ball_thrown_sliding_comes_to_roll_at_five_sevenths_of_its_speed():
     run = fan.simulate(marionette, thrown(marionette, {"body.z": 0.1}, {"body.x": 2.0}), t_end=0.5)
     sound(run)
     roll = 2 * 2.0 / (7 * 0.3 * G)
-    way = 2.0 * roll - 0.3 * G * roll**2 / 2 + 10.0 / 7.0 * (0.5 - roll)
+    displacement = 2.0 * roll - 0.3 * G * roll**2 / 2 + 10.0 / 7.0 * (0.5 - roll)
     assert abs(run["v:body.x"][-1] - 10.0 / 7.0) < CLOSE
-    assert abs(run["body.x"][-1] - way) < CLOSE
+    assert abs(run["body.x"][-1] - displacement) < CLOSE
     assert abs(run.ledger["friction"][-1] - 0.5 * 2.0**2 * 2 / 7) < CLOSE
     assert abs(of(run, "stick")[0].t - roll) < CLOSE
 
@@ -327,11 +327,11 @@ def test_a_batch_includes_contact_and_flight():
     marionette = fan.loads(BALL)
     starts = [marionette.state({"body.z": z}) for z in (0.25, 5.0)]
     times = np.linspace(0.0, 0.4, 5)
-    many = fan.simulate_batch(marionette, starts, t_end=0.4, save_at=times)
-    assert np.all(many.status == Status.DONE)
+    batch = fan.simulate_batch(marionette, starts, t_end=0.4, save_at=times)
+    assert np.all(batch.status == Status.DONE)
     for i, x0 in enumerate(starts):
         single = fan.simulate(marionette, x0, t_end=0.4, save_at=times)
-        assert np.allclose(many.q_D[i, -1], single.q_D[-1], atol=1e-12)
+        assert np.allclose(batch.q_D[i, -1], single.q_D[-1], atol=1e-12)
 
 
 def test_the_ledger_has_an_impact_at_the_start():

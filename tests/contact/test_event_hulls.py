@@ -82,8 +82,8 @@ def test_a_box_as_a_mesh_tips_over_an_edge_as_the_box_does(tmp_path, yaw, mu, ov
     place = {"body.x": over, "body.z": 0.05, "body.rotation": turn}
     runs = []
     for body_is_mesh, table_is_mesh in ((False, False), (True, False), (False, True), (True, True)):
-        thing = over_edge(tmp_path, block(tmp_path, BOX, body_is_mesh), mu, table_is_mesh)
-        runs.append(fan.simulate(thing, thrown(thing, place, {"body.x": speed}), t_end=0.4))
+        puppet = over_edge(tmp_path, block(tmp_path, BOX, body_is_mesh), mu, table_is_mesh)
+        runs.append(fan.simulate(puppet, thrown(puppet, place, {"body.x": speed}), t_end=0.4))
         sound(runs[-1])
         moved_alike(runs[-1], runs[0])
     assert runs[0].q_D[-1, 2] < -0.1
@@ -125,13 +125,13 @@ def test_round_solids_pass_over_the_edge_of_a_mesh_as_over_that_of_a_box(tmp_pat
     shape, place, speed = ROUND[name]
     runs = []
     for is_mesh in (False, True):
-        thing = over_edge(tmp_path, shape, 0.5, is_mesh)
+        puppet = over_edge(tmp_path, shape, 0.5, is_mesh)
         x0 = thrown(
-            thing,
+            puppet,
             {f"body.{k}": x for k, x in place.items()},
             {f"body.{k}": x for k, x in speed.items()},
         )
-        runs.append(fan.simulate(thing, x0, t_end=0.4))
+        runs.append(fan.simulate(puppet, x0, t_end=0.4))
         sound(runs[-1])
     moved_alike(*runs)
 
@@ -167,11 +167,11 @@ bodies:
   com: [0, 0, 0]
   inertia: [{across}, {side}, {across}]
 """)
-    thing = fan.load(tmp_path / "prism.yaml")
+    puppet = fan.load(tmp_path / "prism.yaml")
     # On the edge ahead, tipped by `start` from the face behind it.
     half, inertia, start = np.pi / n, side + R**2, 0.35
     lean = start - half  # of the line from the edge to the middle, from the slope's normal
-    x0 = thing.state(
+    x0 = puppet.state(
         {
             "body.x": R * np.sin(lean),
             "body.z": R * np.cos(lean),
@@ -180,13 +180,13 @@ bodies:
     )
     speed = 1.0
     x0 = thrown(
-        thing,
-        {name: float(x) for name, x in zip(thing.coordinates.q_D[:3], x0.q_D[:3], strict=True)}
+        puppet,
+        {name: float(x) for name, x in zip(puppet.coordinates.q_D[:3], x0.q_D[:3], strict=True)}
         | {"body.rotation": tuple(float(x) for x in x0.q_D[3:])},
         {"body.x": speed * R * np.cos(lean), "body.z": -speed * R * np.sin(lean), "body.wy": speed},
     )
     t_end = 1.2
-    run = fan.simulate(thing, x0, t_end=t_end)
+    run = fan.simulate(puppet, x0, t_end=t_end)
     sound(run)
 
     def lands(t: float, y: np.ndarray) -> float:
@@ -233,7 +233,7 @@ bodies:
 - {{name: body, joint: {{type: free}}, shapes: [{{type: mesh, file: {name}}}], mass: 1,
    com: [0, 0, 0], inertia: [0.008, 0.008, 0.008]}}
 """)
-    thing = fan.load(tmp_path / "octahedron.yaml")
+    puppet = fan.load(tmp_path / "octahedron.yaml")
     # The edge from (a, 0, 0) to (0, 0, -a), turned to lie along x with the middle above it.
     arm, start = a / np.sqrt(2), 0.02
     first = np.array([np.cos(np.pi / 8), 0.0, np.sin(np.pi / 8), 0.0])  # by 45 degrees about y
@@ -242,14 +242,14 @@ bodies:
         lean[0] * first[0] - lean[1:] @ first[1:],
         (lean[0] * first[1:] + first[0] * lean[1:] + np.cross(lean[1:], first[1:])),
     )
-    x0 = thing.state(
+    x0 = puppet.state(
         {
             "body.y": -arm * np.sin(start),
             "body.z": arm * np.cos(start),
             "body.rotation": (w, x, y, z),
         }
     )
-    run = fan.simulate(thing, x0, t_end=1.5)
+    run = fan.simulate(puppet, x0, t_end=1.5)
     sound(run)
     falls = 0.5 * np.pi - np.arcsin(a / np.sqrt(3) / arm)  # where the middle is over the facet
 
@@ -280,7 +280,7 @@ def test_a_falling_plank_slips_when_its_forces_leave_the_cone(tmp_path, mu, is_m
      = mu N, both from the energy, is a root.
     """
     size, start = (0.02, 0.2, 1.0), 0.03
-    thing = over_edge(
+    puppet = over_edge(
         tmp_path,
         block(tmp_path, size, True),
         mu,
@@ -289,14 +289,14 @@ def test_a_falling_plank_slips_when_its_forces_leave_the_cone(tmp_path, mu, is_m
     )
     arm, own = 0.5 * np.hypot(size[0], size[2]), np.arctan(size[0] / size[2])
     turned = start + own
-    x0 = thing.state(
+    x0 = puppet.state(
         {
             "body.x": -0.4 + arm * np.sin(start),
             "body.z": arm * np.cos(start),
             "body.rotation": (np.cos(turned / 2), 0.0, np.sin(turned / 2), 0.0),
         }
     )
-    run = fan.simulate(thing, x0, t_end=1.5)
+    run = fan.simulate(puppet, x0, t_end=1.5)
     assert run.status is Status.DONE
     slide = next(event for event in run.events if event.kind == "slide")
     angle_of_slip = 2 * np.arcsin(run["body.qy"][np.searchsorted(run.t, slide.t)]) - own

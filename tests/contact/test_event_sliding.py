@@ -94,8 +94,8 @@ bodies:
   joint: {{type: prismatic, axis: [0, 0, 1]}}
   shapes: [{{type: sphere, radius: 0.1, at: [0, 0, 0.1], mass: 1}}]
 """)
-    way = {"beam": [(0.0, 0.0), (4.0, 4.0)], "tray": [(0.0, 0.0), (2.5, 1.0), (4.0, 0.5)]}
-    drag = fan.Input.waypoints(marionette, way)
+    waypoints = {"beam": [(0.0, 0.0), (4.0, 4.0)], "tray": [(0.0, 0.0), (2.5, 1.0), (4.0, 0.5)]}
+    drag = fan.Input.waypoints(marionette, waypoints)
     begins = brentq(lambda t: np.linalg.norm(drag.evaluate(t)[2]) - mu * G, 0.01, 1.0)
     a = drag.evaluate(begins)[2]
 

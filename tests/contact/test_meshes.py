@@ -79,23 +79,23 @@ def test_a_box_as_a_mesh_slides_and_rests_as_the_box(tmp_path, friction):
     post = "obstacles: [{name: post, type: box, size: [0.1, 1, 0.2], at: [0.4, 0, 0]}]\n"
     runs = []
     for shape in ("{type: box, size: [0.2, 0.3, 0.1], mass: 1}", MESH):
-        thing = body(tmp_path, BOX, shape=shape, friction=friction, gravity=gravity, more=post)
-        x0 = thrown(thing, {"body.z": 0.051}, {"body.x": 0.4})
-        runs.append(stepped(thing, x0, 0.6, 1e-3))
+        puppet = body(tmp_path, BOX, shape=shape, friction=friction, gravity=gravity, more=post)
+        x0 = thrown(puppet, {"body.z": 0.051}, {"body.x": 0.4})
+        runs.append(stepped(puppet, x0, 0.6, 1e-3))
     box, mesh = runs
     assert np.max(np.abs(box.q_D - mesh.q_D)) < 1e-9
     assert np.max(np.abs(box.v_D - mesh.v_D)) < 1e-7
     # At the post, eight points are redundant, and their forces are one of many solutions.
     before = np.flatnonzero(box.q_D[:, 0] < 0.24)
-    gone = [run.ledger["friction"][before] for run in runs]
-    assert np.max(np.abs(gone[0] - gone[1])) < 1e-9
+    out_of_length = [run.ledger["friction"][before] for run in runs]
+    assert np.max(np.abs(out_of_length[0] - out_of_length[1])) < 1e-9
     assert np.ptp(box.q_D[:, 0]) > 0.02
 
 
 def test_a_tetrahedron_thrown_onto_the_floor_comes_to_rest_on_a_face(tmp_path):
-    thing = body(tmp_path, hulled(TETRAHEDRON))
-    x0 = thrown(thing, {"body.z": 0.5}, {"body.x": 1.0, "body.wx": 3.0, "body.wy": -5.0})
-    run = stepped(thing, x0, 4.0, 2e-3)
+    puppet = body(tmp_path, hulled(TETRAHEDRON))
+    x0 = thrown(puppet, {"body.z": 0.5}, {"body.x": 1.0, "body.wx": 3.0, "body.wy": -5.0})
+    run = stepped(puppet, x0, 4.0, 2e-3)
     heights = lowest(run.q_D, TETRAHEDRON)
     assert np.min(heights) > -2e-3
     assert np.max(np.abs(heights[-1, :3])) < 1e-6
@@ -111,7 +111,7 @@ def test_a_wedge_holds_a_block_that_its_friction_holds(tmp_path):
     (tmp_path / "wedge.obj").write_text(hulled(WEDGE).export(file_type="obj", digits=17))
     cube = trimesh.creation.box((0.06, 0.06, 0.06))
     for friction, slides in ((0.3, False), (0.2, True)):
-        thing = body(
+        puppet = body(
             tmp_path,
             cube,
             friction=friction,
@@ -120,10 +120,10 @@ def test_a_wedge_holds_a_block_that_its_friction_holds(tmp_path):
         up = np.array([np.sin(angle), 0.0, np.cos(angle)])
         middle = np.array([0.2, 0.1, 0.05]) + 0.03 * up
         place = {"body.x": middle[0], "body.y": middle[1], "body.z": middle[2]}
-        x0 = thing.state(place)
+        x0 = puppet.state(place)
         q = np.array(x0.q_D)
         q[3:7] = [np.cos(angle / 2), 0, np.sin(angle / 2), 0]
-        run = stepped(thing, x0.replace(q_D=q), 0.3, 1e-3)
+        run = stepped(puppet, x0.replace(q_D=q), 0.3, 1e-3)
         moved = float(np.linalg.norm(run.q_D[-1, :3] - middle))
         rate = 9.81 * (np.sin(angle) - friction * np.cos(angle))
         assert moved == pytest.approx(0.5 * rate * 0.3**2 if slides else 0.0, abs=2e-4)
@@ -132,10 +132,10 @@ def test_a_wedge_holds_a_block_that_its_friction_holds(tmp_path):
 def test_an_icosphere_rolls(tmp_path):
     """It keeps rolling on its facets, always in contact with whole facets or edges, and upright."""
     coarse = trimesh.creation.icosphere(subdivisions=1, radius=0.1)
-    thing = body(tmp_path, coarse, friction=0.8)
+    puppet = body(tmp_path, coarse, friction=0.8)
     speed = 2.0
-    x0 = thrown(thing, {"body.z": 0.1001}, {"body.x": speed, "body.wy": speed / 0.1})
-    run = stepped(thing, x0, 0.5, 1e-3)
+    x0 = thrown(puppet, {"body.z": 0.1001}, {"body.x": speed, "body.wy": speed / 0.1})
+    run = stepped(puppet, x0, 0.5, 1e-3)
     assert run.q_D[-1, 0] > 0.5
     heights = lowest(run.q_D, np.array(coarse.vertices))
     assert np.min(heights) > -2e-3
@@ -202,23 +202,23 @@ def test_a_box_as_an_obstacle_supports_a_body(tmp_path):
         "obstacles: [{name: table, type: mesh, file: table.stl, scale: 0.1, at: [-0.1, 0.2, 0], "
         "orientation: {axis: [1, 0, 0], angle: 90 deg}}]\n"
     )
-    thing = body(tmp_path, BOX, more=table)
+    puppet = body(tmp_path, BOX, more=table)
     # The table's z axis points along -y, its y axis up: it reaches from z = -0.1 to 0.5.
-    x0 = thrown(thing, {"body.z": 0.56, "body.y": -0.1}, {})
-    run = stepped(thing, x0, 0.5, 1e-3)
+    x0 = thrown(puppet, {"body.z": 0.56, "body.y": -0.1}, {})
+    run = stepped(puppet, x0, 0.5, 1e-3)
     assert np.allclose(run.q_D[-1, :3], [0, -0.1, 0.55], rtol=0, atol=1e-6)
 
 
 def refused(folder: Path, mesh: trimesh.Trimesh, text: str, *, more: str = "") -> None:
     """Check that a drawn mesh on a body with its own mass is refused."""
-    thing = body(
+    puppet = body(
         folder,
         mesh,
         shape="{type: sphere, radius: 0.1, mass: 1}, {type: mesh, file: thing.obj}",
         more=more,
     )
     with pytest.raises(PuppetError) as error:
-        _ = thing.contacts
+        _ = puppet.contacts
     assert text in str(error.value)
     assert "thing.yaml:7: shapes of body: thing.obj" in str(error.value)
 
@@ -245,13 +245,13 @@ def test_the_most_protruding_of_many_vertices_count(tmp_path):
 
 def test_a_mesh_that_touches_nothing_may_have_any_shape(tmp_path):
     text = "{type: sphere, radius: 0.1, mass: 1}, {type: mesh, file: thing.obj}"
-    thing = body(
+    puppet = body(
         tmp_path, TORUS, shape=text, more="obstacles: [{name: post, type: sphere, radius: 1}]\n"
     )
     path = tmp_path / "thing.yaml"
     path.write_text(path.read_text().replace("friction: 0.5", "meets: [self]"))
     assert fan.load(path).contacts.hulls == ()
-    assert len(thing.contacts.hulls) > 8
+    assert len(puppet.contacts.hulls) > 8
 
 
 def test_dents_of_a_tenth_of_the_volume_are_filled(tmp_path):
@@ -275,22 +275,22 @@ def test_dents_of_a_tenth_of_the_volume_are_filled(tmp_path):
 
 
 def test_lanes_move_meshes_as_single_runs_do(tmp_path):
-    thing = body(tmp_path, hulled(TETRAHEDRON))
+    puppet = body(tmp_path, hulled(TETRAHEDRON))
     starts = [
-        thrown(thing, {"body.z": 0.3 + 0.01 * i}, {"body.x": 0.2 * i, "body.wx": i})
+        thrown(puppet, {"body.z": 0.3 + 0.01 * i}, {"body.x": 0.2 * i, "body.wx": i})
         for i in range(9)
     ]
     method = fan.TimeStepping(dt=1e-3)
-    batch = fan.simulate_batch(thing, starts, t_end=0.3, method=method)
+    batch = fan.simulate_batch(puppet, starts, t_end=0.3, method=method)
     for i, x0 in enumerate(starts):
-        run = fan.simulate(thing, x0, t_end=0.3, method=method)
+        run = fan.simulate(puppet, x0, t_end=0.3, method=method)
         assert np.allclose(batch.q_D[i][-1], run.q_D[-1], rtol=0, atol=1e-9)
         assert np.any(run.contact.force != 0.0)
 
 
 def test_rest_lies_on_a_facet(tmp_path):
     """`rest` releases a wedge that would overlap the floor."""
-    thing = body(tmp_path, hulled(WEDGE))
-    x = thing.rest({})
+    puppet = body(tmp_path, hulled(WEDGE))
+    x = puppet.rest({})
     height = lowest(x.q_D[None], WEDGE)[0]
     assert np.max(np.abs(height[:3])) < 1e-5

@@ -91,5 +91,5 @@ def test_simultaneous_or_later_touches_have_no_derivative(bouncer):
     x = thrown(bouncer, place, {"ball.z": -10.0, "ball.x": 4.0})
     with pytest.raises(fan.errors.StateError, match="no derivative"):
         bouncer.linearise_step(x)
-    many = bouncer.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
-    assert not many.settled.all()
+    steps = bouncer.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
+    assert not steps.settled.all()

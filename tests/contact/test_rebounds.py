@@ -40,11 +40,15 @@ def test_a_ball_rebounds_at_its_touch(elastic, e, dt):
                 place = {**OTHER_AWAY, "ball.z": 5.0} | {f"ball.{axis}": start}
                 x0 = thrown(elastic[e], place, {f"ball.{axis}": sign * speed})
                 run = stepped(elastic[e], x0, 3 * high / speed + 2 * dt, dt)
-                way = speed * run.t - high
+                displacement = speed * run.t - high
                 gap = run[f"ball.{axis}"] - 0.05 if axis == "z" else 9.9 - run[f"ball.{axis}"]
                 # Without restitution the landing step ends at the floor.
-                sure = np.full(len(way), True) if e > 0.0 else (way < 0.0) | (way > speed * dt)
-                assert np.allclose(gap[sure], turned(way, e)[sure], rtol=0, atol=1e-12)
+                sure = (
+                    np.full(len(displacement), True)
+                    if e > 0.0
+                    else (displacement < 0.0) | (displacement > speed * dt)
+                )
+                assert np.allclose(gap[sure], turned(displacement, e)[sure], rtol=0, atol=1e-12)
                 assert gap.min() > -1e-12
                 assert run.status is Status.DONE
                 assert len(run.contact) and np.max(np.abs(run.contact.gap)) < 1e-12
@@ -56,9 +60,9 @@ def test_a_bullet_springs_back_in_however_short_a_step(elastic, speed, dt):
     """Regression: its impulse was bounded by the largest force over the step, 300 m/s went on."""
     x0 = thrown(elastic[0.8], {**OTHER_AWAY, "ball.z": 5.0, "ball.x": 9.87}, {"ball.x": speed})
     run = stepped(elastic[0.8], x0, 20 * dt + 0.06 / speed, dt)
-    way = speed * run.t - 0.03
+    displacement = speed * run.t - 0.03
     assert run.status is Status.DONE
-    assert np.allclose(9.9 - run["ball.x"], turned(way, 0.8), rtol=0, atol=1e-11)
+    assert np.allclose(9.9 - run["ball.x"], turned(displacement, 0.8), rtol=0, atol=1e-11)
     assert run.ledger["kinetic"][-1] == pytest.approx(0.64 * run.ledger["kinetic"][0], rel=1e-9)
 
 
@@ -70,8 +74,8 @@ def test_a_falling_ball_rebounds_at_its_touch(elastic):
         v = np.sqrt(2 * G * high)
         since = run.t - v / G
         exact = np.where(since < 0.0, high - G * run.t**2 / 2, 0.8 * v * since - G * since**2 / 2)
-        off = np.abs(run["ball.z"] - 0.05 - exact)
-        assert off.max() < 3 * G * 2e-3 * 0.3
+        deviation = np.abs(run["ball.z"] - 0.05 - exact)
+        assert deviation.max() < 3 * G * 2e-3 * 0.3
         assert np.max(np.abs(run.contact.gap)) < 2e-3**2 * G
         assert run.status is Status.DONE
 
@@ -92,8 +96,8 @@ def test_several_balls_rebound_at_different_times_within_one_step():
         balls, {f"b{k}": 0.05 + h for k, h in enumerate(high)}, {f"b{k}": -20.0 for k in range(5)}
     )
     run = stepped(balls, x0, 0.012, 2e-3)
-    way = 20.0 * run.t[:, None] - high
-    assert np.allclose(run.q_D - 0.05, turned(way, 0.8), rtol=0, atol=1e-12)
+    displacement = 20.0 * run.t[:, None] - high
+    assert np.allclose(run.q_D - 0.05, turned(displacement, 0.8), rtol=0, atol=1e-12)
     assert np.max(np.abs(run.contact.gap)) < 1e-12
     assert sorted(e.name for e in run.events if e.kind == "touch") == [
         f"b{k}|floor" for k in range(5)
@@ -148,8 +152,12 @@ def test_a_bullet_rebounds_at_the_wall(bouncer):
     """It has 400 m/s: 0.8 m in a step of 2 ms. Faster ones exceed the largest force."""
     x0 = thrown(bouncer, {**OTHER_AWAY, "ball.z": 5.0}, {"ball.x": 400.0})
     run = stepped(bouncer, x0, 0.03, 2e-3)
-    way = 400.0 * run.t - 9.9
-    assert np.allclose(run["ball.x"], np.where(way < 0, 9.9 + way, 9.9 - 0.8 * way), atol=1e-9)
+    displacement = 400.0 * run.t - 9.9
+    assert np.allclose(
+        run["ball.x"],
+        np.where(displacement < 0, 9.9 + displacement, 9.9 - 0.8 * displacement),
+        atol=1e-9,
+    )
     assert run.contact.gap.max() < 1e-9
 
 
@@ -178,11 +186,11 @@ def test_lanes_rebound_at_their_touches(bouncer):
     ]
     runs = fan.simulate_batch(bouncer, starts, t_end=0.006, method=fan.TimeStepping(dt=2e-3))
     for k, h in enumerate(highs):
-        way = 15.0 * runs.t - h
+        displacement = 15.0 * runs.t - h
         z = runs.q_D[k, :, bouncer.coordinates.q_D.index("ball.z")] - 0.05
-        assert np.allclose(z, turned(way, 0.8), rtol=0, atol=1e-12)
-        alone = stepped(bouncer, starts[k], 0.006, 2e-3)
-        assert np.array_equal(alone.q_D[[0, -1]], runs.q_D[k, [0, -1]])
+        assert np.allclose(z, turned(displacement, 0.8), rtol=0, atol=1e-12)
+        single_run = stepped(bouncer, starts[k], 0.006, 2e-3)
+        assert np.array_equal(single_run.q_D[[0, -1]], runs.q_D[k, [0, -1]])
 
 
 def test_a_slab_struck_by_a_ball_stays_on_the_floor():
@@ -256,8 +264,14 @@ pose: {y: 1}
 def test_inelastic_contacts_stop_while_others_rebound(speed, share):
     """A limit, a string and a landing at 0.4 of a step in which two other balls collide."""
     sides, dt = fan.loads(SIDES), 5e-3
-    way = 0.4 * dt * speed
-    place = {"a": -way, "s": -0.5 + way, "c": way, "x": 0.0, "y": 0.1 + share * dt * speed}
+    displacement = 0.4 * dt * speed
+    place = {
+        "a": -displacement,
+        "s": -0.5 + displacement,
+        "c": displacement,
+        "x": 0.0,
+        "y": 0.1 + share * dt * speed,
+    }
     x0 = thrown(sides, place, {"a": speed, "s": -speed, "c": -speed, "x": speed})
     run = stepped(sides, x0, 20 * dt, dt)
     assert run.status is Status.DONE

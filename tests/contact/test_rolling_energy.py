@@ -73,20 +73,20 @@ def test_rolling_in_lanes_keeps_the_energy_as_alone(egg):
     method = fan.TimeStepping(dt=2e-3)
     lanes = fan.simulate_batch(egg, initial, t_end=0.4, method=method, save="all", save_every=1)
     for i in (0, 5):
-        alone = fan.simulate(egg, initial[i], t_end=0.4, method=method)
-        assert np.allclose(lanes.q_D[i], alone.q_D, rtol=0, atol=1e-9)
-        assert np.allclose(lanes.v_D[i], alone.v_D, rtol=0, atol=1e-7)
+        single_run = fan.simulate(egg, initial[i], t_end=0.4, method=method)
+        assert np.allclose(lanes.q_D[i], single_run.q_D, rtol=0, atol=1e-9)
+        assert np.allclose(lanes.v_D[i], single_run.v_D, rtol=0, atol=1e-7)
 
 
 def test_rolling_follows_the_event_driven_run(egg):
     """Fixed steps converge to the motion of an adaptive integrator of high order."""
     x = starts(egg, 2, 20.0)[1]
-    exact = fan.simulate(egg, x, t_end=0.5)
-    off = []
+    reference = fan.simulate(egg, x, t_end=0.5)
+    deviations = []
     for dt in (2e-3, 1e-3):
         run = fan.simulate(egg, x, t_end=0.5, method=fan.TimeStepping(dt=dt))
-        off.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
-    assert off[1] < 0.6 * off[0] < 0.6 * 5e-3
+        deviations.append(np.max(np.abs(run.q_D[-1] - reference.q_D[-1])))
+    assert deviations[1] < 0.6 * deviations[0] < 0.6 * 5e-3
 
 
 def test_gradients_of_rolling_are_those_of_the_rollout_and_converge(egg):
@@ -104,8 +104,8 @@ def test_gradients_of_rolling_are_those_of_the_rollout_and_converge(egg):
     def slope(end) -> float:
         return float(end(d).q_D[-1, 0] - end(-d).q_D[-1, 0]) / (2.0 * d)
 
-    exact = slope(lambda share: fan.simulate(egg, start(share), t_end=0.5, effort=False))
-    off = []
+    reference = slope(lambda share: fan.simulate(egg, start(share), t_end=0.5, effort=False))
+    deviations = []
     for dt in (2e-3, 1e-3):
         acc_K = np.zeros((round(0.5 / dt), 0))
         run = egg.rollout(start(0.0), acc_K, dt=dt)
@@ -117,5 +117,5 @@ def test_gradients_of_rolling_are_those_of_the_rollout_and_converge(egg):
             slope(lambda share, dt=dt, acc_K=acc_K: egg.rollout(start(share), acc_K, dt=dt)),
             rel=1e-5,
         )
-        off.append(abs(gradient / exact - 1.0))
-    assert off[1] < 0.6 * off[0] < 0.6 * 0.06
+        deviations.append(abs(gradient / reference - 1.0))
+    assert deviations[1] < 0.6 * deviations[0] < 0.6 * 0.06

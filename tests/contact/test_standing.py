@@ -51,9 +51,9 @@ def test_a_self_righting_toy_rocks_at_its_frequency():
     assert np.max(np.abs(toy.linearise(x).acc_D)) < 1e-7
     modes = toy.modes(x)
     arm = 0.4 * 0.07**2
-    wanted = np.sqrt(0.4 * G * 0.03 / (np.array([9e-4, 6e-4]) + arm))
+    expected = np.sqrt(0.4 * G * 0.03 / (np.array([9e-4, 6e-4]) + arm))
     frequencies = [2.0 * np.pi * mode.frequency for mode in modes.swinging]
-    assert frequencies == pytest.approx(sorted(wanted), rel=1e-7)
+    assert frequencies == pytest.approx(sorted(expected), rel=1e-7)
     assert [mode.damping for mode in modes.swinging] == pytest.approx([0.0, 0.0], abs=1e-9)
     assert len(modes) == 3 and abs(modes[2].s) < 1e-5
     assert [point.name for point in modes.contacts] == ["toy|floor"]
@@ -108,13 +108,13 @@ def step_differences(puppet: fan.Marionette, x: fan.State, d: np.ndarray, size: 
 
     def end(s: float) -> fan.State:
         q_D, v_D, q_K, v_K, acc, u = np.split(s * size * d, places)
-        there = x.replace(
+        moved_state = x.replace(
             q_D=moved(x.q_D, q_D, t.scalars_D, t.quaternions_D),
             v_D=x.v_D + v_D,
             q_K=moved(x.q_K, q_K, t.scalars_K, t.quaternions_K),
             v_K=x.v_K + v_K,
         )
-        return puppet.stepper(there, fan.TimeStepping(dt=dt)).advance(dt, acc, u_D=u)
+        return puppet.stepper(moved_state, fan.TimeStepping(dt=dt)).advance(dt, acc, u_D=u)
 
     def apart_by(s: float) -> np.ndarray:
         a, b = end(-s), end(s)
@@ -129,9 +129,9 @@ def test_derivatives_of_a_step_flat_on_both_feet_hold_for_consistent_changes(sto
     x, dt, n = stool.state(), 0.002, stool.coordinates.n_vD
     lin = stool.linearise_step(x, dt=dt)
     assert lin.sharp and [point.mode for point in lin.contacts] == ["stick"] * 8
-    many = stool.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K, dt=dt, forces=True)
-    assert many.sharp.all() and many.settled.all()
-    assert np.allclose(many.A[0], lin.A, rtol=0, atol=1e-9 * np.max(np.abs(lin.A)))
+    steps = stool.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K, dt=dt, forces=True)
+    assert steps.sharp.all() and steps.settled.all()
+    assert np.allclose(steps.A[0], lin.A, rtol=0, atol=1e-9 * np.max(np.abs(lin.A)))
     by = np.concatenate([lin.A, lin.B, lin.B_u], axis=1)
     names = stool.coordinates.v_D
     left, right = names.index("hip_left.wx"), names.index("hip_right.wx")
@@ -140,8 +140,8 @@ def test_derivatives_of_a_step_flat_on_both_feet_hold_for_consistent_changes(sto
     directions = [d for i, d in enumerate(directions) if i not in (left, right)] + [both]
     for d in directions:
         size = 1e-8 if np.any(d[:n]) else 1e-6 if np.any(d[n : 2 * n]) else 1e-4
-        wanted = step_differences(stool, x, d, size, dt)
-        assert np.allclose(by @ d, wanted, rtol=0, atol=1e-6 * (1.0 + np.max(np.abs(wanted))))
+        expected = step_differences(stool, x, d, size, dt)
+        assert np.allclose(by @ d, expected, rtol=0, atol=1e-6 * (1.0 + np.max(np.abs(expected))))
 
 
 def test_continuous_and_discrete_time_agree_on_a_puppet_that_stands(promenade):
@@ -164,12 +164,12 @@ def gradient_of_last(puppet: fan.Marionette, x: fan.State, n: int, more: dict[st
     by_q, by_v = rng.normal(size=(2, t.n_vD))
 
     def made(change: dict[str, np.ndarray]) -> fan.dynamics.Rollout:
-        there = x.replace(
+        moved_state = x.replace(
             q_D=moved(x.q_D, change.get("q_D", np.zeros(t.n_vD)), t.scalars_D, t.quaternions_D),
             v_D=x.v_D + change.get("v_D", 0.0),
         )
         acc = np.zeros((n, t.n_vK)) + change.get("acc_K", 0.0)
-        return puppet.rollout(there, acc, np.zeros((n, t.n_vD)) + change.get("u_D", 0.0))
+        return puppet.rollout(moved_state, acc, np.zeros((n, t.n_vD)) + change.get("u_D", 0.0))
 
     run = made({})
     own = np.zeros((2, n + 1, t.n_vD))
@@ -184,10 +184,10 @@ def gradient_of_last(puppet: fan.Marionette, x: fan.State, n: int, more: dict[st
         return float(by_q @ dq + by_v @ (at.v_D[-1] - run.v_D[-1]))
 
     for name, d in more.items():
-        wanted = (cost({name: d}) - cost({name: -d})) / 2.0
+        expected = (cost({name: d}) - cost({name: -d})) / 2.0
         terms = getattr(gradient, name) * d
-        scale = max(float(np.sum(np.abs(terms))), abs(wanted))
-        assert abs(np.sum(terms) - wanted) < 1e-5 * scale + 1e-13, name
+        scale = max(float(np.sum(np.abs(terms))), abs(expected))
+        assert abs(np.sum(terms) - expected) < 1e-5 * scale + 1e-13, name
 
 
 def test_rollouts_of_a_puppet_on_both_feet_have_gradients(stool):

@@ -65,8 +65,8 @@ def test_boxes_of_any_size_are_moved_apart_without_being_tilted(masses, side, de
     stack = fan.loads(text)
     x0 = stack.state({"light.z": side / 2 - depth, "heavy.z": side + 0.15 - 2 * depth})
     run = fan.simulate(stack, x0, t_end=0.02, method=method)
-    there = stack.state({"light.z": side / 2, "heavy.z": side + 0.15})
-    assert np.max(np.abs(run.q_D - there.q_D)) < 1e-6
+    state = stack.state({"light.z": side / 2, "heavy.z": side + 0.15})
+    assert np.max(np.abs(run.q_D - state.q_D)) < 1e-6
     assert np.max(np.abs(run.v_D)) < 1e-5
 
 

@@ -85,6 +85,6 @@ def test_an_impact_in_a_lane_changes_no_other():
     together = fan.simulate_batch(marionette, states, **about)
     assert np.all(together.status == Status.DONE)
     for k, state in enumerate(states):
-        alone = fan.simulate_batch(marionette, [state], **about)
-        assert np.array_equal(alone.q_D[0], together.q_D[k])
-        assert np.array_equal(alone.ledger.values[0], together.ledger.values[k])
+        single_batch = fan.simulate_batch(marionette, [state], **about)
+        assert np.array_equal(single_batch.q_D[0], together.q_D[k])
+        assert np.array_equal(single_batch.ledger.values[0], together.ledger.values[k])

@@ -1,14 +1,6 @@
 """Least times of chains of bobs below a trolley, by collocation with CasADi and IPOPT.
 
-    min T + w/2 h sum a_i^2,  h = T / N,   a constant in every interval,
-
-a
-
-,
-
-v
-
- bounded
+    min T + w/2 h sum a_i^2,  h = T / N,   a constant in every interval,  |a| and |v| bounded
 
 All states are polynomials of degree 4 in every piece of an interval, which satisfy the equations of
 motion at Gauss-Legendre points. The chain's equations follow from its Lagrangian by CasADi; none of

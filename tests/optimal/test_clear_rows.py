@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.control.optimal.clear_rows import ClearRows
+from fantoccini.control.optimal.clear_rows import ClearanceRows
 from fantoccini.control.tasks.nodes import Nodes
 from fantoccini.dynamics.clearance import Clearance
 
@@ -93,7 +93,7 @@ def test_obstacles_of_a_task_are_avoided_without_a_clearance(ball_arm: fan.Mario
 
 
 def test_values_and_derivatives_are_those_of_two_spheres(ball_arm: fan.Marionette):
-    rows = ClearRows(ball_arm, 0.02, own_body=False)
+    rows = ClearanceRows(ball_arm, 0.02, own_body=False)
     nodes = Nodes.still(ball_arm, ball_arm.rest().replace(q_D=np.array([0.9, -0.6])), 1.0, 2)
     j = rows.names.index("ball")
     pin, swing = nodes.q_D[1]
@@ -102,15 +102,15 @@ def test_values_and_derivatives_are_those_of_two_spheres(ball_arm: fan.Marionett
         turned = np.array([np.sin(pin + swing), 0.0, -np.cos(pin + swing)])
         return np.array([np.sin(pin), 0.0, -np.cos(pin)]) + 0.2 * turned
 
-    off = place(pin, swing) - POST
-    assert rows.value(nodes)[0, j] == pytest.approx(np.linalg.norm(off) - RADIUS, abs=1e-12)
-    normal = off / np.linalg.norm(off)
+    deviation = place(pin, swing) - POST
+    assert rows.value(nodes)[0, j] == pytest.approx(np.linalg.norm(deviation) - RADIUS, abs=1e-12)
+    normal = deviation / np.linalg.norm(deviation)
     along = np.array([np.cos(pin + swing), 0.0, np.sin(pin + swing)])
     by_pin = np.array([np.cos(pin), 0.0, np.sin(pin)]) + 0.2 * along
     assert rows.value(nodes)[0, j] < 0.1
     expected = [normal @ by_pin, normal @ (0.2 * along)]
-    assert rows.by(nodes)[0, j, :2] == pytest.approx(expected, abs=1e-5)
-    assert not np.any(rows.by(nodes)[0, j, 2:])
+    assert rows.derivatives(nodes)[0, j, :2] == pytest.approx(expected, abs=1e-5)
+    assert not np.any(rows.derivatives(nodes)[0, j, 2:])
 
 
 def test_a_ball_goes_round_a_post(ball_arm: fan.Marionette):
@@ -133,8 +133,9 @@ def test_a_motion_that_begins_too_near_is_violated(ball_arm: fan.Marionette):
 def test_bodies_of_one_puppet_keep_apart_on_request():
     puppet = fan.puppets.marionette()
     nodes = Nodes.still(puppet, puppet.rest(), 1.0, 1)
-    j = ClearRows(puppet, 0.01, own_body=True).names.index("forearm_right")
+    j = ClearanceRows(puppet, 0.01, own_body=True).names.index("forearm_right")
     clearances = [
-        ClearRows(puppet, 0.01, own_body=own_body).value(nodes)[0, j] for own_body in (True, False)
+        ClearanceRows(puppet, 0.01, own_body=own_body).value(nodes)[0, j]
+        for own_body in (True, False)
     ]
     assert clearances[0] < clearances[1]

@@ -69,9 +69,9 @@ def test_a_clip_begins_later_runs_faster_and_is_moved(arm: fan.Marionette, take:
 def test_the_residual_of_a_puppet_on_its_own_clip_is_zero(
     arm: fan.Marionette, take: fan.Trajectory
 ):
-    still = Nodes.still(arm, take.state(0), 1.0, 10)
-    at = take.resample(still.t)
-    nodes = Nodes(arm.coordinates, 0.0, 0.1, at.q_D, at.v_D, at.q_K, at.v_K, still.acc_K)
+    resting = Nodes.still(arm, take.state(0), 1.0, 10)
+    at = take.resample(resting.t)
+    nodes = Nodes(arm.coordinates, 0.0, 0.1, at.q_D, at.v_D, at.q_K, at.v_K, resting.acc_K)
     for track in (
         fan.control.Track.point("lower", fan.control.Clip(take), at=TIP),
         fan.control.Track.velocity("*", fan.control.Clip(take)),
@@ -86,8 +86,8 @@ def test_a_puppet_follows_a_run(arm: fan.Marionette, take: fan.Trajectory):
     """The run's own inputs are admissible, so the result is close."""
     best = fan.follow(arm, {("lower", TIP): fan.control.Clip(take)}, duration=1.0)
     assert best.holds, best.summary()
-    off = tip_of(arm, best.run.resample(best.t)) - tip_of(arm, take.resample(best.t))
-    assert np.max(np.linalg.norm(off, axis=1)) < 1e-3
+    deviation = tip_of(arm, best.run.resample(best.t)) - tip_of(arm, take.resample(best.t))
+    assert np.max(np.linalg.norm(deviation, axis=1)) < 1e-3
     assert np.ptp(tip_of(arm, take)[:, 2]) > 0.04
 
 
@@ -166,5 +166,5 @@ def test_mistakes_have_places(
     path.write_text(TASK.replace(*change, 1), encoding="utf-8")
     with pytest.raises(fan.errors.FileError) as caught:
         fan.control.load_task(path)
-    (said,) = (str(mistake) for mistake in caught.value.mistakes)
-    assert f"t.yaml:{line}: {key}" in said and words in said
+    (message,) = (str(mistake) for mistake in caught.value.mistakes)
+    assert f"t.yaml:{line}: {key}" in message and words in message

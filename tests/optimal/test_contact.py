@@ -55,10 +55,10 @@ def pulled(block: fan.Marionette, dt: float, **options) -> fan.Task:
 def closed_form() -> tuple[np.ndarray, float]:
     """Accelerations and cost of a point mass that the string moves, by least squares."""
     h, (place, speed) = T / N, WEIGHTS
-    way, rate = h * h * (N - np.arange(N) - 0.5), np.full(N, h)
-    H = h * np.eye(N) + place * np.outer(way, way) + speed * np.outer(rate, rate)
-    acc = np.linalg.solve(H, place * WAY * way + speed * SPEED * rate)
-    cost = 0.5 * h * acc @ acc + 0.5 * place * (way @ acc - WAY) ** 2
+    displacement, rate = h * h * (N - np.arange(N) - 0.5), np.full(N, h)
+    H = h * np.eye(N) + place * np.outer(displacement, displacement) + speed * np.outer(rate, rate)
+    acc = np.linalg.solve(H, place * WAY * displacement + speed * SPEED * rate)
+    cost = 0.5 * h * acc @ acc + 0.5 * place * (displacement @ acc - WAY) ** 2
     return acc, cost + 0.5 * speed * (rate @ acc - SPEED) ** 2
 
 

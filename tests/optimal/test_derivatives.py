@@ -22,12 +22,12 @@ def nodes(crane: fan.Marionette) -> Nodes:
     """Several states in motion, with all strings taut."""
     x0 = crane.rest()
     random = np.random.default_rng(3)
-    still = Nodes.still(crane, x0, 0.8, 8)
-    n = still.table.n_vD
-    z = np.zeros((9, still.n_z))
+    resting = Nodes.still(crane, x0, 0.8, 8)
+    n = resting.table.n_vD
+    z = np.zeros((9, resting.n_z))
     z[1:, 3:6] = 0.1 * random.normal(size=(8, 3))
     z[1:, n : 2 * n] = 0.05 * random.normal(size=(8, n))
-    return still.moved(z, 0.2 * random.normal(size=still.acc_K.shape))
+    return resting.moved(z, 0.2 * random.normal(size=resting.acc_K.shape))
 
 
 @pytest.mark.parametrize(
@@ -44,13 +44,13 @@ def nodes(crane: fan.Marionette) -> Nodes:
 )
 def test_residuals_by_changes_of_states(crane: fan.Marionette, nodes: Nodes, track: Track):
     residual = residual_of(crane, track, nodes)
-    derivative = residual.by(NodeKinematics(crane, nodes))
+    derivative = residual.derivatives(NodeKinematics(crane, nodes))
     for j in range(nodes.n_z):
         z = np.zeros((len(nodes) + 1, nodes.n_z))
         z[:, j] = STEP
-        none = np.zeros_like(nodes.acc_K)
+        zeros = np.zeros_like(nodes.acc_K)
         up, down = (
-            residual.value(NodeKinematics(crane, nodes.moved(sign * z, none)))
+            residual.value(NodeKinematics(crane, nodes.moved(sign * z, zeros)))
             for sign in (1.0, -1.0)
         )
         assert derivative[:, :, j] == pytest.approx((up - down) / (2.0 * STEP), abs=1e-7)
@@ -68,12 +68,14 @@ def test_extrapolated_derivatives_are_off_by_the_square_of_the_step(crane, nodes
     runs_made = runs.run(nodes)
     assert runs_made is not None
     exact = ExactRuns(runs.steps, runs.chosen).linearise(runs_made[0], runs.ends(*runs_made))
-    off = []
+    deviations = []
     for dt in (0.025, 0.0125):
         linear = TimeSteps(crane, dt).extrapolated(runs_made[0])
-        off.append([np.max(np.abs(getattr(linear, n) - getattr(exact, n))) for n in ("B", "by_c")])
-    assert np.all(np.array(off[1]) < 0.35 * np.array(off[0]))
-    assert np.max(off[1]) < 1e-2
+        deviations.append(
+            [np.max(np.abs(getattr(linear, n) - getattr(exact, n))) for n in ("B", "by_c")]
+        )
+    assert np.all(np.array(deviations[1]) < 0.35 * np.array(deviations[0]))
+    assert np.max(deviations[1]) < 1e-2
 
 
 @pytest.mark.parametrize("i", [0, 4])

@@ -119,8 +119,8 @@ def test_the_place_of_a_string_is_found_along_with_the_motion(lever: fan.Marione
     assert f"tie = {best.parameters['tie']:.6g}" in best.summary()
     further = fan.optimise(best.task, best)
     assert further.iterations == 0 and further.parameters == best.parameters
-    again = fan.simulate(best.marionette, best.run.state(0), best.inputs, t_end=1.0)
-    assert again.q_D[-1] == pytest.approx(best.run.q_D[-1], abs=1e-9)
+    repeated = fan.simulate(best.marionette, best.run.state(0), best.inputs, t_end=1.0)
+    assert repeated.q_D[-1] == pytest.approx(best.run.q_D[-1], abs=1e-9)
 
 
 def test_a_parameter_stays_within_its_bounds(lever: fan.Marionette):

@@ -148,7 +148,7 @@ def test_forces_change_with_motions_as_in_their_rows(cart: fan.Marionette):
     assert now[0] == pytest.approx([effort.effort[name][0] for name in names], rel=1e-8)
     linear = runs.linearise(nodes, ends).widened(np.array([1]))
     assert not runs.reasons
-    by = objective.rows.by(nodes, linear)[:, :, k : 2 * k + nodes.n_z + 1]
+    by = objective.rows.derivatives(nodes, linear)[:, :, k : 2 * k + nodes.n_z + 1]
     z = np.append(linear.start_c[:, 1] * load, load)
     for i in range(N):
         change = (forces(1e-5)[i] - forces(-1e-5)[i]) / 2e-5

@@ -44,7 +44,7 @@ def swing_up() -> fan.control.Optimum:
 @pytest.fixture
 def few_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small explorations."""
-    small = replace(exploring.SETTINGS, runs=32, best=8, generations=5)
+    small = replace(exploring.SETTINGS, n_runs=32, n_best=8, n_generations=5)
     monkeypatch.setattr(exploring, "SETTINGS", small)
 
 
@@ -128,17 +128,19 @@ def test_the_arm_is_thrown_up_on_a_slack_string_and_caught(swing_up: fan.control
     assert slack > 0.2
     assert events(run)[-1] == "catch"
     # The inputs alone reach the end, in a run of their own, and the arm stays there.
-    again = fan.simulate(task.marionette, task.x0, swing_up.inputs, 1.0)
-    assert again.q_D[-1] == pytest.approx(task.end.q_D, abs=1e-5)
-    assert again.v_D[-1] == pytest.approx(0.0, abs=1e-4)
-    later = fan.simulate(task.marionette, again.state(len(again) - 1).replace(t=0.0), None, 3.0)
+    repeated = fan.simulate(task.marionette, task.x0, swing_up.inputs, 1.0)
+    assert repeated.q_D[-1] == pytest.approx(task.end.q_D, abs=1e-5)
+    assert repeated.v_D[-1] == pytest.approx(0.0, abs=1e-4)
+    later = fan.simulate(
+        task.marionette, repeated.state(len(repeated) - 1).replace(t=0.0), None, 3.0
+    )
     assert np.max(np.abs(later.q_D - task.end.q_D)) < 1e-3
-    at = again.resample(swing_up.t)  # where bounds apply
+    at = repeated.resample(swing_up.t)  # where bounds apply
     for name, (low, high) in task.bounds.position.items():
         value = at.q_K[:, task.marionette.coordinates.q_K.index(name)]
         assert np.min(value) > low - 1e-6
         assert np.max(value) < high + 1e-6
-    assert np.max(np.abs(again.v_K)) <= 3.0 + 1e-6
+    assert np.max(np.abs(repeated.v_K)) <= 3.0 + 1e-6
     assert np.max(np.abs(swing_up.nodes.acc_K)) <= 30.0
 
 
@@ -221,11 +223,11 @@ def test_a_free_duration_ends_where_it_is_best():
 
 
 def test_ctrl_c_while_it_explores_keeps_the_best_so_far():
-    seen = []
+    calls = []
 
     def interrupt(now: object) -> None:
-        seen.append(now)
-        if len(seen) == 8:
+        calls.append(now)
+        if len(calls) == 8:
             raise KeyboardInterrupt
 
     best = fan.optimise(elbow_straight(1), progress=interrupt)
@@ -266,5 +268,5 @@ def test_explorations_are_counted_in_whole_numbers(arm: fan.Marionette, explore:
 
 
 def test_parameters_are_not_chosen_while_it_explores(arm: fan.Marionette):
-    with pytest.raises(fan.errors.StateError, match="do not go together"):
+    with pytest.raises(fan.errors.StateError, match="explore excludes"):
         fan.Task(arm, arm.rest(), 1.0, [], parameters={"m1": (0.1, 0.2)}, explore=1)

@@ -139,9 +139,9 @@ def by_linear_programs(current: float, voltage: float, intervals: int) -> float:
                 continue
             A += [rows, -rows]
             b += [np.full(2 * intervals, bound - still), np.full(2 * intervals, bound + still)]
-        way = h * h * (np.arange(intervals)[::-1] + 0.5)
+        displacement = h * h * (np.arange(intervals)[::-1] + 0.5)
         solution = linprog(
-            -way,
+            -displacement,
             np.concatenate(A),
             np.concatenate(b),
             np.ones((1, intervals)),
@@ -282,7 +282,7 @@ def test_voltages_change_with_motions_as_in_their_rows(cart: fan.Marionette):
     ends = runs.ends(nodes, run)
     linear = runs.linearise(nodes, ends).widened(np.array([1, 2, 3]))
     assert not runs.reasons and rows.values(nodes, ends)[0].shape == (N, 6)
-    by, change = rows.by(nodes, linear), (values(1e-5) - values(-1e-5)) / 2e-5
+    by, change = rows.derivatives(nodes, linear), (values(1e-5) - values(-1e-5)) / 2e-5
     z = linear.start_c[:, 1:] @ p
     z = np.concatenate([z, p])
     for i in range(N):

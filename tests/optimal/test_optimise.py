@@ -11,7 +11,7 @@ import fantoccini as fan
 
 pytestmark = [pytest.mark.medium, pytest.mark.long]
 
-LENGTH, WAY, MOST = 1.0, 0.05, 0.05
+LENGTH, DISTANCE, MAX_ACCELERATION = 1.0, 0.05, 0.05
 
 TIP = (0.3, 0.0, 0.0)
 TURN = 10.0 * np.linspace(0, 1, 81) ** 3 - 15.0 * np.linspace(0, 1, 81) ** 4
@@ -31,21 +31,21 @@ def round_trip(arm: fan.Marionette, circle: np.ndarray) -> fan.control.Optimum:
     return fan.follow(arm, {("lower", TIP): circle}, 2.0)
 
 
-def shortest() -> float:
+def least_time() -> float:
     """The least time from rest to rest of a linear crane with bounded acceleration [s].
 
-    Accelerations are + - + - MOST, antisymmetric about the middle; the displacement and the swing
-    at the middle determine the first switch and the time.
+    Accelerations are + - + - the largest, antisymmetric about the middle; the displacement and the
+    swing at the middle determine the first switch and the time.
     """
     rate = np.sqrt(9.81 / LENGTH)
 
     def left(unknown: np.ndarray) -> tuple[float, float]:
         first, T = unknown
         edges = np.array([0.0, first, 0.5 * T, T - first, T])
-        acc = MOST * np.array([1.0, -1.0, 1.0, -1.0])
-        way = np.sum(acc * ((T - edges[:-1]) ** 2 - (T - edges[1:]) ** 2)) / 2.0
+        acc = MAX_ACCELERATION * np.array([1.0, -1.0, 1.0, -1.0])
+        distance = np.sum(acc * ((T - edges[:-1]) ** 2 - (T - edges[1:]) ** 2)) / 2.0
         swing = np.sum(acc * -np.diff(np.cos(rate * (edges - 0.5 * T))))
-        return way - WAY, swing
+        return distance - DISTANCE, swing
 
     solution = fsolve(left, [0.7, 2.4], xtol=1e-12)
     assert left(solution) == pytest.approx((0.0, 0.0), abs=1e-12)
@@ -57,26 +57,26 @@ def test_the_bundled_tasks_converge(name: str):
     best = fan.optimise(fan.control.load_task(name), time_limit=600.0)
     assert best.status is fan.control.AnswerStatus.SOLVED and best.is_exact, best.summary()
     assert best.kkt <= 1e-6 and not best.reason
-    assert f"{len(best.nodes)} intervals" in best.summary(), "the summary tells of the grid"
+    assert f"{len(best.nodes)} intervals" in best.summary(), "the summary includes the grid"
 
 
 def test_a_crane_goes_from_rest_to_rest_in_the_least_time(small_crane: fan.Marionette):
-    there = small_crane.rest({"line.x": WAY})
+    state = small_crane.rest({"line.x": DISTANCE})
     task = fan.Task(
         small_crane,
         small_crane.rest(),
         (0.5, 3.0),
         [],
         fan.control.Smooth(1e-8, 0.0),
-        fan.control.Bounds(acceleration=MOST, held=("line.length",)),
-        end=there,
+        fan.control.Bounds(acceleration=MAX_ACCELERATION, held=("line.length",)),
+        end=state,
         interval=0.03,
         dt=0.002,
     )
     best = fan.optimise(task)
     assert best.holds, best.summary()
-    assert best.run.t[-1] == pytest.approx(shortest(), rel=1e-4)
-    assert np.max(np.abs(best.nodes.acc_K)) <= MOST * (1.0 + 1e-6)
+    assert best.run.t[-1] == pytest.approx(least_time(), rel=1e-4)
+    assert np.max(np.abs(best.nodes.acc_K)) <= MAX_ACCELERATION * (1.0 + 1e-6)
     # Beyond the end the load hangs still: the swing is below 1e-6 rad.
     later = fan.simulate(small_crane, best.run.state(len(best.run) - 1).replace(t=0.0), None, 5.0)
     swing = (later.q_D[:, 0] - later.q_K[:, 0]) / LENGTH
@@ -91,8 +91,8 @@ def test_the_tip_follows_a_circle_event_driven(
     run = fan.simulate(arm, arm.rest(), round_trip.inputs, 2.0, save_at=np.linspace(0, 2, 81))
     at = run.resample(np.linspace(0, 2, 81))
     pose = arm.poses(at.q_D, at.q_K)[:, 1]
-    off = pose[..., 3] + pose[..., :3] @ np.array(TIP) - circle
-    assert np.sqrt(np.mean(np.sum(off**2, axis=1))) < 2e-4
+    deviation = pose[..., 3] + pose[..., :3] @ np.array(TIP) - circle
+    assert np.sqrt(np.mean(np.sum(deviation**2, axis=1))) < 2e-4
     assert np.min(run.tension["hand"]) > 0.0
     assert round_trip.rms()["lower"] < 2e-4
 
@@ -104,8 +104,8 @@ def test_the_cost_is_the_integral_of_the_run(
     at = run.resample(round_trip.t)
     pose = arm.poses(at.q_D, at.q_K)[:, 1]
     path = np.stack([np.interp(round_trip.t, np.linspace(0, 2, 81), c) for c in circle.T], axis=1)
-    off = np.sum((pose[..., 3] + pose[..., :3] @ np.array(TIP) - path) ** 2, axis=1)
-    total = 0.5 * 1e4 * np.trapezoid(off, round_trip.t)
+    deviation = np.sum((pose[..., 3] + pose[..., :3] @ np.array(TIP) - path) ** 2, axis=1)
+    total = 0.5 * 1e4 * np.trapezoid(deviation, round_trip.t)
     smooth, acc = fan.control.Smooth(), round_trip.nodes.acc_K
     total += 0.5 * smooth.acceleration * h * np.sum(acc**2)
     jumps = np.diff(acc, axis=0, prepend=0.0, append=0.0)
@@ -130,10 +130,10 @@ def test_another_optimiser_finds_no_lower_cost(small_crane: fan.Marionette):
         both = np.stack([acc, 0.0 * acc], axis=1)
         move = fan.Input.segments(small_crane, t, x0.q_K, x0.v_K, both)
         run = fan.simulate(small_crane, x0, move, T, save_at=t, effort=False).resample(t)
-        off = (run.q_D[:, 0] - 0.1 * t**2) ** 2
+        deviation = (run.q_D[:, 0] - 0.1 * t**2) ** 2
         jumps = np.diff(acc, prepend=0.0, append=0.0)
         smooth = 0.5e-2 * h * np.sum(acc**2) + 0.5e-4 / h * np.sum(jumps**2)
-        return 25.0 * np.trapezoid(off, t) + 10.0 * off[-1] + smooth
+        return 25.0 * np.trapezoid(deviation, t) + 10.0 * deviation[-1] + smooth
 
     assert best.cost == pytest.approx(cost(best.nodes.acc_K[:, 0]), rel=1e-9)
     other = minimize(
@@ -188,8 +188,8 @@ def test_an_unreachable_end_is_reported(small_crane: fan.Marionette):
 def test_it_continues_from_a_result(arm: fan.Marionette, circle: np.ndarray):
     first = fan.follow(arm, {("lower", TIP): circle}, 2.0, iterations=2)
     assert first.status is fan.control.AnswerStatus.ITERATIONS
-    again = fan.optimise(first.task, first)
-    assert again.cost < first.cost
+    continued = fan.optimise(first.task, first)
+    assert continued.cost < first.cost
     from_inputs = fan.optimise(first.task, first.inputs, iterations=0)
     assert from_inputs.cost == pytest.approx(first.cost, rel=1e-6)
 

@@ -115,10 +115,10 @@ def test_contradictory_places_are_weighted():
     targets = {"bob": first, above: second + np.array([0.0, 0.0, 0.1])}
     poses = fan.reach(plumb, targets, weights={above: 3.0})[0]
     np.testing.assert_allclose(poses.state.q_D, (first + 3.0 * second) / 4.0, atol=1e-5)
-    apart = np.linalg.norm(first - second)
+    differences = np.linalg.norm(first - second)
     assert not poses
     assert poses.distances == pytest.approx(
-        {"bob": 0.75 * apart, "bob at (0, 0, 0.1)": 0.25 * apart}, abs=1e-5
+        {"bob": 0.75 * differences, "bob at (0, 0, 0.1)": 0.25 * differences}, abs=1e-5
     )
     with pytest.raises(fan.errors.UnknownNameError, match="no target is called 'bib'"):
         fan.reach(plumb, targets, weights={"bib": 1.0})
@@ -192,8 +192,8 @@ def test_poses_hang_and_inputs_move_them_by_their_derivatives(marionette):
     pose = poses[4]
     assert np.abs(marionette.forward_dynamics(pose.state).acc_D).max() < 1e-7
     assert hand_of(marionette, pose.state) == pytest.approx(places[4], abs=1e-6)
-    again = marionette.rest(pose.state)
-    assert np.abs(marionette.difference(pose.state.q_D, again.q_D)).max() < 1e-7
+    repeated = marionette.rest(pose.state)
+    assert np.abs(marionette.difference(pose.state.q_D, repeated.q_D)).max() < 1e-7
     k, step = marionette.coordinates.v_K.index("hand_right.length"), 1e-4
     ends = []
     for side in (step, -step):
@@ -209,8 +209,8 @@ def test_poses_hang_and_inputs_move_them_by_their_derivatives(marionette):
     ]
     smooth = np.setdiff1d(np.arange(25), turns)
     assert len(smooth) == 23
-    apart = np.abs(poses.by_K[4][smooth, k] - slope[smooth])
-    assert apart.max() < 1e-6 * np.abs(slope).max()
+    differences = np.abs(poses.by_K[4][smooth, k] - slope[smooth])
+    assert differences.max() < 1e-6 * np.abs(slope).max()
 
 
 def test_the_marionettes_hand_is_as_near_as_with_scipy(marionette):
@@ -248,8 +248,8 @@ def test_poses_begin_at_the_nearest_one_found_before(marionette):
     assert all(poses)
     assert poses.iterations[1] > 4 > np.median(poses.iterations[2:])
     assert poses.iterations[2:].sum() < 3 * len(in_turn)
-    again = fan.reach(marionette, {HAND: [*in_turn[:2], in_turn[0]]}, hanging)
-    np.testing.assert_allclose(again.q_D[2], again.q_D[0], atol=1e-9)
+    repeated = fan.reach(marionette, {HAND: [*in_turn[:2], in_turn[0]]}, hanging)
+    np.testing.assert_allclose(repeated.q_D[2], repeated.q_D[0], atol=1e-9)
 
 
 def test_a_knee_rises_when_its_slack_string_comes_taut(marionette):

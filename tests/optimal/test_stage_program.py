@@ -86,11 +86,11 @@ def test_bounds_and_elastic_rows_agree_with_another_solver():
         x, s = y[:n], y[n:]
         return np.concatenate([P @ x + c, price + price * s])
 
-    identity, none = np.eye(N * m), np.zeros((len(b), N * m))
+    identity, zeros = np.eye(N * m), np.zeros((len(b), N * m))
     low = np.concatenate([stages.low.ravel(), np.zeros(N * m)])
     high = np.concatenate([stages.high.ravel(), np.full(N * m, np.inf)])
     constraints = [
-        LinearConstraint(np.concatenate([A, none], axis=1), b, b),
+        LinearConstraint(np.concatenate([A, zeros], axis=1), b, b),
         LinearConstraint(
             np.concatenate([rows, -identity], axis=1), -np.inf, stages.row_high.ravel()
         ),
@@ -110,16 +110,16 @@ def test_bounds_and_elastic_rows_agree_with_another_solver():
     x = np.concatenate([solution.u, solution.z[1:]], axis=1).ravel()
     assert solution.solved
     assert x == pytest.approx(best.x[:n], abs=2e-5)
-    assert solution.passed.ravel() == pytest.approx(best.x[n:], abs=2e-5)
-    assert np.max(solution.passed) > 0.01 and np.max(np.abs(solution.u)) > 0.149
+    assert solution.violation.ravel() == pytest.approx(best.x[n:], abs=2e-5)
+    assert np.max(solution.violation) > 0.01 and np.max(np.abs(solution.u)) > 0.149
 
 
 def test_a_solver_solves_program_after_program_of_one_shape():
     solver = StageSolver(1e-10)
     for seed in range(3):
         stages = program(seed=seed)
-        again, alone = solver.solve(stages), StageSolver(1e-10).solve(stages)
-        assert again.u == pytest.approx(alone.u, abs=1e-6)
+        repeated, alone = solver.solve(stages), StageSolver(1e-10).solve(stages)
+        assert repeated.u == pytest.approx(alone.u, abs=1e-6)
 
 
 def test_gains_are_the_change_of_the_optimum_with_the_start():
@@ -182,9 +182,9 @@ def crossed(stages: StageProgram) -> tuple[np.ndarray, ...]:
         if i:
             rows[at, S * (i - 1) : S * i] += stages.C[i, :, :S]
     price, identity = stages.elastic.ravel(), np.eye(N * m)
-    none = np.zeros((len(b), N * m))
+    zeros = np.zeros((len(b), N * m))
     P = np.block([[P, np.zeros((n, N * m))], [np.zeros((N * m, n)), np.diag(price)]])
-    A = np.block([[dynamics, none], [rows, -identity], [rows, identity]])
+    A = np.block([[dynamics, zeros], [rows, -identity], [rows, identity]])
     inf = np.full(N * m, np.inf)
     low = np.concatenate([b, -inf, stages.row_low.ravel()])
     high = np.concatenate([b, stages.row_high.ravel(), inf])
@@ -258,9 +258,9 @@ def test_driven_double_integrators_are_stored_as_bands():
         B=B[:, turned],
         e=stages.e[:, turned],
     )
-    solution, again = StageSolver(1e-10).solve(stages), StageSolver(1e-10).solve(other)
-    assert solution.u == pytest.approx(again.u, rel=1e-10, abs=1e-10)
-    assert solution.z == pytest.approx(again.z[:, turned], rel=1e-10, abs=1e-10)
+    solution, repeated = StageSolver(1e-10).solve(stages), StageSolver(1e-10).solve(other)
+    assert solution.u == pytest.approx(repeated.u, rel=1e-10, abs=1e-10)
+    assert solution.z == pytest.approx(repeated.z[:, turned], rel=1e-10, abs=1e-10)
 
 
 def test_the_first_gain_is_riccatis():

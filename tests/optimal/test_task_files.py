@@ -128,8 +128,10 @@ def test_free_durations_ends_and_slack(tmp_path):
     task = fan.control.load_task(written(tmp_path, CRANE))
     crane = task.marionette
     assert task.durations == (1.0, 5.0) and task.time_weight == 2.0
-    wanted = crane.rest({"trolley": 0.5, "hoist.length": 2.4})
-    assert task.end.q_K == pytest.approx(wanted.q_K) and task.end.q_D == pytest.approx(wanted.q_D)
+    expected = crane.rest({"trolley": 0.5, "hoist.length": 2.4})
+    assert task.end.q_K == pytest.approx(expected.q_K) and task.end.q_D == pytest.approx(
+        expected.q_D
+    )
     assert task.bounds.tension == {}
     firm = fan.control.load_task(written(tmp_path, CRANE.replace("slack: true\n", "")))
     low, high = firm.bounds.tension["hoist"]

@@ -246,8 +246,8 @@ pose: {pin: 60 deg, line.length: 0.5}
 
 def test_it_continues_from_a_result_and_has_gains(pen: fan.Marionette):
     first = fan.optimise(drawing(pen, [fan.control.Touch("pen", (0.3, 0.0, 0.2))]), iterations=6)
-    again = fan.optimise(first.task, first)
-    assert again.cost <= first.cost + 1e-2 and again.kkt < first.kkt
+    continued = fan.optimise(first.task, first)
+    assert continued.cost <= first.cost + 1e-2 and continued.kkt < first.kkt
     assert first.gains.shape == (N, 2, 6) and np.all(np.isfinite(first.gains))
 
 
@@ -294,9 +294,9 @@ pose: {hand.x: 0.1, hand.z: -0.31}
     nodes = replace(Nodes.still(puppet, x0, 0.4, 4), parameters=np.array([0.25]))
     nodes = nodes.moved(0.3 * rng.normal(size=(5, nodes.n_z)), np.zeros((4, 3)))
     z, c = rng.normal(size=(5, nodes.n_z)), np.array([0.05, 0.5])
-    still = np.zeros((4, 3))
+    zeros = np.zeros((4, 3))
     step = 1e-5
-    gaps = [touches.gap(nodes.moved(x * z, still, x * c)) for x in (-step, step)]
+    gaps = [touches.gap(nodes.moved(x * z, zeros, x * c)) for x in (-step, step)]
     change = -(gaps[1] - gaps[0]) / (2.0 * step)
     at = touches.moments(nodes)
     assert at.edge[0] != 0.0 and at.at[0] == 1
@@ -381,8 +381,8 @@ def test_mistakes_in_a_file_have_places(tmp_path, change, line: int, key: str, w
     path.write_text(FILE.replace(*change, 1), encoding="utf-8")
     with pytest.raises(fan.errors.FileError) as caught:
         fan.control.load_task(path)
-    (said,) = (str(mistake) for mistake in caught.value.mistakes)
-    assert f"dab.yaml:{line}: {key}" in said and words in said
+    (message,) = (str(mistake) for mistake in caught.value.mistakes)
+    assert f"dab.yaml:{line}: {key}" in message and words in message
 
 
 def test_the_picture_shows_the_places(tmp_path, pen: fan.Marionette):

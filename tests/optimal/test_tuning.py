@@ -68,10 +68,10 @@ def test_the_second_move_is_half_a_period_later(trolley, method):
 def test_the_cost_sees_the_whole_run(trolley, method):
     """The largest swing on the way, from another start time, with any sampling."""
     x0 = trolley.rest().replace(t=1.0)
-    seen = []
+    calls = []
 
     def largest(run: fan.Trajectory) -> float:
-        seen.append(run.t)
+        calls.append(run.t)
         return float(np.max(np.abs(run.q_D[run.t > 1.5])))
 
     tuned = fan.tune(
@@ -83,13 +83,13 @@ def test_the_cost_sees_the_whole_run(trolley, method):
         method=method,
         draws=Draws(runs=8, generations=3),
     )
-    assert all(len(t) == 201 and t[0] == 1.0 and t[-1] == 3.0 for t in seen)
+    assert all(len(t) == 201 and t[0] == 1.0 and t[-1] == 3.0 for t in calls)
     assert tuned.cost == largest(tuned.run) > 0.0
 
 
 def test_the_users_random_numbers_stay(trolley):
     np.random.seed(5)
-    wanted = np.random.random(3)
+    expected = np.random.random(3)
     np.random.seed(5)
     fan.tune(
         trolley,
@@ -98,7 +98,7 @@ def test_the_users_random_numbers_stay(trolley):
         swing,
         draws=Draws(runs=4, generations=1),
     )
-    assert np.array_equal(np.random.random(3), wanted)
+    assert np.array_equal(np.random.random(3), expected)
 
 
 def test_the_same_seed_gives_the_same(trolley):
@@ -141,9 +141,9 @@ def test_two_numbers(trolley):
     """The best first part is half of the displacement."""
 
     def family(v: dict[str, float]) -> fan.Input:
-        way = [(0.0, 0.0), (0.1, v["part"] * AWAY), (max(v["delay"], 0.11), v["part"] * AWAY)]
-        way += [(max(v["delay"], 0.11) + 0.1, AWAY), (2.0, AWAY)]
-        return fan.Input.waypoints(trolley, {"trolley.x": way})
+        waypoints = [(0.0, 0.0), (0.1, v["part"] * AWAY), (max(v["delay"], 0.11), v["part"] * AWAY)]
+        waypoints += [(max(v["delay"], 0.11) + 0.1, AWAY), (2.0, AWAY)]
+        return fan.Input.waypoints(trolley, {"trolley.x": waypoints})
 
     numbers = {"part": (0.3, 0.2), "delay": (0.5, 0.2)}
     tuned = fan.tune(

@@ -39,16 +39,16 @@ def test_it_ends_standing_as_it_began_except_for_the_displacement(promenade):
     ahead = 4.0 * gait.stride  # the first step and the last are half as long
     for name, way in moved.items():
         if name.endswith(".y"):
-            wanted = gait.apart if name == "knee_left.y" else 0.0
-            wanted = -gait.apart if name == "knee_right.y" else wanted
+            expected = gait.apart if name == "knee_left.y" else 0.0
+            expected = -gait.apart if name == "knee_right.y" else expected
         elif name.endswith(".x"):
             own = {"knee_left": gait.ahead, "knee_right": gait.ahead, "head": gait.lean}
-            wanted = ahead + own.get(name.removesuffix(".x"), 0.0)
+            expected = ahead + own.get(name.removesuffix(".x"), 0.0)
         else:
-            wanted = {"knee": gait.slack, "hand": 0.0, "shoulder": gait.lower}.get(
+            expected = {"knee": gait.slack, "hand": 0.0, "shoulder": gait.lower}.get(
                 name.split("_")[0], gait.lower + gait.nod
             )
-        assert way == pytest.approx(wanted, abs=1e-12), name
+        assert way == pytest.approx(expected, abs=1e-12), name
 
 
 def test_steps_begin_at_their_given_places_and_times(promenade):

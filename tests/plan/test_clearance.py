@@ -41,7 +41,7 @@ def shape(kind: str, rng: np.random.Generator) -> dict:
     }
 
 
-def turned(box_shape: dict) -> np.ndarray:
+def rotation_matrix(box_shape: dict) -> np.ndarray:
     """R of a box: a turn about its x axis, then about the fixed y and z axes."""
     return Rotation.from_euler("xyz", box_shape["orientation"]["rpy"]).as_matrix()
 
@@ -62,13 +62,13 @@ def geom(name: str, shape_data: dict, place: np.ndarray, turn: np.ndarray) -> st
     at = f'pos="{numbers(move(shape_data["at"]))}"'
     if shape_data["type"] == "sphere":
         return f'<geom name="{name}" type="sphere" size="{shape_data["radius"]}" {at}/>'
-    R = turn @ turned(shape_data)
+    R = turn @ rotation_matrix(shape_data)
     axes = f'xyaxes="{numbers(R[:, :2].T)}"'
     half = numbers(np.array(shape_data["size"]) / 2)
     return f'<geom name="{name}" type="box" size="{half}" {at} {axes}/>'
 
 
-def mujocos(first: str, second: str) -> float:
+def mujoco_distance(first: str, second: str) -> float:
     model = mujoco.MjModel.from_xml_string(
         f"<mujoco><worldbody>{first}{second}</worldbody></mujoco>"
     )
@@ -77,7 +77,7 @@ def mujocos(first: str, second: str) -> float:
     return mujoco.mj_geomDistance(model, data, 0, 1, 10.0, np.zeros(6))
 
 
-def flying(shape_data: dict) -> fan.Marionette:
+def free_body(shape_data: dict) -> fan.Marionette:
     """One free body with one shape; shapes are not compiled, so that one library suffices."""
     puppet = fan.loads(str({"puppet": "flying", "bodies": [BODY | {"shapes": [shape_data]}]}))
     puppet.__dict__["clearances"] = clearances()
@@ -92,7 +92,9 @@ def clearances() -> ClearanceLibrary:
     return fan.loads(str({"puppet": "flying", "bodies": [BODY]})).libraries.clearances
 
 
-def placed(puppet: fan.Marionette, rng: np.random.Generator) -> tuple[fan.State, np.ndarray]:
+def random_placement(
+    puppet: fan.Marionette, rng: np.random.Generator
+) -> tuple[fan.State, np.ndarray]:
     x = puppet.state()
     turn = Rotation.random(random_state=rng)
     w, v = turn.as_quat()[3], turn.as_quat()[:3]
@@ -109,42 +111,44 @@ PAIRS = [p for p in itertools.product(KINDS, KINDS) if set(p) != {"capsule", "bo
 
 
 @pytest.mark.parametrize(("moving", "still"), PAIRS)
-def test_distances_are_mujocos(moving, still):
+def test_distances_equal_those_of_mujoco(moving, still):
     rng = np.random.default_rng(KINDS.index(moving) + 3 * KINDS.index(still))
     puppet_shape = shape(moving, rng)
-    puppet = flying(puppet_shape)
-    apart = together = 0
+    puppet = free_body(puppet_shape)
+    n_apart = n_overlapping = 0
     for _ in range(80):
-        x, turn = placed(puppet, rng)
+        x, turn = random_placement(puppet, rng)
         other = shape(still, rng)
         (distance,) = [Clearance(puppet, [other | {"name": "it"}]).of(x)]
-        theirs = mujocos(
+        expected = mujoco_distance(
             geom("a", puppet_shape, x.q_D[:3], turn), geom("b", other, np.zeros(3), np.eye(3))
         )
-        if abs(theirs) < 1e-5:
+        if abs(expected) < 1e-5:
             continue
-        assert (distance > 0.0) == (theirs > 0.0)
-        apart, together = apart + (theirs > 0.0), together + (theirs < 0.0)
-        if theirs > 0.0:
-            assert distance == pytest.approx(theirs, abs=1e-5)
-    assert apart >= 3 and together >= 3
+        assert (distance > 0.0) == (expected > 0.0)
+        n_apart, n_overlapping = n_apart + (expected > 0.0), n_overlapping + (expected < 0.0)
+        if expected > 0.0:
+            assert distance == pytest.approx(expected, abs=1e-5)
+    assert n_apart >= 3 and n_overlapping >= 3
 
 
 def test_boxes_have_the_distance_of_coal():
     rng = np.random.default_rng(8)
-    mine = shape("box", rng)
-    puppet = flying(mine)
-    apart = 0
+    own_box = shape("box", rng)
+    puppet = free_body(own_box)
+    n_apart = 0
     for _ in range(200):
-        x, turn = placed(puppet, rng)
+        x, turn = random_placement(puppet, rng)
         x = x.replace(q_D=[*(2.0 * x.q_D[:3]), *x.q_D[3:]])
         other = shape("box", rng)
         places = (
-            coal.Transform3s(turn @ turned(mine), turn @ np.array(mine["at"]) + x.q_D[:3]),
-            coal.Transform3s(turned(other), np.array(other["at"])),
+            coal.Transform3s(
+                turn @ rotation_matrix(own_box), turn @ np.array(own_box["at"]) + x.q_D[:3]
+            ),
+            coal.Transform3s(rotation_matrix(other), np.array(other["at"])),
         )
-        theirs = coal.distance(
-            coal.Box(*mine["size"]),
+        expected = coal.distance(
+            coal.Box(*own_box["size"]),
             places[0],
             coal.Box(*other["size"]),
             places[1],
@@ -152,11 +156,11 @@ def test_boxes_have_the_distance_of_coal():
             coal.DistanceResult(),
         )
         distance = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
-        assert (distance > 0.0) == (theirs > 0.0) or abs(theirs) < 1e-6
-        if theirs > 1e-6:
-            assert distance == pytest.approx(theirs, abs=1e-9)
-            apart += 1
-    assert apart > 60
+        assert (distance > 0.0) == (expected > 0.0) or abs(expected) < 1e-6
+        if expected > 1e-6:
+            assert distance == pytest.approx(expected, abs=1e-9)
+            n_apart += 1
+    assert n_apart > 60
 
 
 @pytest.mark.parametrize(
@@ -173,7 +177,7 @@ def test_boxes_have_the_distance_of_coal():
 def test_boxes_have_the_distance_of_geometry(rpy, at, gap):
     """Cubes with edges of 0.2, one of them turned and moved, and then both turned at random."""
     cube = {"type": "box", "size": [0.2, 0.2, 0.2]}
-    puppet = flying(cube)
+    puppet = free_body(cube)
     turn = Rotation.from_euler("xyz", rpy, degrees=True)
     for view in (Rotation.identity(), Rotation.from_euler("xyz", [0.3, -0.4, 0.9])):
         w = np.roll((view * turn).as_quat(), 1)
@@ -185,29 +189,29 @@ def test_boxes_have_the_distance_of_geometry(rpy, at, gap):
 def test_a_box_and_a_capsule_are_as_far_as_the_nearest_of_many_points():
     rng = np.random.default_rng(5)
     box = shape("box", rng)
-    puppet = flying(box)
-    together = 0
+    puppet = free_body(box)
+    n_overlapping = 0
     for _ in range(40):
-        x, turn = placed(puppet, rng)
+        x, turn = random_placement(puppet, rng)
         other = shape("capsule", rng)
         t = np.linspace(0.0, 1.0, 100_001)[:, None]
         along = np.array(other["from"]) + t * (np.array(other["to"]) - other["from"])
-        inside = (along - turn @ np.array(box["at"]) - x.q_D[:3]) @ (turn @ turned(box))
+        inside = (along - turn @ np.array(box["at"]) - x.q_D[:3]) @ (turn @ rotation_matrix(box))
         gaps = np.maximum(np.abs(inside) - np.array(box["size"]) / 2, 0.0)
         expected = np.linalg.norm(gaps, axis=1).min() - other["radius"]
         distance = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
         assert expected - 1e-5 < distance < expected + 1e-12
-        together += distance < 0.0
-    assert 5 < together < 35
+        n_overlapping += distance < 0.0
+    assert 5 < n_overlapping < 35
 
 
 @pytest.mark.parametrize("still", ["sphere", "capsule", "box", "half_space"])
 def test_the_distance_of_a_capsule_is_the_least_along_it(still):
     rng = np.random.default_rng(5)
     puppet_shape = shape("capsule", rng)
-    puppet = flying(puppet_shape)
+    puppet = free_body(puppet_shape)
     for _ in range(40):
-        x, turn = placed(puppet, rng)
+        x, turn = random_placement(puppet, rng)
         if still == "half_space":
             normal = rng.normal(size=3)
             other = {"type": still, "at": rng.normal(0, 0.1, 3).tolist(), "normal": normal.tolist()}
@@ -217,7 +221,7 @@ def test_the_distance_of_a_capsule_is_the_least_along_it(still):
         a, b = (turn @ puppet_shape[key] + x.q_D[:3] for key in ("from", "to"))
 
         def square(t, a=a, b=b, other=other):
-            return far(a + t[0] * (b - a), other, t[1:]) ** 2
+            return core_distance(a + t[0] * (b - a), other, t[1:]) ** 2
 
         if still == "half_space":
             unit = normal / np.linalg.norm(normal)
@@ -229,17 +233,17 @@ def test_the_distance_of_a_capsule_is_the_least_along_it(still):
         squared = minimize(square, (0.5, 0.5), **options).fun
         expected = np.sqrt(squared) - puppet_shape["radius"] - other.get("radius", 0.0)
         assert distance == pytest.approx(expected, abs=2e-6)
-        assert distance <= expected + 1e-9, "no point along it is nearer than the distance"
+        assert distance <= expected + 1e-9, "the distance is at most that of any point on it"
 
 
-def far(point: np.ndarray, other: dict, t: np.ndarray) -> float:
-    """Distance of a point from another shape's core; t is a place along a segment."""
+def core_distance(point: np.ndarray, other: dict, t: np.ndarray) -> float:
+    """Distance of a point from another shape's core; t is the position on a segment, 0 to 1."""
     if other["type"] == "sphere":
         return float(np.linalg.norm(point - other["at"]))
     if other["type"] == "capsule":
         there = np.array(other["from"]) + t[0] * (np.array(other["to"]) - other["from"])
         return float(np.linalg.norm(point - there))
-    R = turned(other)
+    R = rotation_matrix(other)
     inside = R.T @ (point - other["at"])
     return float(np.linalg.norm(np.maximum(np.abs(inside) - np.array(other["size"]) / 2, 0.0)))
 
@@ -347,7 +351,7 @@ def test_a_puppet_without_shapes_keeps_its_strings_clear_or_nothing():
 def test_an_ellipsoid_is_exact_against_half_spaces_and_a_capsule_against_the_rest():
     turn = {"rpy": ["20 deg", "-35 deg", "50 deg"]}
     shape = {"type": "ellipsoid", "radii": [0.1, 0.2, 0.05], "at": [0.02, 0.0, 0.03]}
-    puppet = flying(shape | {"orientation": turn})
+    puppet = free_body(shape | {"orientation": turn})
     x = puppet.state()
     R = np.asarray(puppet.puppet.bodies[0].shapes[0].orientation.matrix)
     rng = np.random.default_rng(5)
@@ -359,7 +363,7 @@ def test_an_ellipsoid_is_exact_against_half_spaces_and_a_capsule_against_the_res
         distance = float(Clearance(puppet, [wall | {"normal": normal}]).of(x))
         lowest = float(np.min(skin @ normal))
         assert distance == pytest.approx(lowest + 1.0, abs=1e-5)
-    flat = flying(shape)
+    flat = free_body(shape)
     bead = {"name": "bead", "type": "sphere", "radius": 0.1, "at": [0.02, 0.0, 0.53]}
     assert float(Clearance(flat, [bead]).of(flat.state())) == pytest.approx(0.5 - 0.1 - 0.1)
 
@@ -385,11 +389,11 @@ def test_slack_strings_keep_clear_along_their_hanging_curve():
         a, b = arm.string_points(x.q_D, x.q_K)["hand"]
         thread = rope.hanging(a, b, float(x.q_K[2]), 4000)
         nearest = min(np.min(np.linalg.norm(thread - bead["at"], axis=1)) - 0.01 for bead in beads)
-        wanted = min(float(without.of(x)), float(nearest))
-        assert float(clear.of(x)) == pytest.approx(wanted, abs=4e-3)
+        expected = min(float(without.of(x)), float(nearest))
+        assert float(clear.of(x)) == pytest.approx(expected, abs=4e-3)
         line = a + np.linspace(0, 1, 2000)[:, None] * (b - a)
         chord = min(np.min(np.linalg.norm(line - bead["at"], axis=1)) - 0.01 for bead in beads)
-        differs += abs(min(float(without.of(x)), float(chord)) - wanted) > 0.02
+        differs += abs(min(float(without.of(x)), float(chord)) - expected) > 0.02
     assert differs >= 5, "hanging matters in some of them"
 
 

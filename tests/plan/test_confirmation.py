@@ -60,16 +60,16 @@ def refused(plan: PlanPath) -> check.Check:
 
 def test_the_search_continues_after_an_unconfirmed_plan(boxes, monkeypatch, tmp_path):
     """17.19: the next one is used, and the number of refused plans is reported."""
-    asked = []
+    plans = []
 
     def not_the_first_two(plan: PlanPath) -> check.Check:
-        asked.append(plan)
-        return check.confirmed(plan) if len(asked) > 2 else refused(plan)
+        plans.append(plan)
+        return check.confirmed(plan) if len(plans) > 2 else refused(plan)
 
     monkeypatch.setattr(search, "confirmed", not_the_first_two)
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert plan and plan.verify(method="event").arrives
-    assert plan.refused >= 2 and len(asked) == plan.refused + 1
+    assert plan.refused >= 2 and len(plans) == plan.refused + 1
     assert f"{plan.refused} refused that do not hold in simulation" in repr(plan)
     plan.save(tmp_path / "plan.npz")
     assert PlanResult.load(tmp_path / "plan.npz", boxes).refused == plan.refused
@@ -95,8 +95,8 @@ def test_a_plan_with_too_weak_drives_is_not_confirmed(boxes, monkeypatch, status
 
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
     """17.19: a run stopped by Ctrl-C says nothing about the plan, and is not refused."""
-    whole = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)
-    stopped = dataclasses.replace(whole, status=fan.Status.STOPPED)
+    full_run = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)
+    stopped = dataclasses.replace(full_run, status=fan.Status.STOPPED)
     monkeypatch.setattr(plan_path, "simulate", lambda *_, **__: stopped)
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert not plan and plan.refused == 0 and plan.status is fan.control.AnswerStatus.APPROXIMATE
@@ -107,14 +107,14 @@ def test_a_true_plan_is_confirmed_in_any_case(boxes, monkeypatch):
     plan = first_plan(boxes, made=lambda p: solve(boxes, seed=0, confirm=False))
     assert plan.status is fan.control.AnswerStatus.UNCONFIRMED and plan.holds
     monkeypatch.setattr(result, "confirmed", refused)
-    again = PlanResult.of(plan.search)
-    assert not again and "does not hold in simulation" in again.message
-    assert again.distance <= boxes.tolerance
+    repeated = PlanResult.of(plan.search)
+    assert not repeated and "does not hold in simulation" in repeated.message
+    assert repeated.distance <= boxes.tolerance
     with pytest.raises(ValueError, match="no plan to polish"):
-        again.polish()
+        repeated.polish()
 
 
-def test_contact_between_looks_is_found(boxes):
+def test_contact_between_checks_is_found(boxes):
     """17.19: the string passes a bead between two checks, without contact at either."""
     plan = solve(boxes, seed=0)
     run = plan.verify(method="event").run
@@ -123,10 +123,12 @@ def test_contact_between_looks_is_found(boxes):
     between = run.at(fast + 0.5 * boxes.rollouts.options.interval)
     bead = {"name": "bead", "type": "sphere", "radius": 1.2e-3}
     middle = np.mean(arm.string_points(between.q_D, between.q_K)["hand"], axis=0)
-    asked = Problem(arm, boxes.start, boxes.goal, [bead | {"at": middle.tolist()}], tolerance=0.25)
-    seen = asked.rollouts.clearance.of(run.resample(first))
-    assert seen.min() > 0.0
-    plan_checked = check.checked(PlanPath(asked, plan.tree, plan.path), method="event")
+    with_bead = Problem(
+        arm, boxes.start, boxes.goal, [bead | {"at": middle.tolist()}], tolerance=0.25
+    )
+    clearances = with_bead.rollouts.clearance.of(run.resample(first))
+    assert clearances.min() > 0.0
+    plan_checked = check.checked(PlanPath(with_bead, plan.tree, plan.path), method="event")
     assert plan_checked.clearance < 0.0 and not plan_checked.arrives
 
 

@@ -60,12 +60,12 @@ def test_a_late_or_early_catch_uses_the_gains_of_its_mode(lift, kicks):
     plan, late = dropped(lift, 4), kicks[0] > 0.0
     by_event, by_time = plan.feedback(), plan.feedback(window=0)
     assert by_event.active[1, 0] == late and not len(by_time.extended.late)
-    off = []
+    deviations = []
     for kick in kicks:
         start = plan.start.replace(v_D=plan.start.v_D + np.array([kick, 0.0]))
         assert (catches(plan, start)[0] > 0.1) == late
-        off.append([law.run(start).distance for law in (by_time, by_event)])
-    time, event = np.median(off, axis=0)
+        deviations.append([law.run(start).distance for law in (by_time, by_event)])
+    time, event = np.median(deviations, axis=0)
     assert event < time / 3.0, (time, event)
 
 

@@ -68,8 +68,10 @@ def test_gains_are_those_of_least_squares():
     best = -np.linalg.lstsq(rows, right, rcond=None)[0]
 
     z, (gains, P) = np.eye(n), riccati.gains(A, B, Q, R, Q_m)
-    left = rows @ best + right
-    np.testing.assert_allclose(P[0], left.T @ left, rtol=1e-9, atol=1e-9 * np.abs(P[0]).max())
+    residual = rows @ best + right
+    np.testing.assert_allclose(
+        P[0], residual.T @ residual, rtol=1e-9, atol=1e-9 * np.abs(P[0]).max()
+    )
     for j in range(m):
         a = -gains[j] @ z
         np.testing.assert_allclose(a, best[j * k : (j + 1) * k], atol=1e-9 * np.abs(best).max())
@@ -93,7 +95,7 @@ def test_projected_changes_keep_taut_strings_taut(plan, law):
 def test_derivatives_predict_where_neighbours_end(plan, law):
     """Segments without events, for neighbours with the same active set as the plan's."""
     marionette, rng = plan.problem.marionette, np.random.default_rng(2)
-    free = plan.rollouts.where(tolerance=-1.0, free=True)
+    free = plan.rollouts.with_tolerance(tolerance=-1.0, free=True)
     onto = taut_projection(marionette, law.nodes, np.ones((len(law.nodes.q_D), 1), dtype=bool))
     quiet = np.flatnonzero(plan.tree.catches[list(plan.path[1:])] == 0)
     for k in quiet[::4]:

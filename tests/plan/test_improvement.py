@@ -91,8 +91,8 @@ def test_a_user_defined_objective(problem, tmp_path):
     catches = result.tree.catches[path].sum()
     assert result.cost == pytest.approx(result.duration + 0.5 * catches + 0.25 * effort)
     result.save(tmp_path / "plan.npz")
-    again = fan.control.PlanResult.load(tmp_path / "plan.npz", problem)
-    assert again.search.objective == own and again.cost == result.cost
+    loaded = fan.control.PlanResult.load(tmp_path / "plan.npz", problem)
+    assert loaded.search.objective == own and loaded.cost == result.cost
     for wrong in (-1.0, np.inf, np.nan):
         with pytest.raises(ValueError, match="acceleration"):
             Objective(acceleration=wrong)
@@ -236,7 +236,7 @@ def test_a_plan_found_at_the_time_limit_says_that_it_is_not_polished(problem, mo
     monkeypatch.setattr(search, "find_better", better)
     monkeypatch.setattr(search, "polish", lambda *_: False)
     search.improve(0.01, 1e-3)
-    assert search.polished.status is PolishStatus.TIMEOUT and search.polished.asked == 1e-3
+    assert search.polished.status is PolishStatus.TIMEOUT and search.polished.required == 1e-3
 
 
 def test_a_search_is_continued(problem):

@@ -15,8 +15,8 @@ def test_the_marionette_touches_the_bell_past_the_lamp():
     problem = fan.control.load_problem("marionette_bell")
     result = fan.control.solve(problem, seed=0, time_limit=60.0)
     assert result and result.replay()
-    again = result.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
-    assert again.arrives and again.clearance > 0.0
+    repeated = result.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
+    assert repeated.arrives and repeated.clearance > 0.0
     run = result.trajectory
     tip = problem.marionette.link_index("forearm_right")
     pose = problem.marionette.poses(run.q_D[-1:], run.q_K[-1:])[0, tip]
@@ -55,5 +55,5 @@ def test_the_rest_at_the_goal_is_a_stable_equilibrium():
     puppet, moves = problem.marionette, problem.rollouts.bounds.moves
     q_D, q_K, left = balanced(puppet, problem.goal, problem.start, moves)
     assert left < 1e-9 * puppet.weight
-    there = problem.start.replace(q_D=q_D, q_K=q_K)
-    assert np.max(np.abs(puppet.rest(there).q_D - q_D)) < 1e-6
+    moved_state = problem.start.replace(q_D=q_D, q_K=q_K)
+    assert np.max(np.abs(puppet.rest(moved_state).q_D - q_D)) < 1e-6

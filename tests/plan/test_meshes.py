@@ -22,7 +22,7 @@ from fantoccini.kernel.runtime import ClearanceLibrary
 
 pytestmark = [pytest.mark.medium, pytest.mark.long]
 
-THICK = 0.1
+THICKNESS = 0.1
 """Thickness of the legs of the L. They lie along x and z, and are 0.4 long and 0.2 wide along y."""
 
 
@@ -40,7 +40,14 @@ def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) 
 
 def l_mesh() -> trimesh.Trimesh:
     """The L."""
-    outline = [(0, 0), (0.4, 0), (0.4, THICK), (THICK, THICK), (THICK, 0.4), (0, 0.4)]
+    outline = [
+        (0, 0),
+        (0.4, 0),
+        (0.4, THICKNESS),
+        (THICKNESS, THICKNESS),
+        (THICKNESS, 0.4),
+        (0, 0.4),
+    ]
     return prism(outline, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
 
 
@@ -80,7 +87,7 @@ def in_mesh_folder(folder, monkeypatch):
     monkeypatch.chdir(folder)
 
 
-def flying(*shapes: dict) -> fan.Marionette:
+def free_bodies(*shapes: dict) -> fan.Marionette:
     """A free body for every shape; shapes are not compiled, so that one library suffices."""
     bodies = [body | {"shapes": [s]} for body, s in zip(free(len(shapes)), shapes, strict=True)]
     puppet = fan.loads(str({"puppet": "flying", "bodies": bodies}))
@@ -106,7 +113,7 @@ def mesh(file: str, **more) -> dict:
     return {"type": "mesh", "file": f"{file}.obj", **more}
 
 
-def posed(puppet: fan.Marionette, *poses: tuple[np.ndarray, Rotation]) -> fan.State:
+def state_with_poses(puppet: fan.Marionette, *poses: tuple[np.ndarray, Rotation]) -> fan.State:
     """A state in which each body has a given position and orientation."""
     numbers = [[*place, *np.roll(turn.as_quat(), 1)] for place, turn in poses]
     return puppet.state().replace(q_D=np.ravel(numbers))
@@ -120,14 +127,14 @@ def distances(puppet: fan.Marionette, obstacle: dict, places: np.ndarray) -> np.
 
 @pytest.fixture(scope="module")
 def bead():
-    return flying({"type": "sphere", "radius": 1e-3})
+    return free_bodies({"type": "sphere", "radius": 1e-3})
 
 
 @pytest.mark.parametrize("name", ["box", "fine", "halves"])
 @pytest.mark.parametrize("kind", ["capsule", "box", "ellipsoid", "half_space", "mesh"])
 def test_a_mesh_of_a_box_is_the_box(folder, name, kind):
     rng = np.random.default_rng(3)
-    puppet, same = flying(mesh(name)), flying({"type": "box", "size": [0.2, 0.3, 0.4]})
+    puppet, same = free_bodies(mesh(name)), free_bodies({"type": "box", "size": [0.2, 0.3, 0.4]})
     other = {
         "capsule": {"from": [-0.1, 0.02, 0.0], "to": [0.1, 0.05, 0.07], "radius": 0.02},
         "box": {"size": [0.1, 0.2, 0.3], "orientation": {"rpy": [0.4, 0.2, -0.5]}},
@@ -136,12 +143,12 @@ def test_a_mesh_of_a_box_is_the_box(folder, name, kind):
         "mesh": {"file": "box.obj"},
     }[kind] | {"type": kind, "name": "it"}
     twin = {"type": "box", "size": [0.2, 0.3, 0.4], "name": "it"} if kind == "mesh" else other
-    clear, known = Clearance(puppet, [other]), Clearance(same, [twin])
+    clear, box_distance = Clearance(puppet, [other]), Clearance(same, [twin])
     apart = 0
     for _ in range(25):
         turn, place = Rotation.random(random_state=rng), rng.normal(0, 0.25, 3)
-        distance = float(clear.of(posed(puppet, (place, turn))))
-        expected = float(known.of(posed(same, (place, turn))))
+        distance = float(clear.of(state_with_poses(puppet, (place, turn))))
+        expected = float(box_distance.of(state_with_poses(same, (place, turn))))
         if expected > 0.0 or kind == "half_space":
             assert distance == pytest.approx(expected, abs=1e-7)
         assert (distance > 0.0) == (expected > 0.0)
@@ -161,26 +168,28 @@ def test_a_mesh_of_a_box_is_the_box(folder, name, kind):
 )
 def test_a_moving_tetrahedron_has_the_distance_of_geometry(at, gap):
     rng = np.random.default_rng(4)
-    puppet = flying(mesh("corner", at=[0.1, -0.2, 0.3]))
+    puppet = free_bodies(mesh("corner", at=[0.1, -0.2, 0.3]))
     for _ in range(5):
         turn, place = Rotation.random(random_state=rng), rng.normal(size=3)
         centre = turn.apply(np.add(at, [0.1, -0.2, 0.3])) + place
         ball = {"type": "sphere", "name": "ball", "radius": 0.05, "at": centre.tolist()}
         clear = Clearance(puppet, [ball])
-        near = clear.nearest(posed(puppet, (place, turn)))
+        near = clear.nearest(state_with_poses(puppet, (place, turn)))
         assert near.distance == pytest.approx(gap - 0.05, abs=1e-9)
         assert (near.what, near.other) == ("body0", "ball")
 
 
 def test_a_notch_is_free():
     """The rod is inside the box around the L; its axis is 0.1 away from the legs."""
-    rod = flying({"type": "capsule", "from": [0, -0.3, 0], "to": [0, 0.3, 0], "radius": 0.02})
-    x = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.identity()))
+    rod = free_bodies({"type": "capsule", "from": [0, -0.3, 0], "to": [0, 0.3, 0], "radius": 0.02})
+    x = state_with_poses(rod, (np.array([0.2, 0.0, 0.2]), Rotation.identity()))
     ell = mesh("ell", name="ell")
     assert float(Clearance(rod, [ell]).of(x)) == pytest.approx(0.1 - 0.02, abs=1e-9)
     surrounding_box = {"type": "box", "size": [0.4, 0.2, 0.4], "at": [0.2, 0, 0.2], "name": "about"}
     assert float(Clearance(rod, [surrounding_box]).of(x)) < 0.0
-    tilted = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.from_euler("x", 50, degrees=True)))
+    tilted = state_with_poses(
+        rod, (np.array([0.2, 0.0, 0.2]), Rotation.from_euler("x", 50, degrees=True))
+    )
     assert float(Clearance(rod, [ell]).of(tilted)) < 0.0
     half = mesh("ell", name="ell", scale=0.5, at=[0.1, 0.0, 0.1])
     assert float(Clearance(rod, [half]).of(x)) == pytest.approx(0.05 - 0.02, abs=1e-9)
@@ -194,7 +203,7 @@ def test_points_inside_overlap_even_if_aligned_with_edges(bead):
     def outside(p, low, high):
         return np.linalg.norm(np.maximum(np.maximum(low - p, p - high), 0.0), axis=1)
 
-    legs = ([0, -0.1, 0], [0.4, 0.1, THICK]), ([0, -0.1, 0], [THICK, 0.1, 0.4])
+    legs = ([0, -0.1, 0], [0.4, 0.1, THICKNESS]), ([0, -0.1, 0], [THICKNESS, 0.1, 0.4])
     gap = np.min([outside(places, *(np.array(c) for c in leg)) for leg in legs], axis=0)
     skin = gap < 1e-12
     distance = distances(bead, mesh("ell"), places)
@@ -225,32 +234,32 @@ def test_solids_within_one_another_overlap_either_way():
         (mesh("ell"), large),
         (large, mesh("open")),
     ):
-        puppet = flying(moving)
+        puppet = free_bodies(moving)
         assert float(Clearance(puppet, [still | {"name": "it"}]).of(puppet.state())) < 0.0
 
 
 def test_meshes_of_one_puppet_keep_clear_of_one_another():
     """Two Ls; one is turned by half a turn, so that a leg of each is in the notch of the other."""
-    puppet = flying(mesh("ell"), mesh("ell"))
+    puppet = free_bodies(mesh("ell"), mesh("ell"))
     own = Clearance(puppet, self_collision=True)
-    still, turn = (np.zeros(3), Rotation.identity()), Rotation.from_euler("y", 180, degrees=True)
-    near = own.nearest(posed(puppet, still, (np.array([0.53, 0.0, 0.54]), turn)))
+    zeros, turn = (np.zeros(3), Rotation.identity()), Rotation.from_euler("y", 180, degrees=True)
+    near = own.nearest(state_with_poses(puppet, zeros, (np.array([0.53, 0.0, 0.54]), turn)))
     assert near.distance == pytest.approx(np.hypot(0.03, 0.04), abs=1e-9)
     assert {near.what, near.other} == {"body0", "body1"}
-    assert float(own.of(posed(puppet, still, (np.array([0.45, 0.0, 0.45]), turn)))) < 0.0
+    assert float(own.of(state_with_poses(puppet, zeros, (np.array([0.45, 0.0, 0.45]), turn)))) < 0.0
 
 
 def test_threads_and_neighbours_do_not_matter():
-    puppet = flying({"type": "box", "size": [0.1, 0.1, 0.1]})
+    puppet = free_bodies({"type": "box", "size": [0.1, 0.1, 0.1]})
     rng = np.random.default_rng(7)
     n = 8200
     q_D = np.zeros((n, 7))
     q_D[:, :3] = rng.normal([0.2, 0.0, 0.2], 0.3, (n, 3))
     q_D[:, 3:] = Rotation.random(n, random_state=rng).as_quat()[:, [3, 0, 1, 2]]
-    clear, none = Clearance(puppet, [mesh("ell", name="ell")]), np.zeros((n, 0))
-    distance = clear.at(q_D, none)
-    assert np.array_equal(distance, clear.at(q_D, none, threads=2))
-    assert np.array_equal(distance[5:40:7], [clear.at(q_D[k], none[k]) for k in range(5, 40, 7)])
+    clear, zeros = Clearance(puppet, [mesh("ell", name="ell")]), np.zeros((n, 0))
+    distance = clear.at(q_D, zeros)
+    assert np.array_equal(distance, clear.at(q_D, zeros, threads=2))
+    assert np.array_equal(distance[5:40:7], [clear.at(q_D[k], zeros[k]) for k in range(5, 40, 7)])
 
 
 ARM = fan.puppets.arm3d()
@@ -271,10 +280,10 @@ def test_slack_strings_keep_clear_of_meshes_as_of_boxes():
     q_D, q_K = np.tile(HANGING.q_D, (150, 1)), np.column_stack([*[lengths] * 3])
     q_K[:, 0], q_K[:, 1] = rng.uniform(-0.2, 0.9, 150), rng.uniform(-0.2, 0.2, 150)
     distance = Clearance(ARM, [SHELF]).at(q_D, q_K)
-    known = Clearance(ARM, LEGS).at(q_D, q_K)
-    apart = known > 0.0
+    box_distance = Clearance(ARM, LEGS).at(q_D, q_K)
+    apart = box_distance > 0.0
     assert 30 < np.count_nonzero(apart) < 120
-    np.testing.assert_allclose(distance[apart], known[apart], atol=1e-9)
+    np.testing.assert_allclose(distance[apart], box_distance[apart], atol=1e-9)
     assert np.all(distance[~apart] < 0.0)
     near = Clearance(ARM, [SHELF]).nearest(HANGING.replace(q_K=[0.3, 0.0, 1.9]))
     assert (near.what, near.other) == ("string hand", "shelf")

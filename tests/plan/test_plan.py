@@ -35,8 +35,8 @@ def bounds(**keywords) -> dict[str, fan.control.Bounds]:
 
 
 def raised(seed: int = 0, obstacles=(), **options) -> fan.control.PlanResult:
-    asked = {"tolerance": 0.25, "iterations": 40_000, "time_limit": LIMIT} | options
-    return fan.plan(ARM, HANGING, RAISED, obstacles, seed=seed, **asked)
+    arguments = {"tolerance": 0.25, "iterations": 40_000, "time_limit": LIMIT} | options
+    return fan.plan(ARM, HANGING, RAISED, obstacles, seed=seed, **arguments)
 
 
 @pytest.fixture(scope="module")
@@ -146,8 +146,8 @@ def test_goals_of_other_kinds():
         return np.maximum(0.1 - rows.q_K[..., 1], 0.0)
 
     assert fan.plan(ARM, ARM.rest(), left, tolerance=1e-6, iterations=20_000)
-    there = ARM.rest({"hand.x": 0.4})
-    assert fan.plan(ARM, ARM.rest(), there, tolerance=0.1, iterations=20_000)
+    state = ARM.rest({"hand.x": 0.4})
+    assert fan.plan(ARM, ARM.rest(), state, tolerance=0.1, iterations=20_000)
 
 
 def test_a_goal_that_is_met_needs_no_motion():
@@ -207,7 +207,11 @@ def test_an_end_of_the_search_returns_the_nearest():
         (bounds(position={"hand.x": (1.0, 0.0)}), fan.errors.StateError, "must not be empty"),
         ({"obstacles": [{"name": "o", "type": "sphere", "radius": 0}]}, FileError, "radius"),
         (bounds(clearance=-1.0), ValueError, "clearance"),
-        (bounds(jerk=1.0), fan.errors.StateError, "no bounds of jerk; give position, speed"),
+        (
+            bounds(jerk=1.0),
+            fan.errors.StateError,
+            "not support bounds of jerk; give position, speed",
+        ),
         ({"iterations": 0}, ValueError, "iterations is 0"),
         ({"obstacles": [3]}, FileError, r"obstacles\[0\]: found 3"),
         ({"goal": lambda rows: 1.0}, fan.errors.StateError, "finite distances of the shape"),

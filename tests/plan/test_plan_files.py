@@ -17,15 +17,15 @@ NO_PLAN = r"is not a plan that this version can read|is not an npz file"
 def test_a_saved_plan_is_complete_and_continues(boxes, tmp_path):
     plan = fan.control.solve(boxes, seed=4)
     plan.save(tmp_path / "plan.npz")
-    again = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes)
-    assert again and again.path == plan.path and again.replay()
-    assert (again.tried, again.curve, again.status) == (plan.tried, plan.curve, plan.status)
+    loaded = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes)
+    assert loaded and loaded.path == plan.path and loaded.replay()
+    assert (loaded.tried, loaded.curve, loaded.status) == (plan.tried, plan.curve, plan.status)
     with np.load(tmp_path / "plan.npz") as file:
         assert np.array_equal(file["looks"], plan.tree.n_checks), "the key of earlier versions"
     for name, a in plan.tree.arrays.items():
-        assert np.array_equal(a, again.tree.arrays[name])
-    assert np.array_equal(plan.inputs.coef, again.inputs.coef)
-    longer, same = (p.grow(seconds=60.0, iterations=800) for p in (plan, again))
+        assert np.array_equal(a, loaded.tree.arrays[name])
+    assert np.array_equal(plan.inputs.coef, loaded.inputs.coef)
+    longer, same = (p.grow(seconds=60.0, iterations=800) for p in (plan, loaded))
     assert longer.path == same.path and np.array_equal(longer.tree.q_D, same.tree.q_D)
     assert not list(tmp_path.glob(".*")), "a half-written file is left"
 
@@ -33,8 +33,8 @@ def test_a_saved_plan_is_complete_and_continues(boxes, tmp_path):
 def test_a_planner_passed_as_an_object_can_be_given_again(boxes, tmp_path):
     planner = Explore(batch=32)
     fan.control.solve(boxes, planner=planner, seed=1).save(tmp_path / "plan.npz")
-    again = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes, planner)
-    assert again.search.options.planner is planner
+    loaded = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes, planner)
+    assert loaded.search.options.planner is planner
 
 
 def test_files_without_a_plan_are_refused(boxes, tmp_path):

@@ -38,11 +38,11 @@ def test_an_arm_pushes_a_crate_further(crates, seed):
     assert plan and plan.problem.hold > 0.0 and plan.touches[0].parts == ("hand", "crate")
     method = fan.TimeStepping(dt=1e-3)
     run = fan.simulate(scene, x0, plan.inputs, plan.inputs.end + 2.0, method=method)
-    way = moved(scene, run)
-    assert np.linalg.norm(way[-1] - [0.1, 0.0, 0.0]) < 0.05
+    displacement = moved(scene, run)
+    assert np.linalg.norm(displacement[-1] - [0.1, 0.0, 0.0]) < 0.05
     assert np.max(np.abs(run.v_D[-1])) < 0.05
     first = run.contact.of("hand", "crate").sample[0]
-    assert np.max(np.abs(way[:first])) < 1e-6, "nothing else moves it"
+    assert np.max(np.abs(displacement[:first])) < 1e-6, "nothing else moves it"
 
 
 def test_a_place_may_be_given_as_coordinates(crates):

@@ -1,4 +1,4 @@
-"""Compiled rollouts compared with the simulator; laws and goals with other computations."""
+"""Compiled rollouts compared with the simulator; laws and goals with independent computations."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ FAST = fan.control.Bounds(speed=1.0, acceleration=5.0)
 
 
 def problem(**options) -> Problem:
-    asked = {"tolerance": 0.01, "bounds": FAST} | options
-    return Problem(ARM, START, UNREACHABLE, **asked)
+    arguments = {"tolerance": 0.01, "bounds": FAST} | options
+    return Problem(ARM, START, UNREACHABLE, **arguments)
 
 
 def test_motions_are_those_of_the_simulator():
-    made_of = problem()
-    rollouts = made_of.rollouts
+    simulated_with = problem()
+    rollouts = simulated_with.rollouts
     rng = np.random.default_rng(0)
     acceleration = rng.uniform(-1.0, 1.0, (9, 6, 3))
-    rolled = rollouts.simulate(made_of.root, np.zeros(9), acceleration)
+    rolled = rollouts.simulate(simulated_with.root, np.zeros(9), acceleration)
     segment = rollouts.options.segment
     assert np.all(rolled.n_checks == rollouts.options.n_checks)
     for i in range(9):
@@ -72,7 +72,7 @@ def test_a_motion_does_not_depend_on_its_neighbours_or_on_threads():
             assert np.array_equal(a[0], together.states[name][i])
 
 
-def test_no_rollout_follows_the_first_that_arrives():
+def test_rollouts_end_after_the_first_arrival():
     near = Problem(
         ARM,
         START,
@@ -91,15 +91,15 @@ def test_no_rollout_follows_the_first_that_arrives():
 
 def test_motions_end_at_obstacles_bounds_and_slackness():
     wall = {"name": "wall", "type": "half_space", "at": [0.1, 0, 0], "normal": [-1, 0, 0]}
-    asked = problem(obstacles=[wall], rollouts=RolloutOptions(strings=False))
+    task = problem(obstacles=[wall], rollouts=RolloutOptions(strings=False))
     push = np.zeros((1, 12, 3))
     push[0, :4, 0] = 2.0
     push[0, :, 2] = -0.4
-    free = problem().rollouts.simulate(asked.root, np.zeros(1), push)
-    cut = asked.rollouts.simulate(asked.root, np.zeros(1), push)
+    free = problem().rollouts.simulate(task.root, np.zeros(1), push)
+    cut = task.rollouts.simulate(task.root, np.zeros(1), push)
     reached = int((cut.n_checks > 0).sum())
     assert 0 < reached < (free.n_checks > 0).sum()
-    clear = asked.rollouts.clearance
+    clear = task.rollouts.clearance
     q_D, q_K = cut.states["q_D"][0, :reached], cut.states["q_K"][0, :reached]
     assert clear.at(q_D, q_K).min() >= 0.0
     assert clear.at(free.states["q_D"][0, reached], free.states["q_K"][0, reached]) < 0.0
@@ -110,7 +110,7 @@ def test_motions_end_at_obstacles_bounds_and_slackness():
     down = np.zeros((1, 12, 3))
     down[0, :3, 2] = 3.0
     taut, any_ = (
-        problem(slack=slack).rollouts.simulate(asked.root, np.zeros(1), down)
+        problem(slack=slack).rollouts.simulate(task.root, np.zeros(1), down)
         for slack in (False, True)
     )
     assert (taut.n_checks > 0).sum() < (any_.n_checks > 0).sum()
@@ -122,8 +122,8 @@ def test_a_regulator_for_many_steps_tends_to_the_infinite_horizon():
     A *= 0.95 / np.max(np.abs(np.linalg.eigvals(A)))
     B, Q, R = rng.normal(size=(6, 2)), np.eye(6), 0.1 * np.eye(2)
     P = solve_discrete_are(A, B, Q, R)
-    wanted = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    assert np.allclose(riccati.stationary_gain(A, B, Q, R, 7), wanted, atol=1e-9)
+    expected = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    assert np.allclose(riccati.stationary_gain(A, B, Q, R, 7), expected, atol=1e-9)
 
 
 def test_derivatives_of_segments_are_those_of_the_simulators_steps():
@@ -144,9 +144,9 @@ def test_derivatives_of_segments_are_those_of_the_simulators_steps():
 
 
 def test_regulated_motions_come_to_rest_at_the_goal():
-    asked = Problem(ARM, START, {"shoulder.rotation": [0, -0.6, 0], "elbow": 1.2}, tolerance=1e-3)
-    rolled = asked.rollouts.where(tolerance=-1.0).simulate(
-        asked.root,
+    task = Problem(ARM, START, {"shoulder.rotation": [0, -0.6, 0], "elbow": 1.2}, tolerance=1e-3)
+    rolled = task.rollouts.with_tolerance(tolerance=-1.0).simulate(
+        task.root,
         np.zeros(4),
         np.zeros((4, 100, 3)),
         n_given=np.zeros(4),
@@ -174,16 +174,18 @@ def test_distances_from_goals():
         half = np.sqrt(0.1**2 + 0.7**2 + 0.3**2) / 2
         axis = np.array([0.1, -0.7, 0.3]) / (2 * half)
         cosine = abs(x.q_D[:4] @ np.concatenate([[np.cos(half)], np.sin(half) * axis]))
-        off = max(0.5 - x.q_D[4], x.q_D[4] - 0.9, 0.0)
-        wanted = 2 * np.arccos(min(cosine, 1.0)) + 2.0 * off + 0.3 * np.linalg.norm(x.v_D)
-        assert d == pytest.approx(wanted, abs=1e-9)
+        deviation = max(0.5 - x.q_D[4], x.q_D[4] - 0.9, 0.0)
+        expected = 2 * np.arccos(min(cosine, 1.0)) + 2.0 * deviation + 0.3 * np.linalg.norm(x.v_D)
+        assert d == pytest.approx(expected, abs=1e-9)
     rest = Goal.pose(ARM, {"elbow": 0.5}, speed_weight=0.0, driven_weight=0.4)
     moving = states[0].replace(v_K=[0.3, 0.0, -0.4])
     assert rest.distance(rows(moving))[0] == pytest.approx(0.3 + 0.4 * 0.5, abs=1e-12)
-    there = states[1].replace(v_K=[0.1, 0.0, 0.0])
-    assert np.any(there.v_D)
-    whole = Goal.of(ARM, there).distance(rows(there, moving.replace(q_D=there.q_D)))
-    lacks = 0.1 * np.linalg.norm(moving.v_D - there.v_D) + np.linalg.norm([0.2, 0.0, -0.4])
+    moved_state = states[1].replace(v_K=[0.1, 0.0, 0.0])
+    assert np.any(moved_state.v_D)
+    whole = Goal.of(ARM, moved_state).distance(
+        rows(moved_state, moving.replace(q_D=moved_state.q_D))
+    )
+    lacks = 0.1 * np.linalg.norm(moving.v_D - moved_state.v_D) + np.linalg.norm([0.2, 0.0, -0.4])
     assert whole == pytest.approx([0.0, lacks], abs=1e-12), "17.4: a state's velocities count"
     tip = Goal.point(ARM, "lower", [0.1, 0.0, -0.5], at=[0, 0, -0.3], to=[0.2, 0.1, -0.4])
     for x, d in zip(states, tip.distance(rows(*states)), strict=True):
@@ -203,11 +205,11 @@ def test_distances_from_goals():
     ],
 )
 def test_indices_outside_of_arrays_are_refused(change, message):
-    asked = problem()
-    asked.rollouts.laws = []
+    task = problem()
+    task.rollouts.laws = []
     arguments = {"start": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
     with pytest.raises(ValueError, match=message):
-        asked.rollouts.simulate(asked.root, **arguments)
+        task.rollouts.simulate(task.root, **arguments)
 
 
 def test_a_goal_counts_with_the_parameters_of_the_puppet_that_plans():
@@ -223,12 +225,14 @@ def test_python_hears_signals_while_many_rollouts_are_simulated():
     """17.30: a timer's handler runs repeatedly during one long sweep."""
     if not hasattr(signal, "setitimer"):
         pytest.skip("needs setitimer")
-    asked, heard = problem(rollouts=RolloutOptions(dt=0.002, n_checks=1000)), []
+    task, heard = problem(rollouts=RolloutOptions(dt=0.002, n_checks=1000)), []
     push = np.random.default_rng(0).uniform(-0.01, 0.01, (256, 1, 3))
     before = signal.signal(signal.SIGALRM, lambda *_: heard.append(len(heard)))
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.005, 0.005)
-        asked.rollouts.where(tolerance=-1.0, free=True).simulate(asked.root, np.zeros(256), push)
+        task.rollouts.with_tolerance(tolerance=-1.0, free=True).simulate(
+            task.root, np.zeros(256), push
+        )
         during = len(heard)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

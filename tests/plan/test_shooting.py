@@ -50,7 +50,7 @@ def test_candidates_are_the_plans_own_rollouts(boxes, shooting, V):
     assert np.all(np.abs(spare - after) < 0.01 + around)
     clear = candidate.constraints[0, :, 0] + 0.007
     np.testing.assert_allclose(clear, boxes.rollouts.clearance.of(run)[every::every], atol=1e-10)
-    assert candidate.distance[0] <= 1e-3 and candidate.calm[0] == 0
+    assert candidate.distance[0] <= 1e-3 and candidate.first_calm_segment[0] == 0
 
 
 def test_derivatives_are_those_of_larger_changes(shooting, V):

@@ -60,7 +60,7 @@ def test_from_the_air_to_both_feet(promenade, hanging):
     assert verified.arrives and verified.share >= 0.1
     assert verified.share == pytest.approx(share_by_hand(promenade, verified.run), abs=1e-9)
     assert not hanging.q_D[2] < verified.run.q_D[-1, 2] + 0.05, "it came down"
-    assert [touch.asked for touch in verified.touches] == [True, True]
+    assert [touch.allowed for touch in verified.touches] == [True, True]
 
 
 def test_from_one_stance_to_another(promenade, standing):

@@ -41,7 +41,7 @@ def test_the_hand_touches_the_table_and_keeps_off_the_post(past_post, touch, met
         float(Clearance(ARM, [POST], free=[frozenset({"hand", "table"})]).of(checked.run).min()) > 0
     )
     (met,) = checked.touches
-    assert met.parts == ("hand", "table") and met.asked and met.force > 0.0
+    assert met.parts == ("hand", "table") and met.allowed and met.force > 0.0
     assert 0.0 < met.t <= checked.run.t[-1]
     gaps = past_post.touches.gaps(checked.run.q_D, checked.run.q_K)[:, 0]
     assert gaps[0] > 0.1 and gaps.min() > -1e-5 and abs(gaps[-1]) < 1e-5
@@ -61,8 +61,8 @@ def test_the_speed_of_a_touch_is_that_of_the_gap_before_it(touch):
 def test_a_touching_plan_is_saved_and_replayed(past_post, touch, tmp_path):
     assert touch.replay()
     touch.save(tmp_path / "plan.npz")
-    again = PlanResult.load(tmp_path / "plan.npz", past_post)
-    assert again and again.path == touch.path
+    loaded = PlanResult.load(tmp_path / "plan.npz", past_post)
+    assert loaded and loaded.path == touch.path
     other = Problem(
         ARM, START, ON_TABLE, [POST], bounds=fan.control.Bounds(clearance=0.005), hold=0.5
     )
@@ -74,9 +74,9 @@ def test_functions_without_contact_refuse_it(past_post, touch):
     assert solve(past_post, improve=0.05).polished.status is PolishStatus.MAY_TOUCH
     with pytest.raises(ValueError, match="cannot be polished"):
         touch.polish()
-    with pytest.raises(ValueError, match="feedback knows nothing"):
+    with pytest.raises(ValueError, match="feedback does not support"):
         touch.feedback()
-    with pytest.raises(ValueError, match="knows no contact"):
+    with pytest.raises(ValueError, match="does not support contact"):
         touch.verify(backend="mujoco")
 
 
@@ -112,12 +112,12 @@ def test_unwanted_contact_is_reported(touch):
     at = plan.verify().run.at(0.6 * plan.touches[0].t)
     tip = ARM.poses(at.q_D, at.q_K)[1] @ [0.2, 0.0, 0.0, 1.0]
     post = POST | {"size": [0.02, 0.3, 0.02], "at": (tip - [0.0, 0.0, 0.03]).tolist()}
-    asked = Problem(ARM, START, ON_TABLE, [post])
-    checked = check.checked(PlanPath(asked, plan.tree, plan.path))
-    (met,) = checked.unasked
+    task = Problem(ARM, START, ON_TABLE, [post])
+    checked = check.checked(PlanPath(task, plan.tree, plan.path))
+    (met,) = checked.forbidden
     assert not checked.arrives and met.parts == ("hand", "post") and met.speed > 0.0
     assert f"hand touches post at {met.t:.3g} s" in checked.fault
-    assert solve(asked, seed=0, time_limit=30.0).verify().unasked == ()
+    assert solve(task, seed=0, time_limit=30.0).verify().forbidden == ()
 
 
 def test_rollouts_end_at_forbidden_contact(past_post, touch):
@@ -126,7 +126,7 @@ def test_rollouts_end_at_forbidden_contact(past_post, touch):
     acceleration = touch.acceleration[None]
     done = rollouts.where(tolerance=-1.0).simulate(past_post.root, start, acceleration)
     assert np.all(done.n_checks > 0)
-    every = np.ones(len(past_post.touches.may), dtype=bool)
+    every = np.ones(len(past_post.touches.may_touch), dtype=bool)
     strict = Rollouts(
         past_post.marionette,
         rollouts.clearance,

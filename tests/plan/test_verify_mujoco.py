@@ -24,12 +24,15 @@ def plan() -> PlanResult:
 
 
 def test_a_plan_arrives_in_mujoco_too(plan):
-    there, event = plan.verify(backend="mujoco"), plan.verify(method="event")
-    assert there.arrives and there.distance <= plan.tolerance
-    assert there.deviation == pytest.approx(event.deviation, abs=2e-3) and there.deviation > 0.0
-    assert there.distance == pytest.approx(event.distance, abs=5e-3)
-    assert there.clearance == pytest.approx(event.clearance, abs=1e-3)
-    run = there.run
+    mujoco_check, event = plan.verify(backend="mujoco"), plan.verify(method="event")
+    assert mujoco_check.arrives and mujoco_check.distance <= plan.tolerance
+    assert (
+        mujoco_check.deviation == pytest.approx(event.deviation, abs=2e-3)
+        and mujoco_check.deviation > 0.0
+    )
+    assert mujoco_check.distance == pytest.approx(event.distance, abs=5e-3)
+    assert mujoco_check.clearance == pytest.approx(event.clearance, abs=1e-3)
+    run = mujoco_check.run
     assert run.method == "mujoco" and run.status is fan.Status.DONE and not run.events
     assert run.t[-1] == pytest.approx(plan.start.t + plan.duration)
     assert np.diff(run.t).max() <= 0.25 * plan.rollouts.options.dt * (1 + 1e-9)
@@ -39,11 +42,11 @@ def test_a_plan_arrives_in_mujoco_too(plan):
 
 def test_finer_steps_come_nearer_to_the_event_driven_run(plan):
     event = plan.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
-    apart = [
+    differences = [
         np.abs(plan.verify(f, backend="mujoco").run.q_D[-1] - event.run.q_D[-1]).max()
         for f in (1.0, 0.25)
     ]
-    assert apart[1] < apart[0]
+    assert differences[1] < differences[0]
 
 
 def test_a_plan_with_other_inputs_does_not_arrive(plan):
@@ -51,8 +54,8 @@ def test_a_plan_with_other_inputs_does_not_arrive(plan):
     other["acceleration"][list(plan.path)] *= -1.0
     path = dataclasses.replace(plan.plan_path, tree=SearchTree.of(other, plan.tree))
     spoiled = dataclasses.replace(plan, plan_path=path)
-    there = spoiled.verify(backend="mujoco")
-    assert not there.arrives and there.deviation > 0.1
+    mujoco_check = spoiled.verify(backend="mujoco")
+    assert not mujoco_check.arrives and mujoco_check.deviation > 0.1
     assert not spoiled.verify(method="event").arrives
 
 
@@ -75,16 +78,21 @@ def test_the_marionettes_plan_arrives_with_its_limits():
         return max((e.impulse for e in events if e.kind == "catch"), default=0.0) < 1e-3
 
     plan = first_plan(problem, wanted, seeds=60)
-    there, event = plan.verify(backend="mujoco"), plan.verify(method="event")
-    assert there.arrives and there.deviation == pytest.approx(event.deviation, abs=5e-3)
-    assert there.distance == pytest.approx(event.distance, abs=2e-3)
-    assert touched(event.run, 1e-4) and touched(event.run, 1e-4) <= touched(there.run, 0.0)
-    passed, step = dict.fromkeys(there.run.violation.names, 1e-3), np.diff(there.run.t).max()
+    mujoco_check, event = plan.verify(backend="mujoco"), plan.verify(method="event")
+    assert mujoco_check.arrives and mujoco_check.deviation == pytest.approx(
+        event.deviation, abs=5e-3
+    )
+    assert mujoco_check.distance == pytest.approx(event.distance, abs=2e-3)
+    assert touched(event.run, 1e-4) and touched(event.run, 1e-4) <= touched(mujoco_check.run, 0.0)
+    passed, step = (
+        dict.fromkeys(mujoco_check.run.violation.names, 1e-3),
+        np.diff(mujoco_check.run.t).max(),
+    )
     for struck in event.run.events:
         if struck.name in passed:
             passed[struck.name] = max(passed[struck.name], struck.speed * step)
     for name, bound in passed.items():
-        assert there.run.violation[name].max() < bound, name
+        assert mujoco_check.run.violation[name].max() < bound, name
 
 
 @pytest.mark.parametrize(

@@ -47,8 +47,8 @@ def moved(
     """
     t = np.linspace(0.0, end, n)
     s = t / end
-    way = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    sampled = np.array([lengths(np.asarray(shift) * part) for part in way])
+    share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    sampled = np.array([lengths(np.asarray(shift) * part) for part in share])
     columns = {f"{name}.length": sampled[:, i] for i, name in enumerate(NAMES)}
     x0 = marionette.state({name: column[0] for name, column in columns.items()})
     return x0, fan.Input.samples(marionette, t, columns)

@@ -18,10 +18,10 @@ def caught(arm):
 
 
 def test_a_run_of_a_batch_says_that_events_are_not_recorded(arm, caught, tmp_path):
-    alone = fan.simulate(arm, caught, t_end=1.0)
+    single_run = fan.simulate(arm, caught, t_end=1.0)
     batch = fan.simulate_batch(arm, [caught, caught], t_end=1.0, save="all")
     run = batch.trajectory(1)
-    n = alone.summary()["tension"]["hand"]["catches"]
+    n = single_run.summary()["tension"]["hand"]["catches"]
     assert n >= 1 and batch.catches[1] == n
     run.save(tmp_path / "run.npz")
     for loaded in (run, fan.Trajectory.load(tmp_path / "run.npz")):
@@ -84,8 +84,8 @@ def test_segments_check_the_shapes_of_their_arrays(arm, field, t, q_K, v_K, acc_
 def refused(arm, x0):
     hold = fan.Input.hold(arm)
     yield lambda: arm.with_winches([12.0, 0.5, 0.0]), "winches have the shape"
-    yield lambda: fan.simulate(arm, x0, t_end=1.0, save_every=10), "save_every goes with fixed"
-    yield lambda: fan.simulate_batch(arm, [x0], t_end=1.0, save_every=10), "save_every goes with"
+    yield lambda: fan.simulate(arm, x0, t_end=1.0, save_every=10), "save_every is for fixed"
+    yield lambda: fan.simulate_batch(arm, [x0], t_end=1.0, save_every=10), "save_every is for"
     yield lambda: fan.simulate(arm, {"elbow": 0.3}, hold), r"x0 is a dict; it must be a State"
     yield lambda: fan.simulate(arm, x0, {"hand": 1}), r"inputs is a dict; it must be an Input"
     yield lambda: fan.simulate(arm, [x0], hold), "x0 are several; .* fan.simulate_batch"

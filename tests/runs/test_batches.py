@@ -66,23 +66,23 @@ def test_a_lane_equals_the_single_run(puppet):
 def test_an_event_driven_run_of_a_batch_has_the_bits_of_the_single_run():
     times = np.linspace(0.0, END, 9)
     inputs = wandering(6)
-    many = fan.simulate_batch(ARM, X0, inputs, t_end=END, save_at=times, save="all")
-    assert many.method == "event"
-    assert np.sum(many.catches) > 0
+    batch = fan.simulate_batch(ARM, X0, inputs, t_end=END, save_at=times, save="all")
+    assert batch.method == "event"
+    assert np.sum(batch.catches) > 0
     for i, own_input in enumerate(inputs.bound(X0.q_K)):
         run = fan.simulate(ARM, X0, own_input, t_end=END, save_at=times, effort=False)
-        rows = [np.flatnonzero(run.t == t)[-1] for t in many.t]
-        assert np.array_equal(run.q_D[rows], many.q_D[i])
-        assert np.array_equal(run.tension.values[rows], many.tension.values[i])
-        assert np.array_equal(run.ledger.values[rows], many.ledger.values[i])
+        rows = [np.flatnonzero(run.t == t)[-1] for t in batch.t]
+        assert np.array_equal(run.q_D[rows], batch.q_D[i])
+        assert np.array_equal(run.tension.values[rows], batch.tension.values[i])
+        assert np.array_equal(run.ledger.values[rows], batch.ledger.values[i])
 
 
 def test_neighbours_and_threads_make_no_difference():
     inputs = wandering(29)
-    many = stepped(inputs, threads=2)
-    assert same(many, stepped(inputs, threads=1))
-    assert same(many, stepped(list(inputs.bound(X0.q_K))[3:14]), slice(3, 14))
-    assert same(many, stepped(wandering(5)), slice(5))
+    batch = stepped(inputs, threads=2)
+    assert same(batch, stepped(inputs, threads=1))
+    assert same(batch, stepped(list(inputs.bound(X0.q_K))[3:14]), slice(3, 14))
+    assert same(batch, stepped(wandering(5)), slice(5))
 
 
 def test_states_and_inputs_are_paired_or_one_is_shared():
@@ -93,7 +93,7 @@ def test_states_and_inputs_are_paired_or_one_is_shared():
     for i in range(4):
         assert same(both, stepped(inputs.bound(X0.q_K)[i], [states[i]]), slice(i, i + 1))
     assert len(stepped(None, states)) == len(stepped(inputs)) == 4
-    with pytest.raises(ValueError, match="4 states and 3 inputs do not go together"):
+    with pytest.raises(ValueError, match="4 states and 3 inputs; needed"):
         stepped(wandering(3), states)
 
 
@@ -105,9 +105,9 @@ def test_inputs_of_different_lengths_are_held_at_their_ends():
             ARM, {"hand.length": [(0, hand), (0.15, hand - 0.1), (0.3, hand - 0.02)]}
         ),
     ]
-    many = stepped(inputs)
+    batch = stepped(inputs)
     for i, own_input in enumerate(inputs):
-        assert same(many, stepped([own_input]), slice(i, i + 1))
+        assert same(batch, stepped([own_input]), slice(i, i + 1))
 
 
 def test_a_stopped_run_keeps_its_rows_and_affects_no_other():
@@ -119,16 +119,16 @@ def test_a_stopped_run_keeps_its_rows_and_affects_no_other():
     force[int(np.searchsorted(pushed.breaks, 0.1)), 0, :2] = 1.75e308
     pushed = dataclasses.replace(pushed, force=force)
     calm = stepped([hold])
-    many = stepped([hold, pushed, hold])
-    assert [Status(s) for s in many.status] == [Status.DONE, Status.NOT_FINITE, Status.DONE]
-    assert 0.09 < many.reached[1] < END
-    assert not many.done[1]
-    assert same(many, calm, slice(0, 1)) and same(many, calm, slice(2, 3))
-    rows = many.t <= many.reached[1]
-    assert np.all(np.isfinite(many.q_D[1][rows])) and np.all(np.isnan(many.q_D[1][~rows]))
-    assert np.max(np.abs(many.q_D[1][rows])) < 1e9
-    assert many.trajectory(1).t[-1] <= many.reached[1]
-    assert "NOT_FINITE" in repr(many)
+    batch = stepped([hold, pushed, hold])
+    assert [Status(s) for s in batch.status] == [Status.DONE, Status.NOT_FINITE, Status.DONE]
+    assert 0.09 < batch.reached[1] < END
+    assert not batch.done[1]
+    assert same(batch, calm, slice(0, 1)) and same(batch, calm, slice(2, 3))
+    rows = batch.t <= batch.reached[1]
+    assert np.all(np.isfinite(batch.q_D[1][rows])) and np.all(np.isnan(batch.q_D[1][~rows]))
+    assert np.max(np.abs(batch.q_D[1][rows])) < 1e9
+    assert batch.trajectory(1).t[-1] <= batch.reached[1]
+    assert "NOT_FINITE" in repr(batch)
 
 
 def test_an_impossible_input_has_a_status_and_strings():
@@ -137,30 +137,30 @@ def test_an_impossible_input_has_a_status_and_strings():
     hold = fan.Input.hold(arm)
     lengths = [n for n in arm.coordinates.q_K if n.endswith(".length")]
     pull = {n: [(0, x0.q_K[arm.coordinates.q_K.index(n)]), (0.3, 0.05)] for n in lengths}
-    many = fan.simulate_batch(arm, x0, [hold, fan.Input.waypoints(arm, pull)], t_end=0.3)
-    assert many.status[0] == Status.DONE
-    assert many.status[1] in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
-    assert many.causes(1) and set(many.causes(1)) <= set(arm.tree.row_names)
+    batch = fan.simulate_batch(arm, x0, [hold, fan.Input.waypoints(arm, pull)], t_end=0.3)
+    assert batch.status[0] == Status.DONE
+    assert batch.status[1] in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
+    assert batch.causes(1) and set(batch.causes(1)) <= set(arm.tree.row_names)
 
 
 def test_only_requested_results_are_saved():
     inputs = wandering(3)
-    many = fan.simulate_batch(ARM, X0, inputs, t_end=END, method="timestepping", save_every=50)
-    assert many.t.tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
-    assert many.q_D.shape == (3, 5, ARM.coordinates.n_qD)
-    assert many.tension["hand"].shape == (3, 5)
-    assert many.acc_D is None and many.ledger is None
+    batch = fan.simulate_batch(ARM, X0, inputs, t_end=END, method="timestepping", save_every=50)
+    assert batch.t.tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    assert batch.q_D.shape == (3, 5, ARM.coordinates.n_qD)
+    assert batch.tension["hand"].shape == (3, 5)
+    assert batch.acc_D is None and batch.ledger is None
     with pytest.raises(ValueError, match="were not saved"):
-        many.trajectory(0)
-    with pytest.raises(ValueError, match="save names 'q'"):
+        batch.trajectory(0)
+    with pytest.raises(ValueError, match="save has 'q'"):
         stepped(wandering(3), save="q")
 
 
 def test_results_are_written_into_arrays_of_the_caller():
     shape = (3, 201, ARM.coordinates.n_qD)
     out = {"q_D": np.zeros(shape)}
-    many = stepped(wandering(3), out=out, save=("q_D",))
-    assert np.shares_memory(many.q_D, out["q_D"])
+    batch = stepped(wandering(3), out=out, save=("q_D",))
+    assert np.shares_memory(batch.q_D, out["q_D"])
     assert np.array_equal(out["q_D"], stepped(wandering(3)).q_D)
     with pytest.raises(ValueError, match="must be a C-contiguous float64 array of shape"):
         stepped(wandering(3), out={"q_D": np.zeros((3, 200, 2))}, save=("q_D",))
@@ -176,7 +176,7 @@ def test_ctrl_c_keeps_the_finished_rows(method):
     inputs = fan.motion.Inputs.random(ARM, n=64, seed=0, t_end=30.0, reach=0.1)
     # Much longer than the first poll of the batch takes: some seconds of work.
     t_end = 3000.0
-    many = fan.simulate_batch(
+    batch = fan.simulate_batch(
         ARM,
         X0,
         inputs,
@@ -186,18 +186,18 @@ def test_ctrl_c_keeps_the_finished_rows(method):
         progress=interrupt,
         save_every=10_000 if method == "timestepping" else None,
     )
-    assert Status.STOPPED in many.counts()
-    stopped = many.status == Status.STOPPED
-    assert not np.any(many.reached[stopped] >= t_end)
+    assert Status.STOPPED in batch.counts()
+    stopped = batch.status == Status.STOPPED
+    assert not np.any(batch.reached[stopped] >= t_end)
     for i in np.flatnonzero(stopped) if method == "timestepping" else ():
-        assert np.all(np.isfinite(many.q_D[i][many.t <= many.reached[i]]))
+        assert np.all(np.isfinite(batch.q_D[i][batch.t <= batch.reached[i]]))
 
 
 def test_progress_goes_to_the_end():
-    seen: list[float] = []
-    stepped(wandering(64), progress=lambda at: seen.append(at.done))
-    assert seen == sorted(seen)
-    assert seen[-1] == pytest.approx(END)
+    calls: list[float] = []
+    stepped(wandering(64), progress=lambda at: calls.append(at.done))
+    assert calls == sorted(calls)
+    assert calls[-1] == pytest.approx(END)
 
 
 def test_mistakes_name_the_run():
@@ -215,15 +215,15 @@ def test_mistakes_name_the_run():
 
 
 def test_random_inputs_wander_within_reach_and_are_the_same_again():
-    many = wandering(50).bound(X0.q_K)
-    places = np.array([many.evaluate(t)[0] for t in np.linspace(0, 1, 101)])
+    batch = wandering(50).bound(X0.q_K)
+    places = np.array([batch.evaluate(t)[0] for t in np.linspace(0, 1, 101)])
     distances = np.abs(places - X0.q_K)
     assert 0.05 < np.max(distances) <= 0.1 + 1e-12
     assert np.allclose(places[0], X0.q_K) and np.allclose(places[-1], X0.q_K)
-    for own_input in (many[0], many[49]):
+    for own_input in (batch[0], batch[49]):
         own_input.checked()
-    again = wandering(3).bound(X0.q_K)
-    assert np.array_equal(again.coef, many.coef[:3])
+    repeated = wandering(3).bound(X0.q_K)
+    assert np.array_equal(repeated.coef, batch.coef[:3])
     assert not np.array_equal(wandering(3, seed=2).coef, wandering(3).coef)
     only = wandering(4, only=["hand.length"]).bound(X0.q_K).evaluate(0.3)[0] - X0.q_K
     moved = np.any(only != 0, axis=0)
@@ -236,21 +236,21 @@ def test_each_run_may_have_its_own_parameters(method):
     masses = np.linspace(0.05, 0.3, 11)
     lift = fan.Input.waypoints(ARM, {"hand.length": [(0, X0["hand.length"]), (END, 0.6)]})
     how = {"t_end": END, "method": method}
-    many = fan.simulate_batch(ARM, X0, lift, save="all", parameters={"m2": masses}, **how)
-    assert np.ptp(many.q_D[:, -1], axis=0).max() > 1e-3
-    assert np.array_equal(many.parameters["m2"], masses)
-    assert np.all(many.parameters["m1"] == 0.12)
+    batch = fan.simulate_batch(ARM, X0, lift, save="all", parameters={"m2": masses}, **how)
+    assert np.ptp(batch.q_D[:, -1], axis=0).max() > 1e-3
+    assert np.array_equal(batch.parameters["m2"], masses)
+    assert np.all(batch.parameters["m1"] == 0.12)
     for i, mass in enumerate(masses):
         own = ARM.with_parameters({"m2": mass})
-        alone = fan.simulate_batch(own, X0, lift, save="all", **how)
+        single_batch = fan.simulate_batch(own, X0, lift, save="all", **how)
         # Event-driven tolerances of energies are relative to the weight of the argument's
         # marionette.
         if method == "event":
-            assert np.allclose(many.q_D[i], alone.q_D[0], rtol=0, atol=1e-7)
-            assert np.allclose(many.tension.values[i], alone.tension.values[0], rtol=1e-5)
+            assert np.allclose(batch.q_D[i], single_batch.q_D[0], rtol=0, atol=1e-7)
+            assert np.allclose(batch.tension.values[i], single_batch.tension.values[0], rtol=1e-5)
         else:
-            assert same(many, alone, slice(i, i + 1))
-        assert own.described == many.trajectory(i).puppet
+            assert same(batch, single_batch, slice(i, i + 1))
+        assert own.described == batch.trajectory(i).puppet
 
 
 @pytest.mark.parametrize(
@@ -296,12 +296,12 @@ def test_the_bundled_marionette_has_numbers_to_change(method):
     x0 = puppet.rest()
     lift = fan.Input.waypoints(puppet, {"knee_left.length": [(0, 1.0609), (0.3, 0.98)]})
     numbers = {"foot_density": [800.0, 1200.0, 2400.0], "neck_stiffness": [0.005, 0.015, 0.03]}
-    many = fan.simulate_batch(
+    batch = fan.simulate_batch(
         puppet, x0, lift, 0.3, method=method, save=["q_D"], parameters=numbers, threads=1
     )
     ends = []
     for i in range(n):
         other = puppet.with_parameters({name: values[i] for name, values in numbers.items()})
         ends.append(fan.simulate(other, x0, lift, 0.3, method=method).q_D[-1])
-        assert many.q_D[i, -1] == pytest.approx(ends[i], abs=1e-6)
+        assert batch.q_D[i, -1] == pytest.approx(ends[i], abs=1e-6)
     assert np.max(np.abs(ends[0] - ends[2])) > 1e-3

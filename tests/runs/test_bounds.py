@@ -110,9 +110,9 @@ def test_steps_of_a_batch_are_bounded(monkeypatch):
     monkeypatch.setattr(
         fan.Marionette, "run_options", lambda *a, **how: options(*a, max_steps=10, **how)
     )
-    many = fan.simulate_batch(ARM, [X0] * 3, t_end=1.0, method="timestepping", threads=1)
-    assert many.status.tolist() == [Status.TOO_MANY_STEPS] * 3
-    assert many.reached == pytest.approx([0.02] * 3)
+    batch = fan.simulate_batch(ARM, [X0] * 3, t_end=1.0, method="timestepping", threads=1)
+    assert batch.status.tolist() == [Status.TOO_MANY_STEPS] * 3
+    assert batch.reached == pytest.approx([0.02] * 3)
 
 
 def test_memory_is_limited_by_the_machine_the_group_and_the_process(tmp_path):

@@ -122,12 +122,12 @@ def test_consistent_redundant_strings_hold(eight, method):
 def test_redundant_strings_stop_runs_of_a_batch(eight, method):
     """17.10: they ended with the method's first error, or DONE; runs that hold are unaffected."""
     x0, inputs = moved(eight)
-    still = fan.Input.hold(eight, 1.0).bound(x0.q_K)
-    many = fan.simulate_batch(eight, x0, [still, inputs, still], 0.5, method=method)
+    held_inputs = fan.Input.hold(eight, 1.0).bound(x0.q_K)
+    batch = fan.simulate_batch(eight, x0, [held_inputs, inputs, held_inputs], 0.5, method=method)
     single = fan.simulate(eight, x0, inputs, 0.5, method=method, throw=False)
     assert single.status is Status.REDUNDANT_STRINGS
-    assert many.status.tolist() == [Status.DONE, Status.REDUNDANT_STRINGS, Status.DONE]
-    assert many.causes(1) == NAMES and not many.causes(0) and not many.causes(2)
+    assert batch.status.tolist() == [Status.DONE, Status.REDUNDANT_STRINGS, Status.DONE]
+    assert batch.causes(1) == NAMES and not batch.causes(0) and not batch.causes(2)
 
 
 @pytest.mark.parametrize("method", ["event", "variational"])

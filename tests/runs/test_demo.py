@@ -68,12 +68,12 @@ def test_the_hand_goes_up_and_the_puppet_walks_and_bows(marionette, run):
 def test_time_stepping_follows_it(marionette, run):
     """Until the first step, before any catch, both methods give the same motion."""
     x0, inputs, _ = performance(marionette)
-    apart = []
+    differences = []
     for dt in (0.004, 0.002, 0.001):
         stepped = fan.simulate(marionette, x0, inputs, 3.0, method=fan.TimeStepping(dt=dt))
         every = round(0.2 / dt)
-        there = run.resample(stepped.t[::every])
-        apart.append(np.max(np.abs(stepped.q_D[::every] - there.q_D)))
-    assert apart[2] < 5e-3
-    assert 1.6 < apart[0] / apart[1] < 2.6
-    assert 1.6 < apart[1] / apart[2] < 2.6
+        run_at_steps = run.resample(stepped.t[::every])
+        differences.append(np.max(np.abs(stepped.q_D[::every] - run_at_steps.q_D)))
+    assert differences[2] < 5e-3
+    assert 1.6 < differences[0] / differences[1] < 2.6
+    assert 1.6 < differences[1] / differences[2] < 2.6

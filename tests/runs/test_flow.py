@@ -27,9 +27,9 @@ def test_rate_is_the_motion(arm_reference):
 def test_solve_ivp_on_a_flow(reference, method):
     """The first event is at the root of a guard."""
     for name in ("arm", "bar"):
-        (marionette, x0, inputs, _), ours = reference[name]
+        (marionette, x0, inputs, _), compiled_run = reference[name]
         flow = marionette.flow(x0, inputs)
-        first = ours.events[0]
+        first = compiled_run.events[0]
         row = flow.rows.index(first.name)
 
         def guard(t, y, flow=flow, row=row):
@@ -42,7 +42,7 @@ def test_solve_ivp_on_a_flow(reference, method):
         )
         assert solution.t[-1] == pytest.approx(first.t, abs=1e-7)
         x = flow.state(solution.t[-1], solution.y[:, -1])
-        there = ours.at(first.t)
+        there = compiled_run.at(first.t)
         assert x.q_D == pytest.approx(there.q_D, abs=1e-6)
         assert x.q_K == pytest.approx(there.q_K, abs=1e-6)
         assert x.taut.tolist() == flow.taut.tolist()

@@ -74,8 +74,8 @@ def test_two_hands_that_pull_a_line_apart(points):
     assert run.status in GIVES_UP
     assert set(run.causes) == {"left", "right"}
     assert len(run) > 10
-    apart = np.diff(run.q_K[-1][[0, 1]])[0]
-    assert 2.39 < apart < 2.4
+    differences = np.diff(run.q_K[-1][[0, 1]])[0]
+    assert 2.39 < differences < 2.4
     assert all(np.all(np.isfinite(x)) for x in (run.q_D, run.v_D, run.tension.values))
     assert np.max(run.violation.values) < 1e-12
     assert np.max(run.tension["loose"]) == 0.0
@@ -97,9 +97,9 @@ def test_attribution_is_a_share_of_strings_that_pull_and_wires_that_push(end, st
     """It was -1 for the pulling string, which was not named, and 1.1 above the cap."""
     prop = fan.loads(PROP)
     inputs = fan.Input.waypoints(prop, {"pull.x": [(0, -0.8), (4, end)]})
-    many = fan.simulate_batch(prop, [prop.rest()], inputs, t_end=4.0, method="event")
-    assert many.status[0] == status and many.causes(0) == ("pull", "strut")
-    assert np.all((many.attribution.values > 0.9) & (many.attribution.values <= 1.0))
+    batch = fan.simulate_batch(prop, [prop.rest()], inputs, t_end=4.0, method="event")
+    assert batch.status[0] == status and batch.causes(0) == ("pull", "strut")
+    assert np.all((batch.attribution.values > 0.9) & (batch.attribution.values <= 1.0))
 
 
 def test_contradictory_rows_are_named():

@@ -65,16 +65,16 @@ def agree(run, ours, t, impulse, state):
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("name", METHODS)
 def test_scipys_methods_give_the_compiled_run(reference, name, case):
-    arguments, ours = reference[case]
+    arguments, compiled_run = reference[case]
     tolerance, t, impulse, state = METHODS[name]
     run = flow_events.simulate(*arguments, integrator=name, rtol=tolerance, atol=tolerance)
-    agree(run, ours, t, impulse, state)
+    agree(run, compiled_run, t, impulse, state)
 
 
 def test_a_custom_solver(arm_reference):
-    arguments, ours = arm_reference
+    arguments, compiled_run = arm_reference
     run = flow_events.simulate(*arguments, integrator=FixedStep, rtol=1e-11, atol=1e-11)
-    agree(run, ours, 1e-9, 1e-9, 1e-5)
+    agree(run, compiled_run, 1e-9, 1e-9, 1e-5)
 
 
 def test_an_implicit_method_takes_long_steps_for_a_stiff_puppet():
@@ -98,29 +98,34 @@ strings:
 pose: {hand.length: 0.9}
 """)
     arguments = arm, arm.project(arm.state()), None, 0.3
-    ours = fan.simulate(*arguments)
+    compiled_run = fan.simulate(*arguments)
     for name in ("Radau", "BDF", "LSODA"):
         run = flow_events.simulate(*arguments, integrator=name, rtol=1e-7, atol=1e-7, max_step=0.1)
-        agree(run, ours, 1e-6, 1e-5, 1e-4)
-        assert 20 * run.n_steps < len(ours.t)
+        agree(run, compiled_run, 1e-6, 1e-5, 1e-4)
+        assert 20 * run.n_steps < len(compiled_run.t)
 
 
 def test_a_bulge_within_one_step_is_found():
     """A string released at 1 s opens and closes within one long step."""
     bob, inputs = bulge()
     x0 = bob.project(bob.state())
-    ours = fan.simulate(bob, x0, inputs, 1.0999)
-    assert [e.kind.value for e in ours.events] == ["breakpoint", "release", "catch", "release"]
+    compiled_run = fan.simulate(bob, x0, inputs, 1.0999)
+    assert [e.kind.value for e in compiled_run.events] == [
+        "breakpoint",
+        "release",
+        "catch",
+        "release",
+    ]
     for name in ("RK45", "DOP853", "Radau"):
         run = flow_events.simulate(bob, x0, inputs, 1.0999, integrator=name)
-        agree(run, ours, 1e-8, 1e-7, 1e-7)
+        agree(run, compiled_run, 1e-8, 1e-7, 1e-7)
 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_an_impossible_pull_ends_equally(arm_reference, name):
     (marionette, x0, _, _), _ = arm_reference
     inputs = fan.Input.waypoints(marionette, {"hand.x": [(0, x0.q_K[0]), (2, 3.0)]})
-    ours = fan.simulate(marionette, x0, inputs, throw=False)
+    compiled_run = fan.simulate(marionette, x0, inputs, throw=False)
     run = flow_events.simulate(marionette, x0, inputs, 2.0, integrator=name, rtol=1e-6, atol=1e-6)
-    assert ours.causes == ("hand",) and run.stopped
-    assert run.x.t == pytest.approx(ours.t[-1], abs=1e-3)
+    assert compiled_run.causes == ("hand",) and run.stopped
+    assert run.x.t == pytest.approx(compiled_run.t[-1], abs=1e-3)

@@ -48,16 +48,16 @@ def test_points_of_strings_go_by_name() -> None:
 
 
 def test_an_option_with_a_slip_names_the_one_that_is_meant() -> None:
-    with pytest.raises(TypeError, match=r"plan\(\) takes no option 'timelimit'; did you mean 't"):
+    with pytest.raises(TypeError, match=r"plan\(\) has no option 'timelimit'; did you mean 't"):
         fan.plan(ARM, REST, {"elbow": 1.0}, timelimit=3.0)
-    with pytest.raises(TypeError, match=r"plan\(\) takes no option 'tolerence'; did you mean 'to"):
+    with pytest.raises(TypeError, match=r"plan\(\) has no option 'tolerence'; did you mean 'to"):
         fan.plan(ARM, REST, {"elbow": 1.0}, tolerence=3.0)
-    with pytest.raises(TypeError, match=r"solve\(\) takes no option 'sed'; did you mean 'seed'"):
+    with pytest.raises(TypeError, match=r"solve\(\) has no option 'sed'; did you mean 'seed'"):
         solve(Problem(ARM, REST, {"elbow": 1.0}), sed=3)
 
 
 def test_batches_of_the_wrong_shape_are_state_errors() -> None:
-    with pytest.raises(StateError, match="2 states and 3 inputs do not go together"):
+    with pytest.raises(StateError, match="2 states and 3 inputs; needed"):
         fan.simulate_batch(ARM, [REST] * 2, [fan.Input.hold(ARM)] * 3, t_end=0.1)
     with pytest.raises(StateError, match="3 rows; it must have 1 or 2"):
         ARM.stepper_batch([REST] * 2).advance(0.1, np.zeros((3, 2)))

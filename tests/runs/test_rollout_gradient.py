@@ -39,8 +39,8 @@ def test_a_sweep_is_the_product_of_all_steps(name):
     own = [rng.normal(size=(n + 1, w)) for w in (t.n_vD, t.n_vD, t.n_vK, t.n_vK)]
     by_tension = rng.normal(size=run.tension.shape)
     gradient = run.gradient(*own, by_tension)
-    wanted = swept(puppet, run, acc, force, own, by_tension)
-    for key, values in wanted.items():
+    expected = swept(puppet, run, acc, force, own, by_tension)
+    for key, values in expected.items():
         size = np.max(np.abs(values), initial=1e-9)
         assert np.allclose(getattr(gradient, key), values, rtol=0, atol=1e-10 * size), key
 
@@ -71,13 +71,13 @@ def test_it_agrees_with_differences_of_rollouts():
 
     def cost(name, s):
         d = {key: s * a * (key == name) for key, a in along.items()}
-        there = x.replace(
+        moved_state = x.replace(
             q_D=moved(x.q_D, d["q_D"], t.scalars_D, t.quaternions_D),
             v_D=x.v_D + d["v_D"],
             q_K=x.q_K + d["q_K"],
             v_K=x.v_K + d["v_K"],
         )
-        rollout = arm.rollout(there, acc + d["acc_K"], force + d["u_D"], p=arm.p + d["p"])
+        rollout = arm.rollout(moved_state, acc + d["acc_K"], force + d["u_D"], p=arm.p + d["p"])
         assert (rollout.held == run.held).all()
         return float(np.sum(own[0] * rollout.q_D) + np.sum(own[1] * rollout.v_D))
 
@@ -85,9 +85,9 @@ def test_it_agrees_with_differences_of_rollouts():
         first, second, third = (
             (cost(name, k * h) - cost(name, -k * h)) / (2 * k * h) for k in (1, 2, 3)
         )
-        wanted = 1.5 * first - 0.6 * second + 0.1 * third
+        expected = 1.5 * first - 0.6 * second + 0.1 * third
         terms = getattr(gradient, name) * along[name]
-        assert abs(np.sum(terms) - wanted) < 1e-7 * np.sum(np.abs(terms)), name
+        assert abs(np.sum(terms) - expected) < 1e-7 * np.sum(np.abs(terms)), name
 
 
 def test_a_weight_that_is_hoisted_follows_its_string():

@@ -60,11 +60,11 @@ def test_short_last_steps_are_the_same_in_lanes(swing):
     states = [x0.replace(v_D=x0.v_D * k) for k in (1.0, 0.5, -1.0, 0.2, 0.7)]
     for remainder in REMAINDERS[::5]:
         t_end = WHOLE + remainder
-        many = fan.simulate_batch(swing, states, t_end=t_end, method=fan.TimeStepping(dt=DT))
-        assert many.done.all()
+        batch = fan.simulate_batch(swing, states, t_end=t_end, method=fan.TimeStepping(dt=DT))
+        assert batch.done.all()
         for i, x in enumerate(states):
             single = fan.simulate(swing, x, t_end=t_end, method=fan.TimeStepping(dt=DT))
-            assert many.v_D[i, -1] == pytest.approx(single.v_D[-1], abs=1e-9)
+            assert batch.v_D[i, -1] == pytest.approx(single.v_D[-1], abs=1e-9)
 
 
 @pytest.mark.parametrize("remainder", [1e-6, 1e-5, 1e-4, 1e-3])
@@ -84,10 +84,10 @@ def test_many_short_pieces_keep_the_energy(swing):
     """17.20: a stepper with pieces shorter than its step keeps swinging."""
     x0 = swinging(swing)
     stepper = swing.stepper(x0, fan.TimeStepping(dt=DT))
-    whole = fan.simulate(swing, x0, t_end=0.1, method=fan.TimeStepping(dt=DT))
+    full_run = fan.simulate(swing, x0, t_end=0.1, method=fan.TimeStepping(dt=DT))
     rng = np.random.default_rng(3)
     while stepper.state.t < 0.1:
         stepper.advance(float(10.0 ** rng.uniform(-6, -3)))
         assert stepper.status is Status.DONE
-    speed = np.linalg.norm(whole.v_D[-1])
+    speed = np.linalg.norm(full_run.v_D[-1])
     assert np.linalg.norm(stepper.state.v_D) == pytest.approx(speed, rel=0.02)

@@ -72,13 +72,13 @@ def test_slip_is_wound_back_gently():
 
 def test_time_stepping_slips_equally():
     weight = fan.loads(REWOUND)
-    exact = fan.simulate(weight, weight.state(), t_end=5.0)
+    reference = fan.simulate(weight, weight.state(), t_end=5.0)
     errors = []
     for dt in (2e-3, 1e-3, 5e-4):
         run = fan.simulate(weight, weight.state(), t_end=5.0, method=fan.TimeStepping(dt=dt))
         assert kinds(run)[:2] == ["catch", "slip"] and "grip" in kinds(run)
         assert np.max(run.tension["line"]) <= MAX_TENSION * (1 + 1e-12)
-        errors.append(abs(np.max(run.slip["line"]) - np.max(exact.slip["line"])))
+        errors.append(abs(np.max(run.slip["line"]) - np.max(reference.slip["line"])))
     assert errors[2] < errors[0] < 0.02
 
 
@@ -98,13 +98,13 @@ def test_a_winch_makes_an_impossible_pull_possible(method):
 def test_a_state_carries_its_slip():
     """A run from another run's last state ends where one run through both does."""
     weight = fan.loads(REWOUND)
-    whole = fan.simulate(weight, weight.state(), t_end=3.0)
+    full_run = fan.simulate(weight, weight.state(), t_end=3.0)
     first = fan.simulate(weight, weight.state(), t_end=1.0)
     x = first.state(-1)
     assert x.slip[0] > 0.1
     rest = fan.simulate(weight, x, t_end=3.0)
-    assert rest.slip["line"][-1] == pytest.approx(whole.slip["line"][-1], abs=1e-8)
-    assert rest.q_D[-1] == pytest.approx(whole.q_D[-1], abs=1e-8)
+    assert rest.slip["line"][-1] == pytest.approx(full_run.slip["line"][-1], abs=1e-8)
+    assert rest.q_D[-1] == pytest.approx(full_run.q_D[-1], abs=1e-8)
     stepper = weight.stepper(weight.state(), "event")
     assert stepper.advance(1.0).slip[0] == pytest.approx(x.slip[0], abs=1e-9)
 
@@ -120,21 +120,21 @@ def test_a_puppet_too_heavy_for_its_winch_does_not_rest():
 def test_a_run_continues_from_every_row_of_another():
     """Slipping, rewinding, braking: the state determines this, compiled and in Python."""
     weight = fan.loads(REWOUND)
-    whole = fan.simulate(weight, weight.state(), t_end=4.0)
-    slips = whole.slip["line"] > 0
+    full_run = fan.simulate(weight, weight.state(), t_end=4.0)
+    slips = full_run.slip["line"] > 0
     assert np.sum(slips) > 20
-    last = {t: i for i, t in enumerate(whole.t)}.values()  # an event is two rows at one time
+    last = {t: i for i, t in enumerate(full_run.t)}.values()  # an event is two rows at one time
     # The winch's acceleration jumps when it begins to brake, and a row there may have either value.
-    jumps = np.abs(whole.slip["line"] - 0.2**2 / 2) < 1e-9
+    jumps = np.abs(full_run.slip["line"] - 0.2**2 / 2) < 1e-9
     for i in [i for i in last if slips[i] and not jumps[i]][::2]:
-        x = whole.state(i)
+        x = full_run.state(i)
         acc, tension = weight.forward_dynamics(x)
-        assert acc == pytest.approx(whole.acc_D[i], abs=1e-6)
-        assert tension == pytest.approx(whole.tension.values[i], abs=1e-6)
+        assert acc == pytest.approx(full_run.acc_D[i], abs=1e-6)
+        assert tension == pytest.approx(full_run.tension.values[i], abs=1e-6)
         assert weight.project(x).v_D == pytest.approx(x.v_D, abs=1e-9)
         if x.t < 3.9:
             run = fan.simulate(weight, x, t_end=4.0)
-            assert run.q_D[-1] == pytest.approx(whole.q_D[-1], abs=1e-9)
+            assert run.q_D[-1] == pytest.approx(full_run.q_D[-1], abs=1e-9)
 
 
 @pytest.mark.parametrize("t", [1e5, 1e7, 1.7e9])
@@ -168,11 +168,11 @@ def test_slip_is_not_a_violation():
     """17.2: variational batches counted it as one, and had to exclude it from the status."""
     weight = fan.loads(WEIGHT)
     x0 = weight.state()
-    many = fan.simulate_batch(
+    batch = fan.simulate_batch(
         weight, [x0, x0], t_end=1.0, method=fan.Variational(dt=0.002), save=("slip", "q_D")
     )
-    assert many.done.all() and np.max(many.slip["line"]) > 0.1
-    assert np.max(many.violation) < 1e-11
+    assert batch.done.all() and np.max(batch.slip["line"]) > 0.1
+    assert np.max(batch.violation) < 1e-11
 
 
 def test_a_winch_that_has_rewound_has_no_negative_slip():

@@ -126,13 +126,13 @@ def test_a_chain_of_bodies_that_spins_keeps_its_energy_in_lanes_too():
     puppet = fan.loads(CHAIN)
     rng = np.random.default_rng(0)
     starts = [spun(puppet, 10.0 * rng.uniform(-1, 1, puppet.coordinates.n_vD)) for _ in range(3)]
-    many = fan.simulate_batch(puppet, starts, t_end=2.0, method="timestepping", save="all")
-    for x, run in zip(starts, many, strict=True):
-        alone = fan.simulate(puppet, x, t_end=2.0, method="timestepping")
-        assert np.max(energy(alone) / energy(alone)[0]) < 1.05
-        assert run.status is alone.status is fan.Status.DONE
-        np.testing.assert_allclose(run.v_D[-1], alone.v_D[-1], atol=1e-6)
-        np.testing.assert_allclose(run.ledger["damping"], alone.ledger["damping"], atol=1e-9)
+    batch = fan.simulate_batch(puppet, starts, t_end=2.0, method="timestepping", save="all")
+    for x, run in zip(starts, batch, strict=True):
+        single_run = fan.simulate(puppet, x, t_end=2.0, method="timestepping")
+        assert np.max(energy(single_run) / energy(single_run)[0]) < 1.05
+        assert run.status is single_run.status is fan.Status.DONE
+        np.testing.assert_allclose(run.v_D[-1], single_run.v_D[-1], atol=1e-6)
+        np.testing.assert_allclose(run.ledger["damping"], single_run.ledger["damping"], atol=1e-9)
 
 
 def test_a_gain_of_energy_ends_with_a_status():
@@ -144,8 +144,8 @@ def test_a_gain_of_energy_ends_with_a_status():
     run = caught.value.trajectory
     assert run.status is fan.Status.GAINED_ENERGY
     assert run.t[-1] == 5.0
-    many = fan.simulate_batch(puppet, [x], t_end=5.0, method="timestepping", save="all")
-    assert many.status[0] == fan.Status.GAINED_ENERGY
+    batch = fan.simulate_batch(puppet, [x], t_end=5.0, method="timestepping", save="all")
+    assert batch.status[0] == fan.Status.GAINED_ENERGY
 
 
 @pytest.mark.parametrize("slack", [0.0, 0.001, 0.004, 0.009, 0.013, 0.03])
@@ -311,8 +311,8 @@ def test_the_state_after_the_last_step_is_checked():
     x = spun(puppet.state({"stick.z": 0.14, "stick.rotation": turn}), [0, 0, 0, 0, 1200, 0])
     with pytest.raises(fan.errors.SimulationError, match=r"stick\|floor by .* after the last step"):
         fan.simulate(puppet, x, t_end=0.002, method="timestepping")
-    many = fan.simulate_batch(puppet, [x], t_end=0.002, method="timestepping")
-    assert many.status[0] == fan.Status.OVERSTEPPED
+    batch = fan.simulate_batch(puppet, [x], t_end=0.002, method="timestepping")
+    assert batch.status[0] == fan.Status.OVERSTEPPED
 
 
 def test_drag_is_implicit():
@@ -384,8 +384,8 @@ def test_strings_that_vibrate_faster_than_the_step_are_reported():
     assert run.status is fan.Status.OVERSTEPPED and run.t[-1] == 1.0
     assert f"above {2 / omega:.2g} s" in str(caught.value)
     assert "top by" in str(caught.value) or "below by" in str(caught.value)
-    many = fan.simulate_batch(puppet, [x], t_end=1.0, method="timestepping")
-    assert many.status[0] == fan.Status.OVERSTEPPED
+    batch = fan.simulate_batch(puppet, [x], t_end=1.0, method="timestepping")
+    assert batch.status[0] == fan.Status.OVERSTEPPED
     fine = fan.simulate(puppet, x, t_end=1.0, method=fan.TimeStepping(dt=1.0 / omega))
     assert np.max(fine.violation.values) < 1e-6
     light = puppet.with_parameters({"M": 10.0})

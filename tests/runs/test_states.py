@@ -43,7 +43,7 @@ def test_states_of_fixed_steps_have_the_tensions_of_their_run(marionette, wander
     """17.1: accelerations use the mode of the state, for any gaps left by a step."""
     run = wandering[1][method]
     events = np.array([e.t for e in run.events])
-    apart = []
+    differences = []
     for i, t in enumerate(run.t):
         x = run.state(i)
         _, tension = marionette.forward_dynamics(x, run.acc_K[i])
@@ -51,9 +51,9 @@ def test_states_of_fixed_steps_have_the_tensions_of_their_run(marionette, wander
         if np.any(x.taut):
             assert np.any(tension[x.taut] > 0.0), f"row {i}"
         if np.min(np.abs(events - t), initial=np.inf) > 0.0045:
-            apart.append(np.max(np.abs(tension - forces(run, i))) / marionette.weight)
-    assert len(apart) > 100
-    assert np.median(apart) < 0.05 and np.quantile(apart, 0.9) < 0.3
+            differences.append(np.max(np.abs(tension - forces(run, i))) / marionette.weight)
+    assert len(differences) > 100
+    assert np.median(differences) < 0.05 and np.quantile(differences, 0.9) < 0.3
 
 
 def test_tensions_of_stepped_states_are_of_the_steps_order(arm, lift):
@@ -61,11 +61,11 @@ def test_tensions_of_stepped_states_are_of_the_steps_order(arm, lift):
     x0, worst = arm.rest({"hand.length": 0.8}), []
     for dt in (0.004, 0.002):
         run = fan.simulate(arm, x0, lift, t_end=1.4, method=fan.TimeStepping(dt=dt))
-        apart = [
+        differences = [
             np.max(np.abs(arm.forward_dynamics(run.state(i), run.acc_K[i])[1] - forces(run, i)))
             for i in range(1, len(run))
         ]
-        worst.append(max(apart))
+        worst.append(max(differences))
     assert 0.3 < worst[1] / worst[0] < 0.7 and worst[1] < 0.1 * arm.weight
 
 
@@ -147,15 +147,15 @@ def test_a_string_overstepped_at_rest_is_closed(arm):
 def test_a_run_continues_from_any_of_its_rows(marionette, wandering, method):
     """17.7: a fixed-step run begins at any row of its own kind, and continues it."""
     inputs, runs = wandering
-    whole = runs[method]
-    for i in range(0, len(whole) - 5, 7):
-        x = whole.state(i)
+    full_run = runs[method]
+    for i in range(0, len(full_run) - 5, 7):
+        x = full_run.state(i)
         part = fan.simulate(
-            marionette, x, inputs, t_end=whole.t[i + 5], method=alone(method), effort=False
+            marionette, x, inputs, t_end=full_run.t[i + 5], method=alone(method), effort=False
         )
-        np.testing.assert_allclose(part.q_D[-1], whole.q_D[i + 5], atol=1e-9)
-        np.testing.assert_allclose(part.v_D[-1], whole.v_D[i + 5], atol=1e-7)
-    last = fan.simulate(marionette, whole.state(len(whole) - 1), t_end=1.1, method=method)
+        np.testing.assert_allclose(part.q_D[-1], full_run.q_D[i + 5], atol=1e-9)
+        np.testing.assert_allclose(part.v_D[-1], full_run.v_D[i + 5], atol=1e-7)
+    last = fan.simulate(marionette, full_run.state(len(full_run) - 1), t_end=1.1, method=method)
     assert last.status.name == "DONE"
 
 
@@ -163,12 +163,12 @@ def test_a_run_continues_from_any_of_its_rows(marionette, wandering, method):
 def test_a_run_continues_a_hundred_times(arm, lift, method):
     """17.7: pieces, each from the end of the last one, equal the whole run."""
     x = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
-    whole = fan.simulate(arm, x, lift, t_end=1.0, method=alone(method))
+    full_run = fan.simulate(arm, x, lift, t_end=1.0, method=alone(method))
     for k in range(100):
         end = (k + 1) * 0.01
         x = fan.simulate(arm, x, lift, t_end=end, method=alone(method)).state(-1)
-    np.testing.assert_allclose(x.q_D, whole.q_D[-1], atol=1e-8)
-    np.testing.assert_allclose(x.v_D, whole.v_D[-1], atol=1e-6)
+    np.testing.assert_allclose(x.q_D, full_run.q_D[-1], atol=1e-8)
+    np.testing.assert_allclose(x.v_D, full_run.v_D[-1], atol=1e-6)
 
 
 def test_extrapolating_steps_continue_within_their_error(arm, lift):
@@ -188,12 +188,12 @@ def test_extrapolating_steps_continue_within_their_error(arm, lift):
 def test_an_event_driven_run_continues_from_its_rows(arm, lift):
     """17.7: the tolerance is that of the integrator."""
     x0 = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
-    whole = fan.simulate(arm, x0, lift, t_end=0.5)
-    for i in range(0, len(whole), max(1, len(whole) // 10)):
-        x = whole.state(i)
-        if x.t < 0.5 and not np.any(whole.t[i + 1 : i + 2] == x.t):
+    full_run = fan.simulate(arm, x0, lift, t_end=0.5)
+    for i in range(0, len(full_run), max(1, len(full_run) // 10)):
+        x = full_run.state(i)
+        if x.t < 0.5 and not np.any(full_run.t[i + 1 : i + 2] == x.t):
             part = fan.simulate(arm, x, lift, t_end=0.5)
-            np.testing.assert_allclose(part.q_D[-1], whole.q_D[-1], atol=1e-7)
+            np.testing.assert_allclose(part.q_D[-1], full_run.q_D[-1], atol=1e-7)
 
 
 @pytest.mark.parametrize("before", [0.0, 1e-13, 1e-11, 1e-10, 1e-9, 1e-7])
@@ -202,13 +202,13 @@ def test_a_run_that_ends_at_a_catch_continues(arm, before):
     x0 = arm.rest({"hand.length": 0.8})
     points = [(0, 0.8), (0.15, 0.5), (0.4, 0.5), (0.6, 0.8)]
     jerk = fan.Input.waypoints(arm, {"hand.length": points})
-    whole = fan.simulate(arm, x0, jerk, t_end=1.0)
-    catches = [event for event in whole.events if event.kind == "catch"]
+    full_run = fan.simulate(arm, x0, jerk, t_end=1.0)
+    catches = [event for event in full_run.events if event.kind == "catch"]
     assert catches
     for event in catches:
         part = fan.simulate(arm, x0, jerk, t_end=event.t - before)
         rest = fan.simulate(arm, part.state(-1), jerk, t_end=1.0)
-        np.testing.assert_allclose(rest.q_D[-1], whole.q_D[-1], atol=1e-7)
+        np.testing.assert_allclose(rest.q_D[-1], full_run.q_D[-1], atol=1e-7)
         # The catch is in one of the two runs.
         impulses = [e.impulse for run in (part, rest) for e in run.events if e.kind == "catch"]
         assert max(impulses) == pytest.approx(max(e.impulse for e in catches), rel=1e-5)
@@ -247,19 +247,19 @@ def test_runs_with_a_slipping_winch_continue():
     """17.1, 17.7: the winch's tension is that of the run, and continued runs slip as the whole."""
     between = fan.loads(SLIPPING)
     inputs = fan.Input.waypoints(between, {"left.x": [(0, -1.0), (2, -2.0), (4, -1.0)]})
-    whole = fan.simulate(between, between.rest(), inputs, t_end=4.0, method="timestepping")
-    apart = []
-    for i in range(10, len(whole), 10):
-        x = whole.state(i)
-        tension = between.forward_dynamics(x, whole.acc_K[i])[1]
-        apart.append(np.max(np.abs(tension - forces(whole, i))))
-    assert np.median(apart) < 0.05 * 30.0
-    for i in range(0, len(whole) - 60, 250):
+    full_run = fan.simulate(between, between.rest(), inputs, t_end=4.0, method="timestepping")
+    differences = []
+    for i in range(10, len(full_run), 10):
+        x = full_run.state(i)
+        tension = between.forward_dynamics(x, full_run.acc_K[i])[1]
+        differences.append(np.max(np.abs(tension - forces(full_run, i))))
+    assert np.median(differences) < 0.05 * 30.0
+    for i in range(0, len(full_run) - 60, 250):
         part = fan.simulate(
-            between, whole.state(i), inputs, t_end=whole.t[i + 50], method="timestepping"
+            between, full_run.state(i), inputs, t_end=full_run.t[i + 50], method="timestepping"
         )
-        np.testing.assert_allclose(part.q_D[-1], whole.q_D[i + 50], atol=1e-9)
-        np.testing.assert_allclose(part.slip.values[-1], whole.slip.values[i + 50], atol=1e-9)
+        np.testing.assert_allclose(part.q_D[-1], full_run.q_D[i + 50], atol=1e-9)
+        np.testing.assert_allclose(part.slip.values[-1], full_run.slip.values[i + 50], atol=1e-9)
 
 
 # -- invalid states ---------------------------------------------------------------------------

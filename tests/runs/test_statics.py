@@ -207,8 +207,8 @@ def test_project_gives_the_nearest_state(dachshund, z):
     places = table.scalars_D, table.quaternions_D
     moved = tangent.between(*places, state.q_D, x.q_D, table.n_vD)
     force = dachshund.mass_matrix(x) @ moved
-    _, left = nnls(dachshund.A_D(x)[met].T, -force)
-    assert left < 1e-7 * np.linalg.norm(force)
+    _, residual = nnls(dachshund.A_D(x)[met].T, -force)
+    assert residual < 1e-7 * np.linalg.norm(force)
     assert np.array_equal(dachshund.project(x).q_D, x.q_D)
 
 

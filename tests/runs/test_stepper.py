@@ -15,12 +15,12 @@ pytestmark = pytest.mark.medium
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 def test_pieces_join_to_the_whole(arm, method):
     x0 = arm.rest({"hand.length": 0.8})
-    whole = fan.simulate(arm, x0, t_end=0.0 + 1.0, method=method)
+    full_run = fan.simulate(arm, x0, t_end=0.0 + 1.0, method=method)
     stepper = arm.stepper(x0, method)
     for _ in range(20):
         stepper.advance(0.05)
     assert stepper.state.t == pytest.approx(1.0)
-    assert np.allclose(stepper.state.q_D, whole.q_D[-1], atol=1e-7)
+    assert np.allclose(stepper.state.q_D, full_run.q_D[-1], atol=1e-7)
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping"])
@@ -38,16 +38,16 @@ def test_accelerations_drive_and_velocities_continue(arm, method):
 
 def test_a_law_is_called_at_its_rate(arm):
     x0 = arm.rest({"hand.length": 0.8})
-    asked = []
+    times = []
 
     def law(x):
-        asked.append(x.t)
+        times.append(x.t)
         return {"hand.length": -20.0 * (x.q_K[1] - 0.7) - 9.0 * x.v_K[1]}
 
     stepper = arm.stepper(x0)
     states = stepper.run(3.0, law, rate=100)
-    assert len(asked) == 300 and len(states) == 301
-    assert np.allclose(np.diff(asked), 0.01)
+    assert len(times) == 300 and len(states) == 301
+    assert np.allclose(np.diff(times), 0.01)
     assert stepper.state.q_K[1] == pytest.approx(0.7, abs=1e-3)
 
 

@@ -32,16 +32,16 @@ def wandering(rng, batch, size=0.5):
 @pytest.mark.parametrize("method", ["timestepping", "variational", "event"])
 def test_each_equals_the_single_stepper(method):
     batch = ARM.stepper_batch(HANG, 11, method, threads=2)
-    alone = [ARM.stepper(HANG, method) for _ in range(11)]
+    steppers = [ARM.stepper(HANG, method) for _ in range(11)]
     rng = np.random.default_rng(0)
     for _ in range(12):
         acc, force = wandering(rng, batch), rng.normal(scale=0.01, size=(11, 2))
         assert batch.advance(0.025, acc, u_D=force).all()
-        for i, single in enumerate(alone):
+        for i, single in enumerate(steppers):
             single.advance(0.025, acc[i], u_D=force[i])
     assert np.allclose(batch.t, 0.3)
     assert np.ptp(batch.q_D, axis=0).max() > 1e-3
-    for i, single in enumerate(alone):
+    for i, single in enumerate(steppers):
         x = batch.state(i)
         for name in ("q_D", "v_D", "q_K", "v_K"):
             assert np.allclose(getattr(x, name), getattr(single.state, name), rtol=0, atol=1e-9), (
@@ -58,14 +58,14 @@ def test_rotations_are_driven():
     """A turning control bar, with quaternions."""
     bar = fan.puppets.marionette_bar()
     x0 = bar.rest()
-    batch, alone = bar.stepper_batch(x0, 3), [bar.stepper(x0) for _ in range(3)]
+    batch, steppers = bar.stepper_batch(x0, 3), [bar.stepper(x0) for _ in range(3)]
     rng = np.random.default_rng(1)
     for _ in range(5):
         acc = rng.normal(scale=0.5, size=(3, bar.coordinates.n_vK))
         batch.advance(0.02, acc)
-        for i, single in enumerate(alone):
+        for i, single in enumerate(steppers):
             single.advance(0.02, acc[i])
-    for i, single in enumerate(alone):
+    for i, single in enumerate(steppers):
         assert np.allclose(batch.q_K[i], single.state.q_K, rtol=0, atol=1e-12)
         assert np.allclose(batch.q_D[i], single.state.q_D, rtol=0, atol=1e-9)
 
@@ -114,13 +114,13 @@ def test_some_are_reset_and_the_others_continue(method):
 def test_neighbours_and_threads_make_no_difference():
     rng = np.random.default_rng(3)
     acc = rng.normal(scale=0.5, size=(6, 29, 2))
-    many = ARM.stepper_batch(HANG, 29, threads=2)
+    batch = ARM.stepper_batch(HANG, 29, threads=2)
     small = ARM.stepper_batch(HANG, 5, threads=1)
     for a in acc:
-        many.advance(0.02, a)
+        batch.advance(0.02, a)
         small.advance(0.02, a[13:18])
-    assert np.array_equal(many.q_D[13:18], small.q_D)
-    assert np.array_equal(many.tension[13:18], small.tension)
+    assert np.array_equal(batch.q_D[13:18], small.q_D)
+    assert np.array_equal(batch.tension[13:18], small.tension)
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational", "event"])

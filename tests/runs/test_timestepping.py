@@ -47,10 +47,10 @@ def test_violation_shrinks_with_the_step(pendulum):
 
 def test_the_motion_converges_at_first_order(pendulum):
     x0 = pendulum.state({"bob.x": 1.0, "bob.z": 0.0})
-    exact = fan.simulate(pendulum, x0, t_end=1.0, method=fan.Event(rtol=1e-12, atol=1e-12))
+    reference = fan.simulate(pendulum, x0, t_end=1.0, method=fan.Event(rtol=1e-12, atol=1e-12))
     steps = (4e-3, 2e-3, 1e-3)
     ends = [swing(pendulum, dt, 1.0).q_D[-1] for dt in steps]
-    errors = [np.max(np.abs(end - exact.q_D[-1])) for end in ends]
+    errors = [np.max(np.abs(end - reference.q_D[-1])) for end in ends]
     assert 1.7 < errors[0] / errors[1] < 2.4
     assert 1.7 < errors[1] / errors[2] < 2.4
 
@@ -58,9 +58,9 @@ def test_the_motion_converges_at_first_order(pendulum):
 def test_the_impact_of_a_fall_converges(pendulum):
     """The bob is dropped beside its pivot, falls freely and is caught by the line."""
     x0 = pendulum.state({"bob.x": 0.3, "bob.z": 0.0})
-    exact = fan.simulate(pendulum, x0, t_end=0.8)
-    assert [e.kind.value for e in exact.events] == ["catch"]
-    lost = exact.ledger["impact"][-1]
+    reference = fan.simulate(pendulum, x0, t_end=0.8)
+    assert [e.kind.value for e in reference.events] == ["catch"]
+    lost = reference.ledger["impact"][-1]
     errors = []
     for dt in (2e-3, 5e-4):
         run = fan.simulate(pendulum, x0, t_end=0.8, method=fan.TimeStepping(dt=dt))
@@ -110,8 +110,8 @@ def test_inputs_at_rest_equal_creeping_ones():
     assert np.max(np.abs(rests.v_D - creeps.v_D)) < 1e-9
     assert np.max(np.abs(rests.ledger.values - creeps.ledger.values)) < 1e-11
     rises = np.linspace(0.0, 1e-5, 9)
-    many = fan.simulate_batch(arm, x0, [lift(0.0, rise) for rise in rises], save="all", **how)
+    batch = fan.simulate_batch(arm, x0, [lift(0.0, rise) for rise in rises], save="all", **how)
     for i, rise in enumerate(rises):
         single = fan.simulate(arm, x0, lift(0.0, rise), **how)
-        assert np.array_equal(many.trajectory(i).q_K, single.q_K)
-        assert np.max(np.abs(many.trajectory(i).v_D - single.v_D)) < 1e-10
+        assert np.array_equal(batch.trajectory(i).q_K, single.q_K)
+        assert np.max(np.abs(batch.trajectory(i).v_D - single.v_D)) < 1e-10

@@ -49,9 +49,9 @@ def test_eight_cables_at_rest_are_marked_at_every_time(eight, method, tmp_path):
     assert run.summary()["tension"]["c0"]["undetermined"] == pytest.approx(0.1)
     assert np.all(run.columns()["undetermined:c3"])
     run.save(tmp_path / "run.npz")
-    again = fan.Trajectory.load(tmp_path / "run.npz")
-    assert np.array_equal(again.undetermined.values, run.undetermined.values)
-    assert again.undetermined.values.dtype == bool
+    loaded = fan.Trajectory.load(tmp_path / "run.npz")
+    assert np.array_equal(loaded.undetermined.values, run.undetermined.values)
+    assert loaded.undetermined.values.dtype == bool
     assert run.resample(np.array([0.05])).undetermined["c0"].tolist() == [True]
 
 
@@ -73,12 +73,12 @@ axes:
 def test_batches_and_steppers_mark_what_single_runs_mark(moving, method):
     platform = moving[0]
     x0, inputs = moved(platform)
-    still = fan.Input.hold(platform, 1.2).bound(x0.q_K)
+    held_inputs = fan.Input.hold(platform, 1.2).bound(x0.q_K)
     times = {"save_at": np.linspace(0.0, 1.2, 25)} if method == "event" else {}
     single = fan.simulate(platform, x0, inputs, 1.2, method=method, **times)
     for save in (None, "all"):  # by default, where strings outnumber the freedoms
         batch = fan.simulate_batch(
-            platform, x0, [inputs, still], 1.2, method=method, save=save, **times
+            platform, x0, [inputs, held_inputs], 1.2, method=method, save=save, **times
         )
         flags = batch.undetermined.values[0]
         assert np.mean(flags == single.undetermined.values[: len(flags)]) > 0.95
@@ -121,10 +121,10 @@ def test_determined_tensions_agree_between_both_methods(moving):
     """Rounding puts tensions at the winch's cap in one method, and not in the other."""
     _, (event, stepped) = moving
     stepped = stepped.resample(event.t)
-    apart = np.abs(event.tension.values - stepped.tension.values)
+    differences = np.abs(event.tension.values - stepped.tension.values)
     marked = event.undetermined.values[:, :8]
-    assert np.max(apart) > 0.1 * WEIGHT
-    assert np.all(marked[apart > 0.05 * WEIGHT])
+    assert np.max(differences) > 0.1 * WEIGHT
+    assert np.all(marked[differences > 0.05 * WEIGHT])
     assert np.mean(marked) > 0.9
 
 
@@ -205,12 +205,12 @@ CORNERS = np.array([(x, y, 0.1) for x in (-0.3, 0.3) for y in (-0.3, 0.3)])
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
 def test_rounding_peaks_near_a_symmetric_pose_are_marked(axis):
     """Upright, the cables have a self-stress; tilted by their inverse kinematics, almost one."""
-    four, way = plate(), np.linspace(0.0, 1.0, 101)
-    way = way**3 * (10.0 - 15.0 * way + 6.0 * way**2)
+    four, share = plate(), np.linspace(0.0, 1.0, 101)
+    share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     turn = 0.2 * np.array(axis) / np.linalg.norm(axis)
     centre = np.array([0.0, 0.0, 1.5])
-    turned = [Rotation.from_rotvec(s * turn).apply(CORNERS) for s in way]
-    ends = np.array(turned) + centre * (1.0 + way[:, None, None] / 15.0)
+    turned = [Rotation.from_rotvec(s * turn).apply(CORNERS) for s in share]
+    ends = np.array(turned) + centre * (1.0 + share[:, None, None] / 15.0)
     tops = CORNERS * [1.0, 1.0, 0.0] + [0.0, 0.0, 3.0]
     lengths = np.linalg.norm(ends - tops, axis=2)
     columns = {f"c{i}.length": lengths[:, i] for i in range(4)}
@@ -221,9 +221,11 @@ def test_rounding_peaks_near_a_symmetric_pose_are_marked(axis):
         fan.simulate(four, x0, inputs, 1.5, method=method).resample(times)
         for method in ("event", fan.TimeStepping(dt=5e-4))
     )
-    apart = np.abs(event.tension.values - stepped.tension.values)
+    differences = np.abs(event.tension.values - stepped.tension.values)
     marked = event.undetermined.values[:, :4] | stepped.undetermined.values[:, :4]
-    assert np.max(apart[marked]) > 0.2 * WEIGHT and np.max(apart[~marked]) < 0.005 * WEIGHT
+    assert (
+        np.max(differences[marked]) > 0.2 * WEIGHT and np.max(differences[~marked]) < 0.005 * WEIGHT
+    )
     assert 0.05 < np.mean(marked) < 0.5
 
 
@@ -299,5 +301,5 @@ def test_four_corners_of_a_sole_alone_are_not_marked(method):
     winches = loads_stand(LIFTS)
     assert "no contact points" in str(check_stand(winches, batch.trajectory(0), standing).notes)
     assert "no contact points" not in str(check_stand(winches, run, standing).notes)
-    with pytest.raises(ValueError, match="does not keep the contact points"):
+    with pytest.raises(ValueError, match="does not store contact points"):
         fan.simulate_batch(standing, x0, t_end=0.05, save="undetermined")

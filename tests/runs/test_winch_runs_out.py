@@ -69,17 +69,17 @@ def test_one_lane_that_runs_out_stops_no_other(winches, method):
     """17.8: each run of a batch has its own end, also if many inputs begin at the state."""
     x0 = winches.rest()
     inputs = [wound_in(winches, x0, a) for a in (0.0, -1.2, 0.1, -4.8)]
-    many = fan.simulate_batch(winches, x0, inputs, 1.5, method=method)
-    gone = Status.LENGTH_NOT_POSITIVE
-    assert many.status.tolist() == [Status.DONE, gone, Status.DONE, gone]
-    assert many.reached == pytest.approx([1.5, ENDS, 1.5, ENDS / 2], abs=0.0021)
-    attribution = many.attribution.values
+    batch = fan.simulate_batch(winches, x0, inputs, 1.5, method=method)
+    out_of_length = Status.LENGTH_NOT_POSITIVE
+    assert batch.status.tolist() == [Status.DONE, out_of_length, Status.DONE, out_of_length]
+    assert batch.reached == pytest.approx([1.5, ENDS, 1.5, ENDS / 2], abs=0.0021)
+    attribution = batch.attribution.values
     assert attribution[[1, 3]].tolist() == [[1.0, 0.0], [1.0, 0.0]] and not np.any(
         attribution[[0, 2]]
     )
     wide = fan.motion.Inputs.random(winches, n=8, seed=0, t_end=1.5, every=0.5, reach=0.9)
     ended = fan.simulate_batch(winches, x0, wide, 1.5, method=method).counts()
-    assert ended[gone] >= 1 and ended[Status.DONE] >= 1 and sum(ended.values()) == 8
+    assert ended[out_of_length] >= 1 and ended[Status.DONE] >= 1 and sum(ended.values()) == 8
 
 
 @pytest.mark.parametrize("method", METHODS)

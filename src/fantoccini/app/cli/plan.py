@@ -131,7 +131,7 @@ def _report(result: PlanResult, checks: dict[str, Check]) -> None:
                     f"{m.t:.3f}",
                     f"{m.speed:.3f}",
                     f"{m.force:.3g}",
-                    "yes" if m.asked else "no",
+                    "yes" if m.allowed else "no",
                 )
                 for m in touches
             ],

@@ -22,22 +22,22 @@ from fantoccini.base import (
     check_positive,
 )
 from fantoccini.control.optimal.attribution import (
-    NONE,
+    NO_RESIDUAL,
     Residual,
     clearance_residual,
-    cut_short,
+    early_end_note,
     end_residual,
+    largest_bound_violation,
     largest_residual,
-    passed_bound,
+    no_input_note,
     search_status,
     touch_residual,
-    without_input,
 )
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.finishing import confirmed, iterate, search_minimum
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.control.optimal.iterations import Limits
-from fantoccini.control.optimal.multi_start import HOLDS, MultiStartSearch
+from fantoccini.control.optimal.multi_start import MAX_RESIDUAL, MultiStartSearch
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.outlook import out_of_reach
 from fantoccini.control.optimal.result import Optimum
@@ -179,9 +179,9 @@ def optimise(
     if exact and isinstance(runs, ExactRuns) and runs.reasons:
         text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
         warnings.warn(text, stacklevel=2)
-    touched = objective.touches.along(run, at.nodes.parameters)
+    touched = objective.touches.closest_approaches(run, at.nodes.parameters)
     bound = max(
-        passed_bound(objective, at.nodes, at.ends),
+        largest_bound_violation(objective, at.nodes, at.ends),
         _clearance_violation(objective, runs, at.nodes),
         key=lambda track: track.rank,
     )
@@ -190,15 +190,15 @@ def optimise(
     reason = ""
     if has_contact and isinstance(runs, StepRuns):
         status = AnswerStatus.NO_RUN
-    elif not worst.size <= HOLDS:
-        status, reason = AnswerStatus.VIOLATED, worst.text + cut_short(at, limits)
+    elif not worst.size <= MAX_RESIDUAL:
+        status, reason = AnswerStatus.VIOLATED, worst.text + early_end_note(at, limits)
     elif status is None:
         status = search_status(at, limits)
         if status is not AnswerStatus.SOLVED:
             reason = largest_residual(objective, at, tolerance)
     if end.size > tolerance and end.text in reason and not len(at.nodes.parameters):
         with contextlib.suppress(StateError, SimulationError):  # a remark is not worth the result
-            reason += without_input(
+            reason += no_input_note(
                 at.nodes, steps.linearise(at.nodes), objective.end_gap(at.nodes)
             )
     return Optimum(
@@ -302,8 +302,8 @@ def tracks_of(
         elif name in (*table.q_D, *table.q_K):
             tracks.append(Track.coordinate(str(name), path, weight=weight))
         else:
-            known = [*bodies, *table.q_D, *table.q_K]
-            raise UnknownNameError("body or coordinate", str(body), known)
+            known_names = [*bodies, *table.q_D, *table.q_K]
+            raise UnknownNameError("body or coordinate", str(body), known_names)
     return tracks
 
 
@@ -322,8 +322,8 @@ def _clearance_violation(objective: Objective, runs: EventRuns, nodes: Nodes) ->
     """The largest violation of the required clearance, also between the nodes."""
     clear = objective.rows.clear
     if clear is None:
-        return NONE
-    nodes_and_run = runs.run(nodes.finer(_CLEARANCE_SAMPLES))
+        return NO_RESIDUAL
+    nodes_and_run = runs.run(nodes.refined(_CLEARANCE_SAMPLES))
     if nodes_and_run is None:
         return Residual(math.inf, "the run cannot be repeated to measure its clearances")
     return clearance_residual(clear, nodes_and_run[1])
@@ -357,7 +357,7 @@ def first_nodes(task: Task, chosen: ChosenParameters, guess: Input | Optimum | N
     """The nodes of the first motion, with the accelerations of a guess clipped to their bounds."""
     N, (shortest, longest) = task.n_intervals, task.durations
     nodes = Nodes.still(task.marionette, task.x0, longest, N)
-    values = chosen.first
+    values = chosen.own_values
     if isinstance(guess, Optimum):
         values = np.array(
             [guess.parameters.get(n, v) for n, v in zip(chosen.names, values, strict=True)]

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.control.optimal.clear_rows import ClearRows
+from fantoccini.control.optimal.clear_rows import ClearanceRows
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.tasks import AnswerStatus, Nodes, Touched, number_names
+from fantoccini.control.tasks import AnswerStatus, Nodes, Touched, entry_names
 from fantoccini.motion import Trajectory
 
 _MAX_ROUNDING_EFFECT = 1e-9
@@ -41,13 +41,15 @@ class Residual:
         return math.inf if math.isnan(self.size) else self.size
 
 
-NONE = Residual(0.0, "")
+NO_RESIDUAL = Residual(0.0, "")
 
 
-def passed_bound(objective: Objective, nodes: Nodes, ends: Ends) -> Residual:
-    """The largest violation of a bound at the nodes; :data:`NONE` if all bounds are kept."""
+def largest_bound_violation(objective: Objective, nodes: Nodes, ends: Ends) -> Residual:
+    """The largest violation of a bound at the nodes; :data:`NO_RESIDUAL` without one."""
     return max(
-        _bound_residuals(objective, nodes, ends), key=lambda residual: residual.rank, default=NONE
+        _bound_residuals(objective, nodes, ends),
+        key=lambda residual: residual.rank,
+        default=NO_RESIDUAL,
     )
 
 
@@ -55,17 +57,17 @@ def end_residual(objective: Objective, nodes: Nodes) -> Residual:
     """The largest error of a coordinate or velocity at the end."""
     errors = np.abs(objective.end_gap(nodes))
     if not np.max(errors, initial=0.0) > 0.0:
-        return NONE
+        return NO_RESIDUAL
     index = int(np.argmax(errors))
-    name = number_names(nodes.table)[index]
-    text = f"{name} ends {errors[index]:.3g} from the state asked for, at {nodes.t[-1]:.6g} s"
+    name = entry_names(nodes.table)[index]
+    text = f"{name} ends {errors[index]:.3g} from the required state, at {nodes.t[-1]:.6g} s"
     return Residual(float(errors[index]), text)
 
 
-def clearance_residual(clear: ClearRows, run: Trajectory) -> Residual:
+def clearance_residual(clear: ClearanceRows, run: Trajectory) -> Residual:
     """The largest violation of the required clearance in a run, with the body or string."""
     if not len(clear):
-        return NONE
+        return NO_RESIDUAL
     closest = clear.whole.least(run)
     name = f"the clearance of {clear.whole.pair_at(closest.q_D, closest.q_K).what}"
     size = clear.margin - closest.distance
@@ -74,12 +76,12 @@ def clearance_residual(clear: ClearRows, run: Trajectory) -> Residual:
 
 def touch_residual(touched: tuple[Touched, ...]) -> Residual:
     """The largest distance by which a touch misses its place."""
-    residuals = (Residual(touch.distance, f"{touch}, not there") for touch in touched)
-    return max(residuals, key=lambda touch: touch.rank, default=NONE)
+    residuals = (Residual(touch.distance, f"{touch}, instead of touching it") for touch in touched)
+    return max(residuals, key=lambda touch: touch.rank, default=NO_RESIDUAL)
 
 
-def without_input(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
-    """A note if, to first order, no input moves the coordinate with the largest final error."""
+def no_input_note(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
+    """Note on the coordinate with the largest final error if, to first order, no input moves it."""
     index = int(np.argmax(np.abs(gap)))
     rows, effect = np.eye(nodes.n_z), np.zeros(nodes.n_z)
     for A, B in zip(linear.A[::-1], linear.B[::-1], strict=True):
@@ -92,7 +94,10 @@ def without_input(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
 
 def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str:
     """Reason why an iterate is not optimal: error at the end, violated bound, or next step."""
-    bound, end = passed_bound(objective, at.nodes, at.ends), end_residual(objective, at.nodes)
+    bound, end = (
+        largest_bound_violation(objective, at.nodes, at.ends),
+        end_residual(objective, at.nodes),
+    )
     worst = max(bound, end, key=lambda residual: residual.rank)
     if worst.size > max(tolerance, at.stationarity) or not np.isfinite(at.stationarity):
         return worst.text or "the search ended before a step was found"
@@ -143,7 +148,7 @@ def _bound_residuals(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator
 
 def _residual(size: float, name: str, t: float, value: float, low: float, high: float) -> Residual:
     if size <= 0.0:
-        return NONE
+        return NO_RESIDUAL
     return Residual(
         size, f"{name} is {value:.6g} at {t:.6g} s, beyond its bounds {low:g} to {high:g}"
     )
@@ -157,14 +162,14 @@ def search_status(at: Iterate, limits: Limits) -> AnswerStatus:
         return AnswerStatus.SETTLED
     if at.stalled:
         return AnswerStatus.STALLED
-    late = time.perf_counter() > limits.until
-    return AnswerStatus.TIMEOUT if late else AnswerStatus.ITERATIONS
+    is_late = time.perf_counter() > limits.until
+    return AnswerStatus.TIMEOUT if is_late else AnswerStatus.ITERATIONS
 
 
-def cut_short(at: Iterate, limits: Limits) -> str:
-    """Remark on a motion that does not hold because its search was cut short; may be empty."""
+def early_end_note(at: Iterate, limits: Limits) -> str:
+    """Note on the limit that ended a search before its motion held; may be empty."""
     if time.perf_counter() > limits.until:
-        return "; the time limit ended the search before: raise time_limit"
+        return "; the time limit ended the search: raise time_limit"
     if at.iterations >= limits.iterations:
-        return f"; {limits.iterations} iterations ended the search before: allow more"
+        return f"; {limits.iterations} iterations ended the search: allow more"
     return ""

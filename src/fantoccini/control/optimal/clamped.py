@@ -27,7 +27,7 @@ _MIN_BARRIER, _FACTORISATIONS = 1e-5, 15
 _MAX_MULTIPLICATIONS = 4.8e7
 """Multiplications allowed for a program: about 7 ms."""
 MIN_FACTORISATIONS, MAX_FACTORISATIONS = 1.5, 20.0
-"""Least and largest number of whole factorisations of a program."""
+"""Smallest and largest number of whole factorisations of a program."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ class ClampedSteps:
             g[:, :k] += (weights * r)[:, None] * derivatives[:, nodes.n_z :]
             g[:-1, k:] += (weights * r)[1:, None] * derivatives[1:, : nodes.n_z]
         if not objective.unit:
-            objective.take_unit_of(g, diagonal)
+            objective.set_unit_from_gradient(g, diagonal)
         diagonal += damping * objective.unit
         bounds = objective.limits(h)
         if np.any(np.isfinite(bounds.jump)):
@@ -130,7 +130,7 @@ class ClampedSteps:
             "k": len(bounds.inputs),
             "n_squares": J.shape[1],
             "n_pulls": len(pulls),
-            "n_joints": len(bounds.places),
+            "n_joints": len(bounds.joint_indices),
             "jerk": objective.task.smooth.jerk / h,
             "h": h,
             "price": objective.price,
@@ -153,8 +153,8 @@ class ClampedSteps:
             "speed": bounds.speed,
             "low": bounds.low,
             "high": bounds.high,
-            "joint_places": bounds.places.astype(np.int32),
-            "joint": numbers[1:, bounds.places],
+            "joint_places": bounds.joint_indices.astype(np.int32),
+            "joint": numbers[1:, bounds.joint_indices],
             "joint_low": bounds.joint_low,
             "joint_high": bounds.joint_high,
         }
@@ -167,7 +167,7 @@ class ClampedSteps:
         linear.e[:] = 0.0
         program = objective.program(nodes, linear, damping * objective.unit, 0.0)
         solution = self._solver.solve(
-            program, objective.unit, barrier=_MIN_BARRIER, most=_FACTORISATIONS
+            program, objective.unit, barrier=_MIN_BARRIER, max_iterations=_FACTORISATIONS
         )
         u = objective.widened(solution)[1]
         n = solution.iterations

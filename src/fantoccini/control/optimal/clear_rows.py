@@ -23,7 +23,7 @@ _DIFFERENCE = 1e-6
 """Step of finite differences [m or rad]."""
 
 
-class ClearRows:
+class ClearanceRows:
     """Clearances of every body and string at the nodes after the first.
 
     Attributes:
@@ -63,7 +63,7 @@ class ClearRows:
             self._cached = nodes, np.stack(clearances, axis=1)
         return self._cached[1]
 
-    def by(self, nodes: Nodes) -> Array:
+    def derivatives(self, nodes: Nodes) -> Array:
         """(N, m, n_z) derivatives of the clearances, by differences; 0 far above the margin."""
         t, value = self._table, self.value(nodes)
         n, k = t.n_vD, t.n_vK
@@ -85,6 +85,6 @@ class ClearRows:
             )
         return derivatives
 
-    def along(self, run: Trajectory) -> Array:
+    def in_run(self, run: Trajectory) -> Array:
         """(T, m) clearances at the samples of a run [m]."""
         return np.stack([part.of(run) for part in self._parts], axis=1)

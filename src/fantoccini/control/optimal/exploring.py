@@ -1,9 +1,9 @@
 """Exploration: random motions of the inputs, through slack and catches, as event-driven runs.
 
 The cross-entropy method (Rubinstein, Methodol. Comput. Appl. Probab. 1, 1999) draws motions from a
-normal distribution and moves it towards the best of them, by
+normal distribution and moves it towards the best of them, those of least
 
-    J / J_0 + price (|gap|^2 / gap_0^2 + passed)
+    J / J_0 + price (|gap|^2 / gap_0^2 + violation)
 
 The mean of this merit over many orders of slack and catch is a smooth function of the distribution,
 whereas the cost of a single motion has kinks. As the spread falls and the price rises, the
@@ -31,44 +31,44 @@ from fantoccini.motion import Inputs
 class ExploringSettings:
     """Parameters of an exploration."""
 
-    runs: int = 192
+    n_runs: int = 192
     """Number of runs in a generation."""
-    best: int = 24
+    n_best: int = 24
     """Number of the best runs, to which the distribution moves."""
-    generations: int = 30
-    knots: int = 10
+    n_generations: int = 30
+    n_knots: int = 10
     """Number of knots of an input's acceleration."""
-    spread: float = 0.5
+    first_spread: float = 0.5
     """Spread at the start, relative to the largest acceleration."""
-    least_spread: float = 0.02
+    min_spread: float = 0.02
     """Spread at which the exploration ends, relative to the largest acceleration."""
-    near_spread: float = 0.1
-    near_generations: int = 10
+    first_near_spread: float = 0.1
+    n_near_generations: int = 10
     """First spread and number of generations near a motion that almost holds."""
-    kept: float = 0.3
-    """Share of mean and spread that one generation keeps from the last."""
-    price: tuple[float, float] = (1e2, 1e4)
+    memory: float = 0.3
+    """Share of the last generation in mean and spread of the next."""
+    prices: tuple[float, float] = (1e2, 1e4)
     """Price of gaps and violated bounds, in the first generation and the last."""
-    moment: float = 0.2
-    """Share of the duration by which a velocity error is multiplied to count as a distance."""
-    endings: int = 2
-    """Number of times a motion is moved to its end and back into its bounds."""
+    velocity_time_share: float = 0.2
+    """Time by which velocity errors are multiplied in the gap, relative to the duration."""
+    n_endings: int = 2
+    """Number of projections of a motion onto its end, and back into its bounds."""
 
 
 SETTINGS = ExploringSettings()
 _MIN_UNIT = 1e-12
-"""Unit of a cost or a gap that is 0."""
+"""Smallest unit of a cost or a gap."""
 _SAVED = ("q_D", "v_D", "tension", "limit_force")
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class DrawnMotions:
     """Random motions and their results.
 
     Attributes:
         theta: (n, knots, k) drawn numbers: changes of the inputs' accelerations at knots.
         acc_K: (n, N, n_vK) accelerations of the inputs.
-        cost, gap, passed: (n,) J, |gap|^2 at the end, and the total violation of bounds; inf if the
+        cost, gap, violation: (n,) J, |gap|^2 at the end, and total violation of bounds; inf if the
             run ended early.
     """
 
@@ -76,16 +76,16 @@ class Drawn:
     acc_K: Array
     cost: Array
     gap: Array
-    passed: Array
+    violation: Array
 
-    def part(self, indices: Indices) -> Drawn:
+    def part(self, indices: Indices) -> DrawnMotions:
         """The motions with these indices."""
-        return Drawn(*(a[indices] for a in vars(self).values()))
+        return DrawnMotions(*(a[indices] for a in vars(self).values()))
 
-    def beside(self, other: Drawn) -> Drawn:
-        """These and other motions."""
+    def joined(self, other: DrawnMotions) -> DrawnMotions:
+        """These motions, followed by others."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Drawn(*(np.concatenate(pair) for pair in pairs))
+        return DrawnMotions(*(np.concatenate(pair) for pair in pairs))
 
 
 class Exploration:
@@ -96,7 +96,7 @@ class Exploration:
         objective: cost and bounds.
         rng: generator of the random numbers.
         threads: number of threads; all processors for None.
-        until: time of ``time.perf_counter`` at which it ends [s].
+        until: end of the search, by ``time.perf_counter`` [s].
         near: whether the first motion almost holds.
     """
 
@@ -113,8 +113,8 @@ class Exploration:
         self._first, self._objective, self._rng, self._until = first, objective, rng, until
         self._threads, self._driven = threads, DrivenConditions.of(objective.task)
         n, k, T = first.table.n_vD, first.table.n_vK, first.interval * len(first)
-        self._gap_scale = np.repeat([1.0, SETTINGS.moment * T] * 2, [n, n, k, k])
-        self._hats = hats(len(first), min(SETTINGS.knots, len(first)))
+        self._gap_scale = np.repeat([1.0, SETTINGS.velocity_time_share * T] * 2, [n, n, k, k])
+        self._hats = hats(len(first), min(SETTINGS.n_knots, len(first)))
 
     def run(self, progress: OnProgress | None = None) -> Iterate | None:
         """The best motion of all generations; None if no run arrived at its end.
@@ -128,19 +128,19 @@ class Exploration:
         moves = self._driven.moves
         max_acceleration = self._driven.scale[moves]
         mean = np.zeros((self._hats.shape[1], len(moves)))
-        first_spread = SETTINGS.near_spread if self._near else SETTINGS.spread
-        generations = SETTINGS.near_generations if self._near else SETTINGS.generations
+        first_spread = SETTINGS.first_near_spread if self._near else SETTINGS.first_spread
+        generations = SETTINGS.n_near_generations if self._near else SETTINGS.n_generations
         spread = first_spread * max_acceleration + 0.0 * mean
         units: tuple[float, float] | None = None
-        best: Drawn | None = None
-        low, high = SETTINGS.price
+        best: DrawnMotions | None = None
+        low, high = SETTINGS.prices
         for g in range(generations):
             if time.perf_counter() > self._until:
                 break
-            noise = self._rng.standard_normal((SETTINGS.runs, *mean.shape))
+            noise = self._rng.standard_normal((SETTINGS.n_runs, *mean.shape))
             noise[0] = 0.0
             drawn = self._simulated(mean + spread * noise)
-            drawn = drawn if best is None else best.beside(drawn)
+            drawn = drawn if best is None else best.joined(drawn)
             arrived = np.flatnonzero(np.isfinite(drawn.cost))
             if not len(arrived):
                 spread = 0.5 * spread  # more of the slower motions arrive
@@ -149,35 +149,35 @@ class Exploration:
                 J, gap = np.median(drawn.cost[arrived]), np.median(drawn.gap[arrived])
                 units = max(float(J), _MIN_UNIT), max(float(gap), _MIN_UNIT)
             price = low * (high / low) ** (1.0 if self._near else g / (generations - 1))
-            merit = drawn.cost / units[0] + price * (drawn.gap / units[1] + drawn.passed)
-            order = np.argsort(merit, kind="stable")[: min(SETTINGS.best, len(arrived))]
+            merit = drawn.cost / units[0] + price * (drawn.gap / units[1] + drawn.violation)
+            order = np.argsort(merit, kind="stable")[: min(SETTINGS.n_best, len(arrived))]
             best = drawn.part(order)
-            memory = SETTINGS.kept
+            memory = SETTINGS.memory
             mean = memory * mean + (1.0 - memory) * np.mean(best.theta, axis=0)
             spread = memory * spread + (1.0 - memory) * np.std(best.theta, axis=0)
             if progress is not None:
                 progress(Progress(done=g + 1, total=generations, best=self._iterate(best)))
-            if np.mean(spread / max_acceleration) < SETTINGS.least_spread:
+            if np.mean(spread / max_acceleration) < SETTINGS.min_spread:
                 break
         return None if best is None else self._iterate(best)
 
-    def _simulated(self, theta: Array) -> Drawn:
+    def _simulated(self, theta: Array) -> DrawnMotions:
         """The motions of drawn numbers."""
         driven, first, h = self._driven, self._first, self._first.interval
         acc_K = np.repeat(first.acc_K[None], len(theta), axis=0)
         acc_K[:, :, driven.moves] += self._hats @ theta
         acc_K = driven.within(acc_K, h)
-        for _ in range(SETTINGS.endings):
+        for _ in range(SETTINGS.n_endings):
             acc_K = driven.within(driven.ending(acc_K, h), h)
         motions = self._motions(acc_K)
-        cost, gap, passed = (np.full(len(theta), np.inf) for _ in range(3))
+        cost, gap, violation = (np.full(len(theta), np.inf) for _ in range(3))
         for i, motion in enumerate(motions):
             if motion is not None:
                 nodes, ends = motion
                 scaled_gap = self._gap_scale * self._objective.end_gap(nodes)
                 cost[i], gap[i] = self._objective.cost(nodes, ends), float(scaled_gap @ scaled_gap)
-                passed[i] = float(np.sum(self._objective.rows.violation(nodes, ends)))
-        return Drawn(theta, acc_K, cost, gap, passed)
+                violation[i] = float(np.sum(self._objective.rows.violation(nodes, ends)))
+        return DrawnMotions(theta, acc_K, cost, gap, violation)
 
     def _motions(self, acc_K: Array) -> list[tuple[Nodes, Ends] | None]:
         """The nodes of runs, and their intervals; None for a run that did not arrive."""
@@ -206,7 +206,7 @@ class Exploration:
             motions[i] = nodes, Ends(e, pull, pull > 0.0, np.ones(N, dtype=bool))
         return motions
 
-    def _iterate(self, best: Drawn) -> Iterate:
+    def _iterate(self, best: DrawnMotions) -> Iterate:
         """The first of these motions, as an iterate for a search."""
         motion = self._motions(best.acc_K[:1])[0]
         assert motion is not None  # its run arrived before

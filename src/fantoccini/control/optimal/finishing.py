@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from fantoccini.base import OnProgress
-from fantoccini.control.optimal.attribution import passed_bound
+from fantoccini.control.optimal.attribution import largest_bound_violation
 from fantoccini.control.optimal.hybrid import ExactRuns
 from fantoccini.control.optimal.iterations import Limits
-from fantoccini.control.optimal.multi_start import HOLDS
+from fantoccini.control.optimal.multi_start import MAX_RESIDUAL
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.optimal.sqp import SETTINGS, Iterate, Search, merit
 from fantoccini.control.tasks import DrivenConditions, Nodes
 
-COARSE = 0.02
+COARSE_COST_TOLERANCE = 0.02
 """Cost tolerance of the first of two searches, which gets half of the iterations."""
 
 _SAME_COST = 1e-6
@@ -30,9 +30,9 @@ _RESTART_ITERATIONS = 8
 _MIN_COST_DECREASE = 1e-4
 """Relative decrease of the cost above which the result of a restart is kept."""
 _CONFIRMATION_TIME = 60.0
-"""Least time limit of the event-driven run of an answer [s]."""
+"""Smallest time limit of the event-driven run of an answer [s]."""
 _MIN_REMAINING_RUNS = 20.0
-"""Least remaining time for a search by event-driven runs, in durations of one run."""
+"""Smallest remaining time for a search by event-driven runs, in durations of one run."""
 
 
 def iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | None:
@@ -83,9 +83,12 @@ def _search_by_steps(
     It ends earlier if the derivatives do not predict the decrease of the cost.
     """
     n_iterations = (limits.iterations - at.iterations + 1) // 2
-    tolerance = max(limits.cost_tolerance, COARSE)
+    tolerance = max(limits.cost_tolerance, COARSE_COST_TOLERANCE)
     limits = replace(
-        limits, cost_tolerance=tolerance, iterations=n_iterations, damping=SETTINGS.calm
+        limits,
+        cost_tolerance=tolerance,
+        iterations=n_iterations,
+        damping=SETTINGS.max_settled_damping,
     )
     return Search(at, runs, objective, limits).run(note)
 
@@ -144,12 +147,12 @@ def is_worse(at: Iterate, before: Iterate, objective: Objective) -> bool:
     """Whether a motion violates more than an earlier one, or costs more if both hold."""
     error, error_before = (
         float(np.max(np.abs(objective.gap(iterate_.nodes)), initial=0.0))
-        + passed_bound(objective, iterate_.nodes, iterate_.ends).size
+        + largest_bound_violation(objective, iterate_.nodes, iterate_.ends).size
         for iterate_ in (at, before)
     )
-    if max(error, error_before) <= HOLDS:
+    if max(error, error_before) <= MAX_RESIDUAL:
         return at.cost > before.cost + _SAME_COST * abs(before.cost)
-    return error > max(error_before, HOLDS)
+    return error > max(error_before, MAX_RESIDUAL)
 
 
 def confirmed(

@@ -32,7 +32,7 @@ class ForceRows:
     Args:
         task: see :class:`Task`.
         chosen: the parameters chosen along with the motion.
-        c: indices of the motion's constants that programs have.
+        c: indices of the motion's constants that are variables of programs.
     """
 
     def __init__(self, task: Task, chosen: ChosenParameters, c: Indices):
@@ -53,9 +53,9 @@ class ForceRows:
             return np.zeros((len(nodes), 0))
         marionette, zeros = self._chosen.marionette(nodes.parameters), np.zeros((1, nodes.n_z))
         acc_D, u = _accelerations(nodes), np.zeros((1, nodes.acc_K.shape[1]))
-        return self._at(marionette, nodes, zeros, u, acc_D, ends.tension)[0]
+        return self._changed_values(marionette, nodes, zeros, u, acc_D, ends.tension)[0]
 
-    def by(self, nodes: Nodes, linear: LinearEnds) -> Array:
+    def derivatives(self, nodes: Nodes, linear: LinearEnds) -> Array:
         """(N, m, n_z + n_c + n_vK) derivatives by the state, constants and accelerations."""
         N, n_z, k = len(nodes), nodes.n_z, nodes.acc_K.shape[1]
         n_c = linear.B.shape[1] - n_z
@@ -69,7 +69,7 @@ class ForceRows:
         acc, pull = (np.moveaxis(a[..., columns], 2, 0) for a in (linear.acc, linear.pull))
         marionette = self._chosen.marionette(nodes.parameters)
         ends = [
-            self._at(
+            self._changed_values(
                 marionette,
                 nodes,
                 sign * steps[:, :n_z],
@@ -86,7 +86,7 @@ class ForceRows:
             if i == 0:  # the length of intervals does not affect the values at a node
                 continue
             forces = [
-                self._at(
+                self._changed_values(
                     self._chosen.marionette(p),
                     nodes,
                     zeros,
@@ -101,12 +101,12 @@ class ForceRows:
             derivatives[..., n_z + j] = (forces[1] - forces[0]) / (above[i - 1] - below[i - 1])
         return derivatives
 
-    def _at(
+    def _changed_values(
         self, marionette: Marionette, nodes: Nodes, z: Array, u: Array, acc_D: Array, tension: Array
     ) -> Array:
         """(n, N, m) forces for n changes z and u of states and accelerations."""
         shape = (len(z), len(nodes))
-        parts = (*nodes.states(z), acc_D, nodes.acc_K + u[:, None], tension)
+        parts = (*nodes.changed_states(z), acc_D, nodes.acc_K + u[:, None], tension)
         arguments = [np.broadcast_to(a, (*shape, a.shape[-1])) for a in parts]
         return np.asarray(marionette.effort(*arguments)[..., self._columns])
 
@@ -115,6 +115,6 @@ def _accelerations(nodes: Nodes) -> Array:
     """(N, n_vD) accelerations just after the nodes."""
     run = nodes.run
     if run is None:
-        raise StateError("bounds of forces want the motion of a run")
+        raise StateError("bounds of forces need nodes of a run")
     index = np.searchsorted(run.t, nodes.t[:-1] + _TIME_ROUNDING, side="right") - 1
     return np.asarray(run.acc_D[index])

@@ -1,9 +1,10 @@
 """The outer loop of sequential quadratic programming.
 
-A method computes a step from the best motion so far and takes as much of it as improves the motion;
-the loop decides when to end. Methods differ in their programs and in their measure of improvement:
-a filter (:mod:`.sqp`), a merit in a trust region (:mod:`.trust_region`), or a line search to a goal
-(:mod:`fantoccini.control.planning.descent`), whose lanes try all lengths of a step at once.
+A method computes a step from the best motion so far and accepts the part of it that improves the
+motion; the loop decides when to end. Methods differ in their programs and in their measure of
+improvement: a filter (:mod:`.sqp`), a merit in a trust region (:mod:`.trust_region`), or a line
+search to a goal (:mod:`fantoccini.control.planning.descent`), whose lanes try all step lengths at
+once.
 
 No acceptance rule serves all: with the merit instead of the filter, the bundled task ``crane`` is
 not solved in 100 iterations instead of 20; with the filter in the trust region, ``swing_up``
@@ -21,9 +22,9 @@ import numpy as np
 from fantoccini.base import Array, OnProgress, Progress
 from fantoccini.control.optimal.quadratic import StageProgram, StageSolution
 
-SUFFICIENT, POOR, GOOD = 1e-4, 0.25, 0.75
-"""Decreases relative to their prediction: the least for a step to be taken, and the two between
-which damping and trust radius stay."""
+SUFFICIENT_DECREASE, POOR_DECREASE, GOOD_DECREASE = 1e-4, 0.25, 0.75
+"""Decreases relative to their prediction: minimum of an accepted step, and limits of the range in
+which damping and trust radius are kept."""
 _MAX_SMALL_STEPS = 4
 """Number of successive small steps after which a motion counts as settled."""
 
@@ -39,7 +40,7 @@ class Improvable(Protocol):
 
     @property
     def stalled(self) -> bool:
-        """Whether no step helps any more."""
+        """Whether no step improves the motion."""
 
     @property
     def settled(self) -> bool:
@@ -47,7 +48,7 @@ class Improvable(Protocol):
 
     @property
     def kkt(self) -> float:
-        """The residual of the conditions of optimality."""
+        """KKT residual."""
 
 
 MotionT = TypeVar("MotionT", bound=Improvable)
@@ -64,13 +65,13 @@ class Method(Protocol[MotionT, StepT]):
     best: MotionT
 
     def step(self) -> StepT | None:
-        """A step from the best motion, whose residuals are noted; None if there is none."""
+        """A step from the best motion, None without one; updates the motion's residuals."""
 
-    def along(self, step: StepT) -> MotionT | None:
+    def try_step(self, step: StepT) -> MotionT | None:
         """The motion after a step; None if the step is rejected."""
 
-    def learn(self, step: StepT | None, taken: bool) -> None:
-        """Prepares the next step, or notes that the best motion is stalled."""
+    def prepare_next(self, step: StepT | None, is_accepted: bool) -> None:
+        """Prepares the next step, or marks the best motion as stalled."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Limits:
 
     Attributes:
         tolerance: tolerance of the KKT residual.
-        cost_tolerance: relative decrease of the cost; it ends after several smaller steps in a row.
+        cost_tolerance: relative decrease of the cost; after several smaller steps in a row it ends.
         iterations: largest number of iterations.
         until: time of ``time.perf_counter`` at which it ends [s].
         damping: damping of the Hessian above which it ends.
@@ -98,7 +99,7 @@ def improve(
     """The best motion of iterations, which end when it is optimal or makes no more progress.
 
     Args:
-        method: computes and takes steps.
+        method: computes and accepts steps.
         limits: conditions for the end.
         progress: called after every iteration; ``best`` is the best motion.
     """
@@ -107,10 +108,10 @@ def improve(
         if at.stalled or at.settled or (step is not None and at.kkt <= limits.tolerance):
             break
         at.iterations += 1
-        next_motion = None if step is None else method.along(step)
+        next_motion = None if step is None else method.try_step(step)
         if next_motion is not None:
             method.best = next_motion
-        method.learn(step, next_motion is not None)
+        method.prepare_next(step, next_motion is not None)
         at = method.best
         if progress is not None:
             progress(Progress(done=at.iterations, total=limits.iterations, best=at))
@@ -120,18 +121,18 @@ def improve(
 
 
 class SmallSteps:
-    """A count of successive steps that hardly help."""
+    """Counter of successive steps with small improvements."""
 
     def __init__(self) -> None:
         self._count = 0
 
-    def settle(self, is_small: bool) -> bool:
-        """Whether the motion is settled after one more step."""
+    def record(self, is_small: bool) -> bool:
+        """Counts a step, and returns whether the motion is settled."""
         self._count = self._count + 1 if is_small else 0
         return self._count >= _MAX_SMALL_STEPS
 
 
-def curved(program: StageProgram, solution: StageSolution) -> Array:
+def hessian_product(program: StageProgram, solution: StageSolution) -> Array:
     """(N, k + n_z) product H d for a step d, including terms between neighbouring inputs."""
     u, z = solution.u, solution.z[1:]
     step = np.concatenate([u, z], axis=1)

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from fantoccini.base import Array, Times
 
-Off: TypeAlias = Callable[[int, Times], Array]
+OffsetFunction: TypeAlias = Callable[[int, Times], Array]
 """(n, 3) offsets of the k-th touch from its place at given times [m]."""
 _SPREAD_WEIGHT = 1e-10
 """Weight of the squared share of a window, which spreads equally near moments [m^2]."""
@@ -31,14 +31,14 @@ class Window:
     in_turn: bool
 
 
-def nearest(off: Off, windows: Sequence[Window], step: float) -> Times:
+def nearest(off: OffsetFunction, windows: Sequence[Window], step: float) -> Times:
     """The moments of least distance.
 
     If a point stands still, so that all moments are equally near, its touches are spread evenly, in
     their order.
 
     Args:
-        off: see :data:`Off`.
+        off: see :data:`OffsetFunction`.
         windows: windows of the touches.
         step: spacing of the times of the first comparison [s].
 
@@ -54,7 +54,7 @@ def nearest(off: Off, windows: Sequence[Window], step: float) -> Times:
     return times
 
 
-def _chain(off: Off, windows: Sequence[Window], chain: range, step: float) -> Times:
+def _chain(off: OffsetFunction, windows: Sequence[Window], chain: range, step: float) -> Times:
     """(n,) moments of touches in order, by dynamic programming."""
     times: list[Times] = []
     path_costs: list[Array] = []
@@ -83,7 +83,9 @@ def _chain(off: Off, windows: Sequence[Window], chain: range, step: float) -> Ti
     return refined
 
 
-def _refined(off: Off, k: int, t: float, spacing: float, low: float, high: float) -> float:
+def _refined(
+    off: OffsetFunction, k: int, t: float, spacing: float, low: float, high: float
+) -> float:
     """The stationary moment near a time, or the nearer end of the interval from low to high."""
     a, b = max(t - spacing, low), min(t + spacing, high)
     if a >= b:
@@ -101,12 +103,12 @@ def _refined(off: Off, k: int, t: float, spacing: float, low: float, high: float
     return float(t)
 
 
-def _square(off: Off, k: int, time: float, middle: float) -> float:
+def _square(off: OffsetFunction, k: int, time: float, middle: float) -> float:
     square = float(np.sum(np.square(off(k, np.array([time])))))
     return square + _SPREAD_WEIGHT * (time - middle) ** 2
 
 
-def _slope(off: Off, k: int, time: float) -> float:
+def _slope(off: OffsetFunction, k: int, time: float) -> float:
     """Derivative of half the squared distance with respect to time."""
     previous, current, following = off(k, np.array([time - _DIFFERENCE, time, time + _DIFFERENCE]))
     return float(current @ (following - previous))

@@ -36,7 +36,7 @@ class MotorRows:
     Args:
         task: see :class:`Task`.
         chosen: the parameters chosen along with the motion.
-        c: indices of the motion's constants that programs have.
+        c: indices of the motion's constants that are variables of programs.
     """
 
     def __init__(self, task: Task, chosen: ChosenParameters, c: Indices):
@@ -60,7 +60,7 @@ class MotorRows:
         """(N, m) voltages and currents [V or A]."""
         return self._values(self._chosen.marionette(nodes.parameters), nodes)
 
-    def by(self, nodes: Nodes, n_c: int) -> Array:
+    def derivatives(self, nodes: Nodes, n_c: int) -> Array:
         """(N, m, n_z + n_c + n_vK + n_z + n_c) derivatives by z_i, acc_i and z_{i+1}.
 
         Args:
@@ -76,7 +76,9 @@ class MotorRows:
         neighbours = self._chosen.neighbours(nodes.parameters)
         for first, rows, begin in ((0, slice(m), 0), (1, slice(m, 2 * m), n_s + k)):
             below, above = (
-                self._at(marionette, nodes, first, sign * steps[:, :n_z], sign * steps[:, n_z:])
+                self._changed_values(
+                    marionette, nodes, first, sign * steps[:, :n_z], sign * steps[:, n_z:]
+                )
                 for sign in (-1.0, 1.0)
             )
             columns = np.concatenate([begin + np.arange(n_z), n_s + np.arange(k)])
@@ -99,12 +101,14 @@ class MotorRows:
         if not self._drives:
             return np.zeros((len(nodes), 0))
         z, u = np.zeros((1, nodes.n_z)), np.zeros((1, nodes.acc_K.shape[1]))
-        ends = [self._at(marionette, nodes, first, z, u)[0] for first in (0, 1)]
+        ends = [self._changed_values(marionette, nodes, first, z, u)[0] for first in (0, 1)]
         return np.concatenate(ends, axis=1)
 
-    def _at(self, marionette: Marionette, nodes: Nodes, first: int, z: Array, u: Array) -> Array:
+    def _changed_values(
+        self, marionette: Marionette, nodes: Nodes, first: int, z: Array, u: Array
+    ) -> Array:
         """(n, N, m / 2) values for n changes z and u of states and accelerations."""
-        q_D, v_D, q_K, v_K = nodes.states(z, first)
+        q_D, v_D, q_K, v_K = nodes.changed_states(z, first)
         force = marionette.library.evaluate(
             "motor_demands",
             q_D=q_D,

@@ -31,8 +31,8 @@ from fantoccini.motion import State
 
 Targets = Mapping[str | tuple[str, tuple[float, float, float]], Target]
 
-SPEED, ACCELERATION = 1.5, 10.0
-"""Default bounds of driven coordinates without a task: a brisk hand [m/s, m/s^2, rad/s ...]."""
+DEFAULT_SPEED, DEFAULT_ACCELERATION = 1.5, 10.0
+"""Default bounds of driven coordinates without a task [m/s, m/s^2; rad/s, rad/s^2]."""
 
 
 class MPCStatus(enum.Enum):
@@ -84,10 +84,9 @@ class MPC:
         while stepper.state.t < 2.0:
             stepper.advance(mpc.interval, mpc.step(stepper.state))
 
-    The answer holds for ``interval`` from the time ``t`` at which it comes into force. If that is
-    later than the measurement, because the update takes time, the state is predicted until then
-    under the earlier answers. An answer that comes too late is replaced by :meth:`acceleration`,
-    the plan of the last update.
+    The result applies for ``interval`` from a time ``t``. If ``t`` is later than the measurement,
+    because the update takes time, the state is predicted until then under the earlier results. A
+    result that comes too late is replaced by :meth:`acceleration`, the plan of the last update.
 
     Strings may be slack, and solids may touch: predictions are time steps, and derivatives hold for
     the strings that pull in them and for the points that stick, slide or are open.
@@ -161,7 +160,11 @@ class MPC:
         else:
             x0 = marionette.rest()
             tracks, obstacles = tracks_of(marionette, task, x0.t, 1.0, weight), ()
-            bounds = Bounds(speed=SPEED, acceleration=ACCELERATION) if bounds is None else bounds
+            bounds = (
+                Bounds(speed=DEFAULT_SPEED, acceleration=DEFAULT_ACCELERATION)
+                if bounds is None
+                else bounds
+            )
         self._task = Task(
             marionette,
             x0,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fantoccini.base import OnProgress, Progress, StateError
-from fantoccini.control.optimal.attribution import passed_bound
+from fantoccini.control.optimal.attribution import largest_bound_violation
 from fantoccini.control.optimal.exploring import Exploration
 from fantoccini.control.optimal.hybrid import HybridRuns
 from fantoccini.control.optimal.iterations import Limits
@@ -17,7 +17,7 @@ from fantoccini.control.optimal.sqp import Iterate
 from fantoccini.control.optimal.trust_region import TrustRegionSearch
 from fantoccini.dynamics.compiled import refuse_contact
 
-HOLDS = 1e-3
+MAX_RESIDUAL = 1e-3
 """Largest violation of bounds, and error at the end, of a motion that holds [SI]."""
 
 _MAX_REPETITIONS = 2
@@ -27,8 +27,8 @@ _MAX_REPETITIONS = 2
 class MultiStartSearch:
     """A search for the best of the motions from several explorations.
 
-    It makes ``task.explore`` explorations, and more until one of their motions holds, each with its
-    own random numbers.
+    It makes ``task.explore`` explorations with different random numbers, and more until a motion
+    holds.
 
     Attributes:
         best: the best motion so far.
@@ -52,8 +52,8 @@ class MultiStartSearch:
         refuse_contact(marionette, "exploring")
         if rotations := list(marionette.coordinates.rotations):
             raise StateError(
-                f"exploring: {', '.join(rotations)} is a driven rotation, through whose catches "
-                "motions are not differentiated; needed: scalar driven coordinates"
+                f"exploring: {', '.join(rotations)} is a driven rotation; catches then have no "
+                "derivatives; needed: scalar driven coordinates"
             )
         self.best, self.objective = first, objective
         self._runs, self._limits, self._seed = runs, limits, seed
@@ -115,5 +115,5 @@ class MultiStartSearch:
     def _rank(self, at: Iterate) -> tuple[bool, float]:
         """Whether a motion fails to hold, and then its largest residual, otherwise its cost."""
         gap = float(np.max(np.abs(self.objective.end_gap(at.nodes)), initial=0.0))
-        residual = max(passed_bound(self.objective, at.nodes, at.ends).size, gap)
-        return (True, residual) if residual > HOLDS else (False, at.cost)
+        residual = max(largest_bound_violation(self.objective, at.nodes, at.ends).size, gap)
+        return (True, residual) if residual > MAX_RESIDUAL else (False, at.cost)

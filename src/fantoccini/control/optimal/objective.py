@@ -51,8 +51,8 @@ class Limits:
         acceleration, jump, speed: (n_vK,) largest magnitudes; jumps are changes of accelerations
             between intervals.
         low, high: (n_vK,) bounds of the driven coordinates.
-        places, joint_low, joint_high: dynamic coordinates with bounds, as indices into z, and the
-            bounds.
+        joint_indices: indices in z of the dynamic coordinates with bounds.
+        joint_low, joint_high: bounds of these coordinates.
     """
 
     inputs: Indices
@@ -61,7 +61,7 @@ class Limits:
     speed: Array
     low: Array
     high: Array
-    places: Indices
+    joint_indices: Indices
     joint_low: Array
     joint_high: Array
 
@@ -69,7 +69,7 @@ class Limits:
 class Objective:
     """The cost and the bounds of a task.
 
-    Programs leave out inputs that are held, and their coordinates.
+    Programs exclude held inputs and their coordinates.
 
     Attributes:
         task: see :class:`Task`.
@@ -113,8 +113,8 @@ class Objective:
         return total + self.task.time_weight * nodes.interval * len(nodes) * self.task.is_free
 
     @property
-    def kept(self) -> tuple[Indices, Indices]:
-        """Indices of the accelerations, and of the entries of z, that programs have."""
+    def program_indices(self) -> tuple[Indices, Indices]:
+        """Indices of the accelerations and the entries of z that are variables of programs."""
         return self._u, self._z
 
     @property
@@ -128,23 +128,23 @@ class Objective:
         has_gap = self._goal is not None or len(self.touches) > 0
         return self._end_weight * self.unit if has_gap else 0.0
 
-    def stiffen_end(self) -> None:
-        """Raises the weight of the end, if steps close its gap too slowly."""
+    def raise_end_weight(self) -> None:
+        """Raises the weight of the gap, which steps close too slowly."""
         self._end_weight = min(_WEIGHT_FACTOR * self._end_weight, _MAX_END_WEIGHT)
 
-    def take_unit(self, nodes: Nodes, linear: LinearEnds) -> None:
-        """Sets the unit of the cost from a first motion."""
+    def set_unit(self, nodes: Nodes, linear: LinearEnds) -> None:
+        """Sets the unit of the cost, from the first motion."""
         program = self.program(nodes, linear, 0.0, 0.0)
         u = np.arange(len(self._u))
         min_unit = self.task.time_weight * len(nodes) * self.task.is_free
-        self._take_unit(program.g, program.H[:, u, u], min_unit)
+        self._set_unit(program.g, program.H[:, u, u], min_unit)
 
-    def take_unit_of(self, g: Array, diagonal: Array) -> None:
+    def set_unit_from_gradient(self, g: Array, diagonal: Array) -> None:
         """Sets the unit from a gradient and a Hessian's diagonal, (N, n_vK + n_z) each."""
         indices = np.concatenate([self._u, self._k + self._z])
-        self._take_unit(g[:, indices], diagonal[:, self._u], 0.0)
+        self._set_unit(g[:, indices], diagonal[:, self._u], 0.0)
 
-    def _take_unit(self, g: Array, curvature: Array, min_unit: float) -> None:
+    def _set_unit(self, g: Array, curvature: Array, min_unit: float) -> None:
         unit = max(float(np.max(np.abs(g), initial=0.0)), min_unit)
         max_curvature = float(np.max(curvature, initial=_MIN_UNIT))
         self.unit = unit if unit > _GRADIENT_ROUNDING * max_curvature else max_curvature
@@ -152,14 +152,16 @@ class Objective:
 
     def end_gap(self, nodes: Nodes) -> Array:
         """(n_z,) the change from the last node to the required end."""
-        return np.zeros(nodes.n_z) if self._goal is None else nodes.gap_at_end(self._goal)
+        return np.zeros(nodes.n_z) if self._goal is None else nodes.change_to(self._goal)
 
     def gap(self, nodes: Nodes) -> Array:
         """(n_z + 3 T,) the gap at the end, and the offsets of touching points from their places."""
         return np.concatenate([self.end_gap(nodes), self.touches.gap(nodes)])
 
-    def closed(self, nodes: Nodes, z: Array, c: Array, force: Array | float) -> tuple[Array, Array]:
-        """(n_z + 3 T,) the part of the gap that a step closes, and the multipliers after it.
+    def closed_gap(
+        self, nodes: Nodes, z: Array, c: Array, force: Array | float
+    ) -> tuple[Array, Array]:
+        """(n_z + 3 T,) change of the gap in a step, and the multipliers after it.
 
         Args:
             nodes, force: see :meth:`program`.
@@ -167,7 +169,7 @@ class Objective:
         """
         at_end = np.zeros(nodes.n_z) if self._goal is None else z[-1]
         weight, forces = self.end_weight, np.concatenate(self._forces(force))
-        closed, by_moments = self.touches.closed(nodes, z, c, weight, forces[self._n_z :])
+        closed, by_moments = self.touches.closed_gap(nodes, z, c, weight, forces[self._n_z :])
         closed = np.concatenate([at_end, closed])
         remaining = self.gap(nodes) - closed
         remaining[self._n_z :] -= by_moments
@@ -232,7 +234,7 @@ class Objective:
             _selected(linear.e, z),
             _selected(low, selected),
             _selected(high, selected),
-            _selected(self.rows.by(nodes, linear), slice(None), row_columns),
+            _selected(self.rows.derivatives(nodes, linear), slice(None), row_columns),
             row_low - value,
             row_high - value,
             np.full(value.shape, self.price),
@@ -250,7 +252,7 @@ class Objective:
 
     def _bounds_of_constants(self, nodes: Nodes) -> tuple[Array, Array]:
         """(N, n_c) the allowed changes of the constants."""
-        shortest, longest = self.longer(nodes) if self.task.is_free else (0.0, 0.0)
+        shortest, longest = self.interval_changes(nodes) if self.task.is_free else (0.0, 0.0)
         low = np.append(shortest, self._chosen.low - nodes.parameters)[self._c]
         high = np.append(longest, self._chosen.high - nodes.parameters)[self._c]
         shape = (len(nodes), len(self._c))
@@ -268,7 +270,7 @@ class Objective:
             self._high[driven.stop :],
             self._low[driven],
             self._high[driven],
-            rows.places,
+            rows.joint_indices,
             rows.joint_low,
             rows.joint_high,
         )
@@ -289,7 +291,7 @@ class Objective:
                 diagonal[:, columns] += w
                 g[:, columns] += w * r
                 continue
-            dense.append(np.sqrt(w)[..., None] * residual.by(evaluation)[1:])
+            dense.append(np.sqrt(w)[..., None] * residual.derivatives(evaluation)[1:])
             g[:, k:] += ((np.sqrt(w) * r)[:, None] @ dense[-1])[:, 0]
         h, smooth = nodes.interval, self.task.smooth
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
@@ -300,15 +302,15 @@ class Objective:
         return J, diagonal, g
 
     def pulls(self, nodes: Nodes, tension: Array) -> Iterator[tuple[int, Array, Array]]:
-        """The row, weights and residuals (N,) of every tension that is tracked."""
+        """Row, weights (N,) and residuals (N,) of every tracked tension."""
         for track in self._pulls:
             row, weights, path = _pull(self.task.marionette, track, nodes)
             yield row, weights, tension[:, row] - path
 
-    def longer(self, nodes: Nodes) -> tuple[float, float]:
-        """The least and largest change of the intervals' length in a step [s].
+    def interval_changes(self, nodes: Nodes) -> tuple[float, float]:
+        """Smallest and largest change of the intervals' length in a step [s].
 
-        Intervals get shorter only once the end is near its goal, and never by much.
+        Intervals get shorter only once the end is near its goal.
         """
         h, N = nodes.interval, len(nodes)
         shortest, longest = self.task.durations
@@ -376,7 +378,7 @@ class Objective:
                     q[columns] + w[0] * r[0],
                 )
                 continue
-            J = residual.by(evaluation)
+            J = residual.derivatives(evaluation)
             if len(self._c):
                 J = np.concatenate([J, self._by_constants(residual, nodes)], axis=2)
             g[:, k:] += ((w * r)[1:, None] @ J[1:])[:, 0]

@@ -26,18 +26,18 @@ _MAX_RESIDUAL = 1e-5
 
 @dataclass(eq=False)
 class StageProgram:
-    """The numbers of a program with N stages of k inputs, n_z states and m elastic rows.
+    """Matrices and bounds of a program with N stages of k inputs, n_z states and m elastic rows.
 
     Attributes:
         H: (N, k + n_z, k + n_z) symmetric Hessian for (u_i, z_{i+1}).
         g: (N, k + n_z) gradient.
-        cross: (N, k + n_z, k) products of (u_{i-1}, z_i) with u_i; of the first, only those with
-            z_0 count, and only if z_0 is free.
+        cross: (N, k + n_z, k) D_i, products of (u_{i-1}, z_i) with u_i; in the first stage only
+            those with z_0, if z_0 is free.
         A, B, e: matrices and offsets of the dynamics.
         low, high: (N, k + n_z) bounds.
         C: (N, m, 2 (k + n_z)) rows for (u_{i-1}, z_i, u_i, z_{i+1}).
         row_low, row_high: (N, m) bounds of the rows.
-        elastic: (N, m) price of a violation, for its first power and for half its square.
+        elastic: (N, m) price p of a violation v, with the cost p (v + v^2 / 2).
     """
 
     H: Array
@@ -57,7 +57,7 @@ class StageProgram:
     def gains(self) -> Array:
         """(N, k, n_z) gains K_i of u_i = K_i z_i, without active bounds.
 
-        Costs between the inputs of neighbouring stages are ignored: programs should have none.
+        Programs must have no costs between the inputs of neighbouring stages; they are ignored.
         """
         k = self.B.shape[2]
         Q = np.concatenate([0.0 * self.H[:1, k:, k:], self.H[:-1, k:, k:]])
@@ -67,7 +67,7 @@ class StageProgram:
     def with_constants(
         self, start: Array, Q: Array, q: Array, low: Array, high: Array, damping: float
     ) -> StageProgram:
-        """The same program with constants: its last n_c states, set by inputs of the first stage.
+        """The same program with n_c constants as last states, set by inputs of the first stage.
 
         The constants also set z_0 = start c. Those whose bounds coincide stay 0.
 
@@ -128,18 +128,18 @@ class StageSolution:
         u: (N, k) changes of the inputs.
         z: (N + 1, n_z) changes of the states.
         costate: (N, n_z) multipliers of the dynamics.
-        passed: (N, m) violations of the rows.
+        violation: (N, m) violations of the rows.
         gain: (k, n_z) derivative of the best u_0 with respect to z_0, with the active bounds kept.
-        solved: whether it is a solution.
+        solved: whether it is accurate enough.
         iterations: iterations of the interior point method, with one factorisation each.
-        gap: sum of the products of slacks and multipliers, in the unit of the cost: a bound of the
-            excess cost.
+        gap: duality gap, the sum of the products of slacks and multipliers, in the unit of the
+            cost.
     """
 
     u: Array
     z: Array
     costate: Array
-    passed: Array
+    violation: Array
     gain: Array
     solved: bool
     iterations: int
@@ -164,15 +164,15 @@ class StageSolver:
         unit: float = 1.0,
         *,
         barrier: float = 0.0,
-        most: int = _MAX_ITERATIONS,
+        max_iterations: int = _MAX_ITERATIONS,
     ) -> StageSolution:
         """The solution of a program.
 
         Args:
             program: see :class:`StageProgram`.
             unit: unit of its cost; the tolerance is relative to it.
-            barrier: product of slacks and multipliers, in that unit, at which it may end.
-            most: largest number of factorisations.
+            barrier: mean product of slacks and multipliers at which it may end, in that unit.
+            max_iterations: largest number of factorisations.
         """
         n_z, k = program.B.shape[1:]
         s = k + n_z
@@ -198,7 +198,7 @@ class StageSolver:
             unbounded=UNBOUNDED,
             tolerance=self.tolerance,
             barrier=barrier,
-            iterations=most,
+            iterations=max_iterations,
         )
         is_close = max(result.primal, result.dual, 0.1 * result.gap) < _MAX_RESIDUAL
         finite = bool(np.all(np.isfinite(result.u)) and np.all(np.isfinite(result.z)))
@@ -212,12 +212,12 @@ class StageSolver:
             result.gain,
             (result.solved or is_close) and finite,
             result.iterations,
-            unit * result.gap * _sides(program),
+            unit * result.gap * _n_slacks(program),
         )
 
 
-def _sides(program: StageProgram) -> int:
-    """Number of slacks of a program: for its bounds, its rows and their violations."""
+def _n_slacks(program: StageProgram) -> int:
+    """Number of slacks of a program: of its bounds, rows and violations."""
     lower_bounds, upper_bounds = (program.low, program.row_low), (program.high, program.row_high)
     return int(
         sum(np.sum(low > -UNBOUNDED) for low in lower_bounds)

@@ -18,7 +18,7 @@ from fantoccini.kernel.runtime import Reached
 from fantoccini.motion import State
 
 _MIN_PRICE_SHARE = 0.01
-"""Least price of a bound that is named, relative to the largest."""
+"""Smallest price of a bound that is named, relative to the largest."""
 _MIN_TENSION_SHARE = 1e-6
 """Minimum tension, relative to the weight, to count as taut."""
 _MAX_RATE_ROUNDING = 1e-9

@@ -26,7 +26,7 @@ _MAX_REST_ACCELERATION = 1e-3
 _MAX_DISPLACEMENT = 100.0
 """Largest displacement of a driven scalar [m or rad]; far ends only turn a string's direction."""
 _MIN_LENGTH = 0.01
-"""Least length of a driven string [m]."""
+"""Smallest length of a driven string [m]."""
 
 
 def reach(
@@ -218,7 +218,7 @@ def _variable_bounds(
         if not a <= marionette.p[index[name]] <= b or not np.isfinite(a + b):
             raise StateError(
                 f"reach: the parameter {name} is {marionette.p[index[name]]:g} and is to lie from "
-                f"{a:g} to {b:g}; needed: finite bounds that it lies between"
+                f"{a:g} to {b:g}; needed: finite bounds on both sides of it"
             )
         for bound in (a, b):
             marionette.with_parameters({name: bound})

@@ -125,7 +125,7 @@ class Optimum(Answer):
         )
         objective = Objective(task)
         nodes = replace(at.nodes, parameters=np.zeros(0))
-        objective.take_unit(nodes, linear)
+        objective.set_unit(nodes, linear)
         program = objective.program(nodes, linear, _GAIN_DAMPING * objective.unit, at.force)
         return objective.widened_gains(program.gains)
 
@@ -226,7 +226,7 @@ class Optimum(Answer):
             lines.append(f"{name}: {e:.3g} from its path (root mean square)")
         lines += [str(touched) for touched in self.touched]
         if self.task.goal is not None:
-            lines.append(f"ends within {self.end_gap:.2g} of the state asked for")
+            lines.append(f"ends within {self.end_gap:.2g} of the required state")
         if self.violation:
             lines.append(f"bounds passed by {self.violation:.3g}")
         lines += self.reservations

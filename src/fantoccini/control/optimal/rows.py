@@ -8,16 +8,16 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.base import Array, Indices
-from fantoccini.control.optimal.clear_rows import ClearRows
+from fantoccini.control.optimal.clear_rows import ClearanceRows
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.force_rows import ForceRows
 from fantoccini.control.optimal.motor_rows import MotorRows
-from fantoccini.control.tasks import ChosenParameters, Nodes, Task, number_names
+from fantoccini.control.tasks import ChosenParameters, Nodes, Task, entry_names
 
 _BOUND_TOLERANCE = 1e-3
 """Distance of a tension, force or voltage at its bound, relative to the largest such value."""
 _MIN_PULL = 1e-9
-"""Least such value [N, N m, V or A]."""
+"""Smallest such value [N, N m, V or A]."""
 
 
 class Rows:
@@ -31,7 +31,7 @@ class Rows:
     Args:
         task: see :class:`Task`.
         chosen: the parameters chosen along with the motion.
-        c: indices of the motion's constants that programs have.
+        c: indices of the motion's constants that are variables of programs.
     """
 
     def __init__(self, task: Task, chosen: ChosenParameters, c: Indices):
@@ -43,8 +43,8 @@ class Rows:
         self._jerks = np.flatnonzero(np.isfinite(self._jerk) & (self._jerk > 0.0))
         low, high = task.bounds.intervals(marionette)
         bounded = np.isfinite(low[: 2 * n]) | np.isfinite(high[: 2 * n])
-        self.places = np.flatnonzero(bounded)
-        self.joint_low, self.joint_high = low[self.places], high[self.places]
+        self.joint_indices = np.flatnonzero(bounded)
+        self.joint_low, self.joint_high = low[self.joint_indices], high[self.joint_indices]
         self._forces = ForceRows(task, chosen, c)
         self._motors = MotorRows(task, chosen, c)
         clearance = task.bounds.clearance
@@ -52,7 +52,7 @@ class Rows:
             clearance = 0.0  # as plans do
         self.clear = None
         if clearance is not None:
-            self.clear = ClearRows(marionette, clearance, task.bounds.own_body, task.obstacles)
+            self.clear = ClearanceRows(marionette, clearance, task.bounds.own_body, task.obstacles)
 
     @property
     def names(self) -> list[tuple[str, int]]:
@@ -62,7 +62,7 @@ class Rows:
         return [
             *((f"the tension of {rows[i]}", 0) for i in self._taut),
             *((f"the change of the acceleration of {inputs[j]}", 0) for j in self._jerks),
-            *((number_names(self._table)[z], 1) for z in self.places),
+            *((entry_names(self._table)[z], 1) for z in self.joint_indices),
             *((f"the force on {name}", 0) for name in self._forces.names),
             *motors,
             *((f"the clearance of {name}", 1) for name in (self.clear.names if self.clear else ())),
@@ -72,7 +72,7 @@ class Rows:
         """(N, m) values of the rows, and their (m,) bounds."""
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0)[:, self._jerks]
         max_jump = self._jerk[self._jerks] * nodes.interval
-        numbers = nodes.numbers[1:, self.places]
+        numbers = nodes.numbers[1:, self.joint_indices]
         force = self._forces.value(nodes, ends)
         parts = [ends.tension[:, self._taut], jumps, numbers, force, self._motors.value(nodes)]
         value, motor_bounds = np.concatenate(parts, axis=1), self._motors.most
@@ -93,10 +93,10 @@ class Rows:
         value, low, high = self.values(nodes, ends)
         return np.maximum(np.maximum(low - value, value - high), 0.0)
 
-    def by(self, nodes: Nodes, linear: LinearEnds) -> Array:
+    def derivatives(self, nodes: Nodes, linear: LinearEnds) -> Array:
         """(N, m, 2 (n_vK + n_z)) derivatives by (u_{i-1}, z_i, u_i, z_{i+1})."""
         N, n_z, k = linear.B.shape
-        n_taut, n_jerks, n_places = len(self._taut), len(self._jerks), len(self.places)
+        n_taut, n_jerks, n_places = len(self._taut), len(self._jerks), len(self.joint_indices)
         s, n_clear = k + n_z, len(self.clear) if self.clear else 0
         first = n_taut + n_jerks + n_places
         last = first + len(self._forces)
@@ -104,13 +104,13 @@ class Rows:
         derivatives[:, :n_taut, k : s + k] = linear.pull[:, self._taut]
         row = n_taut + np.arange(n_jerks)
         derivatives[:, row, self._jerks], derivatives[:, row, s + self._jerks] = -1.0, 1.0
-        derivatives[:, n_taut + n_jerks + np.arange(n_places), s + k + self.places] = 1.0
-        derivatives[:, first:last, k : s + k] = self._forces.by(nodes, linear)
-        derivatives[:, last : last + len(self._motors), k:] = self._motors.by(
+        derivatives[:, n_taut + n_jerks + np.arange(n_places), s + k + self.joint_indices] = 1.0
+        derivatives[:, first:last, k : s + k] = self._forces.derivatives(nodes, linear)
+        derivatives[:, last : last + len(self._motors), k:] = self._motors.derivatives(
             nodes, n_z - nodes.n_z
         )
         if self.clear:
-            derivatives[:, -n_clear:, s + k : s + k + nodes.n_z] = self.clear.by(nodes)
+            derivatives[:, -n_clear:, s + k : s + k + nodes.n_z] = self.clear.derivatives(nodes)
         return derivatives
 
     def pulls_bind(self, nodes: Nodes, ends: Ends) -> bool:
@@ -120,7 +120,7 @@ class Rows:
         """
         value, low, high = self.values(nodes, ends)
         low[: len(self._taut)][self._tension_low <= 0.0] = -np.inf
-        first = len(self._taut) + len(self._jerks) + len(self.places)
+        first = len(self._taut) + len(self._jerks) + len(self.joint_indices)
         n_drives = len(self._forces) + len(self._motors)
         columns = [*range(len(self._taut)), *range(first, first + n_drives)]
         value, low, high = value[:, columns], low[columns], high[columns]

@@ -1,12 +1,12 @@
 """Sequential quadratic programming with Gauss-Newton's Hessian.
 
 Every iteration differentiates all intervals and residuals, solves a program of stages for a step
-(u, z), and goes along it until a filter accepts the pair
+(u, z), and shortens it until a filter accepts the pair
 
     theta = |e|_1 + |gap|_1,   phi = J + price of violated rows
 
 The gap consists of x_N - end and the offsets of touching points from their places. The filter
-(Waechter and Biegler, Math. Program. 106, 2006) demands that theta or phi is better than in all
+(Waechter and Biegler, Math. Program. 106, 2006) requires that theta or phi is smaller than in all
 earlier iterations in which theta was reduced.
 """
 
@@ -21,12 +21,12 @@ import numpy as np
 from fantoccini.base import Array, OnProgress
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.iterations import (
-    GOOD,
-    POOR,
-    SUFFICIENT,
+    GOOD_DECREASE,
+    POOR_DECREASE,
+    SUFFICIENT_DECREASE,
     Limits,
     SmallSteps,
-    curved,
+    hessian_product,
     improve,
 )
 from fantoccini.control.optimal.objective import Objective
@@ -48,34 +48,34 @@ class Shooting(Protocol):
 class SearchSettings:
     """Parameters of the search: damping, line search and filter."""
 
-    damping: float = 3e-8
-    """Least damping of the Hessian, in units of the cost."""
+    min_damping: float = 3e-8
+    """Smallest damping of the Hessian, in units of the cost."""
     first_damping: float = 3e-8
     damping_factor: float = 4.0
-    most_damping: float = 1e8
-    halvings: int = 8
-    corrections: int = 3
+    max_damping: float = 1e8
+    max_halvings: int = 8
+    max_corrections: int = 3
     """Largest number of corrections of a full step that is rejected and violates rows."""
     price_factor: float = 4.0
-    highest_price: float = 3e3
+    max_price: float = 3e3
     """Largest price of a unit of violation of a row, in units of the cost."""
-    near: float = 10.0
+    max_settled_theta: float = 10.0
     """Largest theta of a settled motion, relative to the tolerance."""
-    calm: float = 3e-4
-    """Damping up to which small steps mean that a motion is settled."""
-    margin: float = 1e-5
-    """Share of theta by which theta, or J, must be better."""
+    max_settled_damping: float = 3e-4
+    """Largest damping at which small steps count as settled, in units of the cost."""
+    theta_margin: float = 1e-5
+    """Share of theta by which theta or phi must decrease."""
     powers: tuple[float, float] = (2.3, 1.1)
     """Exponents of the predicted decrease, and of theta, in their comparison."""
-    closes: float = 0.5
+    max_gap_ratio: float = 0.5
     """Ratio of theta after and before a step above which the weight of the gap is raised."""
-    most: float = 10.0
-    """Largest theta, relative to 1 or to that of the start."""
+    max_theta: float = 10.0
+    """Largest theta, relative to max(1, theta at the start)."""
     gap_share: float = 0.1
-    """Largest duality gap of a program whose step is taken, relative to the predicted decrease or
-    the tolerance; otherwise the program is solved again, with this share of that gap as the aim."""
-    finest: float = 1e-13
-    """Least tolerance of programs."""
+    """Largest duality gap of a program, relative to the predicted decrease or the tolerance; with a
+    larger one the program is solved again, aiming at this share of that gap."""
+    min_tolerance: float = 1e-13
+    """Smallest tolerance of programs."""
 
 
 SETTINGS = SearchSettings()
@@ -91,29 +91,29 @@ class Filter:
         self._max_theta = 0.0
 
     def accepts(
-        self, before: tuple[float, float], after: tuple[float, float], falls: float
+        self, before: tuple[float, float], after: tuple[float, float], phi_change: float
     ) -> bool:
-        """Whether a step may be taken; the filter notes it if it reduces theta.
+        """Whether a step is accepted; the filter stores its start if theta must decrease.
 
         Args:
             before, after: (theta, phi) at the start and the end of the step.
-            falls: predicted change of phi.
+            phi_change: predicted change of phi.
         """
         theta, phi = before
         if not self._max_theta:
-            self._max_theta = SETTINGS.most * max(1.0, theta)
+            self._max_theta = SETTINGS.max_theta * max(1.0, theta)
         if not (np.isfinite(after[1]) and after[0] <= self._max_theta):
             return False
-        margin = 1.0 - SETTINGS.margin
+        margin = 1.0 - SETTINGS.theta_margin
         if any(
-            after[0] > margin * theta_i and after[1] > phi_i - SETTINGS.margin * theta_i
+            after[0] > margin * theta_i and after[1] > phi_i - SETTINGS.theta_margin * theta_i
             for theta_i, phi_i in self._pairs
         ):
             return False
         rounding = 1e-13 * abs(phi)
-        if falls < 0.0 and (-falls) ** SETTINGS.powers[0] > theta ** SETTINGS.powers[1]:
-            return after[1] <= phi + SUFFICIENT * falls + rounding
-        if after[0] <= margin * theta < theta or after[1] <= phi - SETTINGS.margin * theta:
+        if phi_change < 0.0 and (-phi_change) ** SETTINGS.powers[0] > theta ** SETTINGS.powers[1]:
+            return after[1] <= phi + SUFFICIENT_DECREASE * phi_change + rounding
+        if after[0] <= margin * theta < theta or after[1] <= phi - SETTINGS.theta_margin * theta:
             self._pairs.append(before)
             return True
         return theta == 0.0 and after[0] == 0.0 and after[1] <= phi + rounding
@@ -132,11 +132,11 @@ class Iterate:
             gradient, and of the decrease of J predicted by its slope, with the remaining gap of its
             program, relative to J; at most 1.
         defect: largest |e|.
-        passed: largest violation of rows.
+        violation: largest violation of rows.
         iterations: number of iterations.
         force: (n_z + 3 T,) multipliers of the gap.
         damping: damping of the Hessian for the next step, in units of the cost.
-        stalled, settled: whether no step helps any more, or hardly.
+        stalled, settled: whether steps no longer improve the motion, or hardly.
     """
 
     nodes: Nodes
@@ -145,7 +145,7 @@ class Iterate:
     solution: StageSolution | None = None
     stationarity: float = np.inf
     defect: float = np.inf
-    passed: float = np.inf
+    violation: float = np.inf
     iterations: int = 0
     force: Array | float = 0.0
     damping: float = SETTINGS.first_damping
@@ -155,7 +155,7 @@ class Iterate:
     @property
     def kkt(self) -> float:
         """The largest of the residuals."""
-        return max(self.stationarity, self.defect, self.passed)
+        return max(self.stationarity, self.defect, self.violation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,12 +165,12 @@ class _Step:
     Attributes:
         z, u, c: changes of the states, the accelerations, and of the intervals and parameters.
         theta, phi: pair of the filter at its start.
-        falls: slope of phi along it.
-        bend: curvature of its program along it.
+        phi_slope: slope of phi along it.
+        curvature: curvature of its program along it.
         merit: phi plus the cost of the gap, at its start.
-        merit_falls: slope of the merit along it.
+        merit_slope: slope of the merit along it.
         force: multipliers of the gap after it.
-        passes: largest violation of rows in its program.
+        predicted_violation: largest violation of rows in its program.
         program, solution: the program and its solution.
         value: (N, m) values of the rows at its start.
     """
@@ -180,12 +180,12 @@ class _Step:
     c: Array
     theta: float
     phi: float
-    falls: float
-    bend: float
+    phi_slope: float
+    curvature: float
     merit: float
-    merit_falls: float
+    merit_slope: float
     force: Array | float
-    passes: float
+    predicted_violation: float
     program: StageProgram
     solution: StageSolution
     value: Array
@@ -210,29 +210,34 @@ class Search:
         """The best motion of the search; see :func:`improve`."""
         return improve(self, self._limits, progress)
 
-    def learn(self, step: _Step | None, taken: bool) -> None:
-        """Raises the damping if no step was taken.
+    def prepare_next(self, step: _Step | None, is_accepted: bool) -> None:
+        """Raises the damping after a rejected step, and the price of violated rows.
 
-        If even the program violates rows, their price is too low, or they contradict one another.
+        If even the program violates rows, their price is too low or they are contradictory.
         """
         at, objective = self.best, self.objective
-        if not taken:
+        if not is_accepted:
             at.damping *= SETTINGS.damping_factor**2
-        at.stalled = at.damping > min(self._limits.damping, SETTINGS.most_damping)
-        price_is_highest = objective.price >= SETTINGS.highest_price * objective.unit
-        if at.stalled or step is None or step.passes <= self._limits.tolerance or price_is_highest:
+        at.stalled = at.damping > min(self._limits.damping, SETTINGS.max_damping)
+        price_is_highest = objective.price >= SETTINGS.max_price * objective.unit
+        if (
+            at.stalled
+            or step is None
+            or step.predicted_violation <= self._limits.tolerance
+            or price_is_highest
+        ):
             return
         objective.price *= SETTINGS.price_factor
         self._filter, self._small_steps = Filter(), SmallSteps()
 
     def step(self) -> _Step | None:
-        """A step from the best motion, whose residuals are noted; None if there is none."""
+        """A step from the best motion, None without one; updates the motion's residuals."""
         at, objective = self.best, self.objective
         if len(objective.touches):
-            at.nodes = objective.touches.marked(at.nodes)
+            at.nodes = objective.touches.with_moments(at.nodes)
         linear = self._shooting.linearise(at.nodes, at.ends)
         if not objective.unit:
-            objective.take_unit(at.nodes, linear)
+            objective.set_unit(at.nodes, linear)
         damping = objective.unit * at.damping
         program = objective.program(at.nodes, linear, damping, at.force)
         size = max(float(np.max(np.abs(program.g))), _MIN_SIZE)
@@ -241,33 +246,36 @@ class Search:
             return None
         u, z = solution.u, solution.z[1:]
         step = np.concatenate([u, z], axis=1)
-        Hd = curved(program, solution)
-        bend = float(np.sum(step * Hd))
+        Hd = hessian_product(program, solution)
+        curvature = float(np.sum(step * Hd))
         gap, violation = objective.gap(at.nodes), objective.rows.violation(at.nodes, linear)
         at.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
-        at.passed = float(np.max(violation, initial=0.0))
+        at.violation = float(np.max(violation, initial=0.0))
         at.solution = solution
         z, u, c = objective.widened(solution)
-        weight, (closed, force) = objective.end_weight, objective.closed(at.nodes, z, c, at.force)
+        weight, (closed, force) = (
+            objective.end_weight,
+            objective.closed_gap(at.nodes, z, c, at.force),
+        )
         price = objective.price
-        rows_fall = price * float(np.sum(violation) - np.sum(solution.passed))
-        merit_falls = float(np.sum(program.g * step)) - rows_fall
-        falls = merit_falls + float((weight * gap + at.force) @ closed)
+        rows_fall = price * float(np.sum(violation) - np.sum(solution.violation))
+        merit_slope = float(np.sum(program.g * step)) - rows_fall
+        phi_slope = merit_slope + float((weight * gap + at.force) @ closed)
         # The first part is the gradient of the Lagrangian with the step's multipliers, damping
         # included. A step that ends short of a bound, as in the interior point method, may predict
         # no decrease although the bound is not reached: so its remaining gap counts as well.
         # The weight of the end is no residual: it only shifts multipliers of the gradient.
         if objective.task.goal is not None:
-            at_end = solution.u.shape[1] + np.arange(len(objective.kept[1]))
+            at_end = solution.u.shape[1] + np.arange(len(objective.program_indices[1]))
             Hd[-1, at_end] -= objective.end_weight * step[-1, at_end]
         gradient_change = float(np.max(np.abs(Hd))) / size
-        predicted_decrease = -min(falls, 0.0) / max(abs(at.cost), _MIN_SIZE)
+        predicted_decrease = -min(phi_slope, 0.0) / max(abs(at.cost), _MIN_SIZE)
         duality_gap = solution.gap / max(abs(at.cost), _MIN_SIZE)
         max_duality_gap = SETTINGS.gap_share * max(predicted_decrease, self._limits.tolerance)
         finer_tolerance = self._solver.tolerance
-        if duality_gap > max_duality_gap and finer_tolerance > SETTINGS.finest:
+        if duality_gap > max_duality_gap and finer_tolerance > SETTINGS.min_tolerance:
             finer_tolerance *= SETTINGS.gap_share * max_duality_gap / duality_gap
-            self._solver = StageSolver(max(finer_tolerance, SETTINGS.finest))
+            self._solver = StageSolver(max(finer_tolerance, SETTINGS.min_tolerance))
             return self.step()
         at.stationarity = max(min(gradient_change, 1.0), min(predicted_decrease + duality_gap, 1.0))
         return _Step(
@@ -276,19 +284,19 @@ class Search:
             c,
             theta=float(np.sum(np.abs(linear.e)) + np.sum(np.abs(gap))),
             phi=(phi := at.cost + price * float(np.sum(violation))),
-            falls=falls,
-            bend=bend,
+            phi_slope=phi_slope,
+            curvature=curvature,
             merit=phi + _gap_cost(gap, weight, at.force),
-            merit_falls=merit_falls,
+            merit_slope=merit_slope,
             force=force,
-            passes=float(np.max(solution.passed, initial=0.0)),
+            predicted_violation=float(np.max(solution.violation, initial=0.0)),
             program=program,
             solution=solution,
             value=objective.rows.values(at.nodes, linear)[0],
         )
 
-    def along(self, step: _Step) -> Iterate | None:
-        """The motion at the largest part of a step that the filter accepts; None if none is."""
+    def try_step(self, step: _Step) -> Iterate | None:
+        """The motion after the largest accepted part of a step; None if all are rejected."""
         at, objective = self.best, self.objective
         for alpha, (nodes, ends) in self._trials(step):
             if objective.rows.n_slack(ends) > objective.rows.n_slack(at.ends):
@@ -297,19 +305,23 @@ class Search:
             phi = cost + objective.price * float(np.sum(objective.rows.violation(nodes, ends)))
             gap = objective.gap(nodes)
             theta = float(np.sum(np.abs(ends.e)) + np.sum(np.abs(gap)))
-            if not self._filter.accepts((step.theta, step.phi), (theta, phi), alpha * step.falls):
+            if not self._filter.accepts(
+                (step.theta, step.phi), (theta, phi), alpha * step.phi_slope
+            ):
                 continue
             merit = phi + _gap_cost(gap, objective.end_weight, at.force)
-            predicted = max(-alpha * (step.merit_falls + 0.5 * alpha * step.bend), _MIN_SIZE)
+            predicted = max(-alpha * (step.merit_slope + 0.5 * alpha * step.curvature), _MIN_SIZE)
             limits = self._limits
             small_decrease = limits.cost_tolerance * abs(step.phi)
-            is_small = abs(step.phi - phi) <= small_decrease and at.damping <= SETTINGS.calm
-            is_small = is_small and step.theta <= SETTINGS.near * limits.tolerance
+            is_small = (
+                abs(step.phi - phi) <= small_decrease and at.damping <= SETTINGS.max_settled_damping
+            )
+            is_small = is_small and step.theta <= SETTINGS.max_settled_theta * limits.tolerance
             # A shortened step decreases little in any case: its prediction must also be small.
-            is_small = is_small and (alpha == 1.0 or abs(step.falls) <= small_decrease)
-            settled = self._small_steps.settle(is_small)
-            if theta > SETTINGS.closes * step.theta > limits.tolerance:
-                objective.stiffen_end()
+            is_small = is_small and (alpha == 1.0 or abs(step.phi_slope) <= small_decrease)
+            settled = self._small_steps.record(is_small)
+            if theta > SETTINGS.max_gap_ratio * step.theta > limits.tolerance:
+                objective.raise_end_weight()
             return replace(
                 at,
                 nodes=nodes,
@@ -322,14 +334,14 @@ class Search:
         return None
 
     def _trials(self, step: _Step) -> Iterator[tuple[float, tuple[Nodes, Ends]]]:
-        """Parts of a step with their motions: the full step, corrections of it, then halves."""
+        """Shares of a step and their motions: the full step, its corrections, then halves."""
         at, moved = self.best, self._shooting.moved
-        for halving in range(SETTINGS.halvings):
+        for halving in range(SETTINGS.max_halvings):
             alpha = 0.5**halving
             nodes_and_ends = moved(at.nodes, alpha * step.z, alpha * step.u, alpha * step.c)
             if nodes_and_ends is not None:
                 yield alpha, nodes_and_ends
-            corrections = SETTINGS.corrections if halving == 0 else 0
+            corrections = SETTINGS.max_corrections if halving == 0 else 0
             solution = step.solution
             for _ in range(corrections):
                 if nodes_and_ends is None or not np.any(
@@ -348,7 +360,7 @@ class Search:
         """A step with the curvature of the rows taken from another step.
 
         It is the second-order correction (Fletcher, Practical Methods of Optimization, 1987): a
-        step along curved bounds violates them, and would be cut shorter and shorter.
+        step along curved bounds violates them, and would be halved again and again.
 
         Args:
             step: the step with the program.
@@ -385,8 +397,8 @@ def _next_damping(damping: float, alpha: float, decrease_ratio: float) -> float:
         alpha: length of the step, relative to the full one.
         decrease_ratio: decrease of the merit relative to the prediction.
     """
-    if alpha < 1.0 or decrease_ratio < POOR:
+    if alpha < 1.0 or decrease_ratio < POOR_DECREASE:
         return damping * SETTINGS.damping_factor
-    if decrease_ratio > GOOD:
-        return max(damping / SETTINGS.damping_factor, SETTINGS.damping)
+    if decrease_ratio > GOOD_DECREASE:
+        return max(damping / SETTINGS.damping_factor, SETTINGS.min_damping)
     return damping

@@ -34,7 +34,7 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, Times, rotation, tangent
 from fantoccini.control.optimal.dynamics import LinearEnds
-from fantoccini.control.optimal.moments import Off, Window, nearest
+from fantoccini.control.optimal.moments import OffsetFunction, Window, nearest
 from fantoccini.control.tasks import ChosenParameters, Nodes, Task, Touched
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
@@ -44,35 +44,35 @@ _DIFFERENCE = 1e-5
 _TIME_DIFFERENCE = 1e-3
 """Step of differences of time, relative to an interval."""
 _SAMPLES_PER_INTERVAL = 6
-"""Number of samples in every interval at which distances are first measured."""
+"""Number of samples in an interval for the first search of moments."""
 _MAX_MOMENT_CHANGE = 0.25
 """Largest change of a moment in a step, relative to its window."""
 _MAX_APPROACH = 0.25
-"""Largest approach of two moments in a step, for either, relative to the time between them."""
+"""Largest change of a moment towards another in a step, relative to the time between them."""
 _EDGE_TOLERANCE = 1e-9
-"""Distance from the edge of a window up to which a moment is at the edge [s]."""
+"""Largest distance of a moment at the edge of a window from that edge [s]."""
 
 States = tuple[Array, Array, Array, Array]
 """States as q_D, v_D, q_K and v_K, (n, ...) each."""
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
-    """The term slope . d + 1/2 d^T bend d for changes d of a point and its scaled velocity.
+class TouchTerm:
+    """The term slope . d + 1/2 d^T curvature d for changes d of a point and its scaled velocity.
 
     Attributes:
         by: (6, 2 n_z + 1 + n_p) derivatives of d, as in :class:`Moments`.
-        bend: (6, 6) matrix, positive semi-definite.
+        curvature: (6, 6) matrix, positive semi-definite.
         slope: (6,) gradient.
         closed: (3, 2 n_z + 1 + n_p) derivatives of the part of the distance that a step closes.
-        on: (3,) part of the distance that the change of the moment alone closes.
+        closed_by_moment: (3,) part of the distance that the change of the moment alone closes.
     """
 
     by: Array
-    bend: Array
+    curvature: Array
     slope: Array
     closed: Array
-    on: Array
+    closed_by_moment: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,33 +102,35 @@ class Moments:
     by: Array
     v_by: Array
 
-    def model(self, weight: float, force: Array) -> list[Model]:
+    def terms_of(self, weight: float, force: Array) -> list[TouchTerm]:
         """The terms of the touches for programs.
 
         Args:
             weight: weight of half the squared distances.
             force: (T, 3) multipliers of the distances.
         """
-        models = []
+        terms = []
         for j, (r, v) in enumerate(zip(self.r, self.v, strict=True)):
             f, scale = weight * r - force[j], _MAX_MOMENT_CHANGE * self.widths[j]
-            bend, direction, slope = np.zeros((6, 6)), np.zeros(6), np.append(f, np.zeros(3))
-            on = np.zeros(3)
-            bend[:3, :3] = weight * np.eye(3)
+            curvature, direction, slope = np.zeros((6, 6)), np.zeros(6), np.append(f, np.zeros(3))
+            closed_by_moment = np.zeros(3)
+            curvature[:3, :3] = weight * np.eye(3)
             if self.edge[j] == 0.0 or (f @ v) * self.edge[j] > 0.0:
-                curvature = weight * (v @ v + r @ r / scale**2) + max(-force[j] @ self.acc[j], 0.0)
-                if curvature > 0.0:
+                moment_curvature = weight * (v @ v + r @ r / scale**2) + max(
+                    -force[j] @ self.acc[j], 0.0
+                )
+                if moment_curvature > 0.0:
                     across = np.append(weight * v, -force[j] / scale)
-                    direction = across / curvature
-                    bend -= np.outer(across, direction)
+                    direction = across / moment_curvature
+                    curvature -= np.outer(across, direction)
                     slope -= direction * (f @ v)
-                    on = -v * (f @ v) / curvature
-            values, vectors = np.linalg.eigh(bend)
-            bend = (vectors * np.maximum(values, 0.0)) @ vectors.T
+                    closed_by_moment = -v * (f @ v) / moment_curvature
+            values, vectors = np.linalg.eigh(curvature)
+            curvature = (vectors * np.maximum(values, 0.0)) @ vectors.T
             derivatives = np.concatenate([self.by[j], scale * self.v_by[j]])
             closed = self.by[j] - np.outer(v, direction @ derivatives)
-            models.append(Model(derivatives, bend, slope, closed, on))
-        return models
+            terms.append(TouchTerm(derivatives, curvature, slope, closed, closed_by_moment))
+        return terms
 
 
 class Touches:
@@ -154,10 +156,10 @@ class Touches:
         """(3 T,) offsets from the points to the places at the moments of nearest approach [m]."""
         return -np.ravel(self.moments(nodes).r) if len(self) else np.zeros(0)
 
-    def closed(
+    def closed_gap(
         self, nodes: Nodes, z: Array, c: Array, weight: float, force: Array
     ) -> tuple[Array, Array]:
-        """(3 T,) the part of the gap that a step closes, and the part by changes of moments alone.
+        """(3 T,) changes of the gap in a step, in total and by changes of moments alone.
 
         Args:
             nodes, weight, force: see :meth:`add`.
@@ -169,12 +171,12 @@ class Touches:
         changes = np.concatenate(
             [z[moments.at], z[moments.at + 1], np.tile(c, (len(self), 1))], axis=1
         )
-        models = moments.model(weight, force.reshape(-1, 3))
-        closed = [model.closed @ d for model, d in zip(models, changes, strict=True)]
-        return np.ravel(closed), np.ravel([model.on for model in models])
+        terms = moments.terms_of(weight, force.reshape(-1, 3))
+        closed = [term.closed @ d for term, d in zip(terms, changes, strict=True)]
+        return np.ravel(closed), np.ravel([term.closed_by_moment for term in terms])
 
-    def marked(self, nodes: Nodes) -> Nodes:
-        """The same nodes, with moments near which the next step searches."""
+    def with_moments(self, nodes: Nodes) -> Nodes:
+        """The same nodes with their moments, near which the next step searches."""
         moments = self.moments(nodes)
         self._cached = replace(nodes, moments=moments.t), moments
         return self._cached[0]
@@ -204,19 +206,19 @@ class Touches:
         if not len(self):
             return
         moments, k, n_z = self.moments(nodes), linear.B.shape[2], nodes.n_z
-        for i, model in zip(moments.at, moments.model(weight, force.reshape(-1, 3)), strict=True):
-            J_0 = np.pad(model.by[:, :n_z], ((0, 0), (0, len(c))))
-            J_1 = np.concatenate([model.by[:, n_z : 2 * n_z], model.by[:, 2 * n_z + c]], axis=1)
+        for i, term in zip(moments.at, moments.terms_of(weight, force.reshape(-1, 3)), strict=True):
+            J_0 = np.pad(term.by[:, :n_z], ((0, 0), (0, len(c))))
+            J_1 = np.concatenate([term.by[:, n_z : 2 * n_z], term.by[:, 2 * n_z + c]], axis=1)
             J_z, J_u = J_0 + J_1 @ linear.A[i], J_1 @ linear.B[i]
-            bend, slope = model.bend, model.slope + model.bend @ (J_1 @ linear.e[i])
-            H[i, :k, :k] += J_u.T @ bend @ J_u
+            curvature, slope = term.curvature, term.slope + term.curvature @ (J_1 @ linear.e[i])
+            H[i, :k, :k] += J_u.T @ curvature @ J_u
             g[i, :k] += J_u.T @ slope
-            cross[i, k:] += J_z.T @ bend @ J_u
+            cross[i, k:] += J_z.T @ curvature @ J_u
             matrix, vector = (Q, q) if i == 0 else (H[i - 1, k:, k:], g[i - 1, k:])
-            matrix += J_z.T @ bend @ J_z
+            matrix += J_z.T @ curvature @ J_z
             vector += J_z.T @ slope
 
-    def along(self, run: Trajectory, parameters: Array) -> tuple[Touched, ...]:
+    def closest_approaches(self, run: Trajectory, parameters: Array) -> tuple[Touched, ...]:
         """The closest approaches of a run to the places."""
         if not len(self):
             return ()
@@ -226,7 +228,7 @@ class Touches:
         distances = [float(np.linalg.norm(off(k, times[k : k + 1]))) for k in range(len(self))]
         return tuple(map(Touched, self._touches, times.tolist(), distances))
 
-    def _offsets_in_run(self, run: Trajectory, parameters: Array) -> Off:
+    def _offsets_in_run(self, run: Trajectory, parameters: Array) -> OffsetFunction:
         """The offsets of touches along a run, as a function of time."""
         marionette, first, last = self._chosen.marionette(parameters), run.t[0], run.t[-1]
 
@@ -271,7 +273,7 @@ class Touches:
             v[k], acc[k], by[k], v_by[k] = derivatives
         return Moments(times, lengths, intervals, edge, r, v, acc, by, v_by)
 
-    def _offsets_between_nodes(self, nodes: Nodes) -> Off:
+    def _offsets_between_nodes(self, nodes: Nodes) -> OffsetFunction:
         """The offsets of touches along the curve between nodes, as a function of time."""
         marionette = self._chosen.marionette(nodes.parameters)
         states: States = (nodes.q_D, nodes.v_D, nodes.q_K, nodes.v_K)

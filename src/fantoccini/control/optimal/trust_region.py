@@ -1,6 +1,6 @@
 """Sequential quadratic programming in a trust region, through the events of event-driven runs.
 
-    phi = J + price (|x_N - end| + |violations of rows|),   |du_j| <= radius most_j
+    phi = J + price (|x_N - end| + |violations of rows|),   |du_j| <= radius max_j
 
 with |a| = sum of |a_i| + a_i^2 / 2, the price of elastic rows in stage programs (Fletcher,
 Practical Methods of Optimization, 14.5). A step is corrected by the error of its run at the end:
@@ -21,12 +21,12 @@ from fantoccini.base import Array, OnProgress, SimulationError, StateError
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.hybrid import HybridRuns
 from fantoccini.control.optimal.iterations import (
-    GOOD,
-    POOR,
-    SUFFICIENT,
+    GOOD_DECREASE,
+    POOR_DECREASE,
+    SUFFICIENT_DECREASE,
     Limits,
     SmallSteps,
-    curved,
+    hessian_product,
     improve,
 )
 from fantoccini.control.optimal.objective import Objective
@@ -39,29 +39,29 @@ from fantoccini.control.tasks import DrivenConditions, Nodes
 class TrustRegionSettings:
     """Parameters of the search."""
 
-    radius: float = 0.07
+    first_radius: float = 0.07
     """First radius of the trust region, relative to the largest accelerations."""
-    least_radius: float = 1e-9
-    shorter: float = 0.4
-    longer: float = 2.0
-    """Factors by which the radius changes."""
-    corrections: int = 3
+    min_radius: float = 1e-9
+    radius_decrease: float = 0.4
+    radius_increase: float = 2.0
+    """Factors of the radius after a poor and a good step."""
+    max_corrections: int = 3
     """Largest number of corrections of a step."""
-    price: float = 10.0
+    first_price: float = 10.0
     """First price of a unit of error at the end, in units of the cost."""
-    highest_price: float = 1e3
+    max_price: float = 1e3
     price_factor: float = 2.0
-    spare: float = 3.0
-    """Price relative to the largest multiplier of the end, down to which it falls again."""
-    near: float = 1e-3
-    """Largest error at the end with which the price falls [m, rad and their rates]."""
-    least_price: float = 1e-3
+    price_margin: float = 3.0
+    """Smallest price after a decrease, relative to the largest multiplier of the end."""
+    price_decrease_error: float = 1e-3
+    """Largest error at the end with which the price decreases [m, rad and their rates]."""
+    min_price: float = 1e-3
     damping: float = 1e-8
     """Damping of the Hessian, in units of the cost."""
-    patience: int = 40
-    """Number of iterations after which a motion far from its end is abandoned."""
-    far: float = 1e-2
-    """Error at the end, or violation of bounds, above which it is far."""
+    max_far_iterations: int = 40
+    """Largest number of iterations of a motion that is far from its end."""
+    min_far_error: float = 1e-2
+    """Error at the end, or violation of bounds, above which a motion is far."""
 
 
 SETTINGS = TrustRegionSettings()
@@ -75,17 +75,17 @@ class _Step:
     Attributes:
         linear: derivatives in its program.
         solution: solution of the program.
-        falls: predicted decrease of phi.
-        size: largest |du_j| / most_j.
-        left: remaining error at the end and violation of rows in the program.
+        phi_decrease: predicted decrease of phi.
+        size: largest |du_j| / max_j.
+        remaining_violation: remaining error at the end and violation of rows in the program.
         stationarity: see :class:`fantoccini.control.optimal.sqp.Iterate`.
     """
 
     linear: LinearEnds
     solution: StageSolution
-    falls: float
+    phi_decrease: float
     size: float
-    left: float
+    remaining_violation: float
     stationarity: float
 
 
@@ -103,9 +103,9 @@ class TrustRegionSearch:
         self.best = start
         self._runs, self._objective, self._limits = runs, objective, limits
         self._free = Objective(replace(objective.task, end=None))  # here the end is a set of rows
-        self._u, self._z = objective.kept
+        self._u, self._z = objective.program_indices
         self._max_acceleration = DrivenConditions.of(objective.task).scale[self._u]
-        self._solver, self._radius = StageSolver(), SETTINGS.radius
+        self._solver, self._radius = StageSolver(), SETTINGS.first_radius
         self._small_steps, self._decrease_ratio = SmallSteps(), -np.inf
         self._linear: LinearEnds | None = None
 
@@ -114,16 +114,16 @@ class TrustRegionSearch:
         return improve(self, self._limits, progress)
 
     def _linearised(self) -> LinearEnds | None:
-        """The best motion with derivatives; None if a catch has none."""
+        """Derivatives of the best motion; None if a catch has none."""
         at, free = self.best, self._free
         try:
             linear = self._runs.linearise(at.nodes, at.ends)
         except (SimulationError, StateError):
             return None
         if not free.unit:
-            free.take_unit(at.nodes, linear)
+            free.set_unit(at.nodes, linear)
             self._objective.unit = free.unit
-            free.price = SETTINGS.price * free.unit
+            free.price = SETTINGS.first_price * free.unit
         return linear
 
     def _gap(self, nodes: Nodes) -> Array:
@@ -137,7 +137,7 @@ class TrustRegionSearch:
         return cost + self._free.price * self._elastic_violation(nodes, ends)
 
     def step(self) -> _Step | None:
-        """A step from the best motion, whose residuals are noted; None if there is none."""
+        """A step from the best motion, None without one; updates the motion's residuals."""
         at, objective = self.best, self._objective
         if self._linear is None:
             self._linear = self._linearised()
@@ -151,14 +151,14 @@ class TrustRegionSearch:
         if not solution.solved:
             at.stalled = True
             return None
-        Hd = curved(program, solution)
+        Hd = hessian_product(program, solution)
         step = np.concatenate([solution.u, solution.z[1:]], axis=1)
-        remaining = _elastic_sum(solution.passed)
+        remaining = _elastic_sum(solution.violation)
         slope, price = float(np.sum(program.g * step)), self._free.price
         violation_decrease = price * (self._elastic_violation(at.nodes, at.ends) - remaining)
-        falls = violation_decrease - slope - 0.5 * float(np.sum(step * Hd))
+        phi_decrease = violation_decrease - slope - 0.5 * float(np.sum(step * Hd))
         at.defect = float(np.max(np.abs(gap), initial=0.0))
-        at.passed = float(np.max(objective.rows.violation(at.nodes, at.ends), initial=0.0))
+        at.violation = float(np.max(objective.rows.violation(at.nodes, at.ends), initial=0.0))
         at.solution = solution
         relative_size = float(
             np.max(np.abs(solution.u[:, : len(self._u)]) / self._max_acceleration)
@@ -170,7 +170,7 @@ class TrustRegionSearch:
         at.stationarity = (
             max(min(gradient_change, 1.0), min(predicted_decrease, 1.0)) if is_inside else 1.0
         )
-        return _Step(linear, solution, falls, relative_size, remaining, at.stationarity)
+        return _Step(linear, solution, phi_decrease, relative_size, remaining, at.stationarity)
 
     def _program(self, linear: LinearEnds, gap: Array) -> StageProgram:
         """The program of a step within the trust region that moves the end by ``gap``."""
@@ -196,12 +196,12 @@ class TrustRegionSearch:
             elastic=np.concatenate([program.elastic, np.full((N, m), free.price)], axis=1),
         )
 
-    def along(self, step: _Step) -> Iterate | None:
+    def try_step(self, step: _Step) -> Iterate | None:
         """The motion after a step, corrected; None if the step is rejected."""
         at, objective = self.best, self._objective
         merit_before = self._merit(at.cost, at.nodes, at.ends)
         solution, best_motion, best_ratio = step.solution, None, -np.inf
-        for correction in range(1 + SETTINGS.corrections):
+        for correction in range(1 + SETTINGS.max_corrections):
             if correction:
                 # Error at the end, relative to this step.
                 end_change = solution.z[-1, : len(self._z)]
@@ -218,48 +218,54 @@ class TrustRegionSearch:
                 break
             cost = objective.cost(*nodes_and_ends)
             decrease_ratio = (merit_before - self._merit(cost, *nodes_and_ends)) / max(
-                step.falls, _MIN_SIZE
+                step.phi_decrease, _MIN_SIZE
             )
             if not decrease_ratio > best_ratio:
                 break
             best_ratio, best_motion, best_cost = decrease_ratio, nodes_and_ends, cost
-            if best_ratio >= GOOD or objective.task.end is None:
+            if best_ratio >= GOOD_DECREASE or objective.task.end is None:
                 break
         self._decrease_ratio = best_ratio
-        if best_motion is None or best_ratio <= SUFFICIENT:
+        if best_motion is None or best_ratio <= SUFFICIENT_DECREASE:
             return None
         limits = self._limits
-        is_small = best_ratio * step.falls <= limits.cost_tolerance * abs(merit_before)
+        is_small = best_ratio * step.phi_decrease <= limits.cost_tolerance * abs(merit_before)
         is_small = is_small and step.size < 0.9 * self._radius
         is_small = is_small and self._elastic_violation(at.nodes, at.ends) <= limits.tolerance
-        settled = self._small_steps.settle(is_small)
+        settled = self._small_steps.record(is_small)
         return replace(
             at, nodes=best_motion[0], ends=best_motion[1], cost=best_cost, settled=settled
         )
 
-    def learn(self, step: _Step | None, taken: bool) -> None:
+    def prepare_next(self, step: _Step | None, is_accepted: bool) -> None:
         """Sets the radius and the price for the next step."""
         assert step is not None  # or it was stalled before
         at, decrease_ratio = self.best, self._decrease_ratio
-        if taken:
+        if is_accepted:
             self._linear = None
         is_inside = step.size < 0.9 * self._radius
         unit, price = self._free.unit, self._free.price
-        if is_inside and step.left > 0.1 * self._limits.tolerance:
-            price = min(price * SETTINGS.price_factor, SETTINGS.highest_price * unit)
-        if decrease_ratio < POOR:
-            self._radius = SETTINGS.shorter * min(step.size, self._radius)
-        elif decrease_ratio > GOOD and not is_inside:
-            self._radius *= SETTINGS.longer
-        is_near = float(np.max(np.abs(self._gap(self.best.nodes)), initial=0.0)) < SETTINGS.near
-        if taken and is_near:
-            min_price = SETTINGS.spare * float(np.max(np.abs(step.solution.costate[-1])))
-            price = min(price, max(min_price, SETTINGS.least_price * unit))
+        if is_inside and step.remaining_violation > 0.1 * self._limits.tolerance:
+            price = min(price * SETTINGS.price_factor, SETTINGS.max_price * unit)
+        if decrease_ratio < POOR_DECREASE:
+            self._radius = SETTINGS.radius_decrease * min(step.size, self._radius)
+        elif decrease_ratio > GOOD_DECREASE and not is_inside:
+            self._radius *= SETTINGS.radius_increase
+        is_near = (
+            float(np.max(np.abs(self._gap(self.best.nodes)), initial=0.0))
+            < SETTINGS.price_decrease_error
+        )
+        if is_accepted and is_near:
+            min_price = SETTINGS.price_margin * float(np.max(np.abs(step.solution.costate[-1])))
+            price = min(price, max(min_price, SETTINGS.min_price * unit))
         self._free.price = price
-        gives_up = at.iterations >= SETTINGS.patience and max(at.defect, at.passed) > SETTINGS.far
-        at.stalled = gives_up or self._radius < SETTINGS.least_radius
+        gives_up = (
+            at.iterations >= SETTINGS.max_far_iterations
+            and max(at.defect, at.violation) > SETTINGS.min_far_error
+        )
+        at.stalled = gives_up or self._radius < SETTINGS.min_radius
 
 
 def _elastic_sum(a: Array) -> float:
-    """Violations as programs count them: |a| + a^2 / 2."""
+    """Price of violations, as in stage programs: sum of |a| + a^2 / 2."""
     return float(np.sum(np.abs(a)) + 0.5 * np.sum(np.square(a)))

@@ -36,7 +36,7 @@ from fantoccini.motion import Input, State, Trajectory
 _RUNS_PER_THREAD = 8
 """Number of runs per thread that are simulated and kept in memory together: the lanes."""
 _MIN_RUNS = 3
-"""Least number of runs in a generation, as the method needs."""
+"""Smallest number of runs in a generation, as the method needs."""
 _PATIENCE = 3
 """Number of generations without a finite cost after which the search ends."""
 _SAMPLES = 201

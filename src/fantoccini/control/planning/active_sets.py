@@ -31,9 +31,9 @@ from fantoccini.motion import Input, State
 class _Tolerances:
     """Numerical parameters of extensions."""
 
-    steps: int = 10
+    n_steps: int = 10
     """Runge-Kutta steps in a segment."""
-    apart: float = 1e-5
+    difference: float = 1e-5
     """Step of central differences [rad, m and their rates]."""
     compliance: float = 1e-9
     """Compliance of strings, relative to the trace of G, which allows redundant strings."""
@@ -237,7 +237,7 @@ def active_set_derivatives(
         times = np.repeat(duration, n_changes)
         return extended(marionette, changed, np.repeat(active, n_changes, axis=0), acc_K, times)
 
-    return central_differences(marionette, end, at, acceleration, onto, _TOLERANCES.apart)
+    return central_differences(marionette, end, at, acceleration, onto, _TOLERANCES.difference)
 
 
 def event_derivatives(
@@ -291,7 +291,7 @@ def extended(
         acc_K: (n, n_vK) accelerations of the driven coordinates.
         duration: (n,) durations [s]; negative for motion backwards in time.
     """
-    table, dt = marionette.coordinates, duration[:, None] / _TOLERANCES.steps
+    table, dt = marionette.coordinates, duration[:, None] / _TOLERANCES.n_steps
     indices = table.scalars_D, table.quaternions_D
     q, v = at.q_D, at.v_D
 
@@ -303,7 +303,7 @@ def extended(
         q_D = tangent.moved(*indices, q, change)
         return _acceleration(marionette, StateArrays(q_D, v, at.slip, *driven(t)), acc_K, active)
 
-    for step in range(_TOLERANCES.steps):
+    for step in range(_TOLERANCES.n_steps):
         t = step * dt
         a1 = rate(t, np.zeros_like(v), v)
         a2 = rate(t + 0.5 * dt, 0.5 * dt * v, v + 0.5 * dt * a1)

@@ -107,4 +107,4 @@ def solve(
 def _refuse_unknown(call: str, options: Iterable[str], allowed: Iterable[str]) -> None:
     for name in options:
         if name not in allowed:
-            raise TypeError(f"{call}() takes no option {name!r}{nearest(name, allowed)}")
+            raise TypeError(f"{call}() has no option {name!r}{nearest(name, allowed)}")

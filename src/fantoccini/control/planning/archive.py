@@ -1,4 +1,4 @@
-"""Plan files: npz without pickle. With its problem, the search for a plan can go on."""
+"""Plan files: npz without pickle. With its problem, a search can be continued."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ def save(path: str | Path, search: Search, record: SearchRecord, status: str) ->
 
 
 def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> Search:
-    """The search that found the plan in a file, ready to go on.
+    """The search that found the plan in a file, ready to continue.
 
     Args:
         path: path of a file that :func:`save` wrote.
         problem: the planning problem.
-        planner: planner of the search, if it is not one with a name.
+        planner: planner of the search, if it has no name.
 
     Raises:
         FileError: file that is not a plan, is damaged, or belongs to another problem.

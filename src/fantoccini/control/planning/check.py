@@ -23,9 +23,9 @@ class _Tolerances:
 
     integration: float = 1e-8
     """Values of rtol and atol for the event-driven runs that confirm plans."""
-    jam: float = 0.01
+    jam_share: float = 0.01
     """Tension of a jammed string, relative to the largest allowed: 1e3 times the weight."""
-    time: float = 1e-9
+    time_rounding: float = 1e-9
     """Rounding error of the end of a run [s]."""
 
 
@@ -38,7 +38,7 @@ class Check:
 
     Attributes:
         arrives: whether the run is DONE, ends within the tolerance and makes only allowed touches.
-            It may use up the margin.
+            Obstacles may be nearer than the margin.
         distance: distance from the goal at the end.
         clearance: least clearance of the run, also between its samples [m].
         deviation: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
@@ -58,9 +58,9 @@ class Check:
     fault: str = ""
 
     @property
-    def unasked(self) -> tuple[Meeting, ...]:
+    def forbidden(self) -> tuple[Meeting, ...]:
         """Touches that the plan does not allow."""
-        return tuple(meeting for meeting in self.touches if not meeting.asked)
+        return tuple(meeting for meeting in self.touches if not meeting.allowed)
 
 
 def checked(
@@ -70,7 +70,7 @@ def checked(
     backend: str = "fantoccini",
     effort: bool = True,
 ) -> Check:
-    """The result of a second simulation of a plan; see :meth:`PlanResult.verify`."""
+    """Result of a second simulation of a plan; see :meth:`PlanResult.verify`."""
     if backend not in BACKENDS:
         raise ValueError(f"backend is {backend!r}; it must be {' or '.join(map(repr, BACKENDS))}")
     dt_factor = BACKENDS[backend] if dt_factor is None else dt_factor
@@ -78,7 +78,9 @@ def checked(
     if backend == "mujoco":
         _check_mujoco(dt_factor, method)
         if plan.problem.touches.expected:
-            raise ValueError("backend='mujoco' knows no contact, and this plan may touch something")
+            raise ValueError(
+                "backend='mujoco' does not support contact, and this plan may touch something"
+            )
         run = plan.simulate_in_mujoco(dt)
     else:
         if method == "timestepping":
@@ -89,15 +91,15 @@ def checked(
     node_indices = _nearest(run.t, plan.times)
     deviation = float(np.max(np.abs(run.q_D[node_indices] - plan.states.q_D)))
     marionette, goal = plan.problem.marionette, plan.goal
-    complete = run.status is Status.DONE and run.t[-1] >= plan.end - _TOLERANCES.time
+    complete = run.status is Status.DONE and run.t[-1] >= plan.end - _TOLERANCES.time_rounding
     touches = plan.problem.touches.meetings(run)
     share = carried(marionette, run)
-    faults = [str(meeting) for meeting in touches if not meeting.asked]
+    faults = [str(meeting) for meeting in touches if not meeting.allowed]
     if not complete:
         faults.append(run.status.message)
     faults += jammed(marionette, run)
     if clearance < 0.0:
-        faults.append("a body or string overlaps a solid that it should keep off")
+        faults.append("a body or string overlaps a solid that it must not touch")
     if not distance <= plan.tolerance:
         faults.append(f"it ends {distance:.3g} from the goal")
     if goal.share is not None and share < goal.share:
@@ -107,10 +109,10 @@ def checked(
 
 
 def jammed(marionette: Marionette, run: Trajectory) -> list[str]:
-    """Descriptions of strings that are jammed: they pull without limit against a contact."""
+    """Descriptions of jammed strings, whose tension against a contact has no limit."""
     if run.contact is None:
         return []
-    jam_tension = _TOLERANCES.jam * marionette.tension_cap
+    jam_tension = _TOLERANCES.jam_share * marionette.tension_cap
     return [
         f"string {name} is jammed: it pulls with {np.max(tension):.3g} N"
         for name, tension in run.tension.items()
@@ -144,7 +146,5 @@ def _nearest(t: Array, times: Array) -> Indices:
 def _check_mujoco(dt_factor: float, method: Method | MethodName) -> None:
     """Raises ValueError for options that MuJoCo does not support."""
     if method != "timestepping":
-        raise ValueError(
-            f"backend='mujoco' steps through time: method must be 'timestepping', not {method!r}"
-        )
+        raise ValueError(f"backend='mujoco' supports only method='timestepping', not {method!r}")
     check_positive(dt_factor=dt_factor)

@@ -27,9 +27,9 @@ from fantoccini.control.planning.shooting import Candidates, Derivatives, Shooti
 class _Tolerances:
     """Weights and tolerances of the quadratic programs and their iteration."""
 
-    shrink: float = 0.65
+    length_ratio: float = 0.65
     """Ratio of successive step lengths in the line search."""
-    lengths: int = 8
+    n_lengths: int = 8
     """Number of step lengths in the line search."""
     first_trust: float = 0.2
     """Largest change of a velocity in the first step [m/s or rad/s]."""
@@ -37,26 +37,26 @@ class _Tolerances:
     """Largest change of a velocity in any step [m/s or rad/s]."""
     max_iterations: int = 15
     """Largest number of quadratic programs."""
-    late: float = 1.2
-    """Time before the end that is varied, if only the end is [s]."""
-    smooth: float = 1e-5
+    end_duration: float = 1.2
+    """Duration of the varied part, if only the end of a rollout is varied [s]."""
+    smoothness_weight: float = 1e-5
     """Weight of differences of accelerations [s^2]."""
-    step: float = 1e-6
+    step_weight: float = 1e-6
     """Weight of the step itself, which makes the program strictly convex."""
-    penalty: float = 1.0
+    penalty_weight: float = 1.0
     """Weight of violated constraints relative to the goal residual; a smaller one is not exact."""
     min_residual: float = 1e-3
     """Lower bound of the goal residual in the penalty."""
     unbounded: float = 1e20
     """Value for a missing bound."""
     max_ratio: float = 0.8
-    """Largest merit after three iterations, relative to the merit before, to go on."""
+    """Largest merit relative to that three iterations earlier; above it the search ends."""
     feasibility: float = 1e-9
     """Primal tolerance of the solver."""
 
 
 _TOLERANCES = _Tolerances()
-_LENGTHS = _TOLERANCES.shrink ** np.arange(_TOLERANCES.lengths)
+_LENGTHS = _TOLERANCES.length_ratio ** np.arange(_TOLERANCES.n_lengths)
 
 
 @dataclass(eq=False)
@@ -66,7 +66,7 @@ class Approach:
     Attributes:
         candidate: the last candidate; None if the first could not be simulated.
         arrives: whether it passes the test.
-        late: whether the time ended first.
+        late: whether the time limit ended the search.
         iterations, stalled, settled: see :class:`fantoccini.control.optimal.Improvable`.
     """
 
@@ -88,24 +88,24 @@ class Approach:
 
 
 def approach(
-    shooting: Shooting, V: Array, there: Callable[[Candidates], bool], until: float, late: bool
+    shooting: Shooting, V: Array, arrives: Callable[[Candidates], bool], until: float, late: bool
 ) -> Approach:
-    """A candidate near the given velocities that passes a test, or the last of the descent.
+    """The first candidate near the given velocities that passes a test, or the last of all.
 
     Args:
         shooting: simulates candidates.
         V: (m, n_vK) initial velocities.
-        there: the test.
+        arrives: the test.
         until: time at which to stop, by ``time.perf_counter``.
         late: whether only the last segments are varied, after the last catch: earlier changes have
-            a strongly nonlinear effect, or change which strings are caught.
+            strongly nonlinear effects, or change which strings are caught.
     """
     if time.perf_counter() > until:
         return Approach(None, late=True)
     first = shooting.candidates(shooting.within(V)[None])
     if not np.isfinite(first.merit[0]):
         return Approach(None)
-    descent = _Descent(shooting, first, there, until, late)
+    descent = _Descent(shooting, first, arrives, until, late)
     return improve(descent, Limits(0.0, 0.0, _TOLERANCES.max_iterations))
 
 
@@ -116,12 +116,12 @@ class _Descent:
         self,
         shooting: Shooting,
         first: Candidates,
-        there: Callable[[Candidates], bool],
+        arrives: Callable[[Candidates], bool],
         until: float,
         late: bool,
     ):
         self.best = Approach(first)
-        self._shooting, self._there, self._until, self._late = shooting, there, until, late
+        self._shooting, self._has_arrived, self._until, self._late = shooting, arrives, until, late
         self._trust, self._merits = _TOLERANCES.first_trust, list[float]()
 
     def step(self) -> tuple[Derivatives, Array] | None:
@@ -129,7 +129,7 @@ class _Descent:
         best, shooting = self.best, self._shooting
         candidate = best.candidate
         assert candidate is not None
-        if self._there(candidate):
+        if self._has_arrived(candidate):
             best.arrives = True
             return None
         merits = self._merits
@@ -139,13 +139,15 @@ class _Descent:
             best.stalled = best.late = True
         if best.stalled:
             return None
-        last = round(_TOLERANCES.late / shooting.segment)
-        first = max(int(candidate.calm[0]), len(candidate) - last) if self._late else 0
+        last = round(_TOLERANCES.end_duration / shooting.segment)
+        first = (
+            max(int(candidate.first_calm_segment[0]), len(candidate) - last) if self._late else 0
+        )
         derivatives = shooting.derivatives(candidate, min(first, len(candidate) - 1))
         return derivatives, step(shooting, candidate, derivatives, self._trust)
 
-    def along(self, step: tuple[Derivatives, Array]) -> Approach | None:
-        """The candidate of least merit along the step; None if none is better."""
+    def try_step(self, step: tuple[Derivatives, Array]) -> Approach | None:
+        """The candidate of least merit along the step; None if no length improves it."""
         best, shooting, (by, x) = self.best, self._shooting, step
         candidate = best.candidate
         assert candidate is not None
@@ -159,9 +161,9 @@ class _Descent:
         self._trust = min(_TOLERANCES.max_trust, max(2.0 * max_change, 0.1 * self._trust))
         return Approach(improved, iterations=best.iterations)
 
-    def learn(self, step: tuple[Derivatives, Array] | None, taken: bool) -> None:
-        """Ends the search if no step is taken."""
-        self.best.stalled = not taken
+    def prepare_next(self, step: tuple[Derivatives, Array] | None, is_accepted: bool) -> None:
+        """Ends the search if no step is accepted."""
+        self.best.stalled = not is_accepted
 
 
 def step(
@@ -180,11 +182,14 @@ def step(
     residual = candidate.residual[0]
     H, g = np.zeros((n_x + n_s, n_x + n_s)), np.zeros(n_x + n_s)
     H[:n_x, :n_x] = (
-        derivatives.residual.T @ derivatives.residual + _TOLERANCES.smooth * jerk.T @ jerk
+        derivatives.residual.T @ derivatives.residual
+        + _TOLERANCES.smoothness_weight * jerk.T @ jerk
     )
-    H[np.arange(n_x + n_s), np.arange(n_x + n_s)] += _TOLERANCES.step
-    g[:n_x] = derivatives.residual.T @ residual + _TOLERANCES.smooth * jerk.T @ jerk_V
-    g[n_x:] = _TOLERANCES.penalty * max(float(np.linalg.norm(residual)), _TOLERANCES.min_residual)
+    H[np.arange(n_x + n_s), np.arange(n_x + n_s)] += _TOLERANCES.step_weight
+    g[:n_x] = derivatives.residual.T @ residual + _TOLERANCES.smoothness_weight * jerk.T @ jerk_V
+    g[n_x:] = _TOLERANCES.penalty_weight * max(
+        float(np.linalg.norm(residual)), _TOLERANCES.min_residual
+    )
     # Bounds out of reach of the step are left out.
     speed, max_change = bounds.speed[shooting.moves], shooting.segment * bounds.acceleration
     max_change = max_change[shooting.moves]

@@ -63,7 +63,7 @@ class _Tolerances:
     rounding: float = 1e-9
     """Rounding error of a number of segments."""
     min_acceleration: float = 1e-9
-    """Least braking acceleration of a coordinate [m/s^2]; avoids a division by 0."""
+    """Smallest braking acceleration of a coordinate [m/s^2]; avoids a division by 0."""
 
 
 _TOLERANCES = _Tolerances()
@@ -158,7 +158,7 @@ class Feedback(ShortRepr):
         if len(plan.path) < 2:
             raise ValueError("the plan has no segment that could be followed")
         if plan.problem.touches.expected:
-            raise ValueError("the plan may touch something, of which feedback knows nothing yet")
+            raise ValueError("the plan may touch something, which feedback does not support")
         check_positive(acceleration=acceleration, arrive=arrive)
         if not window >= 0:
             raise ValueError(f"window is {window}; it must be at least 0")

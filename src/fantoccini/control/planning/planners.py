@@ -1,12 +1,12 @@
 """Planners: the choice of nodes to extend, of inputs, and of ends to keep.
 
 ``est-2007`` is the paper's expansive-space tree (Sec. VII): nodes are chosen with a probability
-that falls with their distance from the goal, each gets a random input, and the ends are kept.
+that falls with their distance from the goal, each gets a random input, and the ends become nodes.
 
 ``explore`` extends many nodes at once, in lanes on all threads, preferring those in sparse regions
 of the tree. A rollout begins with a random exploration phase, with random velocities of the driven
-coordinates. Then a linear-quadratic regulator leads it to the equilibrium at the goal. The ends of
-all its segments are kept.
+coordinates. Then a linear-quadratic regulator controls it to the equilibrium at the goal. The
+ends of all its segments become nodes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from fantoccini.control.problems import Rollouts
 class _Sampling:
     """Parameters of the random choices."""
 
-    extra_ends: float = 1.5
+    mean_extra_ends: float = 1.5
     """Mean number of string ends that explore in addition to the first."""
     min_distance: float = 1e-9
     """Distance from the goal below which nodes are equally likely."""
@@ -58,15 +58,17 @@ class EST2007:
     """The paper's planner.
 
     Args:
-        bias: exponent with which the probability of a node falls with its distance from the goal; 0
-            chooses uniformly.
-        lasts: shortest and longest duration of a rollout, in segments of the problem. If shorter
-            than a segment, random inputs cancel one another.
+        bias: exponent of the decrease of a node's probability with its distance from the goal; 0
+            for equal probabilities.
+        durations: shortest and longest duration of a rollout, in segments of the problem; below
+            one segment, random inputs cancel one another.
         batch: number of nodes extended at once, in lanes; 1 is the paper's own order.
     """
 
-    def __init__(self, bias: float = 4.0, lasts: tuple[float, float] = (1.0, 5.0), batch: int = 64):
-        self.bias, self.lasts, self.batch = bias, lasts, batch
+    def __init__(
+        self, bias: float = 4.0, durations: tuple[float, float] = (1.0, 5.0), batch: int = 64
+    ):
+        self.bias, self.durations, self.batch = bias, durations, batch
 
     def __call__(
         self, tree: SearchTree, rollouts: Rollouts, rng: np.random.Generator
@@ -75,7 +77,7 @@ class EST2007:
         start_nodes = _random_indices(weight, self.batch, rng)
         np.add.at(tree.tried, start_nodes, 1)
         min_checks, max_checks = (
-            max(1, round(share * rollouts.options.n_checks)) for share in self.lasts
+            max(1, round(share * rollouts.options.n_checks)) for share in self.durations
         )
         n_checks = int(rng.integers(min_checks, max_checks + 1))
         velocity = rng.uniform(-1.0, 1.0, (self.batch, tree.v_K.shape[1])) * rollouts.bounds.speed
@@ -92,30 +94,31 @@ class Explore:
 
     Args:
         batch: number of rollouts in a round.
-        exploration: longest random exploration phase [s].
-        guided: longest phase led by the regulator [s].
-        direct: share of the rollouts without an exploration phase.
-        lead_time: least and greatest lead time of the regulator's reference [s].
-        cell: size of the cells in which nodes are counted [rad or m].
-        haste: exponent with which the probability of a node falls with its time.
-        calm: number of rollouts that begin the search without an exploration phase if the puppet
-            must touch something: it avoids large swings if they are not needed.
+        max_exploration_time: longest random exploration phase [s].
+        max_guided_time: longest phase led by the regulator [s].
+        direct_share: share of the rollouts without an exploration phase.
+        lead_times: smallest and largest lead time of the regulator's reference [s].
+        cell_size: size of the cells in which nodes are counted [rad or m].
+        time_exponent: exponent of the decrease of a node's probability with its time.
+        n_first_direct: number of first rollouts without an exploration phase if the puppet must
+            touch something, which avoids unnecessary large swings.
     """
 
     def __init__(
         self,
         batch: int = 192,
-        exploration: float = 1.6,
-        guided: float = 4.0,
-        direct: float = 0.1,
-        lead_time: tuple[float, float] = (0.4, 1.0),
-        cell: float = 0.1,
-        haste: float = 4.0,
-        calm: int = 8,
+        max_exploration_time: float = 1.6,
+        max_guided_time: float = 4.0,
+        direct_share: float = 0.1,
+        lead_times: tuple[float, float] = (0.4, 1.0),
+        cell_size: float = 0.1,
+        time_exponent: float = 4.0,
+        n_first_direct: int = 8,
     ):
-        self.batch, self.exploration, self.guided = batch, exploration, guided
-        self.direct, self.lead_time, self.cell, self.haste = direct, lead_time, cell, haste
-        self.calm = calm
+        self.batch, self.max_exploration_time = batch, max_exploration_time
+        self.max_guided_time, self.direct_share = max_guided_time, direct_share
+        self.lead_times, self.cell_size = lead_times, cell_size
+        self.time_exponent, self.n_first_direct = time_exponent, n_first_direct
 
     def __call__(
         self, tree: SearchTree, rollouts: Rollouts, rng: np.random.Generator
@@ -124,13 +127,15 @@ class Explore:
         start_nodes = self._sparse_nodes(tree, rollouts, n, rng)
         np.add.at(tree.tried, start_nodes, 1)
         duration = rollouts.options.segment
-        n_random, n_led = (max(1, round(s / duration)) for s in (self.exploration, self.guided))
+        n_random, n_led = (
+            max(1, round(s / duration)) for s in (self.max_exploration_time, self.max_guided_time)
+        )
         n_given = rng.integers(1, n_random + 1, n)
         n_led = n_led if rollouts.laws else 0
         if n_led:
-            n_given[rng.random(n) < self.direct] = 0
+            n_given[rng.random(n) < self.direct_share] = 0
         if n_led and rollouts.goal.touches and len(tree) == 1:
-            n_given[: self.calm] = 0  # the first rollout that arrives is the plan
+            n_given[: self.n_first_direct] = 0  # the first rollout that arrives is the plan
         velocity = rollouts.bounds.speed * rng.uniform(-1.0, 1.0, (n, tree.v_K.shape[1]))
         velocity *= _exploring_velocities(rollouts, n, rng)
         acceleration = np.empty((n, n_random + n_led, velocity.shape[1]))
@@ -147,7 +152,7 @@ class Explore:
             n_given=n_given,
             n_segments=np.maximum(n_segments, 1.0).astype(int),
             law=rng.integers(0, max(1, len(rollouts.laws)), n),
-            lead_time=rng.uniform(*self.lead_time, n),
+            lead_time=rng.uniform(*self.lead_times, n),
         )
         return PlannerRound(
             segments.n_simulated,
@@ -162,11 +167,11 @@ class Explore:
         Nodes from which the driven coordinates cannot reach the goal within the tree's bound are
         left out.
         """
-        cells = np.floor(tree.q_K / self.cell).astype(np.int64)
+        cells = np.floor(tree.q_K / self.cell_size).astype(np.int64)
         # Comparing hashes is a hundred times as fast as comparing cells.
         hashes = cells @ _hash_weights(cells.shape[1])
         _, cell, count = np.unique(hashes, return_inverse=True, return_counts=True)
-        time_weight = (1.0 + tree.time) ** -self.haste
+        time_weight = (1.0 + tree.time) ** -self.time_exponent
         weight = time_weight / (count[cell] * (1.0 + tree.tried))
         if np.isfinite(tree.bound):
             too_costly = tree.cost + time_to_go(tree.q_K, rollouts) > tree.bound
@@ -176,9 +181,9 @@ class Explore:
 
 
 def _exploring_velocities(rollouts: Rollouts, n: int, rng: np.random.Generator) -> Array:
-    """(n, n_vK) 1 for driven velocities that explore, else 0: all those of a few string ends."""
-    end_of_velocity, ends = rollouts.ends
-    explores = rng.random((n, ends)) < _SAMPLING.extra_ends / ends
+    """(n, n_vK) 1 for the exploring driven velocities, those of some string ends; 0 for others."""
+    end_of_velocity, ends = rollouts.string_ends
+    explores = rng.random((n, ends)) < _SAMPLING.mean_extra_ends / ends
     explores[np.arange(n), rng.integers(0, ends, n)] = True
     return explores[:, end_of_velocity].astype(float)
 

@@ -40,7 +40,7 @@ _ATTEMPTS = _Attempts()
 class PolishStatus(Outcome):
     """The outcome of polishing a plan."""
 
-    POLISHED = "it ends as near to the goal as was asked"
+    POLISHED = "it ends as near to the goal as required"
     NO_BETTER = "the plan is as it was: nothing that ends so near costs less"
     NOT_NEAR = "the plan is as it was: no rollout close to it ends so near within all bounds"
     TIMEOUT = "the plan is as it was: the time ended before it came so near to the goal"
@@ -63,29 +63,29 @@ class Polish:
 
     Attributes:
         status: whether it helped, or the reason why not.
-        asked: required distance from the goal.
+        required: required distance from the goal.
         nearest: distance of the best rollout that missed the goal; NaN if there is none.
-        broken: constraints that this rollout violates: ``clearance``, ``limits``, ``tension``;
+        violated: constraints that this rollout violates: ``clearance``, ``limits``, ``tension``;
             ``equilibrium`` if the puppet would not stay in its final pose.
     """
 
     status: PolishStatus
-    asked: float
+    required: float
     nearest: float = math.nan
-    broken: tuple[str, ...] = ()
+    violated: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, data: list[Any] | None) -> Polish | None:
         """The outcome from :attr:`plain`."""
         if data is None:
             return None
-        status, asked, nearest, broken = data
-        return cls(PolishStatus[status], float(asked), float(nearest), tuple(map(str, broken)))
+        status, required, nearest, violated = data
+        return cls(PolishStatus[status], float(required), float(nearest), tuple(map(str, violated)))
 
     @property
     def plain(self) -> list[Any]:
         """The outcome as plain data."""
-        return [self.status.name, self.asked, self.nearest, list(self.broken)]
+        return [self.status.name, self.required, self.nearest, list(self.violated)]
 
     @property
     def reached(self) -> bool:
@@ -93,10 +93,10 @@ class Polish:
         return self.status.reached
 
     def __str__(self) -> str:
-        text = f"{self.status.message} (asked: {self.asked:.3g}"
+        text = f"{self.status.message} (required: {self.required:.3g}"
         if not self.reached and not math.isnan(self.nearest):
             text += f"; nearest: {self.nearest:.3g}"
-            text += f", at the cost of {' and '.join(self.broken)}" if self.broken else ""
+            text += f", at the cost of {' and '.join(self.violated)}" if self.violated else ""
         return text + ")"
 
 
@@ -121,7 +121,7 @@ class Polisher:
         if problem.touches.expected:
             raise ValueError("a plan that may touch something cannot be polished")
         self._problem, self._shooting = problem, Shooting(problem)
-        self._strict = problem.rollouts.where(tolerance=-1.0)
+        self._strict = problem.rollouts.with_tolerance(tolerance=-1.0)
         self.nearest: Candidates | None = None
         self.late = False
 
@@ -205,14 +205,14 @@ class Polisher:
             self.nearest = result.candidate
         return None
 
-    def outcome(self, status: PolishStatus, asked: float) -> Polish:
+    def outcome(self, status: PolishStatus, required: float) -> Polish:
         """The outcome, with the nearest candidate of the last plan."""
         if self.nearest is None:
-            return Polish(status, asked)
-        broken = self._shooting.broken(self.nearest)
+            return Polish(status, required)
+        violated = self._shooting.violated(self.nearest)
         if not self._shooting.stays(self.nearest):
-            broken += ("equilibrium",)
-        return Polish(status, asked, float(self.nearest.distance[0]), broken)
+            violated += ("equilibrium",)
+        return Polish(status, required, float(self.nearest.distance[0]), violated)
 
     def _arrives(self, candidate: Candidates, distance: float) -> bool:
         """Whether a candidate ends at the goal, within all bounds."""

@@ -340,7 +340,7 @@ class PlanResult(Answer):
 
     def replay(self) -> bool:
         """Whether every segment, simulated again, gives the same result to the last bit."""
-        tree, rollouts = self.tree, self.rollouts.where(tolerance=-1.0)
+        tree, rollouts = self.tree, self.rollouts.with_tolerance(tolerance=-1.0)
         for before, node in zip(self.path, self.path[1:], strict=False):
             replayed = rollouts.replay(
                 tree.states[[before]], tree.acceleration[node], int(tree.n_checks[node])

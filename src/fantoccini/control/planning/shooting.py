@@ -24,30 +24,30 @@ class _Tolerances:
 
     difference: float = 1e-5
     """Step of a velocity in finite differences [m/s or rad/s]."""
-    clearance: float = 0.002
-    """Clearance aimed for beyond the margin [m]."""
-    limit: float = 0.02
-    """Distance aimed for from limits [rad or m]."""
-    tension: float = 0.02
-    """Tension aimed for, relative to the weight."""
+    spare_clearance: float = 0.002
+    """Clearance to aim for in addition to the margin [m]."""
+    spare_limit_distance: float = 0.02
+    """Distance from limits to aim for [rad or m]."""
+    target_tension: float = 0.02
+    """Tension to aim for, relative to the weight."""
     min_tension: float = 1e-3
     """Minimum tension at the start, relative to the weight, to count as taut."""
     tension_weight: float = 0.3
     """Weight of tensions relative to the puppet's weight, as a constraint [m]."""
-    near: float = 0.05
-    """Constraints farther than this from violation are left out."""
-    violation: float = 1e-6
-    """Violation above which a constraint is reported as broken."""
+    max_near_value: float = 0.05
+    """Largest value of the constraints that programs include."""
+    max_violation: float = 1e-6
+    """Largest violation of a constraint that is not reported."""
     compliance: float = 1e-9
     """Compliance of strings, relative to the trace of G, which allows redundant strings."""
     max_displacement: float = 0.005
-    """Distance of inputs from the equilibrium at the goal up to which a puppet stays [m]."""
+    """Largest distance of inputs from the equilibrium at the goal for a puppet that stays [m]."""
     displacement_weight: float = 0.3
     """Weight of that distance relative to the goal residual."""
     max_unknowns: int = 60
-    """Largest number of unknowns varied at once; each takes a rollout."""
+    """Largest number of unknowns varied at once, with a rollout for each."""
     min_unknowns: int = 6
-    """Least number of unknowns for each driven coordinate."""
+    """Smallest number of unknowns for each driven coordinate."""
 
 
 _TOLERANCES = _Tolerances()
@@ -63,7 +63,7 @@ class Candidates:
         residual: (n, n_r) goal residuals.
         constraints: (n, n_checks, n_c) values of c; negative if violated.
         distance: (n,) distances of the ends from the goal.
-        calm: (n,) first segment after the last catch.
+        first_calm_segment: (n,) first segment after the last catch.
         merit: (n,) |residual| + the worst violation of every constraint.
     """
 
@@ -72,7 +72,7 @@ class Candidates:
     residual: Array
     constraints: Array
     distance: Array
-    calm: Indices
+    first_calm_segment: Indices
     merit: Array
 
     def __len__(self) -> int:
@@ -93,7 +93,7 @@ class Candidates:
             self.residual[rows],
             self.constraints[rows],
             self.distance[rows],
-            self.calm[rows],
+            self.first_calm_segment[rows],
             self.merit[rows],
         )
 
@@ -130,7 +130,7 @@ class Shooting:
     def __init__(self, problem: Problem):
         rollouts, self.n_checks = problem.rollouts, problem.rollouts.options.n_checks
         self.problem, self.moves = problem, np.flatnonzero(rollouts.bounds.moves)
-        self._free = rollouts.where(tolerance=-1.0, free=True)
+        self._free = rollouts.with_tolerance(tolerance=-1.0, free=True)
         table = problem.marionette.coordinates
         self._driven = [q for q, v in table.scalars_K if v in self.moves]
         self._taut: Indices = np.zeros(0, dtype=int)
@@ -144,9 +144,9 @@ class Shooting:
                 (tension > tolerances.min_tension) & ~np.array(wires, dtype=bool)
             )
         aims = (
-            margin + tolerances.clearance,
-            tolerances.limit,
-            tolerances.tension_weight * tolerances.tension,
+            margin + tolerances.spare_clearance,
+            tolerances.spare_limit_distance,
+            tolerances.tension_weight * tolerances.target_tension,
         )
         aimed = self._for_each_constraint(*aims)
         self._required = self._for_each_constraint(margin, 0.0, 0.0)
@@ -198,8 +198,10 @@ class Shooting:
         merit = np.linalg.norm(residual, axis=1) + np.sum(worst, axis=1)
         merit = np.where((segments.n_checks[:, -1] > 0) & np.isfinite(merit), merit, np.inf)
         caught = (segments.catches > 0) * np.arange(1, acc_K.shape[1] + 1)
-        calm = -(-np.max(caught, axis=1) // n_checks)
-        return Candidates(V, nodes, residual, constraints, segments.distance[:, -1], calm, merit)
+        first_calm_segment = -(-np.max(caught, axis=1) // n_checks)
+        return Candidates(
+            V, nodes, residual, constraints, segments.distance[:, -1], first_calm_segment, merit
+        )
 
     def derivatives(self, candidate: Candidates, first: int = 0) -> Derivatives:
         """Derivatives of a single candidate, by forward differences.
@@ -273,11 +275,11 @@ class Shooting:
         basis[first:] = np.stack([np.interp(ends, knots, hat) for hat in np.eye(n_b)], axis=1)
         return basis
 
-    def broken(self, candidate: Candidates) -> tuple[str, ...]:
+    def violated(self, candidate: Candidates) -> tuple[str, ...]:
         """The kinds of constraints that a candidate violates."""
         kinds = self._for_each_constraint("clearance", "limits", "tension")
         worst = np.min(candidate.constraints[0] + self._aimed - self._required, axis=0)
-        return tuple(dict.fromkeys(kinds[worst < -_TOLERANCES.violation].tolist()))
+        return tuple(dict.fromkeys(kinds[worst < -_TOLERANCES.max_violation].tolist()))
 
     def stays(self, candidate: Candidates) -> bool:
         """Whether the puppet stays at a candidate's end, if its inputs must end at rest."""
@@ -352,6 +354,6 @@ def _nearest(constraints: Array, n_checks: int) -> Indices:
     They are the worst check of each segment.
     """
     by_segment = constraints.reshape(len(constraints) // n_checks, n_checks, constraints.shape[1])
-    segment, constraint = np.nonzero(np.min(by_segment, axis=1) < _TOLERANCES.near)
+    segment, constraint = np.nonzero(np.min(by_segment, axis=1) < _TOLERANCES.max_near_value)
     worst = np.argmin(by_segment, axis=1)[segment, constraint]
     return np.stack([segment * n_checks + worst, constraint], axis=1)

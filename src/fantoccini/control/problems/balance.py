@@ -20,18 +20,18 @@ class _Tolerances:
     """Weights and tolerances of the search for an equilibrium."""
 
     driven_weight: float = 1e-3
-    """Weight of displacements of driven coordinates; keeps irrelevant ones unmoved."""
+    """Weight of displacements of driven coordinates, which fixes irrelevant ones."""
     dynamic_weight: float = 1e-4
     """Weight of displacements of dynamic coordinates."""
-    press: float = 0.002
-    """Overlap aimed for at required touches [m], so that they close before the inputs rest."""
+    target_overlap: float = 0.002
+    """Overlap to aim for at required touches, so that they close before the inputs rest [m]."""
     min_tension: float = 1e-6
     """Minimum tension, relative to the weight, to count as taut."""
     min_slack: float = 0.005
-    """Least slack of the other strings [m]."""
+    """Smallest slack of the other strings [m]."""
     limit_margin: float = 0.05
     """Distance kept from limits during the search [rad or m]."""
-    stages: int = 8
+    n_stages: int = 8
     """Number of stages of the approach to a goal; the puppet hangs at the end of each."""
     difference: float = 1e-7
     """Step of finite differences [m or rad]."""
@@ -117,7 +117,9 @@ def balanced(
         goal_residuals = goal.residuals(states)
         if not goal.touches:
             return goal_residuals
-        return np.concatenate([goal_residuals, goal.gaps(states) + _TOLERANCES.press], axis=1)
+        return np.concatenate(
+            [goal_residuals, goal.gaps(states) + _TOLERANCES.target_overlap], axis=1
+        )
 
     def reached(q_D: Array, q_K: Array) -> Array:
         """q_K with the lengths at which the strings are just taut."""
@@ -128,14 +130,14 @@ def balanced(
                 q_K[:, k] = h[:, i]
         return q_K
 
-    in_puppets = of_puppets(marionette)
+    in_puppets = puppet_velocities(marionette)
     soft, x, remaining = 1.0, initial_x, 0.0
     initial: Array | None = None
     if len(initial_x) and tree.strings:
         if pinned is None:
             initial = aims(StateArrays.of(start))[0]
-            for stage in range(1, _TOLERANCES.stages):
-                remaining = 1.0 - stage / _TOLERANCES.stages
+            for stage in range(1, _TOLERANCES.n_stages):
+                remaining = 1.0 - stage / _TOLERANCES.n_stages
                 x = _least_squares(residuals, x)
             remaining = 0.0
             x = _least_squares(residuals, x)
@@ -152,7 +154,7 @@ def balanced(
     return q_D[0], q_K, float(np.linalg.norm(residual_force[:, in_puppets]))
 
 
-def of_puppets(marionette: Marionette) -> MaskRows:
+def puppet_velocities(marionette: Marionette) -> MaskRows:
     """(n_vD,) bool, the dynamic velocities of puppets; those of props hang from no string."""
     in_puppets = np.ones(marionette.coordinates.n_vD, dtype=bool)
     for link in marionette.tree.links:

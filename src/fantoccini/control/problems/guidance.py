@@ -128,7 +128,7 @@ def _best_of(rollouts: Rollouts, start: State) -> LqrLaw:
     """The feedback law that comes nearest to the goal from the start, ignoring obstacles."""
     n, segments = len(rollouts.laws), _TOLERANCES.trial_segments
     law_index, zeros = np.arange(n), np.zeros(n, dtype=int)
-    segments_run = rollouts.where(tolerance=-1.0, free=True).simulate(
+    segments_run = rollouts.with_tolerance(tolerance=-1.0, free=True).simulate(
         StateArrays.of(start),
         zeros,
         np.zeros((n, segments, rollouts.marionette.coordinates.n_vK)),

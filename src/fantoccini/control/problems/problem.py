@@ -46,17 +46,15 @@ class Problem:
         longest: longest duration of plans [s].
         touches: allowed and required contact pairs.
         objective: cost that better plans reduce.
-        bounds: bounds of the driven coordinates, all of which feedback may use.
-        rollouts: batch simulations from many states, within the part of the bounds that is not
-            reserved for feedback.
+        bounds: bounds of the driven coordinates, with the part that is reserved for feedback.
+        rollouts: batch simulations from many states, within the bounds without that part.
         distance: distance of the start from the goal.
-        reason: reason why no plan can begin at the start; empty if one can.
-        equilibrium: whether the puppet can rest at the goal, clear of obstacles; otherwise a plan
-            only passes it.
-        out_of_reach: reason why no plan can end at the goal; empty if one may.
-        push: the push of a prop, if the goal is a place of one; otherwise None.
-        note: description of anything missing at the goal: a stance, or the required share of the
-            weight on it. Empty if nothing is missing.
+        reason: reason why no plan can begin at the start; may be empty.
+        equilibrium: whether the puppet can rest at the goal, clear of obstacles; otherwise plans
+            pass through it.
+        out_of_reach: reason why no plan can end at the goal; may be empty.
+        push: push of a prop, if the goal is a place for it; otherwise None.
+        note: missing stance, or missing share of the weight on it, in words; may be empty.
 
     Args:
         marionette: the puppet.
@@ -67,10 +65,10 @@ class Problem:
         name: name of the problem.
         contact, tolerance, hold, slack: see :class:`fantoccini.control.PlanConditions`.
         bounds: bounds of the driven coordinates, by default speeds of 0.5 m/s and accelerations of
-            2 m/s^2; if either names some coordinates, the others hold still. ``clearance`` is 0 by
-            default and does not apply to pairs that may touch. It always applies to bodies of
+            2 m/s^2; coordinates that a mapping does not name hold still. ``clearance`` is 0
+            by default and does not apply to pairs that may touch. It always applies to bodies of
             different puppets and props of a scene; to bodies of one puppet with ``own_body``. Plans
-            have no other bounds.
+            support no other bounds.
         rollouts: options for the simulation and checks of rollouts.
         objective: ``"time"``; ``"gentle"``, catches of strings and limits, and time;
             ``"acceleration"``, accelerations of the driven coordinates, and time; or an
@@ -135,7 +133,7 @@ class Problem:
     ) -> None:
         for name in ("periodic", "touches", "parameters"):
             if getattr(task, name):
-                raise StateError(f"the task has {name}, which plans do not find; give an end")
+                raise StateError(f"the task has {name}, which plans do not support; give an end")
         if task.end is None:
             raise StateError(
                 "the task has no end; needed: a state, names and values, a Goal or a function"
@@ -164,19 +162,19 @@ class Problem:
         self.rollouts = Rollouts(
             marionette,
             clearance,
-            self.bounds.without(options.reserve) if options.reserve else self.bounds,
+            self.bounds.reduced(options.reserve) if options.reserve else self.bounds,
             self.goal,
             options,
             tolerance=tolerance,
             margin=margin,
             slack=conditions.slack,
-            kept_off=~self.touches.may,
+            kept_off=~self.touches.may_touch,
         )
         self.reason = _start_violation(start, self.rollouts, self.touches)
         self.distance = self.goal.of_start(self.root)
         self.push = push_of(self.goal, start, self.touches)
-        stays = self.push is not None or bool(self.goal.touches)
-        default_hold = _DEFAULT_HOLD if stays else 0.0
+        must_stay = self.push is not None or bool(self.goal.touches)
+        default_hold = _DEFAULT_HOLD if must_stay else 0.0
         self.hold = default_hold if conditions.hold is None else float(conditions.hold)
         self.out_of_reach = out_of_reach(self.goal, tolerance) or self._out_of_touch
         self.equilibrium, self.note = False, ""
@@ -204,7 +202,7 @@ class Problem:
 
     @property
     def infeasible(self) -> str:
-        """The reason why no plan can exist; empty if one may."""
+        """Reason why no plan can exist; may be empty."""
         return self.reason or self.out_of_reach
 
     @cached_property
@@ -266,7 +264,7 @@ class Problem:
         if contacts is not None or self.hold:
             digest.update(repr((self.hold, self.goal.share, self.goal.touches)).encode())
         if contacts is not None:
-            parts = contacts.pairs, contacts.friction, contacts.restitution, self.touches.may
+            parts = contacts.pairs, contacts.friction, contacts.restitution, self.touches.may_touch
             for array in parts:
                 digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
@@ -278,8 +276,8 @@ class Problem:
 
 
 def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
-    """The reason why no plan can begin at a state; empty if one can."""
-    if pair := touches.broken(start.q_D, start.q_K):
+    """Reason why no plan can begin at a state; may be empty."""
+    if pair := touches.forbidden_touch(start.q_D, start.q_K):
         a, b = pair
         return f"at the start {a} touches {b}; they may with contact: {{touch: [[{a}, {b}]]}}"
     nearest = rollouts.clearance.nearest(start)
@@ -297,5 +295,5 @@ def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
 
 
 def _problem_of(task: Task, objective: Objective, options: RolloutOptions) -> Problem:
-    """The problem of a task; pickles call it."""
+    """The problem of a task, for pickles."""
     return Problem.of(task, objective=objective, rollouts=options)

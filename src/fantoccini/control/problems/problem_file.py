@@ -59,7 +59,7 @@ class PointGoal(Model):
     """The highest corner [m]."""
 
     @model_validator(mode="after")
-    def _is_somewhere(self) -> PointGoal:
+    def _has_place(self) -> PointGoal:
         check_one_of(self, "place", "by")
         if self.by is not None and (self.to is not None or any(self.at)):
             raise mistake("found `by` with `at` or `to`, which go with `place`")
@@ -224,7 +224,7 @@ def _n_checks(segment: float | None) -> int:
 
 
 def _check_touches(reading: Reading[ProblemFile]) -> None:
-    """Notes the pairs of a file that cannot touch."""
+    """Reports pairs of a file that cannot touch."""
     file, marionette = reading.file, reading.marionette
     entries_to_check: list[tuple[tuple[str | int, ...], tuple[str, str]]] = []
     if file.contact != "keep off":

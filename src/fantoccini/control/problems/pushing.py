@@ -18,11 +18,11 @@ from fantoccini.motion import State
 class _Distances:
     """Distances between pusher and prop before and after a push."""
 
-    before: float = 0.03
+    start_gap: float = 0.03
     """Gap between the pusher and the prop before the push [m]."""
-    beyond: float = 0.005
-    """Distance that the pusher goes on beyond contact with the prop at its place [m]."""
-    rounding: float = 1e-9
+    overtravel: float = 0.005
+    """Travel of the pusher beyond contact with the prop at its place [m]."""
+    max_rest_displacement: float = 1e-9
     """Largest displacement of a prop that counts as none [m]."""
 
 
@@ -65,7 +65,9 @@ class Push:
         position = marionette.poses(end.q_D, end.q_K)[self.link, :, 3]
         displacement = self.place - self.first
         length = float(np.linalg.norm(displacement))
-        advance = float((position - self.first) @ displacement) / max(length, _DISTANCES.rounding)
+        advance = float((position - self.first) @ displacement) / max(
+            length, _DISTANCES.max_rest_displacement
+        )
         dist = float(np.linalg.norm(position - self.place))
         return f"{self.prop} came {advance:.3g} m of {length:.3g} m, to {dist:.3g} m from its place"
 
@@ -91,14 +93,14 @@ def push_of(goal: Goal, start: State, touches: Touches) -> Push | None:
     ends = [end for end in nearest_ends if end is not None]
     displacement = place - first
     distance = float(np.linalg.norm(displacement))
-    if not ends or distance < _DISTANCES.rounding:
+    if not ends or distance < _DISTANCES.max_rest_displacement:
         return Push(prop, ends[0][1] if ends else "", first, place, (), link)
     _, pusher, point, radius = min(ends, key=lambda end: end[0])
     direction = displacement / distance
     reach = _extent(marionette, link, start, direction) + radius
     targets = (
-        place - (reach - _DISTANCES.beyond) * direction,
-        first - (reach + _DISTANCES.before) * direction,
+        place - (reach - _DISTANCES.overtravel) * direction,
+        first - (reach + _DISTANCES.start_gap) * direction,
     )
     waypoints = tuple(
         Goal.point(marionette, pusher, target.tolist(), at=point) for target in targets

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from fantoccini.base import Array, Indices, MaskRows, StateError, UnknownNameError, check_positive
-from fantoccini.control.tasks import Bounds, Goal, Most, StateArrays
+from fantoccini.control.tasks import Bounds, Goal, Magnitudes, StateArrays
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import (
@@ -29,19 +29,19 @@ Value = TypeVar("Value")
 class _Limits:
     """Limits of rollouts and of their options."""
 
-    stop: float = 0.8
-    """Share of the tolerance at which a rollout stops, so that other simulations arrive, too."""
+    stop_share: float = 0.8
+    """Share of the tolerance at which a rollout stops, so that other simulations also arrive."""
     min_length: float = 1e-3
-    """Least length of a string on a winch [m]."""
+    """Smallest length of a string on a winch [m]."""
     max_bound: float = 1e6
     """Largest bound on a speed or an acceleration [m/s or m/s^2; rad/s or rad/s^2]."""
     unbounded_speed: float = 1.01
     """Speed bound of unbounded rollouts, relative to the usual bound."""
     max_steps: int = 10_000
     """Largest number of time steps in a segment."""
-    speed: float = 0.5
+    default_speed: float = 0.5
     """Default bound of speeds [m/s]."""
-    acceleration: float = 2.0
+    default_acceleration: float = 2.0
     """Default bound of accelerations [m/s^2]."""
     max_segment: float = 10.0
     """Longest duration of a segment [s]."""
@@ -75,7 +75,7 @@ class DrivenBounds:
         """(n_vK,) bool, the driven velocities that may be nonzero."""
         return (self.speed > 0.0) & (self.acceleration > 0.0)
 
-    def without(self, reserve: float) -> DrivenBounds:
+    def reduced(self, reserve: float) -> DrivenBounds:
         """The bounds with speeds and accelerations reduced by a share."""
         share = 1.0 - reserve
         return replace(self, speed=share * self.speed, acceleration=share * self.acceleration)
@@ -87,7 +87,7 @@ class DrivenBounds:
         Args:
             marionette: the puppet.
             bounds: position, speed, acceleration and held velocities. Lengths stay positive. A
-                coordinate with a drive goes by its own name or its command's.
+                driven coordinate may be named by its command.
 
         Raises:
             UnknownNameError: name that is not a driven coordinate.
@@ -103,13 +103,13 @@ class DrivenBounds:
             if getattr(bounds, name) != getattr(_DEFAULT_BOUNDS, name)
         ]:
             raise StateError(
-                f"plans have no bounds of {', '.join(extra)}; give position, speed, acceleration, "
-                "held, clearance and own_body"
+                f"plans do not support bounds of {', '.join(extra)}; give position, speed, "
+                "acceleration, held, clearance and own_body"
             )
         magnitudes = {
-            "speed": _magnitudes(table, bounds.speed, "speed", _LIMITS.speed),
+            "speed": _magnitudes(table, bounds.speed, "speed", _LIMITS.default_speed),
             "acceleration": _magnitudes(
-                table, bounds.acceleration, "acceleration", _LIMITS.acceleration
+                table, bounds.acceleration, "acceleration", _LIMITS.default_acceleration
             ),
         }
         held = list(_by_index(table, dict.fromkeys(bounds.held), "held"))
@@ -132,7 +132,7 @@ class DrivenBounds:
 def _by_index(
     table: CoordinateTable, values: Mapping[str, Value], label: str
 ) -> dict[int, tuple[str, Value]]:
-    """Index in q_K -> name and value; a coordinate with a drive may go by its command's name."""
+    """Index in q_K -> name and value; coordinates may be named by their commands."""
     by_index: dict[int, tuple[str, Value]] = {}
     for name, value in values.items():
         driven = table.commands.get(name, name)
@@ -147,7 +147,7 @@ def _by_index(
     return by_index
 
 
-def _magnitudes(table: CoordinateTable, bounds: Most, label: str, default: float) -> Array:
+def _magnitudes(table: CoordinateTable, bounds: Magnitudes, label: str, default: float) -> Array:
     """(n_qK,) bounds of all driven coordinates; 0 for those that a mapping does not name."""
     if not isinstance(bounds, Mapping):
         bounds = dict.fromkeys(table.q_K, default if bounds == np.inf else bounds)
@@ -249,7 +249,7 @@ class Rollouts:
         bounds: bounds of the driven coordinates.
         goal: goal at which rollouts stop.
         options: options for simulation and checks.
-        tolerance: tolerance of the goal's distance; negative to go on past the goal.
+        tolerance: tolerance of the goal's distance; negative to continue past the goal.
         margin: least clearance [m].
         slack: whether taut strings may go slack.
         kept_off: (n_pairs,) bool, the contact pairs that must not touch; none by default.
@@ -271,7 +271,7 @@ class Rollouts:
         self.marionette, self.clearance, self.bounds = marionette, clearance, bounds
         self.goal, self.options, self.kept_off = goal, options, kept_off
         self.margin, self.slack = margin, slack
-        self.stop_distance = _LIMITS.stop * tolerance
+        self.stop_distance = _LIMITS.stop_share * tolerance
         self.laws: list[LqrLaw] = []
         # Rollouts restart at every node, so a step must depend on its state alone.
         self.run_options = marionette.run_options(
@@ -292,7 +292,7 @@ class Rollouts:
         )
         self._pool = RolloutPool(marionette.libraries.rollouts, settings, options.threads)
 
-    def where(self, *, tolerance: float, free: bool = False) -> Rollouts:
+    def with_tolerance(self, *, tolerance: float, free: bool = False) -> Rollouts:
         """The same rollouts with another tolerance.
 
         Args:
@@ -319,7 +319,7 @@ class Rollouts:
         return rollouts
 
     @cached_property
-    def ends(self) -> tuple[Indices, int]:
+    def string_ends(self) -> tuple[Indices, int]:
         """(n_vK,) string end of each driven velocity, by its name's first part; number of ends."""
         names = [name.rsplit(".", 1)[0] for name in self.marionette.coordinates.v_K]
         ends = sorted(set(names))
@@ -345,7 +345,7 @@ class Rollouts:
             starts: (m,) states.
             start: (n,) index of the start of each rollout.
             acceleration: (n, segments, n_vK) accelerations of the driven coordinates.
-            n_given: (n,) number of segments with these accelerations; a law leads the others.
+            n_given: (n,) number of segments with these accelerations; a law controls the others.
                 All by default.
             n_segments: (n,) largest number of segments; all by default.
             law: (n,) index of the law; the first by default.

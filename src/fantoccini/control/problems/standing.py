@@ -20,20 +20,31 @@ from fantoccini.motion import Input, State, Trajectory
 class _Tolerances:
     """Parameters of the search for a stance."""
 
-    lowered: tuple[float, ...] = (0.0, 0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.015, 0.02, 0.03)
+    lowering_distances: tuple[float, ...] = (
+        0.0,
+        0.001,
+        0.002,
+        0.003,
+        0.005,
+        0.007,
+        0.01,
+        0.015,
+        0.02,
+        0.03,
+    )
     """Distances by which the strings lower the puppet from first contact of its feet [m]."""
-    spare: float = 1.25
-    """Share of the weight that is aimed for, relative to the required one."""
-    above: float = 0.01
+    weight_factor: float = 1.25
+    """Share of the weight to aim for, relative to the required share."""
+    start_height: float = 0.01
     """Height above first contact from which the puppet is lowered [m]."""
-    lowering: float = 1.0
+    lowering_time: float = 1.0
     """Duration of lowering [s]."""
-    settling: float = 1.5
+    settling_time: float = 1.5
     """Time to come to rest afterwards [s]."""
     dt: float = 0.002
     """Time step of these runs [s]."""
-    closed: float = 1e-5
-    """Largest gap of feet that stand [m]."""
+    max_standing_gap: float = 1e-5
+    """Largest gap of standing feet [m]."""
     difference: float = 1e-6
     """Step of finite differences [m or rad]."""
     min_tension: float = 1e-6
@@ -50,7 +61,7 @@ class Stance:
     Attributes:
         state: state at rest, with contact; None if no stance was found.
         share: share of the weight that the touches carry.
-        note: description of anything missing; empty if nothing is.
+        note: missing contact or share, in words; may be empty.
     """
 
     state: State | None
@@ -76,21 +87,21 @@ def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> St
     marionette, bounds = rollouts.marionette, rollouts.bounds
     q_D, q_K, _ = balanced(marionette, goal, start, bounds.moves)
     sinking = _sinking_direction(marionette, q_D, q_K, bounds.moves)
-    wanted_share = min(1.0, _TOLERANCES.spare * (goal.share or 0.0))
+    wanted_share = min(1.0, _TOLERANCES.weight_factor * (goal.share or 0.0))
     best, nearest = Stance(None, 0.0, ""), np.inf
-    raised = q_K - _TOLERANCES.above * sinking
+    raised = q_K - _TOLERANCES.start_height * sinking
     try:
         raised_state = marionette.rest(start.replace(q_D=q_D, q_K=raised))
     except StateError as error:
         return Stance(None, 0.0, f"no rest was found above the stance: {error}")
-    for sink_distance in _TOLERANCES.lowered:
+    for sink_distance in _TOLERANCES.lowering_distances:
         lowered = q_K + sink_distance * sinking
         if not np.all((lowered >= bounds.low) & (lowered <= bounds.high)):
             continue
         run = _lowering_run(marionette, raised_state, lowered)
         state, share = run.state(-1), carried(marionette, run)
         state = state.replace(v_D=np.zeros_like(state.v_D), v_K=np.zeros_like(state.v_K))
-        touches_closed = np.all(touches.gaps(state.q_D, state.q_K) < _TOLERANCES.closed)
+        touches_closed = np.all(touches.gaps(state.q_D, state.q_K) < _TOLERANCES.max_standing_gap)
         if run.status is not Status.DONE or not touches_closed:
             continue
         distance = float(goal.distance(StateArrays.of(state))[0])
@@ -99,7 +110,7 @@ def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> St
             return Stance(state, share, "")
         if share > best.share:
             best = Stance(state, share, "")
-    feet = ", ".join(f"{a} on {b}" for a, b in touches.asked)
+    feet = ", ".join(f"{a} on {b}" for a, b in touches.required)
     if best.state is None:
         return Stance(None, 0.0, f"no rest was found with {feet}")
     if best.share < (goal.share or 0.0):
@@ -111,7 +122,7 @@ def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> St
 
 def _lowering_run(marionette: Marionette, x: State, q_K: ConfigK) -> Trajectory:
     """A run in which a puppet is lowered to driven coordinates (n_qK,) and comes to rest."""
-    half_time, rest_time = 0.5 * _TOLERANCES.lowering, _TOLERANCES.settling
+    half_time, rest_time = 0.5 * _TOLERANCES.lowering_time, _TOLERANCES.settling_time
     table, acceleration = marionette.coordinates, np.zeros((3, marionette.coordinates.n_vK))
     for q, v in table.scalars_K:
         acceleration[:2, v] = np.array([1.0, -1.0]) * (q_K[q] - x.q_K[q]) / half_time**2

@@ -1,7 +1,7 @@
 """Tasks of control: goals, costs, bounds, paths and touches, and their files."""
 
 from fantoccini.control.tasks.answer import Answer, AnswerStatus
-from fantoccini.control.tasks.bounds import Bounds, Interval, Most
+from fantoccini.control.tasks.bounds import Bounds, Interval, Magnitudes
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.control_file import (
@@ -13,7 +13,7 @@ from fantoccini.control.tasks.control_file import (
 from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.drawn_inputs import DrivenConditions, hats
 from fantoccini.control.tasks.goals import Goal, GoalLike
-from fantoccini.control.tasks.nodes import Nodes, number_names
+from fantoccini.control.tasks.nodes import Nodes, entry_names
 from fantoccini.control.tasks.residuals import (
     NodeKinematics,
     NumberResidual,
@@ -49,8 +49,8 @@ __all__ = [
     "Goal",
     "GoalLike",
     "Interval",
+    "Magnitudes",
     "Meeting",
-    "Most",
     "NodeKinematics",
     "Nodes",
     "NumberResidual",
@@ -67,10 +67,10 @@ __all__ = [
     "Track",
     "carried",
     "check_one_of",
+    "entry_names",
     "flattened",
     "hats",
     "load_task",
-    "number_names",
     "path_of",
     "read_control_file",
     "residual_of",

@@ -1,4 +1,4 @@
-"""Answers to problems of control: their statuses and their truth."""
+"""Answers to problems of control, and their statuses."""
 
 from __future__ import annotations
 
@@ -11,25 +11,27 @@ class AnswerStatus(Outcome):
     SOLVED = "the residual of the conditions of optimality is below the tolerance"
     NARROW = "all spreads are narrow"
     EXACT = "the plan ends within the tolerance and touches only allowed solids, in simulation too"
-    REACHED = "it is there"
+    REACHED = "the pose reaches its places"
 
-    SETTLED = "steps save hardly any cost any more; the residual is above the tolerance"
+    SETTLED = "steps hardly lower the cost any more; the residual is above the tolerance"
     STALLED = "no step lowers the cost any more, but the residual is above the tolerance"
-    ITERATIONS = "the iterations ended first; this is the best motion so far"
-    GENERATIONS = "the generations ended first; these are the best numbers so far"
-    TIMEOUT = "the time ended first; this is the best so far"
-    STOPPED = "it was interrupted; this is the best so far"
+    ITERATIONS = "the limit of iterations ended the search; this is the best motion so far"
+    GENERATIONS = "the limit of generations ended the search; these are the best numbers so far"
+    TIMEOUT = "the time limit ended the search; this is the best so far"
+    STOPPED = "the search was interrupted; this is the best so far"
 
     VIOLATED = "the motion leaves its bounds, or does not reach its end or a place"
-    NO_RUN = "time steps make this motion, but an event-driven run of its inputs does not end"
+    NO_RUN = "the motion exists in time steps, but an event-driven run of its inputs is incomplete"
     UNCONFIRMED = "the plan ends within the tolerance by time-stepping; it was not confirmed"
-    APPROXIMATE = "the search ended before it came within the tolerance; this is the nearest"
-    OUT_OF_TIME = "the time ended before the search came within the tolerance; this is the nearest"
+    APPROXIMATE = "the search ended outside of the tolerance; this is the nearest plan"
+    OUT_OF_TIME = (
+        "the time limit ended the search outside of the tolerance; this is the nearest plan"
+    )
     INFEASIBLE_START = "the start is in collision or outside of the bounds"
     INFEASIBLE_GOAL = "the goal is out of reach"
-    OUT_OF_REACH = "no hanging pose near by comes nearer"
-    TIPS = "any nearer it hangs unstably, and would tip over into another pose"
-    UNSURE = "the search ended before it was sure; there may be nearer poses"
+    OUT_OF_REACH = "no nearby hanging pose is nearer"
+    TIPS = "nearer poses are unstable: the puppet would tip over into another pose"
+    UNSURE = "the search ended undecided; there may be nearer poses"
 
     @property
     def holds(self) -> bool:

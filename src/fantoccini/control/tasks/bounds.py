@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError
-from fantoccini.control.tasks.nodes import Nodes, number_names
+from fantoccini.control.tasks.nodes import Nodes, entry_names
 from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.dynamics.derivatives import motion_at
 from fantoccini.dynamics.marionette import Marionette
@@ -17,10 +17,10 @@ from fantoccini.model.puppet import DirectCurrent
 from fantoccini.model.tree import DriveRow
 from fantoccini.motion import State
 
-Most: TypeAlias = float | Mapping[str, float]
+Magnitudes: TypeAlias = float | Mapping[str, float]
 """The largest magnitude of all driven coordinates, or by name."""
 _MIN_TENSION_SHARE = 5e-3
-"""Least tension of a string that must stay taut, relative to the weight."""
+"""Smallest tension of a string that must stay taut, relative to the weight."""
 _TAUT_TENSION_SHARE = 1e-4
 """Tension above which a string counts as taut at the start, relative to the weight."""
 
@@ -54,17 +54,17 @@ class Bounds:
     """
 
     position: Mapping[str, Interval] = field(default_factory=dict)
-    speed: Most = np.inf
-    acceleration: Most = np.inf
-    jerk: Most = np.inf
+    speed: Magnitudes = np.inf
+    acceleration: Magnitudes = np.inf
+    jerk: Magnitudes = np.inf
     tension: Mapping[str, Interval] = field(default_factory=dict)
     joint: Mapping[str, Interval] = field(default_factory=dict)
     held: tuple[str, ...] = ()
     clearance: float | None = None
     own_body: bool = False
     force: Mapping[str, Interval] = field(default_factory=dict)
-    voltage: Most = np.inf
-    current: Most = np.inf
+    voltage: Magnitudes = np.inf
+    current: Magnitudes = np.inf
 
     @property
     def has_motors(self) -> bool:
@@ -147,15 +147,15 @@ class Bounds:
                 raise StateError(f"{name} is held, but moves {when}")
         low, high = self.intervals(marionette)
         numbers = Nodes.still(marionette, x, 1.0, 1).numbers[0]
-        for name, value, a, b in zip(number_names(t), numbers, low, high, strict=True):
+        for name, value, a, b in zip(entry_names(t), numbers, low, high, strict=True):
             if not a - _STATE_TOLERANCE <= value <= b + _STATE_TOLERANCE:
                 raise StateError(f"{name} is {value:.6g} {when}, beyond its bounds {a:g} to {b:g}")
 
     def check_end(self, marionette: Marionette, x0: State, end: State) -> None:
         """Raises StateError if no motion from a start within bounds can end in a state."""
         self.check_state(marionette, end, "at the end")
-        change = Nodes.still(marionette, x0, 1.0, 1).gap_at_end(end)
-        names = number_names(marionette.coordinates)
+        change = Nodes.still(marionette, x0, 1.0, 1).change_to(end)
+        names = entry_names(marionette.coordinates)
         first_driven = 2 * marionette.coordinates.n_vD
         for name in self.held:
             index = first_driven + marionette.coordinates.v_K.index(name)

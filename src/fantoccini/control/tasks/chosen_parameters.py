@@ -22,12 +22,12 @@ class ChosenParameters:
     """Intervals of chosen parameters, and the start of the puppet for given values.
 
     If the puppet hangs at rest with its own parameters, it also starts at rest with other values,
-    its driven coordinates unmoved. Any other start is projected onto the strings.
+    with the same driven coordinates. Other starts are projected onto the strings.
 
     Attributes:
         names: names of the parameters.
         low, high: (n,) their lowest and highest values.
-        first: (n,) the puppet's own values.
+        own_values: (n,) the puppet's own values.
 
     Args:
         marionette, x0: the puppet and its start.
@@ -49,14 +49,14 @@ class ChosenParameters:
             value = p[index[name]]
             if not low <= value <= high or not low < high or not np.isfinite(low + high):
                 raise StateError(
-                    f"the parameter {name} is {value:g} and is to lie from {low:g} to {high:g}; "
-                    "needed: finite bounds that it lies between"
+                    f"the parameter {name} is {value:g}, with bounds {low:g} to {high:g}; "
+                    "needed: finite bounds on both sides of it"
                 )
             for bound in (low, high):
                 marionette.with_parameters({name: bound})
         self.columns = [index[name] for name in self.names]
         bounds = np.array(list(parameters.values()), dtype=float).reshape(-1, 2)
-        self.low, self.high, self.first = bounds[:, 0], bounds[:, 1], p[self.columns]
+        self.low, self.high, self.own_values = bounds[:, 0], bounds[:, 1], p[self.columns]
         self._marionette, self._x0 = marionette, x0
         # A search evaluates a motion several times with the same parameters and their neighbours.
         self._cached = lru_cache(maxsize=4 * len(self.names) + 2)(self._start_with)
@@ -77,7 +77,7 @@ class ChosenParameters:
         return self._cached(tuple(values.tolist()))[1]
 
     def neighbours(self, values: Array) -> list[tuple[Array, Array]]:
-        """For every parameter, values slightly below and above; equal to them at a bound."""
+        """For every parameter, values slightly below and above, within its bounds."""
         step = _RELATIVE_STEP * (self.high - self.low)
         pairs = []
         for i in range(len(self)):
@@ -107,14 +107,14 @@ class ChosenParameters:
         if not values:
             return self._marionette, self._x0
         marionette = self._marionette.with_parameters(dict(zip(self.names, values, strict=True)))
-        if np.array_equal(values, self.first):
+        if np.array_equal(values, self.own_values):
             return marionette, self._x0
-        if self._rests:
+        if self._hangs_at_rest:
             return marionette, marionette.rest(self._x0)
         return marionette, marionette.project(self._x0)
 
     @property
-    def _rests(self) -> bool:
+    def _hangs_at_rest(self) -> bool:
         x0 = self._x0
         if np.any(x0.v_D) or np.any(x0.v_K):
             return False

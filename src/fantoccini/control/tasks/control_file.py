@@ -42,13 +42,13 @@ class Reading(Generic[FileT]):
     check: Mistakes
 
     def states(self, key: str, values: dict[str, Any]) -> None:
-        """Notes the coordinates and values under a key that no state of the puppet has."""
+        """Reports coordinates and values under a key that the puppet cannot have."""
         for name, value in values.items():
             state = {name: value}
             self.check((key, name), lambda state=state: self.marionette.state(state))
 
     def note(self, place: tuple[str | int, ...], text: str) -> None:
-        """Notes a mistake."""
+        """Adds a mistake."""
 
         def refuse() -> None:
             raise StateError(text)
@@ -68,7 +68,7 @@ class Reading(Generic[FileT]):
 def read_control_file(
     path: str | os.PathLike[str], schema: type[FileT], progress: OnProgress | None
 ) -> Reading[FileT]:
-    """Reads a file and loads its puppet; notes start values that the puppet cannot have.
+    """Reads a file and loads its puppet; reports start values that the puppet cannot have.
 
     Args:
         path: path of the file, or the name of a bundled one.

@@ -89,7 +89,7 @@ class Goal(ShortRepr):
 
     def gaps(self, states: StateArrays) -> Array:
         """(..., n) gaps of the required touches [m]."""
-        met = Touches(self.marionette, asked=self.touches) if self.met is None else self.met
+        met = Touches(self.marionette, required=self.touches) if self.met is None else self.met
         return met.gaps(states.q_D, states.q_K)
 
     def for_problem(self, met: Touches, tolerance: float) -> Goal:
@@ -99,7 +99,7 @@ class Goal(ShortRepr):
         if self.function is not None:
             raise StateError("a goal that is a function cannot ask for touches")
         numbers = replace(
-            self.numbers, touches=met.touch_of, n_touches=len(met.asked), open=tolerance
+            self.numbers, touches=met.touch_of, n_touches=len(met.required), open=tolerance
         )
         return replace(self, numbers=numbers, met=met)
 

@@ -45,7 +45,7 @@ class Nodes:
 
     @classmethod
     def still(cls, marionette: Marionette, x0: State, duration: float, n: int) -> Nodes:
-        """The state x0 at every node; the inputs rest or keep their velocity."""
+        """The state x0 at every node, with inputs of constant velocity."""
         table, h = marionette.coordinates, duration / n
         states: dict[str, Any] = {
             name: np.repeat(getattr(x0, name)[None], n + 1, axis=0)
@@ -102,7 +102,7 @@ class Nodes:
             run=None,
         )
 
-    def states(self, z: Array, first: int = 0) -> tuple[Array, Array, Array, Array]:
+    def changed_states(self, z: Array, first: int = 0) -> tuple[Array, Array, Array, Array]:
         """(n, N, ...) q_D, v_D, q_K, v_K of N nodes, changed by n tangent vectors.
 
         Args:
@@ -119,14 +119,14 @@ class Nodes:
         )
 
     def between(self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, first: int = 1) -> Array:
-        """(N + 1 - first, n_z) changes from the nodes, beginning at `first`, to these states."""
+        """(N + 1 - first, n_z) changes from the nodes, from `first` on, to these states."""
         t, n, k = self.table, self.table.n_vD, self.table.n_vK
         dq_D = tangent.between(t.scalars_D, t.quaternions_D, self.q_D[first:], q_D, n)
         dq_K = tangent.between(t.scalars_K, t.quaternions_K, self.q_K[first:], q_K, k)
         parts = [dq_D, v_D - self.v_D[first:], dq_K, v_K - self.v_K[first:]]
         return np.concatenate(parts, axis=1)
 
-    def gap_at_end(self, x: State) -> Array:
+    def change_to(self, x: State) -> Array:
         """(n_z,) change from the last node to a state."""
         parts = (np.asarray(a)[None] for a in (x.q_D, x.v_D, x.q_K, x.v_K))
         q_D, v_D, q_K, v_K = parts
@@ -134,7 +134,7 @@ class Nodes:
 
     @property
     def numbers(self) -> Array:
-        """(N + 1, n_z) scalars of the states at their entries of z; 0 for rotations."""
+        """(N + 1, n_z) scalar coordinates and velocities in the order of z; 0 for rotations."""
         t = self.table
         n, k = t.n_vD, t.n_vK
         numbers = np.zeros((len(self) + 1, self.n_z))
@@ -155,8 +155,8 @@ class Nodes:
         """The motion of the driven coordinates."""
         return Input.segments(self.table, self.t, self.q_K[0], self.v_K[0], self.acc_K)
 
-    def finer(self, parts: int) -> Nodes:
-        """The same accelerations in shorter intervals; each new node repeats the state before."""
+    def refined(self, parts: int) -> Nodes:
+        """The same accelerations in shorter intervals; new nodes repeat the previous state."""
         index = np.append(np.repeat(np.arange(len(self)), parts), len(self))
         states = {name: getattr(self, name)[index] for name in ("q_D", "v_D", "q_K", "v_K")}
         acc_K = np.repeat(self.acc_K, parts, axis=0)
@@ -164,7 +164,7 @@ class Nodes:
         return replace(self, interval=interval, acc_K=acc_K, run=None, **states)
 
 
-def number_names(table: CoordinateTable) -> list[str]:
+def entry_names(table: CoordinateTable) -> list[str]:
     """(n_z,) names of the entries of z = (dq_D, dv_D, dq_K, dv_K)."""
     D, K = list(table.v_D), list(table.v_K)
     return [*D, *(f"the speed of {v}" for v in D), *K, *(f"the speed of {v}" for v in K)]

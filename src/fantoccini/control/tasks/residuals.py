@@ -64,7 +64,7 @@ class Residual(Protocol):
     def value(self, kinematics: NodeKinematics) -> Array:
         """(N + 1, m) residuals."""
 
-    def by(self, kinematics: NodeKinematics) -> Array:
+    def derivatives(self, kinematics: NodeKinematics) -> Array:
         """(N + 1, m, n_z) derivatives of the residuals with respect to changes of the states."""
 
 
@@ -80,7 +80,7 @@ class PointResidual:
     def value(self, kinematics: NodeKinematics) -> Array:
         return self._place(kinematics) - self.path
 
-    def by(self, kinematics: NodeKinematics) -> Array:
+    def derivatives(self, kinematics: NodeKinematics) -> Array:
         twist, place = kinematics.twist_by(self.link), self._place(kinematics)
         return twist[:, :3] - rotation.skew(place) @ twist[:, 3:]
 
@@ -100,7 +100,7 @@ class OrientationResidual:
     def value(self, kinematics: NodeKinematics) -> Array:
         return rotation.log(rotation.quaternion(self._off(kinematics)))
 
-    def by(self, kinematics: NodeKinematics) -> Array:
+    def derivatives(self, kinematics: NodeKinematics) -> Array:
         r, R = self.value(kinematics), kinematics.pose(self.link)[0]
         turn = R.swapaxes(1, 2) @ kinematics.twist_by(self.link)[:, 3:]
         return rotation.right_jacobian_inverse(r) @ turn
@@ -123,7 +123,7 @@ class NumberResidual:
         numbers: Array = getattr(kinematics.nodes, self.part)[:, self.places]
         return numbers - self.path
 
-    def by(self, kinematics: NodeKinematics) -> Array:
+    def derivatives(self, kinematics: NodeKinematics) -> Array:
         derivatives = np.zeros((len(kinematics.nodes) + 1, len(self.columns), kinematics.nodes.n_z))
         derivatives[:, np.arange(len(self.columns)), self.columns] = 1.0
         return derivatives

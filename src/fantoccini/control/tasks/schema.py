@@ -49,7 +49,7 @@ class CircleFile(Model):
     """Number of turns about the axis; negative: the other way."""
 
     @model_validator(mode="after")
-    def _is_somewhere(self) -> CircleFile:
+    def _has_place(self) -> CircleFile:
         check_one_of(self, "centre", "by")
         return self
 
@@ -116,7 +116,7 @@ class TrackFile(Model):
         if self.circle is not None and self.point is None:
             raise mistake("found a circle; it is a path of a `point`")
         if self.point is None and any(self.at):
-            raise mistake("found `at`; it goes with `point`")
+            raise mistake("found `at`, which is for `point`")
         if bool(self.times) != (self.values is not None):
             raise mistake("found one of `times` and `values`; they go together")
         if self.start is not None and self.end is not None and self.start >= self.end:
@@ -148,7 +148,7 @@ class TouchFile(Model):
     """Whether it comes no earlier than the previous touch."""
 
     @model_validator(mode="after")
-    def _is_somewhere(self) -> TouchFile:
+    def _has_place(self) -> TouchFile:
         check_one_of(self, "place", "by")
         return self
 
@@ -166,7 +166,7 @@ End = Annotated[Angle | None, SIZED]
 """An end of an interval; null for no limit."""
 Span = Annotated[tuple[End, End], sized(2)]
 Between = Annotated[tuple[Annotated[Angle, SIZED], Annotated[Angle, SIZED]], sized(2)]
-Most = Real | dict[str, Real] | None
+Magnitudes = Real | dict[str, Real] | None
 
 
 class BoundsFile(Model):
@@ -180,15 +180,15 @@ class BoundsFile(Model):
     """String -> [low, high] [N]."""
     force: dict[str, Span] = Field(default_factory=dict)
     """Driven velocity -> [low, high] of the force that drives it [N or N m]."""
-    speed: Most = None
+    speed: Magnitudes = None
     """Largest speed of all driven coordinates, or by name [m/s or rad/s]."""
-    acceleration: Most = None
+    acceleration: Magnitudes = None
     """Largest acceleration, likewise [m/s^2 or rad/s^2]."""
-    jerk: Most = None
+    jerk: Magnitudes = None
     """Largest jerk, likewise [m/s^3 or rad/s^3]."""
-    voltage: Most = None
+    voltage: Magnitudes = None
     """Largest voltage that controllers ask of dc motors, for all or by the command's name [V]."""
-    current: Most = None
+    current: Magnitudes = None
     """Largest current, likewise [A]."""
     held: tuple[str, ...] = ()
     """Driven velocities that stay 0."""

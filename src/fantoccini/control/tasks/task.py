@@ -115,19 +115,20 @@ class Task:
         check_windows(self.touches, self.x0.t, self.x0.t + self.longest)
         if self.explore and (self.bounds.force or self.bounds.has_motors):
             raise StateError(
-                "explore and bounds of forces, voltages or currents do not go together: explore "
+                "explore excludes bounds of forces, voltages and currents: explore "
                 "first, then give the motion found as a guess"
             )
         if self.explore and self.touches:
             raise StateError(
-                "explore and touches do not go together: explore first, then give the motion found "
-                "as a guess"
+                "explore excludes touches: explore first, then give the motion as a guess"
             )
         if not isinstance(self.explore, int) or self.explore < 0:
-            raise StateError(f"explore is {self.explore!r}; needed: how often, a whole number")
+            raise StateError(
+                f"explore is {self.explore!r}; needed: a number of explorations, at least 0"
+            )
         if self.explore and self.parameters:
             raise StateError(
-                "explore and parameters do not go together: explore first, then choose the "
+                "explore excludes parameters: explore first, then choose the "
                 "parameters with the motion found as a guess"
             )
         self.marionette.check_state(self.x0)

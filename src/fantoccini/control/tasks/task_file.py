@@ -18,7 +18,7 @@ from fantoccini.base.documents import (
     rotation_vector_quaternion,
     shown,
 )
-from fantoccini.control.tasks.bounds import Bounds, Interval, Most
+from fantoccini.control.tasks.bounds import Bounds, Interval, Magnitudes
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.control_file import Reading, read_control_file
@@ -38,7 +38,7 @@ _COLUMNS = {"point": ("x", "y", "z"), "orientation": ("qw", "qx", "qy", "qz")}
 _MAX_INTERVALS = 10_000
 """Largest number of intervals of a motion, and of time steps in an interval."""
 
-Spot = tuple[str | int, ...]
+Location = tuple[str | int, ...]
 """Keys and indices that lead to an entry of a file."""
 
 
@@ -130,10 +130,12 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
 
 def _guess(reading: Reading[TaskFile]) -> Input:
     """The motion in the performance file that a task file names."""
-    return Input.load(reading.marionette, _beside(reading.file.located, str(reading.file.guess)))
+    return Input.load(
+        reading.marionette, _in_same_folder(reading.file.located, str(reading.file.guess))
+    )
 
 
-def _beside(located: Located, name: str) -> Path:
+def _in_same_folder(located: Located, name: str) -> Path:
     """The path of a file in the folder of another."""
     path = located.beside(name)
     if path is None:
@@ -155,9 +157,9 @@ class _Reader:
         self._check = reading.check
         self._touches: list[Touch] = []
 
-    def track(self, file: TrackFile, spot: Spot) -> Track | None:
+    def track(self, file: TrackFile, location: Location) -> Track | None:
         """The track; None if it has mistakes."""
-        path = self._path(file, spot)
+        path = self._path(file, location)
         if path is None:
             return None
         start = -math.inf if file.start is None else file.start
@@ -173,24 +175,24 @@ class _Reader:
             end,
         )
         if file.kind != "tension":  # its path is checked by the width of its values
-            still = Nodes.still(self._marionette, self._x0, 1.0, 1)
-            if self._check(spot, lambda: residual_of(self._marionette, track, still)) is None:
+            resting = Nodes.still(self._marionette, self._x0, 1.0, 1)
+            if self._check(location, lambda: residual_of(self._marionette, track, resting)) is None:
                 return None
         return track
 
-    def touch(self, file: TouchFile, spot: Spot) -> Touch | None:
+    def touch(self, file: TouchFile, location: Location) -> Touch | None:
         """The touch; None if it has mistakes."""
-        place = self._check((*spot, "point"), lambda: self._place(file.point, file.at))
+        place = self._check((*location, "point"), lambda: self._place(file.point, file.at))
         if place is None:
             return None
         target = place + np.array(file.by) if file.place is None else np.array(file.place)
-        touch = self._check((*spot, "between"), lambda: self._touch(file, target))
+        touch = self._check((*location, "between"), lambda: self._touch(file, target))
         if touch is not None:
             self._touches.append(touch)
         return touch
 
     def _touch(self, file: TouchFile, place: Array) -> Touch:
-        """A touch, checked for time after those before it."""
+        """A touch, after checking its time against the earlier ones."""
         low, high = file.between
         between = (-math.inf if low is None else low, math.inf if high is None else high)
         touch = Touch(file.point, place, file.at, between, file.in_turn)
@@ -204,25 +206,25 @@ class _Reader:
         pose = self._marionette.poses(self._x0.q_D[None], self._x0.q_K[None])[0, link]
         return np.asarray(pose[:, :3] @ np.array(at) + pose[:, 3])
 
-    def _path(self, file: TrackFile, spot: Spot) -> Target | None:
+    def _path(self, file: TrackFile, location: Location) -> Target | None:
         """The path of a track; None if it has mistakes."""
         check, kind = self._check, file.kind
         if file.circle is not None:
             circle = file.circle
-            return check((*spot, "circle"), lambda: self._circle(file, circle))
+            return check((*location, "circle"), lambda: self._circle(file, circle))
         if file.csv is not None:
             name = file.csv
-            return check((*spot, "csv"), lambda: self._csv(kind, name))
+            return check((*location, "csv"), lambda: self._csv(kind, name))
         if file.run is not None:
             clip = file.run
-            return check((*spot, "run"), lambda: self._run(file, clip))
+            return check((*location, "run"), lambda: self._run(file, clip))
         if file.values is None:
-            return check((*spot, "value"), lambda: _number(kind, file.value))
+            return check((*location, "value"), lambda: _number(kind, file.value))
         values = [
-            check((*spot, "values", j), lambda value=value: _number(kind, value))
+            check((*location, "values", j), lambda value=value: _number(kind, value))
             for j, value in enumerate(file.values)
         ]
-        times = check((*spot, "times"), lambda: _times(file.times, len(values)))
+        times = check((*location, "times"), lambda: _times(file.times, len(values)))
         valid = [value for value in values if value is not None]
         if times is None or len(valid) < len(values):
             return None
@@ -237,26 +239,26 @@ class _Reader:
             )
         end = file.end if file.end is not None else x0.t + float(np.max(self._duration))
         if end <= start:
-            raise StateError(f"it would end at {end:g} s, before it starts at {start:g} s")
+            raise StateError(f"it would end at {end:g} s, before its start at {start:g} s")
         place = self._place(getattr(file, file.kind), file.at)
         centre = place + np.array(circle.by) if circle.centre is None else np.array(circle.centre)
         normal = np.array(circle.normal)
         return Circle.near(place, centre, normal, circle.radius, circle.turns, start, end)
 
     def _run(self, file: TrackFile, section: RunFile) -> Clip:
-        run = Trajectory.load(_beside(self._located, section.file))
+        run = Trajectory.load(_in_same_folder(self._located, section.file))
         clip = Clip(run, section.of, section.begin, section.speed, section.by)
         start_time = np.array([self._x0.t])
         clip.values(self._marionette, file.kind, getattr(file, file.kind), file.at, start_time)
         return clip
 
     def _csv(self, kind: str, name: str) -> tuple[Array, Array]:
-        columns, _ = csv_columns(_beside(self._located, name))
+        columns, _ = csv_columns(_in_same_folder(self._located, name))
         needed = ("t", *_COLUMNS.get(kind, ("value",)))
         for column in needed:
             if column not in columns:
-                known = ", ".join(columns)
-                raise StateError(f"{name} has no column {column}; found: {known}")
+                known_names = ", ".join(columns)
+                raise StateError(f"{name} has no column {column}; found: {known_names}")
         if unknown := [column for column in columns if column not in needed]:
             hint = nearest(unknown[0], needed)
             raise StateError(f"{name} has the column {shown(unknown[0])}{hint}")
@@ -302,7 +304,7 @@ def _continuous(kind: str, values: Array) -> Array:
 
 
 def _check_intervals(reading: Reading[TaskFile]) -> None:
-    """Notes an interval or step that is too short."""
+    """Reports an interval or step that is too short."""
     file = reading.file
     longest = float(np.max(file.duration))
     for key, whole, part in (
@@ -315,10 +317,10 @@ def _check_intervals(reading: Reading[TaskFile]) -> None:
 
 
 def _check_exploring(reading: Reading[TaskFile]) -> None:
-    """Notes entries that cannot be combined with explorations."""
+    """Reports entries that exclude explorations."""
     file = reading.file
     if file.explore and not file.slack:
-        text = "it looks for motions through slack strings; needed beside it: slack: true"
+        text = "it searches motions with slack strings; needed: slack: true"
         reading.note(("explore",), text)
     for key, value in (
         ("parameters", file.parameters),
@@ -328,22 +330,24 @@ def _check_exploring(reading: Reading[TaskFile]) -> None:
         ("bounds.current", file.bounds.current),
     ):
         if file.explore and value:
-            reading.note(("explore",), f"it does not go together with {key}; needed: one of them")
+            reading.note(("explore",), f"it excludes {key}; needed: one of them")
 
 
-def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Mistakes) -> None:
-    """Notes a track's name that the puppet does not have."""
+def _check_name(
+    file: TrackFile, marionette: Marionette, location: Location, check: Mistakes
+) -> None:
+    """Reports the name of a track that the puppet lacks."""
     name, kind = getattr(file, file.kind), file.kind
     if kind == "tension":
-        check((*spot, kind), lambda: Bounds(tension={name: (0.0, 1.0)}).tensions(marionette))
+        check((*location, kind), lambda: Bounds(tension={name: (0.0, 1.0)}).tensions(marionette))
         return
-    still = Nodes.still(marionette, marionette.state(), 1.0, 1)
+    resting = Nodes.still(marionette, marionette.state(), 1.0, 1)
     value = {"point": np.zeros(3), "orientation": np.array([1.0, 0.0, 0.0, 0.0])}.get(kind, 0.0)
-    check((*spot, kind), lambda: residual_of(marionette, Track(kind, name, value), still))
+    check((*location, kind), lambda: residual_of(marionette, Track(kind, name, value), resting))
 
 
 def _bounds(reading: Reading[TaskFile]) -> Bounds:
-    """The bounds of a file; mistakes are noted one by one."""
+    """The bounds of a file; reports each mistake."""
     file, marionette, check = reading.file.bounds, reading.marionette, reading.check
 
     def intervals(key: str) -> dict[str, Interval]:
@@ -365,18 +369,18 @@ def _bounds(reading: Reading[TaskFile]) -> Bounds:
                 check(("bounds", key, name), lambda bounds=bounds: bounds.intervals(marionette))
         return spans
 
-    def most(key: str) -> Most:
-        section: Most | None = getattr(file, key)
+    def magnitudes(key: str) -> Magnitudes:
+        section: Magnitudes | None = getattr(file, key)
         if section is None:
             return math.inf
-        spots: list[tuple[Spot, Most]] = [((), section)]
+        locations: list[tuple[Location, Magnitudes]] = [((), section)]
         if isinstance(section, dict):
-            spots = [((name,), {name: value}) for name, value in section.items()]
-        for spot, value in spots:
+            locations = [((name,), {name: value}) for name, value in section.items()]
+        for location, value in locations:
             bounds = _bounds_of(key, value)
             check_bounds = bounds.motors if key in ("voltage", "current") else bounds.magnitudes
             check(
-                ("bounds", key, *spot),
+                ("bounds", key, *location),
                 lambda check_bounds=check_bounds: check_bounds(marionette, key),
             )
         return section
@@ -386,17 +390,17 @@ def _bounds(reading: Reading[TaskFile]) -> Bounds:
         check(("bounds", "held", j), lambda held=held: held.magnitudes(marionette, "acceleration"))
     return Bounds(
         intervals("position"),
-        most("speed"),
-        most("acceleration"),
-        most("jerk"),
+        magnitudes("speed"),
+        magnitudes("acceleration"),
+        magnitudes("jerk"),
         intervals("tension"),
         intervals("joint"),
         file.held,
         file.clearance,
         file.own_body,
         intervals("force"),
-        most("voltage"),
-        most("current"),
+        magnitudes("voltage"),
+        magnitudes("current"),
     )
 
 

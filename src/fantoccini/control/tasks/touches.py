@@ -39,14 +39,14 @@ class Meeting:
         parts: their names.
         t: time of the first touch [s].
         speed: closing speed at the first touch [m/s].
-        asked: whether the plan may touch there.
+        allowed: whether the plan may touch there.
         force: force between them at the end of the run [N].
     """
 
     parts: tuple[str, str]
     t: float
     speed: float
-    asked: bool
+    allowed: bool
     force: float
 
     def __str__(self) -> str:
@@ -61,14 +61,14 @@ class Touches:
 
     Attributes:
         marionette: the puppet.
-        asked: pairs that must touch at the goal.
-        may: (n_pairs,) bool, the pairs of ``marionette.contacts`` that may touch.
-        touch_of: (n_pairs,) index in ``asked`` of every pair; -1 for a pair that is not required.
+        required: pairs that must touch at the goal.
+        may_touch: (n_pairs,) bool, the pairs of ``marionette.contacts`` that may touch.
+        touch_of: (n_pairs,) index in ``required`` of every pair; -1 for other pairs.
 
     Args:
         marionette: the puppet.
         contact: the pairs that may touch.
-        asked: pairs that must touch at the goal; they may touch before.
+        required: pairs that must touch at the goal; they may touch before.
         self_collision: whether bodies of one puppet are kept apart.
 
     Raises:
@@ -80,22 +80,22 @@ class Touches:
         self,
         marionette: Marionette,
         contact: ContactLike = KEEP_OFF,
-        asked: Iterable[Pair] = (),
+        required: Iterable[Pair] = (),
         self_collision: bool = False,
     ):
         self.marionette = marionette
-        self.asked = tuple(pair_of(names) for names in asked)
-        self.may = np.zeros(len(self.names), dtype=bool)
+        self.required = tuple(pair_of(names) for names in required)
+        self.may_touch = np.zeros(len(self.names), dtype=bool)
         self.touch_of = np.full(len(self.names), -1, dtype=np.int32)
         for pair in pairs_of(contact):
-            self.may |= touching(marionette, pair)
-        for k, pair in enumerate(self.asked):
+            self.may_touch |= touching(marionette, pair)
+        for k, pair in enumerate(self.required):
             selected = touching(marionette, pair)
-            self.may |= selected
+            self.may_touch |= selected
             self.touch_of[selected] = k
         for k, (a, b) in enumerate(self.names):
             own = bool(self._bodies & {a, b}) and not self._is_foreign(a, b)
-            self.may[k] |= not self._bodies & {a, b} or (own and not self_collision)
+            self.may_touch[k] |= not self._bodies & {a, b} or (own and not self_collision)
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:
@@ -111,7 +111,7 @@ class Touches:
     def free(self) -> frozenset[frozenset[str]]:
         """The names of pairs that may touch."""
         names = [frozenset(pair) for pair in self.names]
-        forbidden = {pair for pair, may in zip(names, self.may, strict=True) if not may}
+        forbidden = {pair for pair, may in zip(names, self.may_touch, strict=True) if not may}
         return frozenset(names) - forbidden
 
     @cached_property
@@ -119,7 +119,7 @@ class Touches:
         """Whether any pair may touch, other than two bodies of one puppet."""
         return any(
             may and (self._is_foreign(*pair) or not self._bodies & set(pair))
-            for pair, may in zip(self.names, self.may, strict=True)
+            for pair, may in zip(self.names, self.may_touch, strict=True)
         )
 
     def partners(self, prop: str) -> tuple[str, ...]:
@@ -128,37 +128,37 @@ class Touches:
         return tuple(sorted(met & self._bodies))
 
     @cached_property
-    def _asked_contacts(self) -> tuple[Contacts, Indices] | None:
+    def _required_contacts(self) -> tuple[Contacts, Indices] | None:
         """The required contact pairs, and the index of the touch that each belongs to."""
-        if self.contacts is None or not self.asked:
+        if self.contacts is None or not self.required:
             return None
         selected = self.touch_of >= 0
         return self.contacts.subset(selected), self.touch_of[selected]
 
-    def broken(self, q_D: Array, q_K: Array) -> tuple[str, str] | None:
+    def forbidden_touch(self, q_D: Array, q_K: Array) -> tuple[str, str] | None:
         """Two parts that touch at a configuration although they must not; None without any."""
-        if self.contacts is None or np.all(self.may):
+        if self.contacts is None or np.all(self.may_touch):
             return None
-        forbidden, marionette = self.contacts.subset(~self.may), self.marionette
+        forbidden, marionette = self.contacts.subset(~self.may_touch), self.marionette
         gaps = marionette.library.gaps(forbidden, q_D, q_K, marionette.p)
         nearest = int(np.argmin(gaps))
         return forbidden.names[nearest] if gaps[nearest] <= _MAX_TOUCHING_GAP else None
 
     def gaps(self, q_D: Array, q_K: Array) -> Array:
-        """(..., n_asked) gaps of the required touches; negative where parts overlap [m].
+        """(..., n_required) gaps of the required touches; negative where parts overlap [m].
 
         Args:
             q_D, q_K: (..., n_qD), (..., n_qK) configurations.
         """
         shape = q_D.shape[:-1]
-        touch_gaps = np.full((*shape, len(self.asked)), _MAX_GAP)
-        if self._asked_contacts is None:
+        touch_gaps = np.full((*shape, len(self.required)), _MAX_GAP)
+        if self._required_contacts is None:
             return touch_gaps
-        contacts, touch = self._asked_contacts
+        contacts, touch = self._required_contacts
         q_K = np.broadcast_to(q_K, (*shape, q_K.shape[-1]))
         marionette = self.marionette
         gaps = marionette.library.gaps(contacts, q_D, q_K, marionette.p, _MAX_GAP)
-        for k in range(len(self.asked)):
+        for k in range(len(self.required)):
             touch_gaps[..., k] = np.minimum(np.min(gaps[..., touch == k], axis=-1), _MAX_GAP)
         return touch_gaps
 

@@ -17,8 +17,8 @@ MAX_DISSENT = 0.4
 """Share of clues for the other direction above which it is doubtful."""
 FULL_OFFSET = 0.1
 """Offset at which a clue counts in full, relative to the size of the part."""
-_BEND = 0.5
-"""Part of a hinge's range to which it is bent to see where the limb moves."""
+_BEND_SHARE = 0.5
+"""Share of its range by which a hinge is bent, to find the direction of its limb."""
 
 
 def facing_of(puppet: CompiledPuppet, anatomy: Anatomy, parts: Parts) -> tuple[Array, str]:
@@ -31,7 +31,10 @@ def facing_of(puppet: CompiledPuppet, anatomy: Anatomy, parts: Parts) -> tuple[A
         # Puppets of unknown direction look towards +x, as the bundled ones do, or else +y.
         main = forward[0] if abs(forward[0]) > 0.1 else forward[1]
         sign = 1.0 if main > 0.0 else -1.0
-        return sign * forward, "neither head, tail, feet, joints nor strings tell front from back"
+        return (
+            sign * forward,
+            "head, tail, feet, joints and strings do not distinguish front and back",
+        )
     doubt = ""
     if opposed > MAX_DISSENT * sum(map(abs, clues)):
         doubt = "head, tail, feet, joints and strings contradict one another"
@@ -81,7 +84,7 @@ def _hinge(
         if link.kind == "revolute" and len(bounds) == 2 and abs(sum(bounds)) > 0.1:
             axis = segment.pose[:, :3] @ link.axes[:, 0]
             middle = segment.outline.mean(axis=0) - segment.joint
-            return float(np.cross(_BEND * sum(bounds) * axis, middle) @ forward)
+            return float(np.cross(_BEND_SHARE * sum(bounds) * axis, middle) @ forward)
     return 0.0
 
 

@@ -1,4 +1,4 @@
-"""Body map of a puppet: what its file gives, and the rest from its anatomy at rest."""
+"""Body map of a puppet: entries of its file, completed from its anatomy at rest."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fantoccini.model import BodyMap, Doubt, Head, Limb
 from fantoccini.model.puppet import Rig, Side
 
 MIN_SHARE = 0.02
-"""Least share of the weight that a carrying string holds."""
+"""Minimum share of the weight on a carrying string."""
 MIN_COSINE = np.cos(np.radians(10.0))
 """Cosine of the largest angle between the trunk's axis and the direction in which it looks, for a
 trunk that only leans at rest."""
@@ -31,7 +31,7 @@ _ORDER = {"arm": 0, "wing": 1, "leg": 2, "neck": 3, "tail": 4}
 def find_body_map(puppet: CompiledPuppet, member: str = "") -> BodyMap:
     """Body map of a puppet: entries of its file, completed from its tree, shapes and strings.
 
-    Names are those in the puppet or scene. What carries it is read off the tensions at rest.
+    Names are those in the puppet or scene. Tensions at rest determine the carrying strings.
 
     Args:
         puppet: puppet or scene.
@@ -45,7 +45,7 @@ def find_body_map(puppet: CompiledPuppet, member: str = "") -> BodyMap:
     rig = (whole.rigs.get(member) if member else whole.rig) or Rig()
     anatomy = anatomy_of(puppet, member, None)
     if rig.limbs is None:
-        # The file's pose may already show that there is no map; a rest takes a compiled library.
+        # The file's pose may already show that there is no map; a rest needs a compiled library.
         parts_of(anatomy, name)
     doubts: list[Doubt] = []
     if rig.limbs is None or rig.carrying is None:
@@ -56,23 +56,23 @@ def find_body_map(puppet: CompiledPuppet, member: str = "") -> BodyMap:
             text = f"no rest was found, so that the file's pose was used instead: {error}"
             doubts.append(Doubt("trunk", text))
     if rig.limbs is None:
-        draft = _searched(puppet, anatomy, parts_of(anatomy, name), rig, doubts)
+        body_map = _map_of_anatomy(puppet, anatomy, parts_of(anatomy, name), rig, doubts)
     else:
-        draft = _given(rig, prefix)
+        body_map = _map_of_file(rig, prefix)
     if rig.head is not None:
-        draft = _with_head(draft, Head(prefix + rig.head.body, rig.head.end))
-    draft = _with_sizes(_with_strings(draft, anatomy, rig, doubts), anatomy)
+        body_map = _with_head(body_map, Head(prefix + rig.head.body, rig.head.end))
+    body_map = _with_sizes(_with_strings(body_map, anatomy, rig, doubts), anatomy)
     if rig.carrying is not None:
-        draft = replace(draft, carrying=tuple(prefix + string for string in rig.carrying))
+        body_map = replace(body_map, carrying=tuple(prefix + string for string in rig.carrying))
     if rig.looking is not None:
-        draft = replace(draft, looking=tuple(prefix + string for string in rig.looking))
+        body_map = replace(body_map, looking=tuple(prefix + string for string in rig.looking))
     if rig.control is not None:
-        draft = replace(draft, control=prefix + rig.control)
-    return replace(draft, doubts=tuple(doubts))
+        body_map = replace(body_map, control=prefix + rig.control)
+    return replace(body_map, doubts=tuple(doubts))
 
 
-def _given(rig: Rig, prefix: str) -> BodyMap:
-    """Trunk, limbs and facing of a file that gives them."""
+def _map_of_file(rig: Rig, prefix: str) -> BodyMap:
+    """Trunk, limbs and facing from a file with these entries."""
 
     def named(names: Iterable[str]) -> tuple[str, ...]:
         return tuple(prefix + name for name in names)
@@ -89,13 +89,13 @@ def _given(rig: Rig, prefix: str) -> BodyMap:
     return BodyMap(named(rig.trunk), None, limbs, rig.facing)
 
 
-def _with_head(draft: BodyMap, head: Head) -> BodyMap:
+def _with_head(body_map: BodyMap, head: Head) -> BodyMap:
     """The map with another head, and without limbs that contain its body."""
-    limbs = tuple(limb for limb in draft.limbs if head.body not in limb.bodies)
-    return replace(draft, head=head, limbs=limbs)
+    limbs = tuple(limb for limb in body_map.limbs if head.body not in limb.bodies)
+    return replace(body_map, head=head, limbs=limbs)
 
 
-def _searched(
+def _map_of_anatomy(
     puppet: CompiledPuppet, anatomy: Anatomy, parts: Parts, rig: Rig, doubts: list[Doubt]
 ) -> BodyMap:
     """Trunk, head, limbs and facing from the anatomy; adds doubts."""
@@ -136,22 +136,22 @@ def _searched(
             side=side(branch),
             bodies=tuple(anatomy.segments[k].name for k in branch.chain),
             end=_rounded(branch.end),
-            strings=_lifting(anatomy, branch.chain, heads),
+            strings=_strings_of_limb(anatomy, branch.chain, heads),
         )
         for branch in branches
     )
     names = tuple(segment.name for segment in trunk)
-    draft = BodyMap(names, head, limbs, _snapped(to_trunk @ forward))
-    for name, branch in zip(draft.parts, branches, strict=True):
+    body_map = BodyMap(names, head, limbs, _nearest_axis(to_trunk @ forward))
+    for name, branch in zip(body_map.parts, branches, strict=True):
         doubts += [Doubt(name, reason) for reason in branch.doubts]
     doubts += [Doubt("trunk", reason) for reason in parts.doubts]
-    return draft
+    return body_map
 
 
-def _with_strings(draft: BodyMap, anatomy: Anatomy, rig: Rig, doubts: list[Doubt]) -> BodyMap:
+def _with_strings(body_map: BodyMap, anatomy: Anatomy, rig: Rig, doubts: list[Doubt]) -> BodyMap:
     """The map with the strings that carry and look, and the control; adds doubts."""
     index = {segment.name: k for k, segment in enumerate(anatomy.segments)}
-    trunk = {index[name] for name in draft.trunk if name in index}
+    trunk = {index[name] for name in body_map.trunk if name in index}
     holding = [tie for tie in anatomy.ties if tie.share >= MIN_SHARE]
     carrying = _names(tie.string for tie in holding if tie.segment in trunk)
     if not carrying and rig.carrying is None:
@@ -159,23 +159,23 @@ def _with_strings(draft: BodyMap, anatomy: Anatomy, rig: Rig, doubts: list[Doubt
         carrying = own or _names(tie.string for tie in holding)
         text = "its strings carry no weight at rest" if own else "no string is tied to it"
         doubts.append(Doubt("trunk", text))
-    bodies = [] if draft.head is None else [draft.head.body]
-    bodies += [name for limb in draft.limbs if limb.kind == "neck" for name in limb.bodies]
+    bodies = [] if body_map.head is None else [body_map.head.body]
+    bodies += [name for limb in body_map.limbs if limb.kind == "neck" for name in limb.bodies]
     looking = _names(
         tie.string for name in bodies if name in index for tie in anatomy.tied(index[name])
     )
-    if draft.head is not None and not looking and rig.looking is None:
+    if body_map.head is not None and not looking and rig.looking is None:
         doubts.append(Doubt("head", "no string moves it"))
-    used = {*carrying, *looking, *(string for limb in draft.limbs for string in limb.strings)}
+    used = {*carrying, *looking, *(string for limb in body_map.limbs for string in limb.strings)}
     if rig.limbs is None:
         idle = _names(tie.string for tie in anatomy.ties if tie.string not in used)
         doubts += [Doubt(name, "this string moves no part of the map") for name in idle]
     holders = [tie.holder for tie in anatomy.ties if tie.holder]
     control = max(sorted(set(holders)), key=holders.count, default="")
-    return replace(draft, carrying=carrying, looking=looking, control=control)
+    return replace(body_map, carrying=carrying, looking=looking, control=control)
 
 
-def _with_sizes(draft: BodyMap, anatomy: Anatomy) -> BodyMap:
+def _with_sizes(body_map: BodyMap, anatomy: Anatomy) -> BodyMap:
     """The map with the lengths of its limbs, and its size."""
     joints = {segment.name: segment.joint for segment in anatomy.segments}
 
@@ -187,22 +187,24 @@ def _with_sizes(draft: BodyMap, anatomy: Anatomy) -> BodyMap:
         length = way(own) if own else 0.0
         return replace(limb, length=round(length + float(np.linalg.norm(limb.end)), _DIGITS))
 
-    limbs = tuple(sized(limb) for limb in draft.limbs)
+    limbs = tuple(sized(limb) for limb in body_map.limbs)
     legs = [limb for limb in limbs if limb.kind == "leg"]
     hips = [joints[limb.bodies[0]] for limb in legs if limb.bodies[0] in joints]
-    trunk = [joints[name] for name in draft.trunk if name in joints]
+    trunk = [joints[name] for name in body_map.trunk if name in joints]
     necks = [limb for limb in limbs if limb.kind == "neck"]
     # Hips and neck lie on the bodies of the trunk at places that do not depend on the pose.
     ends = [np.mean(hips, axis=0)] if hips else trunk[:1]
-    tops = [necks[0].bodies[0]] if necks else [] if draft.head is None else [draft.head.body]
+    tops = [necks[0].bodies[0]] if necks else [] if body_map.head is None else [body_map.head.body]
     ends += [joints[name] for name in tops if name in joints]
     size = way(ends) + max((leg.length for leg in legs), default=0.0)
     size += sum(neck.length for neck in necks)
-    size += 0.0 if draft.head is None else float(np.linalg.norm(draft.head.end))
-    return replace(draft, limbs=limbs, size=round(size, _DIGITS))
+    size += 0.0 if body_map.head is None else float(np.linalg.norm(body_map.head.end))
+    return replace(body_map, limbs=limbs, size=round(size, _DIGITS))
 
 
-def _lifting(anatomy: Anatomy, chain: tuple[int, ...], heads: tuple[int, ...]) -> tuple[str, ...]:
+def _strings_of_limb(
+    anatomy: Anatomy, chain: tuple[int, ...], heads: tuple[int, ...]
+) -> tuple[str, ...]:
     """Strings tied to a chain or its branches without heads, the one nearest to the end first."""
     names: list[str] = []
     for k in reversed(chain):
@@ -216,7 +218,7 @@ def _names(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def _snapped(direction: Array) -> tuple[float, float, float]:
+def _nearest_axis(direction: Array) -> tuple[float, float, float]:
     """The axis of the frame next to a unit direction, or the direction if none is near."""
     axis = np.round(direction)
     near = np.linalg.norm(axis) == 1.0 and float(axis @ direction) >= MIN_COSINE

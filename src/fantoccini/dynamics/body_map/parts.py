@@ -11,25 +11,26 @@ from fantoccini.dynamics.body_map.anatomy import ROOT, Anatomy
 from fantoccini.dynamics.body_map.symmetry import Plane, branches_of, plane_of
 from fantoccini.model.puppet import LimbKind
 
-GROUND_SHARE = 0.15
-"""Height above the lowest point up to which a limb reaches the ground, relative to the height."""
-DOUBTFUL_SHARE = 0.25
-"""Height up to which it is doubtful whether a limb is an arm or a leg, relative to the height."""
-MIN_LIMB = 0.15
-"""Least length of a limb of one body that a string lifts, relative to the puppet's size."""
-FLAT, MIN_BREADTH = 0.35, 0.15
-"""Largest thickness of a flat body, relative to its breadth; least breadth, to its length."""
-CONTINUES = 2.0
-"""A branch goes on in its longest child if the others are shorter by this factor."""
+MAX_GROUND_HEIGHT = 0.15
+"""Largest height of a limb that reaches the ground, relative to the puppet's height."""
+MAX_DOUBTFUL_HEIGHT = 0.25
+"""Largest height of a limb that may be an arm or a leg, relative to the puppet's height."""
+MIN_LIMB_LENGTH = 0.15
+"""Smallest length of a limb of one body on a string, relative to the puppet's size."""
+MAX_THICKNESS, MIN_BREADTH = 0.35, 0.15
+"""Largest thickness of a flat body, relative to its breadth; and smallest breadth, relative to its
+length."""
+MIN_LENGTH_RATIO = 2.0
+"""Ratio of lengths from which a branch continues in its longest child."""
 END_SHARE = 0.15
 """Part of a body's length that counts as its end."""
-MIN_HEAD = 2.0
-"""Least score of a head; the largest branch in the middle has 1 for that alone."""
-MIN_BULK = 0.5
-"""Least mass of a head, relative to the heaviest body of its branch."""
+MIN_HEAD_SCORE = 2.0
+"""Smallest score of a head; the largest branch in the middle has at least 1."""
+MIN_HEAD_MASS = 0.5
+"""Smallest mass of a head, relative to the heaviest body of its branch."""
 CLEAR_MARGIN, CLEAR_RISE = 0.5, 0.1
-"""Margin of scores, and rise above the trunk relative to the height, from which on the head is not
-doubtful."""
+"""Margin of scores, and height above the trunk relative to the puppet's height, above which a head
+is not doubtful."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,9 +114,9 @@ def parts_of(anatomy: Anatomy, name: str) -> Parts:
 def is_limb_pair(anatomy: Anatomy, pair: tuple[int, int]) -> bool:
     """Whether branches are limbs, and not ears: of two bodies, on the ground, or on strings."""
     first = pair[0]
-    if anatomy.segments[first].children or anatomy.low(first) <= GROUND_SHARE:
+    if anatomy.segments[first].children or anatomy.low(first) <= MAX_GROUND_HEIGHT:
         return True
-    long = _length(anatomy, _branch(anatomy, first)) >= MIN_LIMB * anatomy.size
+    long = _length(anatomy, _branch(anatomy, first)) >= MIN_LIMB_LENGTH * anatomy.size
     return long and bool(anatomy.tied(first))
 
 
@@ -163,7 +164,7 @@ def _branch(anatomy: Anatomy, first: int) -> Branch:
     chain = [first]
     while children := anatomy.segments[chain[-1]].children:
         lengths = sorted((_depth(anatomy, k), k) for k in children)
-        if len(lengths) > 1 and lengths[-1][0] < CONTINUES * lengths[-2][0]:
+        if len(lengths) > 1 and lengths[-1][0] < MIN_LENGTH_RATIO * lengths[-2][0]:
             break
         chain.append(lengths[-1][1])
     tied = [tie.at for tie in anatomy.ties if tie.segment == chain[-1]]
@@ -178,7 +179,7 @@ def _pair(anatomy: Anatomy, trunk: tuple[int, ...], pair: tuple[int, int]) -> li
         if kind == "leg":
             # A foot ends at its sole, not at the string that lifts it.
             limb = replace(limb, end=far_end(anatomy, limb.chain[-1]))
-        elif anatomy.low(own) <= DOUBTFUL_SHARE:
+        elif anatomy.low(own) <= MAX_DOUBTFUL_HEIGHT:
             share = f"{anatomy.low(own):.0%} of the height"
             limb = limb.doubted(f"it ends {share} above the lowest point; it could be a leg")
         if kind != "leg" and not anatomy.tied(own):
@@ -191,8 +192,10 @@ def _kind(anatomy: Anatomy, trunk: tuple[int, ...], first: int) -> LimbKind:
     """Leg if it reaches the ground, or would with straight joints; wing if it is flat; else arm."""
     joint = anatomy.segments[first].joint
     straight = joint[2] - _length(anatomy, _branch(anatomy, first)) - anatomy.ground
-    low_down = joint[2] < anatomy.middle(trunk)[2] and straight <= GROUND_SHARE * anatomy.height
-    if anatomy.low(first) <= GROUND_SHARE or low_down:
+    low_down = (
+        joint[2] < anatomy.middle(trunk)[2] and straight <= MAX_GROUND_HEIGHT * anatomy.height
+    )
+    if anatomy.low(first) <= MAX_GROUND_HEIGHT or low_down:
         return "leg"
     return "wing" if _is_flat(anatomy, first) else "arm"
 
@@ -218,7 +221,7 @@ def _is_flat(anatomy: Anatomy, first: int) -> bool:
     for k in anatomy.below(first):
         thin, broad, long = anatomy.segments[k].box
         total += broad * long
-        if thin < FLAT * broad and broad > MIN_BREADTH * long:
+        if thin < MAX_THICKNESS * broad and broad > MIN_BREADTH * long:
             flat += broad * long
     return flat > 0.5 * total
 
@@ -242,7 +245,7 @@ def _head(
         score += box[0] / max(box[2], 1e-9) + _bulk(anatomy, k) / max(max_bulk, 1e-12)
         scores.append(score)
     order = sorted(range(len(middles)), key=lambda k: -scores[k])
-    if not order or scores[order[0]] < MIN_HEAD:
+    if not order or scores[order[0]] < MIN_HEAD_SCORE:
         return None, [replace(branch, kind="tail") for branch in middles]
     best, last = middles[order[0]], largest[order[0]]
     tied = [tie.at for tie in anatomy.ties if tie.segment == last]
@@ -261,7 +264,7 @@ def _head(
 
 def _last_bulky(anatomy: Anatomy, chain: tuple[int, ...]) -> int:
     """The last segment of a chain that is no jaw or beak: a neck may be heavier than its head."""
-    limit = MIN_BULK * max(_bulk(anatomy, k) for k in chain)
+    limit = MIN_HEAD_MASS * max(_bulk(anatomy, k) for k in chain)
     return [k for k in chain if _bulk(anatomy, k) >= limit][-1]
 
 

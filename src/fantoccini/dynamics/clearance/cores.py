@@ -93,14 +93,14 @@ class Cores:
                     axes[shape[i]] = (body["R"].reshape(3, 3) @ R).swapaxes(1, 2)
                     moving = _corners(0.5 * (a[i] + b[i]), axes[shape[i]], body["half"])
                 travelled[i] = _travel(moving)
-        none = np.zeros((len(bodies), T))
+        zeros = np.zeros((len(bodies), T))
         return cls(
             a,
             b,
             travelled,
             curves,
-            np.concatenate([curve, none.astype(int) - 1]),
-            np.concatenate([stray, none]),
+            np.concatenate([curve, zeros.astype(int) - 1]),
+            np.concatenate([stray, zeros]),
             shape,
             axes,
             bodies["half"][shaped],

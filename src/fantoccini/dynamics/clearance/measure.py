@@ -24,9 +24,9 @@ from fantoccini.motion import State, Trajectory
 _MAX_TOUCH = 1e-6
 """Overlap or, along paths, distance up to which solids touch [m]."""
 _REL_ACCURACY = 0.01
-"""Largest relative error of a least distance along a path."""
-_MAX_UNDERCUT = 1e-4
-"""Undercut of a limit between samples that may remain undetected [m]."""
+"""Largest relative error of the least distance along a path."""
+_MAX_SHORTFALL = 1e-4
+"""Largest undetected shortfall of a distance below a limit between samples [m]."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Clearance:
 
     Cores are points, segments, boxes and meshes. Distances between them are exact, but an ellipsoid
     counts as the capsule around it (see :mod:`fantoccini.dynamics.clearance.solids`). A negative d
-    says that solids overlap, not how deep. Closed meshes are solid, open ones are surfaces (see
+    means an overlap, and is not its depth. Closed meshes are solid, open ones are surfaces (see
     :class:`fantoccini.dynamics.clearance.meshes.Meshes`).
 
     Attributes:
@@ -88,8 +88,8 @@ class Clearance:
         strings: whether to measure strings against obstacles: straight from point to point, or
             along a hanging curve when slack. They may lie on half-spaces.
         string_radius: half the thickness of strings [m].
-        self_collision: whether to measure bodies of one puppet that no joint connects against
-            one another. Those of different puppets and props of a scene always are.
+        self_collision: whether to measure distances between bodies of one puppet that no joint
+            connects. Those between different puppets and props are always measured.
         free: pairs of names of bodies or obstacles that may touch and are not measured.
 
     Raises:
@@ -141,9 +141,9 @@ class Clearance:
         return not of_obstacles and not len(self.solids.pairs)
 
     def parts(self) -> dict[str, Clearance]:
-        """Clearances of every body and string alone, by name; the whole clearance is their minimum.
+        """Clearance of every body and string, by name; the puppet's clearance is their minimum.
 
-        A pair of bodies belongs to the later one. Parts without pairs are left out.
+        Pairs of bodies are measured with the second one. Parts without pairs are omitted.
         """
         whole, solids_by_name = self.solids, {}
         names = [self.marionette.tree.links[i].name for i in self._links]
@@ -175,7 +175,7 @@ class Clearance:
 
         Args:
             q_D, q_K: (..., n_qD), (..., n_qK) configurations.
-            threads: number of threads that share large batches.
+            threads: number of threads for large batches.
 
         Returns:
             Clearances (...) [m]; infinite without pairs, nan for configurations with nan.
@@ -220,7 +220,7 @@ class Clearance:
 
         Args:
             path: path of the puppet.
-            within: limit [m]; undercuts of up to 0.1 mm may remain undetected.
+            within: limit [m]; shortfalls of up to 0.1 mm may remain undetected.
 
         Returns:
             The places (m,) in order of time, and the distances there (m,) [m].
@@ -231,7 +231,7 @@ class Clearance:
             selected = (distance < within) | (at.s == 0.0)
             measured.append((at.subset(selected), distance[selected]))
             beyond = distance >= within
-            return np.flatnonzero(beyond & (lower < np.minimum(within, distance - _MAX_UNDERCUT)))
+            return np.flatnonzero(beyond & (lower < np.minimum(within, distance - _MAX_SHORTFALL)))
 
         advance(path, self.bounded, criterion)
         at = Places(*map(np.concatenate, zip(*(places for places, _ in measured), strict=True)))

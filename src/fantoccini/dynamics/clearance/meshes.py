@@ -21,9 +21,9 @@ from fantoccini.model.puppet import Mesh, load_mesh
 class _Tolerances:
     """Tolerances for meshes."""
 
-    touch: float = 1e-8
+    touching_distance: float = 1e-8
     """Distance up to which solids count as overlapping [m]: the tolerance of coal's iteration."""
-    convex: float = 1e-7
+    convexity: float = 1e-7
     """Depth of dents over the size, and missing volume over the volume, up to which a mesh counts
     as convex: corners in STL files have seven digits."""
 
@@ -61,7 +61,7 @@ class Meshes:
         if self._request is None:
             self._request = coal.DistanceRequest()
             self._request.enable_signed_distance = False
-            self._request.gjk_tolerance = _TOLERANCES.touch
+            self._request.gjk_tolerance = _TOLERANCES.touching_distance
         mesh = load_mesh(shape)
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
         low, high = mesh.bounds
@@ -90,8 +90,8 @@ class Meshes:
         result = coal.distance(
             *self._placed(x), *self._placed(y), self._request, coal.DistanceResult()
         )
-        if result <= _TOLERANCES.touch or self._holds(x, y) or self._holds(y, x):
-            return -_TOLERANCES.touch
+        if result <= _TOLERANCES.touching_distance or self._holds(x, y) or self._holds(y, x):
+            return -_TOLERANCES.touching_distance
         return result
 
     def _placed(self, x: np.void) -> tuple[Any, Any]:
@@ -105,7 +105,7 @@ class Meshes:
         a, b = x["a"].tolist(), x["b"].tolist()
         middle = np.array([0.5 * (p + q) for p, q in zip(a, b, strict=True)])
         length = math.dist(a, b)
-        if length < _TOLERANCES.touch:
+        if length < _TOLERANCES.touching_distance:
             return coal.Sphere(0.0), coal.Transform3s(np.eye(3), middle)
         return coal.Capsule(0.0, length), coal.Transform3s(_along(a, b, length), middle)
 
@@ -209,7 +209,7 @@ def _closed(edges: np.ndarray) -> bool:
 
 def _convex(mesh: Any, hull: Any) -> bool:
     """Whether a closed mesh is its convex hull up to a tolerance."""
-    tolerance = _TOLERANCES.convex
+    tolerance = _TOLERANCES.convexity
     if mesh.body_count != 1 or np.max(mesh.face_adjacency_projections) > tolerance * mesh.scale:
         return False
     return bool(hull.volume - mesh.volume <= tolerance * hull.volume)

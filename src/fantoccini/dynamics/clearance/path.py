@@ -160,8 +160,8 @@ class Path:
         after = self.moves(pieces, np.zeros_like(half), half)
         bounds = []
         for early, late in zip(before, after, strict=True):
-            none = np.zeros((1, early.shape[1]))
-            bounds.append(np.maximum(np.concatenate([late, none]), np.concatenate([none, early])))
+            zeros = np.zeros((1, early.shape[1]))
+            bounds.append(np.maximum(np.concatenate([late, zeros]), np.concatenate([zeros, early])))
         return Moves(*bounds)
 
 
@@ -186,9 +186,9 @@ def _polynomials(h: Array, own: _Samples) -> Array:
             coef[:, slot, 1] = turn / step
         else:
             rate, curve = rotation.tangent_motion(turn, own.v[1:, slot], own.acc[1:, slot])
-            none = np.zeros_like(turn)
+            zeros = np.zeros_like(turn)
             coef[:, slot] = polynomial.hermite(
-                step, (none, own.v[:-1, slot], own.acc[:-1, slot]), (turn, rate, curve)
+                step, (zeros, own.v[:-1, slot], own.acc[:-1, slot]), (turn, rate, curve)
             )
         coef[~moving, slot] = 0.0
     return coef

@@ -239,7 +239,7 @@ class StringMotion:
 
     def _search(self, limit: Limit, take: Take) -> None:
         """Measures samples, and refines between them where pairs may be nearer than a limit."""
-        pairs, none = self.pairs.every, np.zeros(len(self.pairs.every))
+        pairs, zeros = self.pairs.every, np.zeros(len(self.pairs.every))
         pair, k = search(
             self.cores,
             pairs,
@@ -260,7 +260,7 @@ class StringMotion:
             i, j, at = pairs.i[pair], pairs.j[pair], 3 * own + 1
             distance, _ = cores.exact(i, j, at)
             take(pair, k, middle, distance)
-            moved = none[pair]
+            moved = zeros[pair]
             for core in (i, j):
                 there = cores.travelled[core, at]
                 before = there - cores.travelled[core, at - 1]

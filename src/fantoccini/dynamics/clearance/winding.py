@@ -27,13 +27,13 @@ from fantoccini.dynamics.clearance.string_pairs import StringPairs
 class _Tolerances:
     """Tolerances of crossings."""
 
-    meet: float = 1e-8
+    meeting_distance: float = 1e-8
     """Largest distance of pieces that meet [m]: above rounding errors, far below a thread."""
-    plane: float = 1e-13
+    coplanar_volume: float = 1e-13
     """Largest volume of pieces in one plane, relative to the product of its spanning lengths."""
-    bisections: int = 52
+    n_bisections: int = 52
     """Number of halvings of a step: enough for every bit of a number between 0 and 1."""
-    advances: int = 200
+    max_advances: int = 200
     """Maximum number of steps towards a meeting in a plane."""
 
 
@@ -95,7 +95,9 @@ def crossings(cores: Cores, t: Times, pairs: StringPairs) -> tuple[Crossing, ...
         pairs: pairs of strings.
     """
     pair, k = search(
-        cores.chords(), pairs.of_strings, lambda pair, _k: np.full(len(pair), _TOLERANCES.meet)
+        cores.chords(),
+        pairs.of_strings,
+        lambda pair, _k: np.full(len(pair), _TOLERANCES.meeting_distance),
     )
     moving = k + 1 < len(t)
     pair, k = pair[moving], k[moving]
@@ -162,7 +164,10 @@ class _Step:
         for i, j in ((0, 1), (2, 3), (0, 2)):
             spans = (np.linalg.norm(x[j] - x[i], axis=1) for x in (self.before, self.after))
             size *= np.maximum(*spans)
-        return np.abs(self.coefficients()).max(axis=0, initial=0.0) <= _TOLERANCES.plane * size
+        return (
+            np.abs(self.coefficients()).max(axis=0, initial=0.0)
+            <= _TOLERANCES.coplanar_volume * size
+        )
 
     def passages(self) -> tuple[Indices, Array, Indices]:
         """Pieces (m,) that pass through one another, their times s (m,), and senses (m,)."""
@@ -179,11 +184,11 @@ class _Step:
         piece, which = np.nonzero(above[1:] != above[:-1])
         part = self.part(which)
         low, high, side = marks[piece, which], marks[piece + 1, which], above[piece, which]
-        for _ in range(_TOLERANCES.bisections):
+        for _ in range(_TOLERANCES.n_bisections):
             middle = 0.5 * (low + high)
             same = (part.volume(middle) >= 0.0) == side
             low, high = np.where(same, middle, low), np.where(same, high, middle)
-        meet = part.distance(high) <= _TOLERANCES.meet
+        meet = part.distance(high) <= _TOLERANCES.meeting_distance
         a0, a1, b0, b1 = part.at(high)
         upward = np.sign((a1 - a0)[:, 2] * (b1 - b0)[:, 2])
         turn = np.where(side, -1, 1) * upward.astype(int)
@@ -196,12 +201,12 @@ class _Step:
         moved = np.linalg.norm(part.after - part.before, axis=2)
         nearing = np.maximum(moved[0], moved[1]) + np.maximum(moved[2], moved[3])
         distance = part.distance(s)
-        away = distance > _TOLERANCES.meet
+        away = distance > _TOLERANCES.meeting_distance
         # They cannot meet before they have moved by the remaining distance.
-        for _ in range(_TOLERANCES.advances):
+        for _ in range(_TOLERANCES.max_advances):
             s = np.minimum(s + distance / np.maximum(nearing, np.finfo(float).tiny), 1.0)
-            distance = np.where(distance > _TOLERANCES.meet, part.distance(s), distance)
-        meet = away & (distance <= _TOLERANCES.meet)
+            distance = np.where(distance > _TOLERANCES.meeting_distance, part.distance(s), distance)
+        meet = away & (distance <= _TOLERANCES.meeting_distance)
         return which[meet], s[meet], np.zeros(int(meet.sum()), dtype=int)
 
 

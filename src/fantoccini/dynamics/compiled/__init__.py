@@ -44,7 +44,7 @@ from fantoccini.dynamics.compiled.screws import (
     bracket,
     relations,
 )
-from fantoccini.dynamics.compiled.touching import TOUCHING, meeting_links
+from fantoccini.dynamics.compiled.touching import TOUCHING_GAP, meeting_links
 from fantoccini.dynamics.compiled.vector_checks import vector, vectors
 
 __all__ = [
@@ -52,7 +52,7 @@ __all__ = [
     "OFFSETS",
     "PARAMETER_STEP",
     "ROW_TOLERANCES",
-    "TOUCHING",
+    "TOUCHING_GAP",
     "WEIGHTS",
     "ActiveSet",
     "CompiledPuppet",

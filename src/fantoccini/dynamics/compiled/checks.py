@@ -175,17 +175,17 @@ def check_starts(
         wires, firm = marionette.two_sided, ~np.isfinite(marionette.upper)
         near = (ROW_TOLERANCES.stepped_gap if stepped else ROW_TOLERANCES.start_gap) * scale
         # Time-stepping may continue from a state that violates rows because of its inputs.
-        known = chunk.taut if stepped else np.zeros_like(chunk.taut)
-        off = ~(np.where(wires, np.abs(h), h) <= near) & ~known
+        is_marked_taut = chunk.taut if stepped else np.zeros_like(chunk.taut)
+        is_violated = ~(np.where(wires, np.abs(h), h) <= near) & ~is_marked_taut
         top = np.max(np.abs(chunk.v_D), axis=1, initial=1.0)[:, None]
         speed = ROW_TOLERANCES.rest_speed * top
         # A winch that slips absorbs the speed.
         passing = ~(np.where(wires, np.abs(hdot), hdot) <= speed) & (wires | firm)
         # A string slack by more than rounding is caught right after the start of the run.
         open_ = (h < -ROW_TOLERANCES.closed_gap * scale) & ~chunk.taut & ~wires
-        passing &= ~off & ~open_ & (np.abs(h) <= near) & (not stepped)
-        slack = chunk.taut & ~(h >= -near) & ~off & (not stepped)
-        wrong = off | passing | slack
+        passing &= ~is_violated & ~open_ & (np.abs(h) <= near) & (not stepped)
+        slack = chunk.taut & ~(h >= -near) & ~is_violated & (not stepped)
+        wrong = is_violated | passing | slack
         if not np.any(wrong):
             continue
         i = int(np.argmax(np.any(wrong, axis=1)))
@@ -193,7 +193,7 @@ def check_starts(
         rows, findings = np.flatnonzero(wrong[i]), []
         for r in rows:
             name = marionette.tree.row_names[r]
-            if off[i, r]:
+            if is_violated[i, r]:
                 findings.append(f"{name} is violated by {h[i, r]:.3g}")
             elif slack[i, r]:
                 findings.append(f"{name} is marked taut and slack by {-h[i, r]:.3g}")
@@ -210,7 +210,8 @@ def refuse_contact(marionette: CompiledPuppet, what: str) -> None:
     """Raises StateError if a puppet has contact, which ``what`` does not support."""
     if marionette.puppet.touching is not None:
         text = (
-            f"{marionette.name} has contact, which {what} does not know; {_leave_out(marionette)}"
+            f"{marionette.name} has contact, which {what} does not support; "
+            f"{_leave_out(marionette)}"
         )
         raise StateError(text)
 
@@ -229,8 +230,8 @@ def _check_contact(marionette: CompiledPuppet, states: States, method: str) -> N
         return
     if method == "variational":
         raise StateError(
-            f"{marionette.name} has contact, which method={method!r} does not know; take "
-            f"method='event' or 'timestepping', or {_leave_out(marionette)}"
+            f"{marionette.name} has contact, which method={method!r} does not support; "
+            f"needed: method='event' or 'timestepping', or {_leave_out(marionette)}"
         )
     allowed = ROW_TOLERANCES
     check_apart(marionette, states, allowed.touching if method == "event" else allowed.stepped_gap)
@@ -260,8 +261,8 @@ def check_apart(
 def _rows_of(marionette: CompiledPuppet, x: States, p: Array) -> tuple[Array, Array]:
     """Gaps h and rates hdot (n, n_rows) of states at parameters (1 or n, n_p)."""
     tree, table = marionette.tree, marionette.coordinates
-    still = {"acc_K": np.zeros(table.n_vK), "u_D": np.zeros(table.n_vD)}
-    on = marionette.library.evaluate("dynamics", **marionette.at(x, p), **still)
+    zeros = {"acc_K": np.zeros(table.n_vK), "u_D": np.zeros(table.n_vD)}
+    on = marionette.library.evaluate("dynamics", **marionette.at(x, p), **zeros)
     hdot_limit = np.zeros_like(on.h_limit)
     for i, limit in enumerate(tree.limits):
         place = tree.links[limit.link].v
@@ -335,8 +336,8 @@ def check_inputs(
             which = f"inputs[{n}].{own.v_K[i]}" if len(inputs) > 1 else own.v_K[i]
             text = (
                 f"the inputs {what} at t = {at:g} s with the velocity {speed[n, i]:.6g}, and the "
-                f"run goes from {t:g} s to {t_end:g} s; let them {what} at rest, or keep the run "
-                "within them"
+                f"run lasts from {t:g} s to {t_end:g} s; needed: inputs that {what} at rest, or a "
+                "run within them"
             )
             mistakes.append(Mistake("inputs", None, which, text))
     if mistakes:

@@ -123,7 +123,7 @@ class CompiledPuppet:
         return self._changed(p=p, winches=winches_of(self.tree, p))
 
     def with_p(self, p: Array) -> Self:
-        """The same puppet with parameters (n_p,), which are not checked."""
+        """The same puppet with other parameters (n_p,), without checks."""
         return self if np.array_equal(p, self.p) else self._changed(p=p.copy())
 
     def with_winches(self, winches: Array) -> Self:
@@ -183,7 +183,7 @@ class CompiledPuppet:
 
     @property
     def prescribed(self) -> Contacts | None:
-        """Pairs of solids that may touch and are moved by the inputs alone; None without any."""
+        """Pairs of solids that may touch and that only inputs move; None without any."""
         data = None if self._touching is None else self._touching[1]
         return data if data is not None and len(data.pairs) else None
 
@@ -195,7 +195,7 @@ class CompiledPuppet:
 
     @cached_property
     def described(self) -> Puppet:
-        """The puppet as a file would describe it now, with the present parameters."""
+        """The puppet as a file describes it, with the present parameters."""
         present = dict(zip(self.tree.parameters, self.p.tolist(), strict=True))
         if present == self.tree.parameters:
             return self.puppet
@@ -207,7 +207,7 @@ class CompiledPuppet:
         return SampleLayout(self.tree)
 
     def number(self, value: Number) -> float:
-        """A number of the puppet; the present value if it is a parameter."""
+        """Value of a number in the puppet's file, perhaps a parameter."""
         if not isinstance(value, Parameter):
             return float(value)
         return float(self.p[self.parameter_index[value.parameter]])
@@ -219,7 +219,7 @@ class CompiledPuppet:
 
     @cached_property
     def cap_parameters(self) -> Indices:
-        """Index in ``p`` of the parameter that is a row's largest tension: (n_rows,); -1: none."""
+        """Index in ``p`` of every row's largest tension: (n_rows,); -1 if it is no parameter."""
         out = np.full(self.tree.n_rows, -1)
         for i, string in enumerate(self.tree.strings):
             if isinstance(string.max_tension, Parameter):

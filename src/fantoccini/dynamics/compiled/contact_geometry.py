@@ -29,13 +29,13 @@ class GeometryTolerances:
     """Steps and required agreement of differences; lengths in units of the pair's size."""
 
     steps: tuple[float, ...] = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6)
-    first: float = 1e-7
+    first_derivative: float = 1e-7
     """Agreement of first derivatives at two steps: above rounding at the smallest step."""
-    second: float = 1e-5
+    second_derivative: float = 1e-5
     """Agreement of second derivatives at two steps."""
-    margin: float = 1e-3  # Largest gap of the points considered [m], as in compiled code
-    least_size: float = 1e-4  # Smallest size of a pair [m]
-    reach: float = 20.0  # Largest separation during the differences, in steps
+    max_gap: float = 1e-3  # Largest gap of the points considered [m], as in compiled code
+    min_size: float = 1e-4  # Smallest size of a pair [m]
+    max_separation: float = 20.0  # Largest separation during the differences, in steps
     flat_size: float = 0.1  # Size of planes and meshes, which have none of their own [m]
 
 
@@ -89,8 +89,8 @@ class PairGeometry:
         self._first = poses[a]
         self._second = poses[b] if b != WORLD else np.zeros(12)
         # The curvature of the points' paths scales with the distance of the cores, or is zero.
-        self._size = max(GEOMETRY_TOLERANCES.least_size, sum(_size(solid) for solid in solids))
-        rows = self._touches(self._first[None], GEOMETRY_TOLERANCES.margin)[0]
+        self._size = max(GEOMETRY_TOLERANCES.min_size, sum(_size(solid) for solid in solids))
+        rows = self._touches(self._first[None], GEOMETRY_TOLERANCES.max_gap)[0]
         self.points = {int(row[0]): row[1:] for row in rows if row[0] >= 0.0}
         places = [at[1:4] for at in self.points.values()]
         self._about = np.mean(places, axis=0) if places else np.zeros(3)
@@ -98,9 +98,9 @@ class PairGeometry:
 
     def nearest(self, point: Array, most: float) -> int | None:
         """Feature of the point nearest to a place (3,) [m], if any is within ``most`` [m]."""
-        apart = {f: float(np.max(np.abs(at[1:4] - point))) for f, at in self.points.items()}
-        near = [f for f, distance in apart.items() if distance <= most]
-        return min(near, key=apart.__getitem__) if near else None
+        distances = {f: float(np.max(np.abs(at[1:4] - point))) for f, at in self.points.items()}
+        near = [f for f, distance in distances.items() if distance <= most]
+        return min(near, key=distances.__getitem__) if near else None
 
     def twist(self, screws: Screws) -> Array:
         """Twist (6,) of the first solid relative to the second."""
@@ -124,7 +124,7 @@ class PairGeometry:
         values = np.array([self._size] * 4 + [1.0] * 3)
         to_origin = np.eye(6)
         to_origin[:3, 3:] = -rotation.skew(self._about)
-        by, smooth = self._converged(feature, None, GEOMETRY_TOLERANCES.first)
+        by, smooth = self._converged(feature, None, GEOMETRY_TOLERANCES.first_derivative)
         by = values[:, None] * by / scale @ to_origin
         rate, rate_by = np.zeros(7), np.zeros((7, 6))
         if twist is not None:
@@ -133,7 +133,7 @@ class PairGeometry:
             rate = by @ twist
             if speed > 0.0:
                 differences, second = self._converged(
-                    feature, local / speed, GEOMETRY_TOLERANCES.second
+                    feature, local / speed, GEOMETRY_TOLERANCES.second_derivative
                 )
                 rate_by = values[:, None] * differences * speed / scale @ to_origin
                 smooth = smooth and second
@@ -164,8 +164,8 @@ class PairGeometry:
             if differences is None:
                 continue
             if last is not None:
-                apart = float(np.max(np.abs(differences - last)))
-                if apart <= tolerance * max(1.0, float(np.max(np.abs(last)))):
+                difference = float(np.max(np.abs(differences - last)))
+                if difference <= tolerance * max(1.0, float(np.max(np.abs(last)))):
                     return last, True
             last = differences
         return (np.zeros((7, 6)) if last is None else last), False
@@ -181,7 +181,7 @@ class PairGeometry:
         else:  # rates along it, after a twist in each direction
             then = np.tile(h * OFFSETS[:, None] * along, (36, 1))
             moves = np.stack([np.repeat(single, 6, axis=0), then], axis=1)
-        margin = GEOMETRY_TOLERANCES.margin + GEOMETRY_TOLERANCES.reach * h * self._size
+        margin = GEOMETRY_TOLERANCES.max_gap + GEOMETRY_TOLERANCES.max_separation * h * self._size
         rows = self._touches(self._moved_poses(self._about, moves), margin)
         out = {}
         for feature, here in self.points.items():

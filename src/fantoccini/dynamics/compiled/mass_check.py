@@ -20,9 +20,11 @@ _N_POSES = 3
 class Tolerances:
     """Singularity thresholds of a joint's inertia, scaled to a unit diagonal."""
 
-    eigenvalue: float = 1e-12  # Smallest eigenvalue: above rounding, far below that of any puppet
-    diagonal: float = 1e-300  # Diagonal entry that counts as 0 [kg or kg m^2]
-    part: float = 1e-3  # Part of a mode's largest entry above which a coordinate is named
+    min_eigenvalue: float = (
+        1e-12  # Smallest eigenvalue: above rounding, far below that of any puppet
+    )
+    zero_diagonal: float = 1e-300  # Diagonal entry that counts as 0 [kg or kg m^2]
+    named_share: float = 1e-3  # Part of a mode's largest entry above which a coordinate is named
 
 
 TOLERANCES = Tolerances()
@@ -77,10 +79,10 @@ def _singular(
         if not np.all(np.isfinite(D)):
             return list(names), "is not finite"
         size = np.diag(held)
-        scale = 1.0 / np.sqrt(np.maximum(size, TOLERANCES.diagonal))
+        scale = 1.0 / np.sqrt(np.maximum(size, TOLERANCES.zero_diagonal))
         values, vectors = np.linalg.eigh(D * np.outer(scale, scale))
-        massless = size <= TOLERANCES.diagonal
-        if values[0] <= TOLERANCES.eigenvalue or np.any(massless):
+        massless = size <= TOLERANCES.zero_diagonal
+        if values[0] <= TOLERANCES.min_eigenvalue or np.any(massless):
             part = np.where(massless, 1.0, np.abs(vectors[:, 0]))
-            return list(names[part > TOLERANCES.part * np.max(part)]), "is singular"
+            return list(names[part > TOLERANCES.named_share * np.max(part)]), "is singular"
     return [], ""

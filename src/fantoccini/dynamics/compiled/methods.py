@@ -49,9 +49,9 @@ class TimeStepping(_Options):
 
     Attributes:
         dt: length of the steps [s].
-        extrapolate: take velocity products half a step ahead, from the accelerations of the steps
-            before, which keeps the energy of spinning bodies. False makes each step depend on its
-            state alone, so that a run continues from any sample to the same bits.
+        extrapolate: whether velocity products are extrapolated by half a step, from earlier
+            accelerations, which keeps the energy of spinning bodies. Otherwise each step depends on
+            its state alone, so that a run continues from any sample to the same bits.
 
     Raises:
         ValueError: the step is not positive and finite.
@@ -93,7 +93,7 @@ def as_method(method: Method | MethodName, **options: Any) -> Method:
     """A method with its name and options; a method object is returned unchanged.
 
     Raises:
-        ValueError: there is no such method, or it does not take an option.
+        ValueError: there is no such method, or it has no such option.
     """
     if isinstance(method, Method) and not options:
         return method
@@ -103,10 +103,10 @@ def as_method(method: Method | MethodName, **options: Any) -> Method:
             "fan.Event(...), fan.TimeStepping(...) or fan.Variational(...)"
         )
     kind = METHODS[method]
-    known = kind.__dataclass_fields__
+    fields = kind.__dataclass_fields__
     for name in options:
-        if name not in known:
+        if name not in fields:
             raise ValueError(
-                f"{name} does not go with method={method!r}, which takes {', '.join(known)}"
+                f"method={method!r} has no option {name}; allowed: {', '.join(fields)}"
             )
     return kind(**options)

@@ -32,14 +32,14 @@ def parameter_rows(marionette: CompiledPuppet, values: Mapping[str, Array | floa
         if name not in index:
             raise UnknownNameError("parameter", name, tuple(index))
         if x.ndim > 1 or x.size == 0:
-            raise ValueError(f"parameter {name} has the shape {x.shape}; it takes a number or (n,)")
+            raise ValueError(f"parameter {name} has the shape {x.shape}; needed: a number or (n,)")
         if not np.all(np.isfinite(x)):
             bad = x[~np.isfinite(x)].flat[0]
             raise StateError(f"parameter {name}: found {bad}; it must be a finite number")
         if name in wound and np.any(x != marionette.p[index[name]]):
             raise StateError(
                 f"parameter {name} belongs to the winch of {wound[name]}, which all runs share: "
-                f"take marionette.with_parameters({{{name!r}: ...}})"
+                f"use marionette.with_parameters({{{name!r}: ...}})"
             )
         if x.ndim:
             sizes[name] = len(x)

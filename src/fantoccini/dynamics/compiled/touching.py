@@ -24,9 +24,9 @@ from fantoccini.model.puppet import FLOOR, Contact, Group, Mesh, Obstacle, Puppe
 from fantoccini.model.tree import WORLD, Role, Tree
 from fantoccini.motion import pair_name
 
-OVERLAP = 1e-9
+MAX_START_OVERLAP = 1e-9
 """Overlap at the start pose above which two solids of one tree never touch [m]."""
-TOUCHING = 1e-6
+TOUCHING_GAP = 1e-6
 """Gap up to which solids count as touching [m]."""
 
 
@@ -59,7 +59,7 @@ def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
 def meeting_links(puppet: Puppet, tree: Tree) -> set[tuple[int, int]]:
     """Pairs of links, or of a link and the world, whose solids may touch by the rules of contact.
 
-    Needs no compiled model, and does not look at the pose.
+    It depends on neither the compiled model nor the pose.
     """
     if puppet.touching is None:
         return set()
@@ -75,8 +75,8 @@ def contacts_of(
     """The pairs of solids that may touch, and the pairs with prescribed relative motion.
 
     None if the puppet's file does not mention contact. Bodies of one joint do not touch; nor do
-    those of one tree that overlap at the file's pose. No force acts in a pair of the second kind:
-    both solids follow the inputs, and their overlap can only be measured.
+    those of one tree that overlap at the file's pose. Pairs of the second kind have no force:
+    both solids follow the inputs, and only their overlap is measured.
 
     Args:
         puppet: puppet with rules of contact.
@@ -114,11 +114,14 @@ def contacts_of(
     excluded = {
         k
         for k, gap in zip(which, gaps, strict=True)
-        if gap < -OVERLAP and _kin(tree, *(parts[i].link for i in meet[k][:2]))
+        if gap < -MAX_START_OVERLAP
+        and _same_moving_tree(tree, *(parts[i].link for i in meet[k][:2]))
     }
     selected = np.array([k not in excluded for k in which], dtype=np.bool_)
     sides = [(parts[meet[k][0]].link, parts[meet[k][1]].link) for k in which]
-    dynamic = np.array([_moves(tree, a, b, Role.DYNAMIC) for a, b in sides], dtype=np.bool_)
+    dynamic = np.array(
+        [_has_relative_motion(tree, a, b, Role.DYNAMIC) for a, b in sides], dtype=np.bool_
+    )
     return table.subset(selected & dynamic), table.subset(selected & ~dynamic)
 
 
@@ -147,7 +150,7 @@ def _solids(
         elif i in touching:
             own = _hulls(puppet, part.shape, part.name)
             if i < len(counts) and len(own) != counts[i]:
-                raise _refused(
+                raise _refusal(
                     puppet,
                     part.name,
                     f"{part.shape.file} is not convex, and touched nothing when "
@@ -165,10 +168,10 @@ def _hulls(puppet: Puppet, shape: Mesh, name: str) -> tuple[Hull, ...]:
     try:
         return mesh_hulls(shape)
     except ValueError as reason:
-        raise _refused(puppet, name, str(reason)) from None
+        raise _refusal(puppet, name, str(reason)) from None
 
 
-def _refused(puppet: Puppet, name: str, reason: str) -> PuppetError:
+def _refusal(puppet: Puppet, name: str, reason: str) -> PuppetError:
     file, line = puppet.locate(name)
     return PuppetError([Mistake(file, line, f"shapes of {name}", reason)])
 
@@ -181,7 +184,9 @@ def _pairs(
         for b, second in enumerate([*own[:a], *standing]):
             place = b if b < a else len(own) + b - a
             links = first.link, second.link
-            moves = _moves(tree, *links, Role.DYNAMIC) or _moves(tree, *links, Role.DRIVEN)
+            moves = _has_relative_motion(tree, *links, Role.DYNAMIC) or _has_relative_motion(
+                tree, *links, Role.DRIVEN
+            )
             if moves and not _joined(tree, first, second):
                 group = _group(puppet, first, second)
                 result = _rule(puppet, rules, first.name, second.name, group)
@@ -189,15 +194,15 @@ def _pairs(
                     yield a, place, *result
 
 
-def _moves(tree: Tree, a: int, b: int, role: Role) -> bool:
+def _has_relative_motion(tree: Tree, a: int, b: int, role: Role) -> bool:
     """Whether a coordinate of a role moves one link relative to the other."""
     paths = [{i for i in tree.ancestors(link) if tree.links[i].role is role} for link in (a, b)]
     return paths[0] != paths[1]
 
 
-def _kin(tree: Tree, a: int, b: int) -> bool:
+def _same_moving_tree(tree: Tree, a: int, b: int) -> bool:
     """Whether two links have a common ancestor that is not fixed in the world."""
-    paths = [{i for i in tree.ancestors(x) if _rigid(tree, i) != WORLD} for x in (a, b)]
+    paths = [{i for i in tree.ancestors(x) if _rigid_root(tree, i) != WORLD} for x in (a, b)]
     return bool(paths[0] & paths[1])
 
 
@@ -205,11 +210,11 @@ def _joined(tree: Tree, a: _Part, b: _Part) -> bool:
     """Whether one joint connects two bodies, or both are the same body."""
     if WORLD in (a.link, b.link):
         return False
-    this, other = _rigid(tree, a.link), _rigid(tree, b.link)
+    this, other = _rigid_root(tree, a.link), _rigid_root(tree, b.link)
     return this == other or other == _carrier(tree, this) or this == _carrier(tree, other)
 
 
-def _rigid(tree: Tree, link: int) -> int:
+def _rigid_root(tree: Tree, link: int) -> int:
     """First of the links that fixed joints connect to a link; perhaps the world."""
     while link != WORLD and tree.links[link].kind == "fixed":
         link = tree.links[link].parent
@@ -217,10 +222,10 @@ def _rigid(tree: Tree, link: int) -> int:
 
 
 def _carrier(tree: Tree, link: int) -> int:
-    """Nearest link below a link that has a shape, as :func:`_rigid` gives it."""
-    shaped = {_rigid(tree, i) for i, other in enumerate(tree.links) if other.shapes}
+    """Nearest link below a link that has a shape, as :func:`_rigid_root` gives it."""
+    shaped = {_rigid_root(tree, i) for i, other in enumerate(tree.links) if other.shapes}
     while link != WORLD:
-        link = _rigid(tree, tree.links[link].parent)
+        link = _rigid_root(tree, tree.links[link].parent)
         if link in shaped:
             return link
     return WORLD

@@ -26,14 +26,14 @@ from fantoccini.motion import State
 class BalanceSettings:
     """Bounds of the search for balance."""
 
-    rounds: int = 12
-    still: float = 1e-7
+    max_rounds: int = 12
+    max_rest_acceleration: float = 1e-7
     """Acceleration of a state at rest [rad/s^2 or m/s^2]: a tenth of the bound for modes."""
-    move: float = 1e-3
+    max_move: float = 1e-3
     """Largest move of a round [rad or m]; with larger ones, the set of pulling rows may change."""
-    difference: float = 1e-6
+    difference_step: float = 1e-6
     """Largest entry of the moves of the differences [rad or m]."""
-    neutral: float = 1e-6
+    zero_singular_value: float = 1e-6
     """Singular value of the derivative that counts as 0, relative to the largest."""
 
 
@@ -46,19 +46,19 @@ def balanced_state(marionette: CompiledPuppet, x: State) -> State:
     Rows and contact points stay held. If it does not converge, it is the best state on the way.
     """
     best, smallest = x, np.inf
-    for _ in range(BALANCE.rounds):
+    for _ in range(BALANCE.max_rounds):
         try:
             motion = motion_at(marionette, x)
-            left = float(np.max(np.abs(motion.acc_D), initial=0.0))
-            if not left < smallest:
+            remaining = float(np.max(np.abs(motion.acc_D), initial=0.0))
+            if not remaining < smallest:
                 break
-            best, smallest = x, left
-            if left <= BALANCE.still:
+            best, smallest = x, remaining
+            if remaining <= BALANCE.max_rest_acceleration:
                 break
             move = _newton_move(marionette, x, motion)
         except StateError:
             break
-        if not 0.0 < np.max(np.abs(move), initial=0.0) < BALANCE.move:
+        if not 0.0 < np.max(np.abs(move), initial=0.0) < BALANCE.max_move:
             break
         x = x.replace(q_D=retract(marionette, x.q_D, move))
     return best
@@ -78,8 +78,8 @@ def _newton_move(marionette: CompiledPuppet, x: State, motion: Resting) -> Array
 
     columns = []
     for direction in N.T:
-        step = BALANCE.difference / np.max(np.abs(direction))
+        step = BALANCE.difference_step / np.max(np.abs(direction))
         difference = accelerations(step * direction) - accelerations(-step * direction)
         columns.append(difference / (2.0 * step))
     by_eta = np.stack(columns, axis=1) if columns else np.zeros((len(still_D), 0))
-    return np.asarray(N @ np.linalg.lstsq(by_eta, -motion.acc_D, BALANCE.neutral)[0])
+    return np.asarray(N @ np.linalg.lstsq(by_eta, -motion.acc_D, BALANCE.zero_singular_value)[0])

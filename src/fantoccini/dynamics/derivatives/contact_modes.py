@@ -26,8 +26,8 @@ class ModeTolerances:
     force: float = 1e-8  # Force that counts as zero, relative to the weight
     cone: float = 1e-6  # Smallest distance of a sticking force from its cone, relative
     acceleration: float = 1e-6  # Acceleration of a point at rest [m/s^2]
-    dependent: float = 1e-7  # Part of a dependent row outside the span of the others
-    askew: float = 1e-6  # Angle between directions of sliding that count as equal [rad]
+    dependence: float = 1e-7  # Part of a dependent row outside the span of the others
+    sliding_angle: float = 1e-6  # Angle between directions of sliding that count as equal [rad]
 
 
 TOLERANCES = ModeTolerances()
@@ -82,15 +82,15 @@ def mode_of(
         force, u: (3,) force on the first solid, and its velocity relative to the second.
         still: speed that counts as zero [m/s].
     """
-    none = np.zeros(3)
+    zeros = np.zeros(3)
     if mu == 0.0:
-        return ContactMode.SLIDE, none, False, ""
+        return ContactMode.SLIDE, zeros, False, ""
     u_T, f_T = u - n * (n @ u), force - n * (n @ force)
     speed, size = float(np.linalg.norm(u_T)), float(np.linalg.norm(f_T))
     if speed > still:
         return ContactMode.SLIDE, u_T / speed, True, ""
     strained = size > (1.0 - TOLERANCES.cone) * mu * (n @ force)
-    return ContactMode.STICK, none, False, "sticks at the edge of its cone" if strained else ""
+    return ContactMode.STICK, zeros, False, "sticks at the edge of its cone" if strained else ""
 
 
 def closed_without_force(
@@ -110,7 +110,7 @@ def closed_without_force(
     rows = [p.directions @ _subspace(screws, p.touch.links, p.touch.point) for p in held]
     basis = np.concatenate([*rows, np.zeros((0, screws.n_D))])
     _, s, vt = np.linalg.svd(basis, full_matrices=False)
-    span = vt[s > TOLERANCES.dependent * np.max(s, initial=0.0)]
+    span = vt[s > TOLERANCES.dependence * np.max(s, initial=0.0)]
     edges = []
     for name, pair, feature, opens in open_points:
         if opens > still:
@@ -118,7 +118,7 @@ def closed_without_force(
         values = pair.points[feature]
         row = values[4:] @ _subspace(screws, pair.links, values[1:4])
         rest = row - span.T @ (span @ row)
-        if np.linalg.norm(rest) > TOLERANCES.dependent * np.linalg.norm(row):
+        if np.linalg.norm(rest) > TOLERANCES.dependence * np.linalg.norm(row):
             edges.append(f"{name}: touches without force")
         elif _slides_askew(pair.velocity(screws, values[1:4]), values[4:], pair.pair, held, still):
             edges.append(f"{name}: touches without force, and slides askew of those that push")
@@ -140,7 +140,7 @@ def _slides_askew(
         and point.friction > 0.0
         and (
             speed <= still
-            or np.linalg.norm(np.cross(point.along, across)) > TOLERANCES.askew * speed
+            or np.linalg.norm(np.cross(point.along, across)) > TOLERANCES.sliding_angle * speed
         )
         for point in held
     )

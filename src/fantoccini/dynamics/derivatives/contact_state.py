@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, StateError, Status
 from fantoccini.dynamics.compiled import (
-    TOUCHING,
+    TOUCHING_GAP,
     CompiledPuppet,
     Evaluation,
     PairGeometry,
@@ -38,9 +38,9 @@ from fantoccini.dynamics.steppers import held_input
 from fantoccini.kernel.runtime import Piece, Run, contact_points
 from fantoccini.motion import ContactPoints, State, pair_name
 
-JUMP = 1e-6
+MIN_IMPACT_CHANGE = 1e-6
 """Change of velocities at the start of a run that is an impact, relative to 1 or the largest."""
-CLOSED = 1e-6
+MAX_CLOSED_GAP = 1e-6
 """Largest gap of a point that touches [m], as at the start of an event-driven run."""
 
 
@@ -89,7 +89,7 @@ def motion_at(marionette: CompiledPuppet, x: State) -> Resting:
 
 def touches(marionette: CompiledPuppet, x: State) -> bool:
     """Whether solids touch at a state."""
-    return bool(marionette.overlaps(x.q_D, x.q_K, -TOUCHING))
+    return bool(marionette.overlaps(x.q_D, x.q_K, -TOUCHING_GAP))
 
 
 def with_active_set(marionette: CompiledPuppet, x: State) -> State:
@@ -125,7 +125,7 @@ def _first_sample(
         name: part[-1] for name, part in marionette.sample_layout.split(piece.samples).items()
     }
     size = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-    if np.max(np.abs(sample["v_D"] - x.v_D), initial=0.0) > JUMP * size:
+    if np.max(np.abs(sample["v_D"] - x.v_D), initial=0.0) > MIN_IMPACT_CHANGE * size:
         raise StateError(
             "solids or strings strike at this state: it lies between two motions, and has no "
             "derivative"
@@ -149,7 +149,7 @@ def _contacts(
         )
         mu, taken = float(marionette.contacts.friction[pair.pair]), set()
         for k in range(len(own)):
-            feature = pair.nearest(own.point[k], CLOSED)
+            feature = pair.nearest(own.point[k], MAX_CLOSED_GAP)
             if feature is None:
                 raise StateError(f"{name} touch only where an event-driven run moves them first")
             taken.add(feature)
@@ -165,7 +165,7 @@ def _contacts(
                 edge = edge or "touches without force"
             edges += [f"{name}: {edge}"] if edge else []
         for feature, values in pair.points.items():
-            if feature not in taken and values[0] <= CLOSED:
+            if feature not in taken and values[0] <= MAX_CLOSED_GAP:
                 opens = pair.velocity(screws, values[1:4]) @ values[4:]
                 idle.append((name, pair, feature, float(opens)))
     edges += closed_without_force(screws, held, idle, still)
@@ -243,8 +243,8 @@ class FrozenModes:
         rows = ContactRows(screws, points, 0.0)
         hddot = at.gamma[held] + at.W[:, held].T @ at.w0
         rate = np.concatenate([hddot, rows.accelerations()])[:, None]
-        none = np.zeros((len(free), 1))
-        acc, y = ModeSystem(at, held, rows).solve(none, rate)
+        zeros = np.zeros((len(free), 1))
+        acc, y = ModeSystem(at, held, rows).solve(zeros, rate)
         tension, forces, first = y[: len(held), 0], [], len(held)
         for point in points:
             k = len(point.directions)

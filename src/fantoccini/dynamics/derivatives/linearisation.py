@@ -199,12 +199,12 @@ def linearise(
 
 def named_rows(marionette: CompiledPuppet, names: Iterable[str]) -> Indices:
     """Indices of strings and limits, in order."""
-    known = marionette.tree.row_names
+    known_names = marionette.tree.row_names
     names = (names,) if isinstance(names, str) else tuple(names)
     for name in names:
-        if name not in known:
-            raise UnknownNameError("string or limit", name, known)
-    return np.array(sorted(known.index(name) for name in set(names)), dtype=int)
+        if name not in known_names:
+            raise UnknownNameError("string or limit", name, known_names)
+    return np.array(sorted(known_names.index(name) for name in set(names)), dtype=int)
 
 
 def derivatives_at(
@@ -253,8 +253,8 @@ def force_derivatives(
 def row_derivatives(results: dict[str, Array]) -> Array:
     """Derivatives of hddot by q_D, v_D, q_K, v_K, acc_K, u_D and p, in one array."""
     names = ("hddot_q", "hddot_v", "hddot_qK", "hddot_vK", "A_K")
-    none = np.zeros_like(results["hddot_v"])
-    return np.concatenate([*(results[name] for name in names), none, results["hddot_p"]], axis=1)
+    zeros = np.zeros_like(results["hddot_v"])
+    return np.concatenate([*(results[name] for name in names), zeros, results["hddot_p"]], axis=1)
 
 
 def tension_derivatives(

@@ -23,9 +23,9 @@ from fantoccini.dynamics.derivatives.contact_rows import (
 )
 from fantoccini.dynamics.derivatives.kkt import DEPENDENT_ROWS
 
-SHIFT = 0.1
+FORCE_SHIFT = 0.1
 """Shift of redundant forces, relative to the largest, that tests whether motions depend on them."""
-DEPENDS = 1e-6
+MIN_DEPENDENCE = 1e-6
 """Change of a derivative that counts as dependence, relative to the largest by its quantity."""
 ROUNDING = 1e-8
 """Rounding error of the derivatives by one quantity, relative to the largest of all."""
@@ -63,7 +63,7 @@ def solve_in_modes(
         again = ModeSystem(at, held, other)
         shifted_acc, _ = again.solve(force + other.force_by(), np.concatenate([rate, change]))
         size = np.max(np.abs(acc), axis=0)
-        tolerance = DEPENDS * np.maximum(size, ROUNDING * np.max(size, initial=0.0))
+        tolerance = MIN_DEPENDENCE * np.maximum(size, ROUNDING * np.max(size, initial=0.0))
         if np.any(np.max(np.abs(shifted_acc - acc), axis=0) > tolerance):
             raise StateError(
                 f"{own.names} slide on more points than the law can share force among, and how a "
@@ -76,7 +76,7 @@ def solve_in_modes(
 def _with_shifted_forces(points: Sequence[HeldPoint], idle: Array) -> list[HeldPoint]:
     """The points with other forces of the same effect."""
     size = max(float(np.linalg.norm(point.force)) for point in points)
-    shift = SHIFT * size * np.sum(idle * np.cos(np.arange(len(idle)))[:, None], axis=0)
+    shift = FORCE_SHIFT * size * np.sum(idle * np.cos(np.arange(len(idle)))[:, None], axis=0)
     out, first = [], 0
     for point in points:
         k = len(point.directions)

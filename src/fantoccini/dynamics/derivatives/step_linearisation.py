@@ -179,11 +179,11 @@ def _held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[Held
     for point in touches.points[0, : touches.n_points[0]]:
         pair, feature = int(point["pair"]), int(point["feature"])
         at, normal = point["at"].copy(), point["normal"].copy()
-        by, none = point["by"].reshape(7, 6).copy(), np.zeros((7, 6))
+        by, zeros = point["by"].reshape(7, 6).copy(), np.zeros((7, 6))
         links = (int(point["links"][0]), int(point["links"][1]))
         smooth = not touches.pair_edges[0, pair] & StepEdge.NOT_SMOOTH
         gap = float(point["gap"])
-        touch = Touch(pair, feature, links, gap, at, normal, by, none[:, 0], none, smooth)
+        touch = Touch(pair, feature, links, gap, at, normal, by, zeros[:, 0], zeros, smooth)
         results.append(
             HeldPoint(
                 name=pair_name(marionette.contacts.names[pair]),

@@ -38,9 +38,9 @@ from fantoccini.kernel.runtime import (
 )
 from fantoccini.model.tree import CoordinateTable
 
-SHORTENED = 1e-9
+MIN_SHORTENING = 1e-9
 """Relative difference of a step's velocity and its equations' from which it was cut short."""
-AT_CAP = 1.0 - 1e-9
+SLIPPING_SHARE = 1.0 - 1e-9
 """Share of a string's largest tension from which it counts as slipping."""
 
 
@@ -229,8 +229,8 @@ class StepInputs(NamedTuple):
         )
         n = max(map(len, (*starts.values(), acc, values, () if force is None else force)))
         x = {name: _rows(a, n) for name, a in starts.items()}
-        none = np.zeros((n, len(marionette.tree.strings)))
-        slips = none if slip is None or not len(slip) else none + slip
+        zeros = np.zeros((n, len(marionette.tree.strings)))
+        slips = zeros if slip is None or not len(slip) else zeros + slip
         driven = _driven_steps(marionette, x["v_K"], acc, dt)
         return cls(x, slips, acc, force, values, dt, driven)
 
@@ -315,9 +315,9 @@ def linearised(
             _chain_rotations(marionette, given.driven, columns)
     meant = x["v_D"] + dt * derivatives.acc_D
     size = 1.0 + np.abs(ends.v_D).max(axis=1, initial=0.0)
-    shortened = ~(np.abs(meant - ends.v_D).max(axis=1, initial=0.0) <= SHORTENED * size)
-    none = np.zeros(len(held), dtype=np.int32)
-    edges, n_points = (none, none) if touches is None else (touches.edges, touches.n_points)
+    shortened = ~(np.abs(meant - ends.v_D).max(axis=1, initial=0.0) <= MIN_SHORTENING * size)
+    zeros = np.zeros(len(held), dtype=np.int32)
+    edges, n_points = (zeros, zeros) if touches is None else (touches.edges, touches.n_points)
     ended = (ends.status == Status.DONE.value) & ~shortened
     steps = StepLinearisations(
         q_D=ends.q_D,
@@ -341,7 +341,7 @@ def linearised(
 def held_rows(marionette: CompiledPuppet, tension: Array) -> MaskRows:
     """Mask (..., n_rows) of the rows held by steps with these tensions (..., n_rows)."""
     upper = np.minimum(marionette.upper, marionette.tension_cap)
-    return marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
+    return marionette.two_sided | ((tension > 0.0) & (tension < SLIPPING_SHARE * upper))
 
 
 def _time_steps(
@@ -368,8 +368,8 @@ def _variational(
     if not options.forces:
         first = 2 * t.n_vD + 3 * t.n_vK
         selected[first : first + t.n_vD] = False
-    slips = np.any(derivatives.tension >= AT_CAP * marionette.upper, axis=1)
-    none = np.zeros(len(derivatives.solved), dtype=np.int32)
+    slips = np.any(derivatives.tension >= SLIPPING_SHARE * marionette.upper, axis=1)
+    zeros = np.zeros(len(derivatives.solved), dtype=np.int32)
     return StepLinearisations(
         **derivatives.end,
         tension=derivatives.tension,
@@ -377,8 +377,8 @@ def _variational(
         motion=derivatives.motion[..., selected],
         pull=derivatives.pull[..., selected] if options.pull else None,
         settled=derivatives.solved & ~slips,
-        edges=none,
-        n_contacts=none,
+        edges=zeros,
+        n_contacts=zeros,
         dt=given.dt,
         coordinates=t,
         _driven=given.driven,

@@ -23,13 +23,13 @@ from fantoccini.base import N_COEF, Array, Indices, MaskRows, StateError, Status
 from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.kernel.runtime import Batch
 
-CLOSED = 1e-9
+MAX_CLOSED_GAP = 1e-9
 """Largest -h of a row that is at its bound after a step [m or rad]."""
-NO_IMPULSE = 1e-9
+IMPULSE_ROUNDING = 1e-9
 """Impulse that counts as zero, relative to the weight times the step."""
-RESIDUAL = 1e-8
+MAX_RESIDUAL = 1e-8
 """Residual of momenta, relative to the largest, above which a step was divided into parts."""
-DEPENDENT = 1e-9
+DEPENDENT_ROWS = 1e-9
 """Singular value, relative to the largest, below which rows depend on one another."""
 
 
@@ -111,16 +111,16 @@ def variational_partials(
     start = library.evaluate("row_rates_by", p=values, **x)
     last = library.evaluate("row_rates_by", p=values, **end)
     h = marionette.library.evaluate("rows", q_D=end["q_D"], q_K=end["q_K"], p=values).h
-    closed = marionette.two_sided | (h > -CLOSED)
+    closed = marionette.two_sided | (h > -MAX_CLOSED_GAP)
     near = np.flatnonzero(np.any(closed, axis=0))  # rows closed after any of the steps
     start, last = (_rows_of(row_rates, near) for row_rates in (start, last))
     closed, wires = closed[:, near], marionette.two_sided[near]
-    none = NO_IMPULSE * dt * marionette.reference_force
+    none = IMPULSE_ROUNDING * dt * marionette.reference_force
     begun, ended = (library.evaluate("momenta", p=values, **at).p_D for at in (x, end))
     size = np.max(np.abs(begun), axis=1, initial=0.0)
-    Lambda, left = _impulses(start.A_D, closed, begun - mid.before)
+    Lambda, residual = _impulses(start.A_D, closed, begun - mid.before)
     mu, left_after = _impulses(last.A_D, closed, mid.after - ended)
-    solved = np.maximum(left, left_after) <= RESIDUAL * size + none
+    solved = np.maximum(residual, left_after) <= MAX_RESIDUAL * size + none
     pulls = closed & (wires | (np.abs(Lambda) > none))
     holds = closed & (wires | (np.abs(mu) > none))
 
@@ -265,9 +265,9 @@ def _steps(marionette: CompiledPuppet, q: Array, end: Array) -> Array:
 def _impulses(A_D: Array, some: MaskRows, momenta: Array) -> tuple[Array, Array]:
     """Impulses y (n, n_rows) with A_D^T y = momenta over some rows, and largest residuals (n,)."""
     A = np.swapaxes(A_D * some[..., None], 1, 2)
-    y = (np.linalg.pinv(A, rcond=DEPENDENT) @ momenta[..., None])[..., 0] * some
-    left = momenta - (A @ y[..., None])[..., 0]
-    return y, np.max(np.abs(left), axis=1, initial=0.0)
+    y = (np.linalg.pinv(A, rcond=DEPENDENT_ROWS) @ momenta[..., None])[..., 0] * some
+    remaining = momenta - (A @ y[..., None])[..., 0]
+    return y, np.max(np.abs(remaining), axis=1, initial=0.0)
 
 
 def _solve_held(
@@ -282,9 +282,9 @@ def _solve_held(
     K[:, n_v:, :n_v] = rows * mask
     K[:, n_v:, n_v:] = (1.0 - mask) * np.eye(k)
     whole = np.concatenate([right, rates * mask], axis=1)
-    depends = np.linalg.matrix_rank(forces * mask, rtol=DEPENDENT) < np.sum(some, axis=1)
+    depends = np.linalg.matrix_rank(forces * mask, rtol=DEPENDENT_ROWS) < np.sum(some, axis=1)
     out = np.empty_like(whole)
     out[~depends] = np.linalg.solve(K[~depends], whole[~depends])
     for i in np.flatnonzero(depends):
-        out[i] = np.linalg.lstsq(K[i], whole[i], rcond=DEPENDENT)[0]
+        out[i] = np.linalg.lstsq(K[i], whole[i], rcond=DEPENDENT_ROWS)[0]
     return out[:, :n_v], out[:, n_v:]

@@ -35,28 +35,28 @@ from fantoccini.motion import State
 class Descent:
     """Bounds of the descent. Moves are in rad or m."""
 
-    rounds: int = 3000
-    mu: float = 1e2  # Initial mu [1/s^2]
+    max_rounds: int = 3000
+    first_mu: float = 1e2  # Initial mu [1/s^2]
     min_mu: float = 1e-3  # mu below which it becomes 0, and from which it grows [1/s^2]
     max_mu: float = 1e14  # mu at which the search has stalled [1/s^2]
-    growth: float = 3.0  # Factor of mu after a step on which V did not fall
-    shrinkage: float = 0.2  # Factor of mu after a step on which V fell
-    least_curvature: float = 1e-3
+    mu_growth: float = 3.0  # Factor of mu after a step on which V did not fall
+    mu_shrinkage: float = 0.2  # Factor of mu after a step on which V fell
+    min_curvature: float = 1e-3
     """Minimum curvature used by steps [1/s^2]: gravity alone may have none."""
     max_move: float = 0.1  # Longest move of one round
     pole_share: float = 0.25
     """Longest move of a stepper motor in one round, relative to the distance of its poles."""
     near_gap: float = 0.05  # Relative -h of rows that a step may reach
     min_move: float = 1e-12  # Move below which a puppet rests
-    farthest: float = 100.0  # Move from which the puppet has no equilibrium
-    flat_fall: float = 1e-15  # Fall of V on flat ground, over the puppet's weight [m]
+    max_distance: float = 100.0  # Move from which the puppet has no equilibrium
+    max_flat_fall: float = 1e-15  # Fall of V on flat ground, over the puppet's weight [m]
     rounding: float = 1e-14  # Rounding error of V, a sum over all links and springs, relative to V
     max_stalls: int = 3  # Maximum number of moves with flat V and no smaller forces
-    unstable: float = 1e-9
+    min_growth_rate: float = 1e-9
     """Squared growth rate of an instability, relative to that of the fastest oscillation."""
     difference: float = 1e-6  # Step of the finite differences that give the Hessian
-    balanced_force: float = 1e-6  # Largest unbalanced force at rest, relative to the weight
-    newton_move: float = 1e-3
+    max_force: float = 1e-6  # Largest unbalanced force at rest, relative to the weight
+    max_newton_move: float = 1e-3
     """Largest move of Newton's method that still refines the same equilibrium."""
 
 
@@ -74,7 +74,7 @@ def descended(marionette: CompiledPuppet, x: State) -> Equilibrium:
     if moved is not solution.x:
         solution = _minimum(marionette, positioned(marionette, moved)[0])
     finer = newton(marionette, solution.x)
-    if finer is None or np.max(np.abs(finer.x.q_D - solution.x.q_D)) > DESCENT.newton_move:
+    if finer is None or np.max(np.abs(finer.x.q_D - solution.x.q_D)) > DESCENT.max_newton_move:
         return solution
     return finer
 
@@ -82,19 +82,19 @@ def descended(marionette: CompiledPuppet, x: State) -> Equilibrium:
 def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
     wires, scale = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K)
     size_of_forces = marionette.weight / np.sqrt(marionette.mass)
-    mu, V, start = DESCENT.mu, marionette.energies(x)[1], x.q_D
+    mu, V, start = DESCENT.first_mu, marionette.energies(x)[1], x.q_D
     longest = np.full(len(x.v_D), DESCENT.max_move)
     for row, pole in poles(marionette):
         longest[row.v] = np.minimum(longest[row.v], DESCENT.pole_share * pole)
     rows: Indices = np.zeros(0, dtype=np.intp)
     tension, unbalanced, stalls = np.zeros(0), np.inf, 0
-    for _ in range(DESCENT.rounds):
+    for _ in range(DESCENT.max_rounds):
         at = Evaluation.of(marionette, x)
         near = np.flatnonzero((at.h > -DESCENT.near_gap * scale) | wires)
         by_move = _force_derivative(marionette, Equilibrium(x, rows, tension))
         bends = values, modes = curvature(at, by_move)
         while True:
-            damped = np.maximum(np.abs(values) + mu, DESCENT.least_curvature)
+            damped = np.maximum(np.abs(values) + mu, DESCENT.min_curvature)
             softened = modes / np.sqrt(damped)
             W = softened.T @ at.W[:, near]
             force = softened.T @ at.w0
@@ -105,11 +105,13 @@ def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
             other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
             V_other = marionette.energies(other)[1]
             fell = V - V_other + _motors_work(marionette, x, other)
-            flat = abs(fell) <= DESCENT.flat_fall * marionette.weight + DESCENT.rounding * abs(V)
+            flat = abs(fell) <= DESCENT.max_flat_fall * marionette.weight + DESCENT.rounding * abs(
+                V
+            )
             lower = worst <= ROW_TOLERANCES.start_gap and (fell > 0.0 or flat)
             if lower or mu > DESCENT.max_mu:
                 break
-            mu = max(DESCENT.growth * mu, DESCENT.min_mu)
+            mu = max(DESCENT.mu_growth * mu, DESCENT.min_mu)
         pulls = solution.x != 0.0
         rows, tension = near[pulls], solution.x[pulls]
         before = unbalanced
@@ -118,9 +120,9 @@ def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
         # valley may leave the forces across it unchanged.
         stalls = stalls + 1 if flat and unbalanced > 0.5 * before else 0
         if size < DESCENT.min_move or stalls > DESCENT.max_stalls or mu > DESCENT.max_mu:
-            push = instability(at, rows, bends, DESCENT.unstable)
+            push = instability(at, rows, bends, DESCENT.min_growth_rate)
             below = None if push is None else pushed(marionette, x, push)
-            if below is None and unbalanced > DESCENT.balanced_force * size_of_forces:
+            if below is None and unbalanced > DESCENT.max_force * size_of_forces:
                 raise StateError(
                     "the descent of the potential energy stalled with forces of "
                     f"{unbalanced / size_of_forces:.2g} of the puppet's weight unbalanced; begin "
@@ -130,9 +132,9 @@ def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
                 return Equilibrium(other if size < DESCENT.min_move else x, rows, tension)
             other = below
             V_other = marionette.energies(other)[1]
-        if np.max(np.abs(other.q_D - start), initial=0.0) > DESCENT.farthest:
+        if np.max(np.abs(other.q_D - start), initial=0.0) > DESCENT.max_distance:
             break
-        shrunk = mu * DESCENT.shrinkage if mu > DESCENT.min_mu and not flat else 0.0
+        shrunk = mu * DESCENT.mu_shrinkage if mu > DESCENT.min_mu and not flat else 0.0
         x, V, mu = other, V_other, shrunk
     raise StateError(
         "the descent of the potential energy does not end. Is every free body held by a string, a "
@@ -150,8 +152,8 @@ def _motors_work(marionette: CompiledPuppet, x: State, other: State) -> float:
     move = tangent.between(*places, x.q_D, other.q_D, n)
     q_D = tangent.moved(*places, x.q_D, np.array([[0.0], [0.5], [1.0]]) * move)
     k, strings = len(x.v_K), len(marionette.tree.strings)
-    still = np.zeros((3, n)), np.tile(x.q_K, (3, 1)), np.zeros((3, k))
-    force = marionette.effort(q_D, *still, still[0], still[2], np.zeros((3, strings)))
+    zeros = np.zeros((3, n)), np.tile(x.q_K, (3, 1)), np.zeros((3, k))
+    force = marionette.effort(q_D, *zeros, zeros[0], zeros[2], np.zeros((3, strings)))
     mean = (force[0] + 4.0 * force[1] + force[2]) / 6.0
     work = 0.0
     for row, first in commanded:

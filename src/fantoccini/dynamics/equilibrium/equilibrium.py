@@ -34,7 +34,7 @@ class Acceptance:
     """Unbalanced force of puppets on chains, whose stiff springs cause more rounding."""
     max_rise: float = 1e-9
     """Rise of V above the start that counts as rounding, over the puppet's weight [m]."""
-    hauls: int = 20  # Maximum number of time-stepping runs that haul in strings
+    max_hauls: int = 20  # Maximum number of time-stepping runs that haul in strings
 
 
 ACCEPTANCE = Acceptance()
@@ -113,15 +113,16 @@ def _accepted(marionette: CompiledPuppet, start: State, resting_point: Equilibri
 
 def _brought_onto_rows(marionette: CompiledPuppet, x: State) -> State:
     """The state brought onto its rows, with time-stepping if their slopes do not lead there."""
-    start, left = positioned(marionette, x)
-    for _ in range(ACCEPTANCE.hauls if left else 0):
+    start, remaining = positioned(marionette, x)
+    for _ in range(ACCEPTANCE.max_hauls if remaining else 0):
         x = relaxation.hauled_in(marionette, x)
         if onto_rows(marionette, x)[1] <= ROW_TOLERANCES.start_gap:
-            start, left = positioned(marionette, x)
+            start, remaining = positioned(marionette, x)
             break
-    if left:
+    if remaining:
         raise StateError(
-            f"no state of the puppet was found that fits these string ends and lengths: {left}. "
+            "no state of the puppet was found that fits these string ends and lengths: "
+            f"{remaining}. "
             "Tried: moves onto the strings and limits, from many places nearby, and time-stepping "
             "with the strings hauled in"
         )

@@ -55,7 +55,7 @@ def _put(
         raise StateError(f"{name}: found {value}; a length must be positive")
     scalar = name.startswith("v:") or name in table.q_D or name in table.q_K
     if scalar and number.ndim:
-        raise StateError(f"{name}: found {number.size} numbers; it takes one")
+        raise StateError(f"{name}: found {number.size} numbers; needed: one")
     for names, target in ((table.q_D, q_D), (table.q_K, q_K)):
         if name in names:
             target[names.index(name)] = float(number)
@@ -97,7 +97,7 @@ def _numbers(table: CoordinateTable, name: str, value: Value) -> Array:
         return floats(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise StateError(
-            f"{name}: found {value!r}; it takes a number of metres or radians, an angle such as "
+            f"{name}: found {value!r}; needed: a number of metres or radians, an angle such as "
             "'30 deg' where it is one, or a rotation"
         ) from None
 
@@ -108,7 +108,7 @@ def _quaternion(name: str, value: Array) -> Array:
     size = np.linalg.norm(value)
     if value.shape != (4,) or size == 0:
         raise StateError(
-            f"{name}: found {value.tolist()}; it takes a quaternion (w, x, y, z), not all zero, or "
+            f"{name}: found {value.tolist()}; needed: a quaternion (w, x, y, z), not all zero, or "
             "a rotation vector of three numbers"
         )
     return value / size

@@ -20,25 +20,25 @@ from fantoccini.motion import State
 class Newton:
     """Bounds of Newton's method, and of pushes off its equilibria. Moves are in rad or m."""
 
-    rounds: int = 30
+    max_rounds: int = 30
     difference: float = 1e-6
     """Step of the finite differences for Newton's matrix; it only affects the convergence."""
-    start_force: float = 0.01
+    max_start_force: float = 0.01
     """Unbalanced force, relative to the weight, below which Newton's method begins; with
     larger ones it may converge to another equilibrium than the one the puppet falls into."""
     max_move: float = 0.3  # Longest move of one round of Newton's method
     near_gap: float = 1e-3  # Relative -h below which a row may pull at the equilibrium
-    min_tension: float = 1e-9  # Tension that counts as rounding, relative to the weight
-    balanced_force: float = 1e-13  # Unbalanced force of rounding, relative to the weight
-    balanced_last: float = 1e-11  # Unbalanced force accepted after the last round
-    met_gap: float = 1e-14  # Relative |h| that counts as rounding
-    min_move: float = 1e-15  # Move of Newton's method that counts as rounding
+    tension_rounding: float = 1e-9  # Tension that counts as rounding, relative to the weight
+    force_rounding: float = 1e-13  # Unbalanced force of rounding, relative to the weight
+    max_last_force: float = 1e-11  # Unbalanced force accepted after the last round
+    gap_rounding: float = 1e-14  # Relative |h| that counts as rounding
+    move_rounding: float = 1e-15  # Move of Newton's method that counts as rounding
     pushes: tuple[float, ...] = (0.05, 0.01, 0.002)
     """Sizes of the pushes off an unstable equilibrium, as their largest parts."""
     potential_fall: float = 1e-12  # Fall of V above rounding, over the puppet's weight [m]
-    turns: int = 12  # Rounds of :func:`as_asked`
-    min_turn: float = 1e-13  # Turn that counts as rounding
-    neutral: float = 1e-6
+    max_turn_rounds: int = 12  # Rounds of :func:`as_asked`
+    turn_rounding: float = 1e-13  # Turn that counts as rounding
+    max_neutral_stiffness: float = 1e-6
     """Largest stiffness of a neutral move, relative to the stiffest: the precision of finite
     differences. Newton's method and the energy then decide whether it is neutral."""
     move_weight: float = 1e-6  # Weight of translations [m], relative to rotations [rad]
@@ -72,10 +72,10 @@ def newton(marionette: CompiledPuppet, x: State) -> Equilibrium | None:
     hddot = at.gamma[near] + at.W[:, near].T @ at.w0
     cap = np.full(len(scale), marionette.tension_cap)
     tension = at.complementarity(near, hddot, marionette.two_sided, cap).x
-    if np.linalg.norm(at.w0 - at.W[:, near] @ tension) > NEWTON.start_force * size:
+    if np.linalg.norm(at.w0 - at.W[:, near] @ tension) > NEWTON.max_start_force * size:
         return None
-    rows: Indices = near[(tension > NEWTON.min_tension * weight) | marionette.two_sided[near]]
-    for _ in range(NEWTON.rounds):
+    rows: Indices = near[(tension > NEWTON.tension_rounding * weight) | marionette.two_sided[near]]
+    for _ in range(NEWTON.max_rounds):
         at = Evaluation.of(marionette, x)
         W = at.W[:, rows]
         tension = np.zeros(0)
@@ -83,7 +83,7 @@ def newton(marionette: CompiledPuppet, x: State) -> Equilibrium | None:
             tension = np.asarray(np.linalg.lstsq(W, at.w0, rcond=1e-10)[0], dtype=float)
         force = at.w0 - W @ tension
         gap = np.max(np.abs(at.h[rows]) / scale[rows], initial=0.0)
-        if np.linalg.norm(force) < NEWTON.balanced_force * size and gap < NEWTON.met_gap:
+        if np.linalg.norm(force) < NEWTON.force_rounding * size and gap < NEWTON.gap_rounding:
             changed = _changed(marionette, at, rows, tension, scale)
             if changed is None:
                 return Equilibrium(x, rows, tension)
@@ -98,12 +98,12 @@ def newton(marionette: CompiledPuppet, x: State) -> Equilibrium | None:
             return None
         move = move * min(1.0, NEWTON.max_move / (largest or 1.0))
         x = x.replace(q_D=retract(marionette, x.q_D, move))
-        converged = largest < NEWTON.min_move
+        converged = largest < NEWTON.move_rounding
         if converged and _changed(marionette, at, rows, tension, scale) is None:
             return Equilibrium(x, rows, tension)
     at = Evaluation.of(marionette, x)
     force = at.w0 - at.W[:, rows] @ tension
-    balanced = np.linalg.norm(force) < NEWTON.balanced_last * size
+    balanced = np.linalg.norm(force) < NEWTON.max_last_force * size
     if balanced and _changed(marionette, at, rows, tension, scale) is None:
         return Equilibrium(x, rows, tension)
     return None
@@ -113,7 +113,9 @@ def _changed(
     marionette: CompiledPuppet, at: Evaluation, rows: Indices, tension: Array, scale: Array
 ) -> Indices | None:
     """The rows without those that push and with those that are violated; None if unchanged."""
-    pushing = (tension < -NEWTON.min_tension * sizes(marionette)[1]) & ~marionette.two_sided[rows]
+    pushing = (tension < -NEWTON.tension_rounding * sizes(marionette)[1]) & ~marionette.two_sided[
+        rows
+    ]
     violated = (at.h > ROW_TOLERANCES.start_gap * scale) & ~marionette.two_sided
     if not np.any(pushing) and not np.any(violated):
         return None
@@ -192,13 +194,13 @@ def as_asked(marionette: CompiledPuppet, asked: State, equilibrium: Equilibrium)
     table, n = marionette.coordinates, len(equilibrium.x.v_D)
     places = table.scalars_D, table.quaternions_D
     weight = _turn_weights(marionette)
-    for _ in range(NEWTON.turns):
+    for _ in range(NEWTON.max_turn_rounds):
         neutral = _neutral(marionette, equilibrium)
         to_asked = tangent.between(*places, equilibrium.x.q_D[None], asked.q_D[None], n)[0]
         shares = np.linalg.lstsq(weight[:, None] * neutral, weight * to_asked)[0]
         move = neutral @ shares
         largest = float(np.max(np.abs(move), initial=0.0))
-        if largest < NEWTON.min_turn:
+        if largest < NEWTON.turn_rounding:
             break
         move *= min(1.0, NEWTON.max_move / largest)
         other = newton(
@@ -231,7 +233,7 @@ def _neutral(marionette: CompiledPuppet, equilibrium: Equilibrium) -> Array:
     K = K - W @ (np.linalg.pinv(W) @ K) if len(equilibrium.rows) else K
     parts = [part / max(float(np.max(np.abs(part), initial=0.0)), 1e-300) for part in (K, A)]
     _, size, modes = np.linalg.svd(np.concatenate(parts))
-    return np.asarray(modes[size < NEWTON.neutral * size[0]].T)
+    return np.asarray(modes[size < NEWTON.max_neutral_stiffness * size[0]].T)
 
 
 def sizes(marionette: CompiledPuppet) -> tuple[float, float]:

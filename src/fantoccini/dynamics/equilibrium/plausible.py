@@ -220,7 +220,7 @@ class _Checks:
                 yield place, f"{text}: it is slack by {length - path:.3g} m"
 
     def _length(self, i: int, string: String) -> tuple[Path, float | None]:
-        """Place and length in the start pose; None for a string that just reaches."""
+        """Place and length in the start pose; None for a string that is just taut."""
         if isinstance(string.length, float | Parameter):
             return ("strings", i, "length"), self.number(string.length)
         key = f"{string.name}.length"
@@ -288,7 +288,7 @@ def input_warnings(marionette: CompiledPuppet, inputs: Input) -> list[InputWarni
         if units[name] == "m":
             away = np.abs(q_K[:, :, q] - starts[q]).max(axis=1)
             if away[k := int(away.argmax())] > USUAL.max_reach * scale:
-                text = f"goes {away[k]:.4g} m away from where it starts; the puppet on its strings "
+                text = f"moves {away[k]:.4g} m away from its start; the puppet on its strings "
                 text += f"measures {scale:.3g} m: is it in other units?"
                 messages.append(InputWarning(name, float(ends[k]), text))
         else:
@@ -326,7 +326,7 @@ def _scale(marionette: CompiledPuppet) -> float:
 
 
 def _starts(marionette: CompiledPuppet) -> Array:
-    """Start pose (n_qK,); driven lengths that it does not set are those that just reach."""
+    """Start pose (n_qK,); driven lengths that it does not set make strings just taut."""
     tree, table = marionette.tree, marionette.coordinates
     q_D, q_K = table.start_D.copy(), table.start_K.copy()
     paths = path_lengths(tree, measure(tree, marionette.number).poses, marionette.number)

@@ -41,11 +41,11 @@ class Search:
     near_gap: float = 0.5  # -h below which a move may reach a row
     near_taut_gap: float = 0.05
     """-h below which a move may reach a row while taut rows are closed, by shorter moves."""
-    met_gap: float = 1e-14  # |h| that counts as rounding
-    min_move: float = 1e-15  # Move that counts as rounding and ends the search
+    gap_rounding: float = 1e-14  # |h| that counts as rounding
+    move_rounding: float = 1e-15  # Move that counts as rounding and ends the search
     violation_cost: float = 1e8
     """Weight of violations against moves if rows contradict one another [1/m^2]."""
-    least_decrease: float = 0.999
+    max_decrease_ratio: float = 0.999
     """Factor by which a move must reduce the violation; converging searches reduce it far more."""
     nearest_move: float = 1e-12  # Move below which a state counts as the nearest
     release_move: float = 1e-4  # Move below which Newton's method releases rows that push
@@ -56,11 +56,11 @@ class Search:
     pushes: tuple[float, ...] = (0.03, 0.1, 0.1, 0.3, 0.3, 1.0, 1.0)
     """Sizes of pushes off a configuration at which the search stalled, as their largest parts."""
     seed: int = 17
-    rounds: int = 100  # Maximum number of rounds onto the rows; usually below ten
-    taut_rounds: int = 20
-    halvings: int = 6
-    approaches: int = 15  # Maximum number of rounds towards the nearest state
-    newton_rounds: int = 20
+    max_rounds: int = 100  # Maximum number of rounds onto the rows; usually below ten
+    max_taut_rounds: int = 20
+    max_halvings: int = 6
+    max_approaches: int = 15  # Maximum number of rounds towards the nearest state
+    max_newton_rounds: int = 20
 
 
 SEARCH = Search()
@@ -72,8 +72,8 @@ def difference_quotient(
     """Central difference quotient (m, n_vD) of a function (m,) of a configuration."""
     n = marionette.coordinates.n_vD
     moves = np.concatenate([np.eye(n), -np.eye(n)]) * step
-    around = np.array([function(q) for q in retract(marionette, q_D, moves)])
-    return (around[:n] - around[n:]).T / (2 * step)
+    values = np.array([function(q) for q in retract(marionette, q_D, moves)])
+    return (values[:n] - values[n:]).T / (2 * step)
 
 
 def project(marionette: CompiledPuppet, x: State) -> State:
@@ -83,10 +83,11 @@ def project(marionette: CompiledPuppet, x: State) -> State:
     not converge, a state near by with h <= 0. Then velocities: hdot <= 0 on closed rows.
     """
     taut = ActiveSet.of(marionette, x, Evaluation.of(marionette, x)).held & taut_mask(marionette, x)
-    solution, left = positioned(marionette, x)
-    if left:
+    solution, remaining = positioned(marionette, x)
+    if remaining:
         raise StateError(
-            f"no state of the puppet was found that fits these string ends and lengths: {left}. "
+            "no state of the puppet was found that fits these string ends and lengths: "
+            f"{remaining}. "
             f"Tried: moves onto the strings and limits, from there and {len(SEARCH.pushes)} places "
             "nearby"
         )
@@ -154,25 +155,25 @@ def onto_rows(marionette: CompiledPuppet, x: State) -> tuple[State, float]:
     scale, wires = marionette.row_scales(x.q_D, x.q_K), marionette.two_sided
     at = Evaluation.of(marionette, x)
     violation = _violation(marionette, at.h) / scale
-    for _ in range(SEARCH.rounds):
-        if np.max(violation, initial=0.0) <= SEARCH.met_gap:
+    for _ in range(SEARCH.max_rounds):
+        if np.max(violation, initial=0.0) <= SEARCH.gap_rounding:
             break
         rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
         move = at.solve_factor(_shortest(marionette, at, rows))
         size = _size(move)
-        if not SEARCH.min_move < size < np.inf:
+        if not SEARCH.move_rounding < size < np.inf:
             break
         part = min(1.0, SEARCH.max_move / size)
-        for _ in range(SEARCH.halvings):
+        for _ in range(SEARCH.max_halvings):
             other = x.replace(q_D=retract(marionette, x.q_D, part * move))
             there = Evaluation.of(marionette, other)
-            left = _violation(marionette, there.h) / scale
-            if np.linalg.norm(left) < SEARCH.least_decrease * np.linalg.norm(violation):
+            remaining = _violation(marionette, there.h) / scale
+            if np.linalg.norm(remaining) < SEARCH.max_decrease_ratio * np.linalg.norm(violation):
                 break
             part *= 0.5
         else:
             break
-        x, at, violation = other, there, left
+        x, at, violation = other, there, remaining
     return x, float(np.max(violation, initial=0.0))
 
 
@@ -186,9 +187,9 @@ def _onto_taut_rows(marionette: CompiledPuppet, x: State, taut: MaskRows) -> Sta
     if not np.any(taut):
         return x.replace(taut=taut)
     scale = marionette.row_scales(x.q_D, x.q_K)
-    for _ in range(SEARCH.taut_rounds):
+    for _ in range(SEARCH.max_taut_rounds):
         at = Evaluation.of(marionette, moved)
-        off = np.where(taut | wires, np.abs(at.h), at.h) > SEARCH.met_gap * scale
+        off = np.where(taut | wires, np.abs(at.h), at.h) > SEARCH.gap_rounding * scale
         if not np.any(off):
             break
         rows = np.flatnonzero((at.h > -SEARCH.near_taut_gap * scale) | taut | wires)
@@ -236,13 +237,13 @@ def _nearest(marionette: CompiledPuppet, x: State, origin: State) -> State:
     """
     wires, scale, mu = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K), 0.0
     held: tuple[Indices, Array] = np.zeros(0, dtype=np.intp), np.zeros(0)
-    for _ in range(SEARCH.approaches):
+    for _ in range(SEARCH.max_approaches):
         at = Evaluation.of(marionette, x)
         away = _away(marionette, at, x, origin)
         rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
-        W, wanted = at.W[:, rows], away / (1.0 + mu)
-        solution = at.complementarity(rows, at.h[rows] + W.T @ wanted, wires)
-        move = at.solve_factor(wanted - W @ solution.x)
+        W, free_move = at.W[:, rows], away / (1.0 + mu)
+        solution = at.complementarity(rows, at.h[rows] + W.T @ free_move, wires)
+        move = at.solve_factor(free_move - W @ solution.x)
         size = _size(move)
         if not solution.solved or not SEARCH.nearest_move < size < np.inf:
             return x
@@ -276,7 +277,7 @@ def _stationary(
         at = Evaluation.of(marionette, y)
         return np.append(_away(marionette, at, y, origin) - at.W[:, rows] @ pull, at.h[rows])
 
-    for _ in range(SEARCH.newton_rounds):
+    for _ in range(SEARCH.max_newton_rounds):
         by_q = difference_quotient(marionette, x.q_D, residual, SEARCH.difference)
         W = np.vstack([-Evaluation.of(marionette, x).W[:, rows], np.zeros((len(rows), len(rows)))])
         step = np.linalg.lstsq(np.hstack([by_q, W]), -residual(x.q_D), rcond=1e-12)[0]

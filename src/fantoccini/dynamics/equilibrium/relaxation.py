@@ -33,16 +33,16 @@ class Search:
     """Bounds of relaxation. Moves are in rad or m."""
 
     dt: float = 0.002  # Step of the runs [s]
-    piece: float = 0.1
+    run_time: float = 0.1
     """Duration of a run [s]: shorter than a swing, to stop near the peak of kinetic energy."""
-    pieces: int = 1500
-    at_equilibrium: float = 1e-6
+    max_runs: int = 1500
+    max_rest_distance: float = 1e-6
     """Distance up to which the puppet is at an equilibrium instead of passing it, and the largest
     acceleration there."""
-    gives_way: float = 0.1  # Move from which a drive gives way
-    farthest: float = 100.0  # Move from which the puppet has no equilibrium
-    restarts: int = 8  # Restarts from unstable equilibria
-    unstable: float = 1e-6
+    max_drive_move: float = 0.1  # Move from which a drive gives way
+    max_distance: float = 100.0  # Move from which the puppet has no equilibrium
+    max_restarts: int = 8  # Restarts from unstable equilibria
+    min_growth_rate: float = 1e-6
     """Squared growth rate of an instability, relative to that of the fastest oscillation."""
 
 
@@ -55,7 +55,7 @@ def check_winches(marionette: CompiledPuppet, result: Equilibrium) -> None:
     if not np.any(np.isfinite(upper)):
         return
     acc, tension = forward_dynamics(marionette, result.x)
-    if np.max(np.abs(acc), initial=0.0) > SEARCH.at_equilibrium:
+    if np.max(np.abs(acc), initial=0.0) > SEARCH.max_rest_distance:
         names = marionette.tree.row_names
         slips = [f"{names[i]} ({upper[i]:g} N)" for i in np.flatnonzero(tension >= upper)]
         raise StateError(
@@ -72,7 +72,7 @@ def relaxed(marionette: CompiledPuppet, x: State) -> Equilibrium:
         StateError: it keeps moving, or a run cannot begin or continue.
     """
     q_D = x.q_D
-    for _ in range(SEARCH.restarts):
+    for _ in range(SEARCH.max_restarts):
         lower = None
         for q_D in _slowing(marionette, x):
             result = newton(marionette, x.replace(q_D=q_D))
@@ -80,8 +80,8 @@ def relaxed(marionette: CompiledPuppet, x: State) -> Equilibrium:
                 continue
             at = Evaluation.of(marionette, result.x)
             bends = curvature(at, derivatives(marionette, result)[0])
-            push = instability(at, result.rows, bends, SEARCH.unstable)
-            there = np.max(np.abs(result.x.q_D - q_D)) < SEARCH.at_equilibrium
+            push = instability(at, result.rows, bends, SEARCH.min_growth_rate)
+            there = np.max(np.abs(result.x.q_D - q_D)) < SEARCH.max_rest_distance
             if push is not None and there:
                 lower = pushed(marionette, result.x, push)
             if push is None or (there and lower is None):
@@ -98,7 +98,7 @@ def relaxed(marionette: CompiledPuppet, x: State) -> Equilibrium:
 
 def hauled_in(marionette: CompiledPuppet, x: State) -> State:
     """A state that violates rows, moved towards them by a time-stepping run."""
-    _, samples = let_go(marionette, x, SEARCH.piece, dt=SEARCH.dt, alone=True)
+    _, samples = let_go(marionette, x, SEARCH.run_time, dt=SEARCH.dt, alone=True)
     return x.replace(q_D=samples["q_D"][-1]) if len(samples["q_D"]) else x
 
 
@@ -106,9 +106,9 @@ def _slowing(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
     """Configurations closer and closer to an equilibrium, after longer and longer intervals."""
     q_D, v_D = x.q_D, np.zeros(marionette.coordinates.n_vD)
     start, yield_at = np.array(q_D), 4
-    for piece in range(SEARCH.pieces):
+    for piece in range(SEARCH.max_runs):
         at_once = x.replace(q_D=q_D, v_D=v_D)
-        status, samples = let_go(marionette, at_once, SEARCH.piece, dt=SEARCH.dt, alone=True)
+        status, samples = let_go(marionette, at_once, SEARCH.run_time, dt=SEARCH.dt, alone=True)
         # Stepper motors may lose steps during the run: they are set back in step afterwards.
         if status not in (Status.DONE, Status.LOST_STEPS):
             raise StateError(f"let go, {status.message}{_giving_way(marionette, x, q_D)}")
@@ -117,7 +117,7 @@ def _slowing(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
         at = int(peaks[0]) + 1 if len(peaks) else len(kinetic) - 1
         q_D = samples["q_D"][at]
         v_D = np.zeros_like(v_D) if len(peaks) else samples["v_D"][at]
-        if np.max(np.abs(q_D - start), initial=0.0) > SEARCH.farthest:
+        if np.max(np.abs(q_D - start), initial=0.0) > SEARCH.max_distance:
             return
         if piece == yield_at:
             yield_at = 2 * yield_at + 1
@@ -133,7 +133,7 @@ def _giving_way(marionette: CompiledPuppet, start: State, q_D: Array) -> str:
             moved = float(np.linalg.norm(rotation.between(start.q_D[row.q], q_D[row.q])))
         else:
             moved = float(np.abs(q_D[row.q] - start.q_D[row.q])[0])
-        if moved < SEARCH.gives_way:
+        if moved < SEARCH.max_drive_move:
             continue
         if not row.drive.follows:
             texts.append(f"the drive of {row.name} has no control, so that nothing holds it")

@@ -17,15 +17,15 @@ class Settling:
     """Bounds of settling, and thresholds of rest."""
 
     dt: float = 1e-3  # Step of the runs [s]
-    piece: float = 0.25
-    """Mean duration of a run [s]. Durations vary by up to ``uneven`` of it: a swing of twice a
-    constant duration would never lose its energy."""
-    uneven: float = 0.4
-    stops: int = 60
+    mean_run_time: float = 0.25
+    """Mean duration of a run [s]; durations vary, since a swing of twice a constant one would never
+    lose its energy."""
+    run_time_variation: float = 0.4
+    n_free_runs: int = 60
     """Number of runs after which all velocities are set to zero; then friction alone acts."""
-    pieces: int = 240
-    still: float = 1e-7  # Largest velocity at rest [rad/s or m/s]
-    moved: float = 1e-8  # Largest move over a run at rest [rad or m]
+    max_runs: int = 240
+    max_rest_speed: float = 1e-7  # Largest velocity at rest [rad/s or m/s]
+    max_rest_move: float = 1e-8  # Largest move over a run at rest [rad or m]
 
 
 SETTLING = Settling()
@@ -46,9 +46,9 @@ def settled(marionette: CompiledPuppet, x: State) -> State:
         StateError: the puppet keeps moving, or the run stops.
     """
     q_D, v_D = np.array(x.q_D), np.zeros_like(x.v_D)
-    for piece in range(SETTLING.pieces):
+    for piece in range(SETTLING.max_runs):
         spread = 2.0 * (piece * _GOLDEN_RATIO % 1.0) - 1.0
-        duration = SETTLING.piece * (1.0 + SETTLING.uneven * spread)
+        duration = SETTLING.mean_run_time * (1.0 + SETTLING.run_time_variation * spread)
         status, samples = let_go(
             marionette, x.replace(q_D=q_D, v_D=v_D), duration, dt=SETTLING.dt, alone=False
         )
@@ -57,14 +57,18 @@ def settled(marionette: CompiledPuppet, x: State) -> State:
         v_D = samples["v_D"][-1]
         moved = np.max(np.abs(samples["q_D"][-1] - q_D), initial=0.0)
         q_D = samples["q_D"][-1]
-        if moved < SETTLING.moved and np.max(np.abs(v_D), initial=0.0) < SETTLING.still:
-            still = {"v_D": np.zeros_like(v_D), "v_K": np.zeros_like(x.v_K)}
-            return x.replace(q_D=q_D, **still, taut=samples["taut"][-1] > 0)
-        if piece < SETTLING.stops:
+        if (
+            moved < SETTLING.max_rest_move
+            and np.max(np.abs(v_D), initial=0.0) < SETTLING.max_rest_speed
+        ):
+            zeros = {"v_D": np.zeros_like(v_D), "v_K": np.zeros_like(x.v_K)}
+            return x.replace(q_D=q_D, **zeros, taut=samples["taut"][-1] > 0)
+        if piece < SETTLING.n_free_runs:
             v_D = np.zeros_like(v_D)
     names = marionette.coordinates.v_D
     fastest = names[int(np.argmax(np.abs(v_D)))]
     raise StateError(
-        f"let go, the puppet still moves after {SETTLING.pieces * SETTLING.piece:g} s: {fastest} "
+        f"let go, the puppet still moves after {SETTLING.max_runs * SETTLING.mean_run_time:g} s: "
+        f"{fastest} "
         f"at {np.max(np.abs(v_D)):.3g}/s"
     )

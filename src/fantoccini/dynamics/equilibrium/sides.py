@@ -19,7 +19,7 @@ _WORDS = ("left", "right")
 MAX_OVERLAP = 1e-3
 """Largest distance of twins that lie in one another, relative to the puppet's size."""
 MIN_OFFSET = 0.02
-"""Smallest distance of twins by which their sides are told, relative to the puppet's size."""
+"""Smallest distance of twins with distinct sides, relative to the puppet's size."""
 
 
 def sides(
@@ -79,7 +79,7 @@ def _twins(
 
 
 def _wrong_string(string: String, words: tuple[str, str], mirrored: bool) -> str:
-    """A remark on a string whose name does not go with its bodies; empty if there is none."""
+    """Remark on a string whose name contradicts the sides of its bodies; may be empty."""
     bodies = [end.body for end in string.path if end.body]
     name = string.name.rpartition(".")[2]
     sides_of = {word for word in words for body in bodies if word in body.rpartition(".")[2]}

@@ -78,7 +78,7 @@ class Marionette(CompiledPuppet):
     def body_map(self) -> BodyMap:
         """Trunk, head and limbs of the puppet, and the strings that move them.
 
-        It is found when first needed, at rest.
+        It is computed at rest, when first needed.
 
         Raises:
             StateError: the puppet has no body map, or this is a scene of several puppets.
@@ -104,7 +104,7 @@ class Marionette(CompiledPuppet):
 
     @cached_property
     def _body_maps(self) -> dict[str, BodyMap]:
-        """Body maps that were found so far, by member."""
+        """Body maps computed so far, by member."""
         return {}
 
     # -- states ------------------------------------------------------------------------------
@@ -112,8 +112,8 @@ class Marionette(CompiledPuppet):
     def state(self, values: Values | None = None) -> State:
         """A state at rest: the file's pose with some values changed.
 
-        Driven lengths that neither the pose nor ``values`` set just reach; commands of drives equal
-        their coordinates.
+        Driven lengths that neither the pose nor ``values`` set are just taut; commands of drives
+        equal their coordinates.
 
         Args:
             values: coordinate name -> value; ``joint.rotation`` takes a quaternion (w, x, y, z)
@@ -301,13 +301,13 @@ class Marionette(CompiledPuppet):
             u_D: (n_vD,) user forces; 0 by default.
             rows: names of the strings and limits to hold, as equalities for any sign of their
                 tension; by default wires and those that pull at ``x``.
-            contacts: points to hold in their modes, such as those of another linearisation near by;
+            contacts: points to hold in their modes, such as those of another linearisation nearby;
                 by default those that push at ``x``.
 
         Raises:
             StateError: no acceleration satisfies the rows at ``x``, solids strike there, or the
-                motion near by depends on how redundant points that slide share their force.
-                    UnknownNameError: the puppet does not have a row.
+                motion nearby depends on the distribution of force among redundant sliding points.
+            UnknownNameError: the puppet does not have a row.
         """
         return linearise(self, x, acc_K, u_D, rows, contacts)
 
@@ -385,7 +385,7 @@ class Marionette(CompiledPuppet):
             p: (n_p,) parameters; by default the marionette's own.
             dt: length of the steps [s].
             extrapolate: option of :class:`TimeStepping`.
-            throw: whether to raise if the steps cannot go on; otherwise the rollout ends, with
+            throw: whether to raise if the steps cannot continue; otherwise the rollout ends, with
                 its status.
 
         Raises:

@@ -4,7 +4,7 @@ Bodies have explicit inertia. Joints keep damping, springs and limits. Some part
 an exact replacement in MuJoCo instead of a counterpart:
 
 - A string is a spatial tendon of limited length. A wire is a tendon of constrained length.
-- A driven length is a slide joint behind a pulley of its tendon, so that MuJoCo knows its rate.
+- A driven length is a slide joint behind a pulley of its tendon, so that MuJoCo has its rate.
 - A cone is a tendon between the tips of its axes:   |a - R b|^2 = 2 - 2 a.R b.
 - A limit of a twist is a tendon that is updated before every step: :mod:`.twists`.
 - The pieces of a chain are springs between its masses.
@@ -69,17 +69,17 @@ class Substitutes:
 SUBSTITUTES = Substitutes()
 
 
-def mjcf(marionette: Marionette, still: ConfigK | None = None) -> str:
+def mjcf(marionette: Marionette, fixed_q_K: ConfigK | None = None) -> str:
     """The puppet as MJCF text.
 
     Args:
         marionette: the puppet, with the present values of its parameters.
-        still: (n_qK,) fixed values of the driven coordinates; without it they are joints.
+        fixed_q_K: (n_qK,) fixed values of the driven coordinates; without it they are joints.
 
     Raises:
         ExchangeError: MuJoCo cannot model a part of the puppet.
     """
-    return _Document(marionette, still).text()
+    return _Document(marionette, fixed_q_K).text()
 
 
 class _Document:
@@ -91,10 +91,10 @@ class _Document:
         tendons, wires, drags: sections of the document.
     """
 
-    def __init__(self, marionette: Marionette, still: ConfigK | None):
-        self.marionette, self.tree, self.still = marionette, marionette.tree, still
+    def __init__(self, marionette: Marionette, fixed_q_K: ConfigK | None):
+        self.marionette, self.tree, self.fixed_q_K = marionette, marionette.tree, fixed_q_K
         self.number = marionette.number
-        mistakes = [_located(marionette, name, text) for name, text in self._unsupported()]
+        mistakes = [_mistake(marionette, name, text) for name, text in self._unsupported()]
         if mistakes:
             raise ExchangeError(mistakes)
         self.fixed = {WORLD: (np.eye(3), np.zeros(3))}
@@ -134,16 +134,16 @@ class _Document:
         indent(root)
         return tostring(root, encoding="unicode")
 
-    def _new(self, tag: str, **attributes: _Value) -> Element:
-        """New element, with all 17 digits of its numbers."""
-        return Element(tag, {name: self._written(x) for name, x in attributes.items()})
+    def _element(self, tag: str, **attributes: _Value) -> Element:
+        """New element, with all 17 digits of numbers."""
+        return Element(tag, {name: self._attribute_text(x) for name, x in attributes.items()})
 
     def _add(self, parent: Element, tag: str, **attributes: _Value) -> Element:
         """A new element at the end of another."""
-        parent.append(element := self._new(tag, **attributes))
+        parent.append(element := self._element(tag, **attributes))
         return element
 
-    def _written(self, value: _Value) -> str:
+    def _attribute_text(self, value: _Value) -> str:
         if isinstance(value, str):
             return value
         numbers = (value,) if isinstance(value, float | Parameter) else value
@@ -153,13 +153,13 @@ class _Document:
 
     def _has_joints(self, link: Link) -> bool:
         """Whether a link moves relative to its parent."""
-        return link.role is Role.DYNAMIC or (link.role is Role.DRIVEN and self.still is None)
+        return link.role is Role.DYNAMIC or (link.role is Role.DRIVEN and self.fixed_q_K is None)
 
     def _pose(self, link: Link) -> tuple[Array, Array]:
         """Pose of a link in its parent, or in the world if that is fixed, with joints at zero."""
         q = np.zeros(0)
-        if self.still is not None and link.role is Role.DRIVEN:
-            q = self.still[link.q]
+        if self.fixed_q_K is not None and link.role is Role.DRIVEN:
+            q = self.fixed_q_K[link.q]
         R, r = pose_in_parent(link, q, self.number)
         if link.parent not in self.fixed:
             return R, r
@@ -168,7 +168,7 @@ class _Document:
 
     def _body(self, i: int, link: Link, R: Array, r: Array) -> Element:
         """A link's body with its joints and inertia."""
-        body = self._new("body", name=link.name, pos=r, quat=rotation.quaternion(R))
+        body = self._element("body", name=link.name, pos=r, quat=rotation.quaternion(R))
         if self._has_joints(link):
             for joint in joints_of(link):
                 self._link_joint(body, i, link, joint)
@@ -262,7 +262,7 @@ class _Document:
             self._tendon(name, ends, springlength=piece, stiffness=stiffness, damping=damping)
 
     def _string(self, string: StringRow) -> None:
-        winch = string.driven_length is not None and self.still is None
+        winch = string.driven_length is not None and self.fixed_q_K is None
         if winch:
             self._winch(string)
         if string.wire:
@@ -295,9 +295,9 @@ class _Document:
         """Lengths of the strings' paths where MuJoCo's joints are at zero [m]."""
         table = self.tree.coordinates
         q_D = np.zeros(table.n_qD)
-        q_K = np.zeros(table.n_qK) if self.still is None else self.still.copy()
+        q_K = np.zeros(table.n_qK) if self.fixed_q_K is None else self.fixed_q_K.copy()
         q_D[[q for q, _ in table.quaternions_D]] = 1.0
-        if self.still is None:
+        if self.fixed_q_K is None:
             q_K[[q for q, _ in table.quaternions_K]] = 1.0
         poses = link_poses(self.tree.links, q_D[None], q_K[None], self.number)[0]
         return path_lengths(self.tree, poses, self.number)
@@ -305,7 +305,11 @@ class _Document:
     def _length(self, row: StringRow | ChainRow) -> float:
         """Length L [m]; for a driven length that is a joint, L plus the length wound in."""
         if row.driven_length is not None:
-            return SUBSTITUTES.spool if self.still is None else self.still[row.driven_length[0]]
+            return (
+                SUBSTITUTES.spool
+                if self.fixed_q_K is None
+                else self.fixed_q_K[row.driven_length[0]]
+            )
         assert row.length is not None
         return self.number(row.length)
 
@@ -366,20 +370,26 @@ class _Document:
             if self.number(string.restitution):
                 yield string.name, "has restitution: MuJoCo's strings have none"
         for chain in self.tree.chains:
-            if chain.length_index is not None and self.still is None:
-                text = "is a chain that is wound: MuJoCo's springs have constant rest lengths"
+            if chain.length_index is not None and self.fixed_q_K is None:
+                text = (
+                    "is a chain with a driven length: MuJoCo's springs have constant rest lengths"
+                )
                 yield chain.name, text
         for link in self.tree.links:
             if self.number(link.drag[1]):
                 yield link.name, "has quadratic drag: MuJoCo supports it only for whole models"
-            if link.role is Role.DRIVEN and self.still is None and link.kind in ("ball", "free"):
+            if (
+                link.role is Role.DRIVEN
+                and self.fixed_q_K is None
+                and link.kind in ("ball", "free")
+            ):
                 text = "has a driven rotation: MuJoCo can receive driven slides and hinges only"
                 yield link.joint, text
         for row in self.tree.drives:
             yield row.name, "has a drive: MuJoCo can receive driven coordinates without drives only"
 
 
-def _located(marionette: Marionette, name: str, message: str) -> Mistake:
+def _mistake(marionette: Marionette, name: str, message: str) -> Mistake:
     """A mistake with the place of a body, joint or string in the puppet's file."""
     file, line = marionette.puppet.locate(marionette.puppet.owner_of(name))
     return Mistake(file, line, name, message)

@@ -123,8 +123,8 @@ class MuJoCoPuppet:
         d, (tendon_kind, joint_kind, wire_kind) = self.data, self._kinds
         kind, owner, force = (a[: d.nefc] for a in (d.efc_type, d.efc_id, d.efc_force))
         tension, torque = np.zeros(self.model.ntendon), np.zeros(self.model.njnt)
-        for total, wanted in ((tension, tendon_kind), (torque, joint_kind)):
-            on = kind == wanted
+        for total, sensor_kind in ((tension, tendon_kind), (torque, joint_kind)):
+            on = kind == sensor_kind
             total[owner[on]] += force[on]
         on = kind == wire_kind
         tension[self.model.eq_obj1id[owner[on]]] -= force[on]

@@ -99,14 +99,14 @@ def simulate_batch(
         method: method of :func:`simulate`.
         save_at: (n,) times of samples (event-driven only) [s]; by default start and end.
         save_every: number of steps per sample (not event-driven); by default 1.
-        save: ``all``, or names of the arrays to save; by default q_D, v_D and tension, and with
-            more strings than freedoms also undetermined, which puppets with contact do not have.
+        save: ``all``, or names of the arrays to save; by default q_D, v_D and tension, and also
+            undetermined without contact and with more strings than degrees of freedom.
         out: name -> array for the results, with the shape of the batch's: C-contiguous
             (n, T, width); others are new. ``force`` holds tension and limit_force,
             ``energy_terms`` the entries of the ledger.
         threads: number of threads; by default all processors.
         parameters: name -> value, or (n,) values, one for each run; by default the marionette's
-            own. All runs share the numbers of winches.
+            own. Parameters of winches are equal in all runs.
         progress: callback for a progress bar, with the mean simulated time [s].
         max_memory: largest memory of the arrays [bytes]; by default half of the free memory.
 
@@ -127,20 +127,20 @@ def simulate_batch(
         save_every=1 if save_every is None else save_every,
     )
     save_at = save_times(save_at, save_every, name, -np.inf, np.inf)
-    states = marionette.states(_listed(x0, State, "x0", "marionette.rest()"))
+    states = marionette.states(_as_list(x0, State, "x0", "marionette.rest()"))
     t = states.t
     if inputs is None:
         inputs = Input.hold(marionette).shifted(t)
     elif not isinstance(inputs, Inputs):
-        inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
+        inputs = _as_list(inputs, Input, "inputs", "Input.waypoints()")
     items = as_inputs(inputs)
     p = parameter_rows(marionette, parameters)
     n = max(len(states), len(items), len(p))
     if not {len(states), len(items), len(p)} <= {1, n}:
         several = f" and {len(p)} values of parameters" if len(p) > 1 else ""
         raise StateError(
-            f"{len(states)} states and {len(items)} inputs{several} do not go together; give equal "
-            "numbers of both, or a single one"
+            f"{len(states)} states and {len(items)} inputs{several}; needed: equal "
+            "numbers of them, or a single one"
         )
     t_end = checked_end(items.end if t_end is None else t_end, t)
     bound = bind_inputs(marionette, items, states.q_K, states.v_K, t, t_end)
@@ -150,7 +150,7 @@ def simulate_batch(
     if threads is not None:
         threads = whole("threads", threads, low=1)
     saved = _saved(marionette, save)
-    written = _written(saved)
+    written = _runtime_parts(saved)
     _check_memory(marionette, name, options, written, n, t, t_end, save_at, out or {})
     times = _times(name, options, t, t_end, save_at)
     library = marionette.libraries.batch_library_of(name)
@@ -187,11 +187,15 @@ def _in_seconds(progress: OnProgress, duration: float, at: Progress) -> None:
     progress(Progress(done=at.share * duration, total=duration))
 
 
-def _listed(items: object, kind: type[T], name: str, maker: str) -> list[T]:
+def _as_list(items: object, kind: type[T], name: str, maker: str) -> list[T]:
     """List of one or several objects of a kind."""
-    many = [items] if isinstance(items, kind) else items
-    if isinstance(many, Sequence) and many and all(isinstance(entry, kind) for entry in many):
-        return list(many)
+    entries = [items] if isinstance(items, kind) else items
+    if (
+        isinstance(entries, Sequence)
+        and entries
+        and all(isinstance(entry, kind) for entry in entries)
+    ):
+        return list(entries)
     raise TypeError(
         f"{name} is {items!r}; it must be {kind.__name__}, as {maker} gives it, or a list of one "
         "or more of them"
@@ -221,16 +225,16 @@ def _saved(marionette: CompiledPuppet, save: Sequence[str] | str | None) -> tupl
     names = (save,) if isinstance(save, str) else tuple(save)
     for name in names:
         if name not in SAVED:
-            raise ValueError(f"save names {name!r}; it takes 'all' or names of {', '.join(SAVED)}")
+            raise ValueError(f"save has {name!r}; needed: 'all' or names of {', '.join(SAVED)}")
     if touches and UNDETERMINED in names:
         raise ValueError(
-            "save names 'undetermined': a batch does not keep the contact points that share the "
+            "save has 'undetermined', but a batch does not store contact points, which share the "
             "forces; simulate such runs one by one"
         )
     return names
 
 
-def _written(saved: tuple[str, ...]) -> tuple[str, ...]:
+def _runtime_parts(saved: tuple[str, ...]) -> tuple[str, ...]:
     """Arrays that the runtime writes for those to save."""
     if UNDETERMINED not in saved:
         return saved
@@ -277,21 +281,21 @@ def _parts(
 ) -> dict[str, Array]:
     """Arrays for the runtime: those of ``out``, and new ones. All are filled with NaN."""
     widths = _widths(marionette)
-    wanted = {_RUNTIME_PART.get(name, name) for name in saved}
+    requested = {_RUNTIME_PART.get(name, name) for name in saved}
     for name in out:
-        if name not in wanted:
+        if name not in requested:
             raise ValueError(
-                f"out has an array {name!r}, which this batch does not write; it writes "
-                f"{', '.join(sorted(wanted))} ('force' is tension and limit_force in one array, "
+                f"out has an array {name!r}, which this batch does not write; allowed: "
+                f"{', '.join(sorted(requested))} ('force' is tension and limit_force in one array, "
                 "'energy_terms' the entries of the ledger)"
             )
     for (name, part), (other, same) in combinations(out.items(), 2):
         if np.may_share_memory(part, same):
             raise ValueError(
-                f"out[{other!r}] and out[{name!r}] share their memory; each takes its own array"
+                f"out[{other!r}] and out[{name!r}] share their memory; each needs its own array"
             )
     parts = {}
-    for name in sorted(wanted):
+    for name in sorted(requested):
         kind = np.dtype(np.bool_ if name == "taut" else np.float64)
         shape = (n, n_times, widths[name])
         part = out[name] if name in out else np.empty(shape, dtype=kind)

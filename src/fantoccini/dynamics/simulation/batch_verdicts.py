@@ -100,9 +100,9 @@ class BatchVerdicts:
         """State of a run and accelerations of its inputs at a time [s]."""
         q_K, v_K, acc_K = self._inputs[self._own(i)].evaluate(t)
         # Only rigid strings are examined, so the slip of winches is irrelevant.
-        none = np.zeros(self._marionette.tree.n_rows, dtype=bool)
+        zeros = np.zeros(self._marionette.tree.n_rows, dtype=bool)
         table = self._marionette.coordinates
-        return State(float(t), q_D, v_D, q_K, v_K, none, coordinates=table), acc_K
+        return State(float(t), q_D, v_D, q_K, v_K, zeros, coordinates=table), acc_K
 
     def _own(self, i: int) -> int:
         return i if len(self._inputs) > 1 else 0

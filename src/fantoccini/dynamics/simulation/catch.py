@@ -9,7 +9,7 @@ from fantoccini.dynamics.compiled import ROW_TOLERANCES, Evaluation
 from fantoccini.dynamics.derivatives import KKTSystem, row_derivatives_at
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.saltation import (
-    NEGLIGIBLE,
+    RELATIVE_ROUNDING,
     Guard,
     Saltation,
     string_restitution,
@@ -41,15 +41,15 @@ def catch_at(
     stopped = (1.0 + restitution) * at.hdot
     solution = at.complementarity(rows, stopped[rows], wires)
     strikes = np.zeros(n_rows, dtype=bool)
-    strikes[rows] = np.abs(solution.x) > NEGLIGIBLE * np.max(np.abs(solution.x), initial=0.0)
+    strikes[rows] = np.abs(solution.x) > RELATIVE_ROUNDING * np.max(np.abs(solution.x), initial=0.0)
     fast = np.max(np.abs(at.hdot[rows]), initial=0.0)
     # Rows held after the catch were stopped by it, even from speeds close to rest.
     rows = np.flatnonzero(strikes | wires | stays)
-    still = np.zeros((len(before.v_D), 1))
-    kick, own = KKTSystem(at, rows).solve(still, stopped[rows, None])
+    zeros = np.zeros((len(before.v_D), 1))
+    kick, own = KKTSystem(at, rows).solve(zeros, stopped[rows, None])
     impulse = np.zeros(n_rows)
     impulse[rows] = own[:, 0]
-    caught = np.flatnonzero(closed & ~was & ~wires & (at.hdot > NEGLIGIBLE * fast))
+    caught = np.flatnonzero(closed & ~was & ~wires & (at.hdot > RELATIVE_ROUNDING * fast))
     near = closed & ~was & (at.hdot > -ROW_TOLERANCES.rest_speed)
     near[caught] = False
     near |= stays & ~was & ~strikes

@@ -27,7 +27,7 @@ def check_one_run(x0: object, inputs: object) -> None:
         ("inputs", inputs, Input | None, motion),
     ):
         if isinstance(value, Inputs | list | tuple):
-            raise TypeError(f"{name} are several; simulate takes one, fan.simulate_batch several")
+            raise TypeError(f"{name} are several; needed: one, or fan.simulate_batch")
         if not isinstance(value, kind):
             raise TypeError(f"{name} is a {type(value).__name__}; it must be {how}")
 
@@ -37,11 +37,11 @@ def save_times(
 ) -> Array | None:
     """Times of the samples to save, including the end [s]."""
     if save_every is not None and method == "event":
-        raise ValueError("save_every goes with fixed steps; method='event' takes save_at")
+        raise ValueError("save_every is for fixed steps; method='event' needs save_at")
     if save_at is None:
         return None
     if method != "event":
-        raise ValueError(f"save_at goes with method='event'; {method} takes save_every")
+        raise ValueError(f"save_at is for method='event'; {method} needs save_every")
     times = floats(save_at)
     if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
         raise ValueError("save_at must be a list of finite times that increase")

@@ -27,10 +27,10 @@ from fantoccini.motion import State, Trajectory, pair_name
 
 SAME_PLACE = 1e-7
 """Largest distance of a run's point from the narrow phase's at the same state [m]."""
-AGREE = 1e-5
-"""Relative difference up to which changes of the times of events count as equal."""
-JUMP = 1e-7
-"""Largest change of accelerations without a jump, relative to 1 or the largest."""
+TIME_AGREEMENT = 1e-5
+"""Largest relative difference of changes of event times that count as equal."""
+MAX_SMOOTH_CHANGE = 1e-7
+"""Largest change of accelerations that is no jump, relative to max(1, |acc|)."""
 
 Key = frozenset[tuple[int, int, ContactMode]]
 
@@ -58,37 +58,42 @@ class ContactPieces:
         self._marionette, self._run = marionette, run
         self._by_sample: dict[int, dict[tuple[int, int], _SampledPoint]] = {}
 
-    def groups(self, first: int, last: int) -> list[tuple[int, int, tuple[PointMode, ...]]]:
-        """Stretches of samples first to last with equal modes: (sample, sample, modes).
+    def mode_ranges(self, first: int, last: int) -> list[tuple[int, int, tuple[PointMode, ...]]]:
+        """Ranges of samples with equal modes, from first to last: (first, last, modes).
 
-        A step in which a point begins or stops sliding is a stretch of its own: its direction is
+        A step in which a point begins or stops sliding is a range of its own: its direction is
         that of its friction while at rest.
         """
         if self._marionette.contacts is None:
             return [(first, last, ())]
         out: list[tuple[int, int, tuple[PointMode, ...]]] = []
-        alone = False
+        is_separate = False
         for i in range(first, last):
-            modes, turning = self._modes(i)
-            if out and not alone and not turning and key_of(out[-1][2]) == key_of(modes):
+            modes, is_transition = self._modes(i)
+            if (
+                out
+                and not is_separate
+                and not is_transition
+                and modes_key(out[-1][2]) == modes_key(modes)
+            ):
                 out[-1] = (out[-1][0], i + 1, out[-1][2])
             else:
                 out.append((i, i + 1, modes))
-            alone = turning
+            is_separate = is_transition
         return out
 
     def touches(self, i: int) -> bool:
         """Whether any contact point pushes at a sample."""
         return self._marionette.contacts is not None and bool(self._points(i))
 
-    def stops(self, i: int, modes: Sequence[PointMode]) -> bool:
+    def is_stopping(self, i: int, modes: Sequence[PointMode]) -> bool:
         """Whether a point that slides in ``modes`` is at rest at a sample."""
         sliding = [p for p in modes if p.mode is ContactMode.SLIDE and p.friction > 0.0]
         if not sliding:
             return False
-        seen, still = self._points(i), self._rest_speed(i)
+        seen, rest_speed = self._points(i), self._rest_speed(i)
         at = [seen.get((p.pair, p.feature)) for p in sliding]
-        return any(own is not None and own.speed <= still for own in at)
+        return any(own is not None and own.speed <= rest_speed for own in at)
 
     def _rest_speed(self, i: int) -> float:
         """Speed that counts as zero at a sample [m/s]."""
@@ -97,21 +102,21 @@ class ContactPieces:
     def _modes(self, i: int) -> tuple[tuple[PointMode, ...], bool]:
         """Modes of the step from sample i to the next; whether sliding begins or ends in it."""
         before, after = self._points(i), self._points(i + 1)
-        still = self._rest_speed(i)
-        modes, turning = [], False
+        rest_speed = self._rest_speed(i)
+        modes, is_transition = [], False
         for (pair, feature), own in after.items():
             old = before.get((pair, feature))
-            begins = old is None or old.speed <= still
-            ends = own.speed <= still
+            begins = old is None or old.speed <= rest_speed
+            ends = own.speed <= rest_speed
             mode, along, turns = ContactMode.STICK, np.zeros(3), False
             if own.mu == 0.0:
                 mode = ContactMode.SLIDE
             elif not (begins and ends):
                 mode, turns = ContactMode.SLIDE, True
-                turning = turning or begins or ends
+                is_transition = is_transition or begins or ends
                 along = -own.friction if ends or old is None else -old.friction
             modes.append(PointMode(own.name, pair, feature, mode, own.mu, along, turns))
-        return tuple(modes), turning
+        return tuple(modes), is_transition
 
     def _points(self, i: int) -> dict[tuple[int, int], _SampledPoint]:
         """Points that push at a sample: (pair, feature) -> point."""
@@ -128,7 +133,7 @@ class ContactPieces:
             pair = PairGeometry(self._marionette, screws.poses, number)
             feature = pair.nearest(pushing.point[k], SAME_PLACE)
             if feature is None:
-                raise StateError(f"{name} touch at t = {run.t[i]:.6g} s where no solid is")
+                raise StateError(f"{name} touch at t = {run.t[i]:.6g} s away from all solids")
             n, u, f = pushing.normal[k], pushing.velocity[k], pushing.force[k]
             across, friction = u - n * (n @ u), f - n * (n @ f)
             size = float(np.linalg.norm(friction))
@@ -143,7 +148,7 @@ class ContactPieces:
         return out
 
 
-def key_of(modes: Sequence[PointMode]) -> Key:
+def modes_key(modes: Sequence[PointMode]) -> Key:
     """Key that is equal for equal modes."""
     return frozenset((point.pair, point.feature, point.mode) for point in modes)
 
@@ -158,13 +163,13 @@ class Change:
 
     Attributes:
         names: names of the points that stop.
-        late: (1, m) change of the time of the stop [s].
+        time_change: (1, m) change of the time of the stop [s].
         jump: (n_vD,) difference acc- - acc+.
         sharp: whether they stop together for nearby motions, too.
     """
 
     names: tuple[str, ...]
-    late: Array
+    time_change: Array
     jump: Array
     sharp: bool
 
@@ -192,21 +197,24 @@ class Change:
         acc, _, points = FrozenModes(marionette, before[1]).moving(at, x, acc_K, before[0])
         new, _, _ = FrozenModes(marionette, after[1]).moving(at, x, acc_K, after[0])
         size = max(1.0, float(np.max(np.abs(acc))), float(np.max(np.abs(new))))
-        if np.max(np.abs(acc - new)) <= JUMP * size:
+        if np.max(np.abs(acc - new)) <= MAX_SMOOTH_CHANGE * size:
             return None
         screws = Screws(marionette, x, acc, acc_K)
-        lates, names = [], []
+        time_changes, names = [], []
         for point in points:
             if point.mode is ContactMode.SLIDE and point.friction > 0.0 and not point.turns:
                 speed, by = _slowing(screws, point)
                 if speed < 0.0:
-                    lates.append(-(by @ D)[None] / speed)
+                    time_changes.append(-(by @ D)[None] / speed)
                     names.append(point.name)
-        if not lates:
+        if not time_changes:
             return cls((), np.zeros((1, D.shape[1])), acc - new, False)
-        spread = max(float(np.max(np.abs(late - lates[0]), initial=0.0)) for late in lates)
-        sharp = spread <= AGREE * float(np.max(np.abs(lates[0]), initial=1e-9))
-        return cls(tuple(dict.fromkeys(names)), lates[0], acc - new, sharp)
+        spread = max(
+            float(np.max(np.abs(time_change - time_changes[0]), initial=0.0))
+            for time_change in time_changes
+        )
+        sharp = spread <= TIME_AGREEMENT * float(np.max(np.abs(time_changes[0]), initial=1e-9))
+        return cls(tuple(dict.fromkeys(names)), time_changes[0], acc - new, sharp)
 
 
 def _slowing(screws: Screws, point: HeldPoint) -> tuple[float, Array]:
@@ -217,7 +225,7 @@ def _slowing(screws: Screws, point: HeldPoint) -> tuple[float, Array]:
     return -float(parts @ rows.accelerations()), -parts @ rows.velocity_by()
 
 
-def stacked(Z: Array, by_input: InputVariation) -> Array:
-    """Changes (n_columns, m) of q_D, v_D, q_K, v_K, acc_K, u_D and p."""
-    b = by_input
+def stacked(Z: Array, input_change: InputVariation) -> Array:
+    """Changes (n_columns, m) of q_D, v_D, q_K, v_K, acc_K, u_D and p in one array."""
+    b = input_change
     return np.concatenate([Z, b.q_K, b.v_K, b.acc_K, b.u_D, b.p])

@@ -1,4 +1,4 @@
-"""Impacts of solids: the points and rows that an impulse strikes and holds."""
+"""Impacts of solids: points and rows with an impulse, or held after it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fantoccini.dynamics.derivatives import (
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.saltation import (
-    NEGLIGIBLE,
+    RELATIVE_ROUNDING,
     Guard,
     Saltation,
     normal_speed,
@@ -30,12 +30,12 @@ from fantoccini.dynamics.simulation.saltation import (
 )
 from fantoccini.motion import State, pair_name
 
-CLOSED = 1e-8
+MAX_CLOSED_GAP = 1e-8
 """Largest gap of a point in an impact [m]: above the gaps of a run at its events."""
-SLIDES = 10.0
-"""Minimum speed of a sliding point after the impact, relative to the speed that counts as zero."""
-AT_TARGET = 1e-6
-"""Largest difference of velocities after an impact from the law's, relative to 1 or the largest."""
+MIN_SLIDING_SPEED = 10.0
+"""Minimum speed of a sliding point after the impact, relative to the speed at rest."""
+VELOCITY_TOLERANCE = 1e-6
+"""Largest error of velocities after an impact, relative to max(1, |v|)."""
 
 
 def impact_at(
@@ -46,7 +46,7 @@ def impact_at(
     Args:
         marionette: the puppet.
         before, after: states on its two sides.
-        held: rows taut before, and after.
+        held: taut rows before and after.
 
     Raises:
         SimulationError: the run's velocities do not satisfy the equations of the impact.
@@ -63,34 +63,40 @@ class _Impact:
         self._marionette, self._before = marionette, before
         self._at = at = Evaluation.of(marionette, before)
         n_rows = len(at.hdot)
-        was, stays = (np.isin(np.arange(n_rows), rows) for rows in held)
+        taut_before, taut_after = (np.isin(np.arange(n_rows), rows) for rows in held)
         restitution = string_restitution(marionette, at)
         self.screws = Screws(marionette, before)
-        later = Screws(marionette, before.replace(v_D=after.v_D))
+        screws_after = Screws(marionette, before.replace(v_D=after.v_D))
         scale = max(1.0, float(np.max(np.abs(before.v_D))), float(np.max(np.abs(after.v_D))))
-        self._still = TOLERANCES.speed * scale
+        self._rest_speed = TOLERANCES.speed * scale
         row_derivatives = row_derivatives_at(marionette, before)
-        ends = at.hdot + row_derivatives["A_D"] @ (after.v_D - before.v_D)
-        as_asked = np.abs(ends + restitution * at.hdot) <= AT_TARGET * scale
+        hdot_after = at.hdot + row_derivatives["A_D"] @ (after.v_D - before.v_D)
+        obeys_law = np.abs(hdot_after + restitution * at.hdot) <= VELOCITY_TOLERANCE * scale
         closed = np.abs(at.h) <= ROW_TOLERANCES.start_gap * marionette.row_scales(
             before.q_D, before.q_K
         )
-        self.rows = np.flatnonzero(((was | stays | closed) & as_asked) | marionette.two_sided)
-        points, idle = self._points(later, AT_TARGET * scale)
-        kick, own, points = self._kick(points, (1.0 + restitution) * at.hdot)
+        self.rows = np.flatnonzero(
+            ((taut_before | taut_after | closed) & obeys_law) | marionette.two_sided
+        )
+        points, idle = self._points(screws_after, VELOCITY_TOLERANCE * scale)
+        kick, own, points = self._solve(points, (1.0 + restitution) * at.hdot)
         impulse = np.zeros(n_rows)
         impulse[self.rows] = own
-        self.later = Screws(marionette, before.replace(v_D=before.v_D + kick))
+        self.screws_after = Screws(marionette, before.replace(v_D=before.v_D + kick))
         points = self._after_impact(points)
-        struck = [p for p in points if normal_speed(self.screws, p) < -self._still]
+        struck = [p for p in points if normal_speed(self.screws, p) < -self._rest_speed]
         fast = np.max(np.abs(at.hdot[self.rows]), initial=0.0)
-        caught = [r for r in self.rows if not was[r] and at.hdot[r] > NEGLIGIBLE * fast]
+        caught = [
+            r for r in self.rows if not taut_before[r] and at.hdot[r] > RELATIVE_ROUNDING * fast
+        ]
         guards = [Guard.of_point(self.screws, p) for p in struck]
         guards += [Guard.of_row(row_derivatives, int(r), at.hdot[r]) for r in caught]
         row_names = marionette.tree.row_names
         names = (*dict.fromkeys(p.name for p in struck), *(row_names[r] for r in caught))
-        edges = closed_without_force(self.later, points, idle, self._still) + _weak(points)
-        near = closed & ~was & (at.hdot > -ROW_TOLERANCES.rest_speed)
+        edges = closed_without_force(
+            self.screws_after, points, idle, self._rest_speed
+        ) + _edge_cases(points)
+        near = closed & ~taut_before & (at.hdot > -ROW_TOLERANCES.rest_speed)
         near[self.rows] = False
         edges += [f"{row_names[r]}: at its bound" for r in np.flatnonzero(near)]
         self.saltation = Saltation(
@@ -113,9 +119,9 @@ class _Impact:
         )
 
     def _points(
-        self, later: Screws, tolerance: float
+        self, screws_after: Screws, tolerance: float
     ) -> tuple[list[HeldPoint], list[tuple[str, PairGeometry, int, float]]]:
-        """Points that reach the law's normal velocity, and those that do not take part."""
+        """Points whose normal velocity after the impact obeys the law, and the other ones."""
         marionette = self._marionette
         assert marionette.contacts is not None
         taking_part: list[HeldPoint] = []
@@ -125,18 +131,18 @@ class _Impact:
             mu = float(marionette.contacts.friction[pair.pair])
             e = float(marionette.contacts.restitution[pair.pair])
             for feature, values in pair.points.items():
-                if values[0] > CLOSED:
+                if values[0] > MAX_CLOSED_GAP:
                     continue
                 n = values[4:]
-                u, v = (pair.velocity(s, values[1:4]) for s in (self.screws, later))
-                strikes = n @ u < -self._still
+                u, v = (pair.velocity(s, values[1:4]) for s in (self.screws, screws_after))
+                strikes = n @ u < -self._rest_speed
                 target = -e * (n @ u) if strikes else 0.0
                 if abs(n @ v - target) > tolerance:
                     idle.append((name, pair, feature, float(n @ v)))
                     continue
                 across = v - n * (n @ v)
                 speed = float(np.linalg.norm(across))
-                slides = mu == 0.0 or speed > SLIDES * self._still
+                slides = mu == 0.0 or speed > MIN_SLIDING_SPEED * self._rest_speed
                 along = across / speed if slides and mu > 0.0 else np.zeros(3)
                 mode = ContactMode.SLIDE if slides else ContactMode.STICK
                 mode_point = PointMode(
@@ -146,21 +152,21 @@ class _Impact:
                 taking_part.append(replace(held_point, bounces=e if strikes else 0.0))
         return taking_part, idle
 
-    def _kick(
+    def _solve(
         self, points: list[HeldPoint], stopped: Array
     ) -> tuple[Array, Array, list[HeldPoint]]:
-        """Kick v+ - v-, impulses of rows, and points with impulses as forces; no point pulls."""
-        none, marionette = np.zeros((len(self._before.v_D), 1)), self._marionette
+        """Change of velocity v+ - v-, impulses of rows, and pushing points with their impulses."""
+        zeros, marionette = np.zeros((len(self._before.v_D), 1)), self._marionette
         while True:
             rows = ContactRows(self.screws, points, 0.0)
-            # -u along held directions; a struck normal also gives back e of it.
+            # -u along held directions; with the rebound e of struck normals.
             closing = rows.rows @ self._before.v_D + self._driven(points)
             first = np.cumsum([0, *(len(p.directions) for p in points)])[:-1].astype(int)
             for k, point in zip(first, points, strict=True):
                 closing[k] *= 1.0 + point.bounces
             system = ModeSystem(self._at, self.rows, rows)
             rate = np.concatenate([stopped[self.rows], closing])[:, None]
-            kick, y = system.solve(none, rate)
+            kick, y = system.solve(zeros, rate)
             y = y[:, 0]
             own = y[len(self.rows) :]
             size = float(np.max(np.abs(y), initial=0.0))
@@ -198,13 +204,13 @@ class _Impact:
         out = []
         for point in points:
             a, b = point.touch.links
-            twist = self.later.twist(a) - self.later.twist(b)
+            twist = self.screws_after.twist(a) - self.screws_after.twist(b)
             out.append(replace(point, velocity=twist[:3] + np.cross(twist[3:], point.touch.point)))
         return out
 
 
-def _weak(points: Sequence[HeldPoint]) -> list[str]:
-    """Points at the edge of their cone, or without an impulse."""
+def _edge_cases(points: Sequence[HeldPoint]) -> list[str]:
+    """Points at the edge of their friction cone, or without an impulse, in words."""
     size = max((float(np.linalg.norm(p.force)) for p in points), default=0.0)
     out = []
     for p in points:

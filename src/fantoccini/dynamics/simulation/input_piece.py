@@ -92,7 +92,7 @@ class InputChanges:
     Args:
         marionette: the puppet.
         inputs: bound inputs.
-        toward: other bound inputs; a change goes from ``inputs`` towards each.
+        toward: other bound inputs; changes are from ``inputs`` towards each.
         along: derivatives of the inputs; each one is a change with its own column.
 
     Attributes:

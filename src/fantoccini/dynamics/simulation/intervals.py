@@ -81,20 +81,20 @@ def interval_derivatives(
     _check(marionette, run, inputs, run.t[np.maximum(at, 0)])
     check_differentiable(run)
     changes = _IntervalChanges(marionette, inputs)
-    along = RunChanges(run, changes, Variation(marionette, rtol, atol))
+    changes_along = RunChanges(run, changes, Variation(marionette, rtol, atol))
     N = len(at) - 1
     A, B, C = (np.zeros((N, 2 * (n + k), m)) for m in (2 * (n + k), k, n_p))
     passages = []
     for i, T in enumerate(np.diff(inputs.breaks)):
-        first = len(along.passages)
-        *_, (_, Z) = along.records(np.zeros(0), int(at[i]), int(at[i + 1]))
+        first = len(changes_along.passages)
+        *_, (_, Z) = changes_along.samples(np.zeros(0), int(at[i]), int(at[i + 1]))
         by_z, C[i, : 2 * n], by_K, B[i, : 2 * n] = np.split(
             Z, [2 * n, 2 * n + n_p, 2 * n + n_p + 2 * k], axis=1
         )
         A[i, : 2 * n] = np.concatenate([by_z, by_K], axis=1)
         A[i, 2 * n :, 2 * n :] = np.kron([[1.0, T], [0.0, 1.0]], np.eye(k))
         B[i, 2 * n :] = np.kron([[0.5 * T * T], [T]], np.eye(k))
-        passages.append(tuple(along.passages[first:]))
+        passages.append(tuple(changes_along.passages[first:]))
     return IntervalDerivatives(A, B, C, tuple(passages))
 
 

@@ -31,7 +31,7 @@ def ends_fast(v_D: Array, dt: float) -> Mask:
     Steps measure violations at their start, and add to them by their curvature only. ``v_D``
     (..., n_vD) is the velocity at the end, ``dt`` the length of the step [s].
     """
-    return ~(dt * np.max(np.abs(v_D), axis=-1, initial=0.0) <= BOUNDS.fast)
+    return ~(dt * np.max(np.abs(v_D), axis=-1, initial=0.0) <= BOUNDS.max_slow_move)
 
 
 def left_by_last_step(marionette: Marionette, q_D: Array, q_K: Array) -> dict[str, float]:
@@ -44,8 +44,8 @@ def left_by_last_step(marionette: Marionette, q_D: Array, q_K: Array) -> dict[st
     h[marionette.two_sided] = np.abs(h[marionette.two_sided])
     h[np.isfinite(marionette.upper)] = 0.0
     names = [*(s.name for s in tree.strings), *(limit.name for limit in tree.limits)]
-    rows = {name: float(x) for name, x in zip(names, h, strict=True) if x > BOUNDS.violation}
-    return rows | marionette.overlaps(q_D, q_K, BOUNDS.violation)
+    rows = {name: float(x) for name, x in zip(names, h, strict=True) if x > BOUNDS.max_violation}
+    return rows | marionette.overlaps(q_D, q_K, BOUNDS.max_violation)
 
 
 def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> tuple[Status, str]:
@@ -88,10 +88,10 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
         increments = np.diff(ledger["residual"])
         k = int(np.argmax(np.abs(increments)))
         turn = dt * float(np.max(np.abs(run.v_D[k : k + 2])))
-        first = run.t[int(np.argmax(~(shares <= BOUNDS.unbooked)))]
+        first = run.t[int(np.argmax(~(shares <= BOUNDS.max_unbalanced)))]
         text = (
             f"the ledger's residual reached {100 * share:.2g} % of the energy exchanged, more than "
-            f"{100 * BOUNDS.unbooked:g} % from t = {first:.6g} s on; most of it, "
+            f"{100 * BOUNDS.max_unbalanced:g} % from t = {first:.6g} s on; most of it, "
             f"{increments[k]:.3g} J, arose from t = {run.t[k]:.6g} to {run.t[k + 1]:.6g} s, where "
             f"a coordinate moves by {turn:.2g} rad or m in a step. {advice}"
         )
@@ -139,14 +139,16 @@ def _overstepped(run: Trajectory, worst: float, left: dict[str, float]) -> str:
     assert table is not None
     largest = np.max(table.values, axis=0)
     rows = [
-        r for r in np.argsort(-largest)[: BOUNDS.max_named] if not largest[r] <= BOUNDS.violation
+        r
+        for r in np.argsort(-largest)[: BOUNDS.max_named]
+        if not largest[r] <= BOUNDS.max_violation
     ]
     if rows:
         names = ", ".join(f"{table.names[r]} by {largest[r]:.3g}" for r in rows)
-        first = int(np.argmax(~(np.max(table.values, axis=1, initial=0.0) <= BOUNDS.violation)))
+        first = int(np.argmax(~(np.max(table.values, axis=1, initial=0.0) <= BOUNDS.max_violation)))
         when = f"from t = {run.t[first]:.6g} s on"
-        return f"{names} m or rad, more than {BOUNDS.violation:g} {when}"
-    if not worst <= BOUNDS.violation:
+        return f"{names} m or rad, more than {BOUNDS.max_violation:g} {when}"
+    if not worst <= BOUNDS.max_violation:
         if run.contact is not None and -run.contact.gap.min(initial=0.0) > 0.0:
             deepest = int(np.argmin(run.contact.gap))
             name = pair_name(run.contact.names[run.contact.pair[deepest]])

@@ -20,13 +20,13 @@ class _Limits:
 
     first_check: float = 3.0
     """Computing time before the first check of the pace [s]."""
-    recent: float = 1.0
+    pace_time: float = 1.0
     """Computing time over which the pace is measured [s]."""
-    left: float = 60.0
+    max_remaining: float = 60.0
     """Remaining computing time, at this pace, above which a run warns [s]."""
-    samples: int = 500
+    n_samples: int = 500
     """Number of the last samples, searched for chattering strings and bodies."""
-    names: int = 3
+    max_named: int = 3
     """Maximum number of names in the message."""
 
 
@@ -68,13 +68,13 @@ class Pace:
         """Records the time reached [s]; warns once if the end is far away at this pace."""
         now, marks = self.seconds, self._marks
         marks.append((now, t))
-        while len(marks) > 2 and now - marks[1][0] > LIMITS.recent:
+        while len(marks) > 2 and now - marks[1][0] > LIMITS.pace_time:
             marks.popleft()
         if self._has_warned or now < LIMITS.first_check:
             return
         spent, done = now - marks[0][0], t - marks[0][1]
         left = (self._t_end - t) * spent / done if done > 0.0 else np.inf
-        if left <= LIMITS.left:
+        if left <= LIMITS.max_remaining:
             return
         self._has_warned = True
         takes = "does not come nearer to" if left == np.inf else f"needs {left:.2g} s more to"
@@ -95,18 +95,18 @@ def chatter(t: Times, contact: ContactPoints | None, events: Iterable[EventRecor
         contact: points that pushed; None without contact.
         events: events of the run.
     """
-    first = max(0, len(t) - LIMITS.samples)
+    first = max(0, len(t) - LIMITS.n_samples)
     if len(t) - first < 2:  # few samples are saved
         return "its steps are short"
     text = f"its last {len(t) - first} samples take {t[-1] - t[first]:.2g} s of motion"
     counts = Counter(e.name for e in events if e.name and e.t >= t[first])
     if counts:
-        frequent = counts.most_common(LIMITS.names)
+        frequent = counts.most_common(LIMITS.max_named)
         text += ", with events of " + ", ".join(f"{name} ({n})" for name, n in frequent)
     if contact is not None:
         pushing = contact.subset(contact.sample >= first)
         pairs = Counter(pair_name(contact.names[k]) for k in pushing.pair.tolist())
-        names = [name for name, _ in pairs.most_common(LIMITS.names) if name not in counts]
+        names = [name for name, _ in pairs.most_common(LIMITS.max_named) if name not in counts]
         if names:
             text += f", while {', '.join(names)} {'touches' if len(names) == 1 else 'touch'}"
     return text

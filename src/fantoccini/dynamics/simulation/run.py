@@ -225,23 +225,22 @@ def _where(
     if result.status is Status.OUT_OF_TIME:
         return f"{text}: {chatter(result.t, result.contact, result.events)}"
     if result.status is Status.TOO_MANY_SAMPLES:
-        return f"{text} after {len(result)} samples; write fewer with save_at, or allow max_memory"
+        return f"{text} after {len(result)} samples; save fewer with save_at, or allow max_memory"
     if result.causes:
         text += f", because of {', '.join(result.causes)}"
     if result.status is Status.TOO_MANY_EVENTS:
-        text += (
-            f": {chatter(result.t, result.contact, result.events)}; method='timestepping' goes on"
-        )
+        text += f": {chatter(result.t, result.contact, result.events)}"
+        text += "; method='timestepping' does not stop there"
     if result.status is Status.NO_UNIQUE_MOTION:
-        text += f", where {_sliding(result)} slide; method='timestepping' goes on with an impulse"
+        text += f", where {_sliding(result)} slide; method='timestepping' continues with an impulse"
     text += weak_motors(marionette, result)
     last = result.tension.values[-1]
     if np.max(last, initial=0.0) > REPORTING.large_tension * marionette.weight:
         text += f"; the largest tension was {np.max(last):.3g} N"
     lengths = marionette.string_lengths(result.q_D[-1], result.q_K[-1])
     short = lengths < REPORTING.short_length
-    gone = [n for n, is_short in zip(result.tension.names, short, strict=True) if is_short]
-    return text + "".join(f"; {n}.length is nearly 0" for n in gone)
+    out_of_length = [n for n, is_short in zip(result.tension.names, short, strict=True) if is_short]
+    return text + "".join(f"; {n}.length is nearly 0" for n in out_of_length)
 
 
 def _chatter_text(marionette: CompiledPuppet, pieces: list[Piece]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from fantoccini.base import Array, Indices, StateError, Times
 from fantoccini.dynamics.derivatives import PointMode
 from fantoccini.dynamics.simulation.catch import catch_at
-from fantoccini.dynamics.simulation.contact_pieces import Change, ContactPieces, key_of, stacked
+from fantoccini.dynamics.simulation.contact_pieces import Change, ContactPieces, modes_key, stacked
 from fantoccini.dynamics.simulation.impact import impact_at
 from fantoccini.dynamics.simulation.input_piece import InputPiece, InputVariation
 from fantoccini.dynamics.simulation.saltation import Passage
@@ -25,9 +25,9 @@ class Tolerances:
     """Tolerances of the pieces of a run."""
 
     jump: float = 1e-9
-    """Change of velocity at a catch, relative to 1 or the largest velocity: above rounding."""
+    """Smallest change of velocity that counts as an impulse, relative to max(1, |v|)."""
     stop: float = 1e-8
-    """Largest change of velocity at the stop of a sliding point, relative to 1 or the largest."""
+    """Largest change of velocity at the stop of a sliding point, relative to max(1, |v|)."""
     time: float = 1e-12  # Distance of times that count as equal [s]
 
 
@@ -39,25 +39,25 @@ def check_differentiable(run: Trajectory) -> None:
     if run.slip is not None and np.any(run.slip.values > 0.0):
         names = [name for name, slip in run.slip.items() if np.any(slip > 0.0)]
         raise StateError(
-            f"the winch of {', '.join(names)} slips in this run; sensitivities go through releases "
+            f"the winch of {', '.join(names)} slips in this run; sensitivities support releases "
             "and catches only: raise max_tension, or let the run end earlier"
         )
     ends = [event.t for event in run.events if event.kind is EventKind.ACCUMULATION]
     if ends and run.contact is not None and len(run.contact):
         raise StateError(
             f"bounces accumulate at t = {ends[0]:.6g} s: infinitely many impacts have no "
-            "derivative. Let the run end earlier; what springs back, and does not rock, may be "
-            "given restitution 0"
+            "derivative. Let the run end earlier, or set restitution 0 for solids that do not "
+            "rock"
         )
 
 
-class Changing(Protocol):
+class DrivenChanges(Protocol):
     """Inputs of a run and their changes.
 
     Attributes:
         inputs: inputs of the run.
         breaks: times at which inputs or their changes are not smooth [s].
-        columns: number of changes: by the state, by the parameters, along the inputs.
+        columns: number of changes m: of the state, the parameters and the inputs.
     """
 
     inputs: Input
@@ -81,7 +81,7 @@ class RunChanges:
         passages: events so far.
     """
 
-    def __init__(self, run: Trajectory, changes: Changing, variation: Variation):
+    def __init__(self, run: Trajectory, changes: DrivenChanges, variation: Variation):
         self.marionette, self.run = variation.marionette, run
         self._inputs, self._changes = changes.inputs, changes
         self._variation = variation
@@ -92,10 +92,10 @@ class RunChanges:
             for kind in (EventKind.TOUCH, EventKind.CATCH)
         }
 
-    def records(
+    def samples(
         self, saved: Times, start: int = 0, end: int | None = None
     ) -> Iterator[tuple[float, Array]]:
-        """Pairs (time, changes) at the start, the times to save, around every event, at the end.
+        """Times [s] and changes (2 n_vD, m) at the start, times to save, events and the end.
 
         Args:
             saved: times to save [s].
@@ -103,28 +103,28 @@ class RunChanges:
         """
         run, n = self.run, self.marionette.coordinates.n_vD
         columns = self._changes.columns
-        Z, by_input = np.eye(2 * n, columns), InputVariation.none(self.marionette, columns)
+        Z, input_change = np.eye(2 * n, columns), InputVariation.none(self.marionette, columns)
         end = len(run.t) - 1 if end is None else end
         edges = start + np.flatnonzero(np.diff(run.t[start : end + 1]) == 0.0)
         firsts = np.concatenate([[start], edges + 1])
         lasts = np.concatenate([edges, [end]])
         before: tuple[PointMode, ...] = ()
         for first, last in zip(firsts, lasts, strict=True):
-            groups = self._contacts.groups(first, last)
+            mode_ranges = self._contacts.mode_ranges(first, last)
             if first > start:
-                after = groups[0][2] if groups else ()
-                Z = self._across(first - 1, Z, by_input, (before, after))
+                after = mode_ranges[0][2] if mode_ranges else ()
+                Z = self._after_event(first - 1, Z, input_change, (before, after))
             if first == last:
                 yield run.t[first], Z
                 continue
-            for a, b, points in groups:
+            for a, b, points in mode_ranges:
                 if a > first:
-                    Z = self._changed(a, Z, by_input, (a, a), (before, points))
+                    Z = self._after_mode_change(a, Z, input_change, (a, a), (before, points))
                     if run.t[a] in saved:
                         yield run.t[a], Z
                 before = points
                 x, held = run.state(a), self._taut_rows(first)
-                pieces = self._between(run.t[a], run.t[b])
+                pieces = self._input_pieces(run.t[a], run.t[b])
                 Z = self._variation.projected(x, held, Z, pieces[0].variation(x.t), points)
                 if a == first:
                     yield x.t, Z
@@ -142,69 +142,72 @@ class RunChanges:
                     if piece.end in saved:
                         yield piece.end, Z
                 self._variation.check(states[-1], run.t[b], run.q_D[b], run.v_D[b])
-                by_input = pieces[-1].variation(pieces[-1].end)
+                input_change = pieces[-1].variation(pieces[-1].end)
             yield run.t[last], Z
 
-    def _across(
+    def _after_event(
         self,
         i: int,
         Z: Array,
-        by_input: InputVariation,
+        input_change: InputVariation,
         points: tuple[Sequence[PointMode], Sequence[PointMode]],
     ) -> Array:
         """Changes after the event between sample i and the next."""
         run = self.run
         size = max(1.0, np.max(np.abs(run.v_D[i]), initial=0.0))
-        stops = self._contacts.touches(i) and not self._struck(i)
+        stops = self._contacts.touches(i) and not self._is_struck(i)
         tolerance = TOLERANCES.stop if stops else TOLERANCES.jump
         if np.max(np.abs(run.v_D[i + 1] - run.v_D[i]), initial=0.0) <= tolerance * size:
-            return self._changed(i, Z, by_input, (i, i + 1), points)
+            return self._after_mode_change(i, Z, input_change, (i, i + 1), points)
         before, after = run.state(i), run.state(i + 1)
         held = self._taut_rows(i), self._taut_rows(i + 1)
         acc, acc_K = (run.acc_D[i], run.acc_D[i + 1]), run.acc_K[i]
-        if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._struck(i, False):
+        if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._is_struck(i, False):
             impulse = impact_at(self.marionette, before, after, held)
         else:
             impulse = catch_at(self.marionette, before, after, held)
-        Z, passage = impulse.across(Z, by_input, acc, acc_K)
+        Z, passage = impulse.across(Z, input_change, acc, acc_K)
         self.passages.append(passage)
         return Z
 
-    def _struck(self, i: int, catches: bool = True) -> bool:
-        """Whether solids strike at the time of sample i, or rows if ``catches``."""
+    def _is_struck(self, i: int, catches: bool = True) -> bool:
+        """Whether solids, or rows if ``catches``, strike at the time of sample i."""
         t = float(self.run.t[i])
         return t in self._times[EventKind.TOUCH] or (catches and t in self._times[EventKind.CATCH])
 
-    def _changed(
+    def _after_mode_change(
         self,
         i: int,
         Z: Array,
-        by_input: InputVariation,
+        input_change: InputVariation,
         samples: tuple[int, int],
         points: tuple[Sequence[PointMode], Sequence[PointMode]],
     ) -> Array:
         """Changes after contacts change modes at sample i with continuous velocities."""
-        if key_of(points[0]) == key_of(points[1]) and not self._contacts.stops(i, points[0]):
+        if modes_key(points[0]) == modes_key(points[1]) and not self._contacts.is_stopping(
+            i, points[0]
+        ):
             return Z
         run, marionette = self.run, self.marionette
         if np.min(np.abs(self._inputs.breaks - run.t[i])) <= TOLERANCES.time:
-            return Z  # at a fixed time
+            return Z  # the inputs fix this time
         x, u_D = run.state(i), self._force(run.t[i])
         before, after = (
-            (self._taut_rows(k), these) for k, these in zip(samples, points, strict=True)
+            (self._taut_rows(k), held_points)
+            for k, held_points in zip(samples, points, strict=True)
         )
-        D = stacked(np.concatenate([Z, np.eye(len(Z))], axis=1), by_input.widened(len(Z)))
+        D = stacked(np.concatenate([Z, np.eye(len(Z))], axis=1), input_change.widened(len(Z)))
         change = Change.of(self.marionette, x, run.acc_K[i], u_D, before, after, D)
         if change is None:
             return Z
         n, m = marionette.coordinates.n_vD, Z.shape[1]
         jump = np.eye(2 * n)
-        jump[n:] += np.outer(change.jump, change.late[0, m:])
+        jump[n:] += np.outer(change.jump, change.time_change[0, m:])
         self.passages.append(Passage(float(run.t[i]), change.names, 0.0, jump, change.sharp))
-        return np.concatenate([Z[:n], Z[n:] + np.outer(change.jump, change.late[0, :m])])
+        return np.concatenate([Z[:n], Z[n:] + np.outer(change.jump, change.time_change[0, :m])])
 
     def _force(self, t: float) -> Array:
-        """User forces (n_vD,) up to a time [s]."""
+        """User forces (n_vD,) at a time [s]."""
         inside = min(max(t, self._inputs.start), self._inputs.end)
         return np.array(self._inputs.evaluate_force(inside))
 
@@ -214,7 +217,7 @@ class RunChanges:
         holds = np.concatenate([run.taut.values[i], run.limit_force.values[i] > 0.0])
         return np.flatnonzero(holds | self.marionette.two_sided)
 
-    def _between(self, start: float, end: float) -> list[InputPiece]:
+    def _input_pieces(self, start: float, end: float) -> list[InputPiece]:
         """Smooth pieces of the inputs from one time to another [s]."""
         inner = self._changes.breaks
         inner = inner[(inner > start + TOLERANCES.time) & (inner < end - TOLERANCES.time)]

@@ -34,7 +34,7 @@ from fantoccini.dynamics.derivatives import (
     solve_in_modes,
 )
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.contact_pieces import AGREE, stacked
+from fantoccini.dynamics.simulation.contact_pieces import TIME_AGREEMENT, stacked
 from fantoccini.dynamics.simulation.input_piece import InputVariation
 from fantoccini.kernel.contract import WINCH_AT
 from fantoccini.motion import State
@@ -42,7 +42,7 @@ from fantoccini.motion import State
 VELOCITY_ERROR = 1e-4
 """Largest accepted difference between the equations' and the run's velocities after an impulse,
 relative to 1 + |v|."""
-NEGLIGIBLE = 1e-9
+RELATIVE_ROUNDING = 1e-9
 """Impulses and speeds that count as rounding, relative to the largest."""
 
 
@@ -100,7 +100,7 @@ class Guard:
         by = [A_D, 0.0 * A_D, A_K, np.zeros(2 * len(A_K)), 0.0 * A_D, results["h_p"][row]]
         return cls(np.concatenate(by), float(speed))
 
-    def late(self, D: Array) -> Array:
+    def time_change(self, D: Array) -> Array:
         """Change (1, m) of the time [s]."""
         return np.asarray(-(self._by @ D)[None] / self.speed)
 
@@ -149,41 +149,45 @@ class Saltation:
             )
 
     def across(
-        self, Z: Array, by_input: InputVariation, acc: tuple[Array, Array], acc_K: Array
+        self, Z: Array, input_change: InputVariation, acc: tuple[Array, Array], acc_K: Array
     ) -> tuple[Array, Passage]:
         """Changes after the impulse, at a fixed time, and the impulse with its saltation matrix.
 
         Args:
             Z: (2 n_vD, m) changes before the impulse.
-            by_input: changes of inputs and parameters.
+            input_change: changes of inputs and parameters.
             acc: acc_D before and after the impulse.
             acc_K: (n_vK,) driven acceleration before the impulse.
         """
         m, n = Z.shape[1], len(Z)
         both = np.concatenate([Z, np.eye(n)], axis=1)
-        results = self._carried(both, by_input.widened(n), acc, acc_K)
-        changes = stacked(Z, by_input)
-        lates = np.array([guard.late(changes)[0] for guard in self.guards])
-        spread = float(np.max(np.abs(lates - lates[:1]), initial=0.0))
-        together = spread <= AGREE * float(np.max(np.abs(lates), initial=1e-9))
-        sharp = len(lates) > 0 and together and not self.edges
+        results = self._carried(both, input_change.widened(n), acc, acc_K)
+        changes = stacked(Z, input_change)
+        time_changes = np.array([guard.time_change(changes)[0] for guard in self.guards])
+        spread = float(np.max(np.abs(time_changes - time_changes[:1]), initial=0.0))
+        together = spread <= TIME_AGREEMENT * float(np.max(np.abs(time_changes), initial=1e-9))
+        sharp = len(time_changes) > 0 and together and not self.edges
         speed = max((guard.speed for guard in self.guards), default=0.0)
         return results[:, :m], Passage(self.before.t, self.names, speed, results[:, m:], sharp)
 
     def _carried(
-        self, Z: Array, by_input: InputVariation, acc: tuple[Array, Array], acc_K: Array
+        self, Z: Array, input_change: InputVariation, acc: tuple[Array, Array], acc_K: Array
     ) -> Array:
         """Changes after the impulse, at a fixed time; see :meth:`across`."""
         x, n, marionette = self.before, len(self.before.v_D), self.marionette
-        D = stacked(Z, by_input)
-        late = np.zeros((1, Z.shape[1]))
+        D = stacked(Z, input_change)
+        time_change = np.zeros((1, Z.shape[1]))
         if self.guards:
-            late = max(self.guards, key=lambda guard: guard.speed).late(D)
-        q_D, v_D = Z[:n] + x.v_D[:, None] * late, Z[n:] + acc[0][:, None] * late
-        q_K, v_K = by_input.q_K + x.v_K[:, None] * late, by_input.v_K + acc_K[:, None] * late
-        p = by_input.p
+            time_change = max(self.guards, key=lambda guard: guard.speed).time_change(D)
+        q_D, v_D = Z[:n] + x.v_D[:, None] * time_change, Z[n:] + acc[0][:, None] * time_change
+        q_K, v_K = (
+            input_change.q_K + x.v_K[:, None] * time_change,
+            input_change.v_K + acc_K[:, None] * time_change,
+        )
+        p = input_change.p
         D = stacked(
-            np.concatenate([q_D, v_D]), InputVariation(q_K, v_K, by_input.acc_K, by_input.u_D, p)
+            np.concatenate([q_D, v_D]),
+            InputVariation(q_K, v_K, input_change.acc_K, input_change.u_D, p),
         )
         before, after = (row_derivatives_at(marionette, side) for side in (x, self.after))
         speed = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D
@@ -192,8 +196,8 @@ class Saltation:
         rate += restitution_change(marionette, self.at) @ p
         force = force_change(marionette, x, self.kick, self.impulse, q_D, q_K, p)
         kick = self._solve(force, rate[self.rows], D)
-        q_D = q_D - self.after.v_D[:, None] * late
-        return np.concatenate([q_D, v_D + kick - acc[1][:, None] * late])
+        q_D = q_D - self.after.v_D[:, None] * time_change
+        return np.concatenate([q_D, v_D + kick - acc[1][:, None] * time_change])
 
     def _solve(self, force: Array, rate: Array, D: Array) -> Array:
         """Changes (n_vD, m) of the kick."""

@@ -88,8 +88,8 @@ def sensitivity(
         rtol, atol: tolerances of the integration of state and derivatives.
 
     Raises:
-        StateError: a winch slips, bounces of solids accumulate, or the motion depends on how
-            redundant points that slide share their force: there is no derivative.
+        StateError: a winch slips, bounces of solids accumulate, or the motion depends on the
+            distribution of force among redundant sliding points: there is no derivative.
         SimulationError: the run stopped.
     """
     check_positive(rtol=rtol, atol=atol)
@@ -109,7 +109,7 @@ def sensitivity(
             f"save_at has {outside[0]:g} s; it must lie between {run.t[0]:g} s and {run.t[-1]:g} s"
         )
     pieces = RunChanges(run, changes, Variation(marionette, rtol, atol))
-    records = list(pieces.records(saved))
+    records = list(pieces.samples(saved))
     n, n_p = marionette.coordinates.n_vD, len(marionette.p)
     Z = np.array([Z for _, Z in records])
     last = 2 * n + n_p + len(toward)

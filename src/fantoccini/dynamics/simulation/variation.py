@@ -36,7 +36,7 @@ from fantoccini.dynamics.simulation.saltation import rate_change
 from fantoccini.motion import State
 
 FIRST_STEP = 0.01
-"""First step of a run [s]; each piece begins with the last step of the one before."""
+"""First step of a run [s]; each later piece begins with the last step of the previous one."""
 MAX_ERROR = 1e-6
 """Largest distance of the integration from the run, relative to 1 or to the state."""
 _MIN_STEPS_OF_LONG_PIECE = 5.0
@@ -63,7 +63,7 @@ class Variation:
         x: State,
         rows: Indices,
         Z: Array,
-        by_input: InputVariation,
+        input_change: InputVariation,
         points: Sequence[PointMode] = (),
     ) -> Array:
         """Changes nearest to Z in the metric of M_DD that keep h = 0 and hdot = 0 of rows.
@@ -71,13 +71,17 @@ class Variation:
         They also keep the gaps and velocities of held points.
         """
         if points:
-            return self._projected_with(x, rows, Z, by_input, points)
+            return self._projected_with(x, rows, Z, input_change, points)
         n, results = len(x.v_D), row_derivatives_at(self.marionette, x)
         system = KKTSystem(Evaluation.of(self.marionette, x), rows)
         Z_q, Z_v = Z[:n], Z[n:]
-        gap = results["A_D"] @ Z_q + results["A_K"] @ by_input.q_K + results["h_p"] @ by_input.p
+        gap = (
+            results["A_D"] @ Z_q
+            + results["A_K"] @ input_change.q_K
+            + results["h_p"] @ input_change.p
+        )
         Z_q = Z_q + system.nearest(gap[rows])
-        rate = rate_change(results, Z_q, by_input.q_K, by_input.v_K, by_input.p)
+        rate = rate_change(results, Z_q, input_change.q_K, input_change.v_K, input_change.p)
         rate = rate + results["A_D"] @ Z_v
         Z_v = Z_v + system.nearest(rate[rows])
         return np.concatenate([Z_q, Z_v])
@@ -87,26 +91,30 @@ class Variation:
         x: State,
         rows: Indices,
         Z: Array,
-        by_input: InputVariation,
+        input_change: InputVariation,
         points: Sequence[PointMode],
     ) -> Array:
         marionette, n = self.marionette, len(x.v_D)
         at, results = Evaluation.of(marionette, x), row_derivatives_at(marionette, x)
-        still = np.zeros((n, Z.shape[1]))
+        zeros = np.zeros((n, Z.shape[1]))
         held = FrozenModes(marionette, points).at(Screws(marionette, x))
-        touching = ContactRows(Screws(marionette, x, changes=stacked(Z, by_input)), held, 0.0)
+        touching = ContactRows(Screws(marionette, x, changes=stacked(Z, input_change)), held, 0.0)
         first = np.cumsum([0, *(len(p.directions) for p in held)])[:-1]
-        gap = results["A_D"] @ Z[:n] + results["A_K"] @ by_input.q_K + results["h_p"] @ by_input.p
+        gap = (
+            results["A_D"] @ Z[:n]
+            + results["A_K"] @ input_change.q_K
+            + results["h_p"] @ input_change.p
+        )
         gaps = np.concatenate([gap[rows], touching.gap_by()])
         system = ModeSystem(at, rows, _frictionless(touching, touching.rows[first]))
-        Z_q = Z[:n] + system.solve(still, gaps)[0]
-        rate = rate_change(results, Z_q, by_input.q_K, by_input.v_K, by_input.p)
+        Z_q = Z[:n] + system.solve(zeros, gaps)[0]
+        rate = rate_change(results, Z_q, input_change.q_K, input_change.v_K, input_change.p)
         rate = (rate + results["A_D"] @ Z[n:])[rows]
         Z = np.concatenate([Z_q, Z[n:]])
-        touching = ContactRows(Screws(marionette, x, changes=stacked(Z, by_input)), held, 0.0)
+        touching = ContactRows(Screws(marionette, x, changes=stacked(Z, input_change)), held, 0.0)
         rates = np.concatenate([rate, touching.velocity_by()])
         system = ModeSystem(at, rows, _frictionless(touching, touching.rows))
-        return np.concatenate([Z_q, Z[n:] + system.solve(still, rates)[0]])
+        return np.concatenate([Z_q, Z[n:] + system.solve(zeros, rates)[0]])
 
     def along(
         self,

@@ -12,8 +12,8 @@ from fantoccini.model.puppet import DirectCurrent
 from fantoccini.model.tree import DriveRow
 from fantoccini.motion import Trajectory
 
-SAMPLES = 8
-"""Number of samples before a motor gave way at which its load is computed."""
+N_SAMPLES = 8
+"""Number of samples before a motor's failure at which its load is computed."""
 MAX_NAMED = 4
 """Maximum number of drives named in a message."""
 
@@ -73,7 +73,7 @@ def _loads(marionette: Marionette, run: Trajectory, before: float) -> dict[str, 
     accelerations, and with the taut rows of the run.
     """
     last = max(1, int(np.searchsorted(run.t, before)))
-    samples = np.unique(np.linspace(0, last - 1, min(last, SAMPLES)).astype(int))
+    samples = np.unique(np.linspace(0, last - 1, min(last, N_SAMPLES)).astype(int))
     led = [row for row in marionette.tree.drives if row.command is not None]
     largest = np.max([np.abs(_forces(marionette, run, i, led)) for i in samples], axis=0)
     by_name, at = {}, 0
@@ -109,6 +109,6 @@ def _forces(marionette: Marionette, run: Trajectory, i: int, led: list[DriveRow]
             [S.T, zero((k, m)), zero((k, k))],
         ]
     )
-    wanted = np.concatenate([-load, -bias, commanded])
+    right_side = np.concatenate([-load, -bias, commanded])
     # With redundant strings, least squares give the solution of least norm.
-    return np.linalg.lstsq(system, wanted, rcond=1e-12)[0][n + m :]
+    return np.linalg.lstsq(system, right_side, rcond=1e-12)[0][n + m :]

@@ -29,19 +29,21 @@ from fantoccini.motion import Columns, ContactPoints, Trajectory
 class Tolerances:
     """Tolerances of the decision whether a motion determines a force."""
 
-    acceleration: float = 1e-6
+    acceleration_uncertainty: float = 1e-6
     """Uncertainty of rows' accelerations [m/s^2]: sampled lengths from an exact inverse kinematics
     contradict one another by as much between samples."""
-    change: float = 0.01
+    significant_change: float = 0.01
     """Significant change of a tension or effort, relative to the puppet's weight."""
-    singular: float = 0.03
+    regularisation: float = 0.03
     """Regularisation of G's diagonal, relative to the eigenvalue of significant changes; also
-    the smallest component of a null vector with which a row takes part."""
-    rounding: float = 1e-13  # Minimum regularisation, relative to the trace of G
-    bound: float = 1e-6  # Distance from a bound, relative to the weight, that counts as being at it
-    moving: float = 1e-5  # Speed above which a winch slips or a contact point slides [m/s]
-    closed: float = 1e-6  # -h below which a row is closed, relative to its length
-    blocked: float = 1e-6
+    the smallest significant component of a null vector."""
+    min_regularisation: float = 1e-13  # Minimum regularisation, relative to the trace of G
+    bound_distance: float = (
+        1e-6  # Distance from a bound, relative to the weight, that counts as being at it
+    )
+    max_rest_speed: float = 1e-5  # Speed above which a winch slips or a contact point slides [m/s]
+    max_closed_gap: float = 1e-6  # -h below which a row is closed, relative to its length
+    cone_distance: float = 1e-6
     """Distance from a cone, relative to the vector, that counts as inside; and part of a unit
     vector that counts as none."""
 
@@ -184,16 +186,16 @@ class _Rows:
         J[:, limit, velocity] = on.J_limit[:, axis, limit]
         W_l = library.evaluate("solve_factor_transposed", L=on.L[:, None], x=J).y if n_l else J
         self.B = -np.concatenate([np.swapaxes(on.W, 1, 2), W_l], axis=1)
-        near = TOLERANCES.bound * _force(marionette)
+        near = TOLERANCES.bound_distance * _force(marionette)
         self.low = ~marionette.two_sided & (forces <= near)
         self.high = forces >= marionette.upper - near
         # Only some of several dependent rows pull; the others are closed, or open by rounding.
         h = np.hstack([on.h - run.slip, on.h_limit])
-        held = h >= -TOLERANCES.closed * marionette.row_scales(run.q_D, run.q_K)
+        held = h >= -TOLERANCES.max_closed_gap * marionette.row_scales(run.q_D, run.q_K)
         if run.method == "event":  # after fixed steps, speeds correct their violations
-            held[:, :n_s] &= np.abs(on.hdot) <= TOLERANCES.moving
+            held[:, :n_s] &= np.abs(on.hdot) <= TOLERANCES.max_rest_speed
         held |= np.hstack([run.taut, forces[:, n_s:] > 0.0])
-        held[:, :n_s] &= ~(self.high[:, :n_s] & (on.hdot > TOLERANCES.moving))
+        held[:, :n_s] &= ~(self.high[:, :n_s] & (on.hdot > TOLERANCES.max_rest_speed))
         self.held = held
 
     def efforts(self, samples: Indices, held: Indices) -> Array:
@@ -228,8 +230,10 @@ class _Points:
         if contact is None or contacts is None or not len(contact):
             return
         size = np.linalg.norm(contact.force, axis=1)
-        idle = size <= TOLERANCES.bound * _force(marionette)
-        slides = (contacts.friction[contact.pair] == 0.0) | (contact.sliding > TOLERANCES.moving)
+        idle = size <= TOLERANCES.bound_distance * _force(marionette)
+        slides = (contacts.friction[contact.pair] == 0.0) | (
+            contact.sliding > TOLERANCES.max_rest_speed
+        )
         along = contact.force / np.where(idle, 1.0, size)[:, None]
         along[idle] = contact.normal[idle]
         sticks = ~(idle | slides)
@@ -284,7 +288,9 @@ def _is_weak(marionette: CompiledPuppet, B: Array) -> Mask:
 
 def _weak(marionette: CompiledPuppet) -> float:
     """Eigenvalue of G below which rounding changes forces significantly [1/kg]."""
-    return TOLERANCES.acceleration / (TOLERANCES.change * _force(marionette))
+    return TOLERANCES.acceleration_uncertainty / (
+        TOLERANCES.significant_change * _force(marionette)
+    )
 
 
 def _force(marionette: CompiledPuppet) -> float:
@@ -309,13 +315,16 @@ def _changes(marionette: CompiledPuppet, B: Array, S: Array) -> Mask:
         return np.zeros(S.shape[:-1], dtype=bool)
     # Solving is several times faster than decompositions of many small matrices.
     G = B @ np.swapaxes(B, -1, -2)
-    min_eigenvalue = TOLERANCES.rounding * np.trace(G, axis1=-2, axis2=-1)
-    min_eigenvalue = np.maximum(min_eigenvalue, TOLERANCES.singular * _weak(marionette))[
+    min_eigenvalue = TOLERANCES.min_regularisation * np.trace(G, axis1=-2, axis2=-1)
+    min_eigenvalue = np.maximum(min_eigenvalue, TOLERANCES.regularisation * _weak(marionette))[
         ..., None, None
     ]
     G = G + min_eigenvalue * np.eye(G.shape[-1])
     by = np.linalg.norm(np.linalg.solve(G, np.swapaxes(S, -1, -2)), axis=-2)
-    return np.asarray(TOLERANCES.acceleration * by > TOLERANCES.change * _force(marionette))
+    return np.asarray(
+        TOLERANCES.acceleration_uncertainty * by
+        > TOLERANCES.significant_change * _force(marionette)
+    )
 
 
 def _blocked(null: Array, low: Mask, high: Mask) -> Mask:
@@ -325,9 +334,9 @@ def _blocked(null: Array, low: Mask, high: Mask) -> Mask:
     """
     signed = np.where(high[:, None], -null, null)
     size = np.linalg.norm(signed, axis=1)
-    at = np.flatnonzero((low | high) & (size > TOLERANCES.blocked))
+    at = np.flatnonzero((low | high) & (size > TOLERANCES.cone_distance))
     out = np.zeros(len(null), dtype=bool)
     for i in at:
         misses = nonnegative_least_squares(signed[at].T, -signed[i])[1]
-        out[i] = misses <= TOLERANCES.blocked * size[i]
+        out[i] = misses <= TOLERANCES.cone_distance * size[i]
     return out

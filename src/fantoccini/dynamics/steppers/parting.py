@@ -25,9 +25,9 @@ from fantoccini.motion import State, States
 
 MAX_OVERLAP = 1e-12
 """Largest overlap of solids that count as separate [m]."""
-INFEASIBLE = 1e-10
+MAX_INFEASIBLE_RESIDUAL = 1e-10
 """Residual of the least squares below which the program has no solution."""
-ROUNDS = 20
+MAX_ROUNDS = 20
 """Maximum number of rounds; overlaps of flat faces take one."""
 
 
@@ -43,7 +43,7 @@ def parted(marionette: CompiledPuppet, x: State) -> State:
     if not ROW_TOLERANCES.touching < depth_of_deepest <= ROW_TOLERANCES.stepped_gap:
         return x
     moved = x
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         at, rows = Evaluation.of(marionette, moved), list(_rows(marionette, moved))
         W = at.solve_factor_transposed(np.stack([row for row, _ in rows])).T
         depth, wires = np.array([depth for _, depth in rows]), marionette.two_sided
@@ -106,10 +106,10 @@ def _shortest(W: Array, b: Array) -> Array | None:
     target = np.zeros(len(W) + 1)
     target[-1] = 1.0
     E = np.concatenate([-W, b[None] / size])
-    left = E @ nonnegative_least_squares(E, target)[0] - target
-    if not abs(left[-1]) > INFEASIBLE:
+    remaining = E @ nonnegative_least_squares(E, target)[0] - target
+    if not abs(remaining[-1]) > MAX_INFEASIBLE_RESIDUAL:
         return None
-    return np.asarray(-left[:-1] / left[-1] * size)
+    return np.asarray(-remaining[:-1] / remaining[-1] * size)
 
 
 def _deepest(marionette: CompiledPuppet, x: State) -> float:

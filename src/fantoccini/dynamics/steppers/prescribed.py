@@ -25,15 +25,15 @@ Motion = Callable[[Times], Array]
 class PrescribedTolerances:
     """Tolerances of overlaps that the inputs prescribe."""
 
-    touching: float = 1e-6  # Overlap above which solids count as touching [m]
-    overlap: float = 1e-3
+    touching_overlap: float = 1e-6  # Overlap above which solids count as touching [m]
+    max_overlap: float = 1e-3
     """Largest overlap of a sound run [m], as at the start of a run."""
-    travel: float = 1e-3
+    max_travel: float = 1e-3
     """Largest relative travel of two solids between measurements of a gap that may close [m]."""
-    turn: float = 1.0  # Largest change of a driven coordinate between measurements [rad or m]
-    samples_per_piece: int = 8  # Minimum number of measurements in each piece of the inputs
+    max_turn: float = 1.0  # Largest change of a driven coordinate between measurements [rad or m]
+    min_samples_per_piece: int = 8  # Minimum number of measurements in each piece of the inputs
     max_samples: int = 200_000  # Maximum number of measurements of a motion
-    rounds: int = 50  # Number of bisections of the time of a touch
+    n_bisections: int = 50  # Number of bisections of the time of a touch
 
 
 TOLERANCES = PrescribedTolerances()
@@ -66,7 +66,7 @@ def measuring_times(breaks: Times, t: float, t_end: float) -> Times:
     """Times of the first measurements of a motion with these breaks, from t to t_end [s]."""
     inner = breaks[(breaks > t) & (breaks < t_end)]
     ends = np.concatenate([[t], inner, [t_end]])
-    share = np.linspace(0.0, 1.0, TOLERANCES.samples_per_piece, endpoint=False)
+    share = np.linspace(0.0, 1.0, TOLERANCES.min_samples_per_piece, endpoint=False)
     return np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), t_end)
 
 
@@ -90,7 +90,7 @@ def prescribed_overlaps(
     t, gap = measured.over(np.unique(t))
     results: list[Overlap] = []
     for k, names in enumerate(measured.names):
-        inside = gap[:, k] < -TOLERANCES.touching
+        inside = gap[:, k] < -TOLERANCES.touching_overlap
         edges = np.flatnonzero(np.diff(inside))
         begins = [-1] * bool(inside[0]) + [int(i) for i in edges if not inside[i]]
         ends = [int(i) for i in edges if inside[i]]
@@ -105,7 +105,7 @@ def prescribed_overlaps(
 
 def deepest(overlaps: tuple[Overlap, ...]) -> float:
     """The largest depth beyond the tolerance [m]; 0 if all are within it."""
-    return max((o.depth for o in overlaps if o.depth > TOLERANCES.overlap), default=0.0)
+    return max((o.depth for o in overlaps if o.depth > TOLERANCES.max_overlap), default=0.0)
 
 
 def overlap_events(marionette: CompiledPuppet, overlaps: tuple[Overlap, ...], t: float) -> Array:
@@ -143,11 +143,11 @@ class _Gaps:
         t, q_K = self._turning_little(t)
         while True:
             travelled = self._travel(q_K)
-            margin = float(np.max(travelled, initial=0.0)) + TOLERANCES.overlap
+            margin = float(np.max(travelled, initial=0.0)) + TOLERANCES.max_overlap
             gap = self._gap(q_K, margin)
             here, there = gap[:-1], gap[1:]
-            deep = np.maximum(here, there) < -TOLERANCES.overlap
-            doubtful = (travelled > TOLERANCES.travel) & (here + there < travelled) & ~deep
+            deep = np.maximum(here, there) < -TOLERANCES.max_overlap
+            doubtful = (travelled > TOLERANCES.max_travel) & (here + there < travelled) & ~deep
             which = np.flatnonzero(np.any(doubtful, axis=1))
             middle = 0.5 * (t[which] + t[which + 1])
             between = (middle > t[which]) & (middle < t[which + 1])
@@ -169,7 +169,7 @@ class _Gaps:
         """
         q_K = self._motion(t)
         while len(t) <= TOLERANCES.max_samples:
-            turns = np.max(np.abs(np.diff(q_K, axis=0)), axis=1, initial=0.0) > TOLERANCES.turn
+            turns = np.max(np.abs(np.diff(q_K, axis=0)), axis=1, initial=0.0) > TOLERANCES.max_turn
             middle = 0.5 * (t[:-1] + t[1:])
             which = np.flatnonzero(turns & (middle > t[:-1]) & (middle < t[1:]))
             if not len(which):
@@ -185,18 +185,18 @@ class _Gaps:
 
         def inside(times: Times) -> MaskRows:
             """Whether the pair overlaps: (n,) bool."""
-            return self._gap(self._motion(times), margin)[:, k] < -TOLERANCES.touching
+            return self._gap(self._motion(times), margin)[:, k] < -TOLERANCES.touching_overlap
 
         first = inside(ends[:1])[0]
-        for _ in range(TOLERANCES.rounds):
+        for _ in range(TOLERANCES.n_bisections):
             middle = 0.5 * (ends[0] + ends[1])
             if not ends[0] < middle < ends[1]:
                 break
             ends[0 if inside(np.array([middle]))[0] == first else 1] = middle
         at = 0.5 * (ends[0] + ends[1])
         step = 1e-6 * max(t_end - t, 1e-9)
-        around = self._gap(self._motion(np.array([at - step, at + step])), margin)[:, k]
-        speed = float((around[0] - around[1]) / (2.0 * step))
+        values = self._gap(self._motion(np.array([at - step, at + step])), margin)[:, k]
+        speed = float((values[0] - values[1]) / (2.0 * step))
         return float(at), speed if np.isfinite(speed) else 0.0
 
     def _gap(self, q_K: Array, margin: float) -> Array:

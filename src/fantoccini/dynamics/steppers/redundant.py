@@ -40,10 +40,10 @@ class Tolerances:
     """Tolerances of contradictions between strings."""
 
     taut_gap: float = 1e-6  # -h below which a string counts as taut, relative to its length
-    least_share: float = 1e-6  # Part of the largest entry of y above which a string takes part
-    dependent: float = 1e-9
+    min_share: float = 1e-6  # Part of the largest entry of y above which a string takes part
+    dependence: float = 1e-9
     """Singular value of W, relative to the largest, below which strings are redundant."""
-    excess: float = 10.0
+    min_excess: float = 10.0
     """Tensions that only a contradiction explains, relative to the least ones plus the weight."""
     min_samples: int = 2
     """Minimum number of samples with such tensions: one, as at a catch, is no contradiction."""
@@ -117,7 +117,7 @@ def contradiction(marionette: CompiledPuppet, x: State, acc_K: Array) -> Contrad
     rigid = ~np.isfinite(marionette.upper[:n])
     holds = np.flatnonzero((at.h[:n] >= -TOLERANCES.taut_gap * scale) & rigid)
     W = at.W[:, holds]
-    threshold = TOLERANCES.dependent * np.linalg.norm(W, 2) if len(holds) else 0.0
+    threshold = TOLERANCES.dependence * np.linalg.norm(W, 2) if len(holds) else 0.0
     if not len(holds) or np.linalg.matrix_rank(W, threshold) == len(holds):
         return None
     hddot = at.gamma[holds] + W.T @ at.w0
@@ -129,7 +129,7 @@ def contradiction(marionette: CompiledPuppet, x: State, acc_K: Array) -> Contrad
         solutions.append((y, float(rate @ y)))
     (y, speed), (y_rate, acceleration) = solutions
     y = y if speed > TOLERANCES.speed_rounding else y_rate
-    stressed = holds[y > TOLERANCES.least_share * np.max(y)]
+    stressed = holds[y > TOLERANCES.min_share * np.max(y)]
     group, freedoms = _group(marionette, holds, stressed)
     if not freedoms or len(group) <= freedoms:
         return None  # a string that moves nothing contradicts its own ends
@@ -152,7 +152,7 @@ def first_excess_tension(
         motion: callback: sample -> state and driven accelerations.
     """
     pulls = np.max(tension, axis=1, initial=0.0)
-    large = np.flatnonzero(pulls > TOLERANCES.excess * marionette.reference_force)
+    large = np.flatnonzero(pulls > TOLERANCES.min_excess * marionette.reference_force)
     selected = large[:: max(1, len(large) // TOLERANCES.max_samples)]
     excess = [int(i) for i in selected if _exceeds(marionette, tension[i], *motion(int(i)))]
     return excess[0] if len(excess) >= TOLERANCES.min_samples else None
@@ -164,7 +164,7 @@ def _exceeds(marionette: CompiledPuppet, tension: Array, x: State, acc_K: Array)
     if np.max(np.abs(W), initial=0.0) == 0.0:
         return False  # strings that move nothing pull against no other
     threshold = np.max(_least_tensions(W, tension[selected]))
-    return bool(np.max(tension) > TOLERANCES.excess * (threshold + marionette.reference_force))
+    return bool(np.max(tension) > TOLERANCES.min_excess * (threshold + marionette.reference_force))
 
 
 def _self_stress(W: Array, rate: Array) -> Array | None:

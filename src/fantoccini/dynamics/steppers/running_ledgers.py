@@ -24,7 +24,7 @@ from fantoccini.kernel.runtime import LaneRecord
 from fantoccini.motion import LEDGER, State
 
 _MAX_SAMPLES = 1000
-"""Number of samples from which the ledger is checked although nobody asks."""
+"""Largest number of samples before the ledger is checked without a request."""
 
 
 class RunningLedger:
@@ -117,7 +117,7 @@ class LaneLedgers:
     def faults(self, violation: Array) -> NDArray[np.int32]:
         """``Status`` numbers (n,): DONE or the fault of the steps so far."""
         share = self._check.share.copy()
-        for i in np.flatnonzero(share > BOUNDS.unbooked).tolist():
+        for i in np.flatnonzero(share > BOUNDS.max_unbalanced).tolist():
             share[i] = excused("timestepping", share[i], partial(self._swing, i))
         return faults(violation, self._check.gain, share).astype(np.int32)
 

@@ -20,21 +20,21 @@ from fantoccini.motion import Columns
 class Bounds:
     """Bounds beyond which a run is not sound."""
 
-    violation: float = 0.02  # Largest violation of a string, limit or contact [m or rad]
-    fast: float = 0.02
+    max_violation: float = 0.02  # Largest violation of a string, limit or contact [m or rad]
+    max_slow_move: float = 0.02
     """Largest move in a step above which violations after the last step are computed; the curvature
-    of slower steps causes violations far below ``violation`` [rad or m]."""
-    gain: float = 5.0
+    of slower steps causes violations far below ``max_violation`` [rad or m]."""
+    max_gain: float = 5.0
     """Energy without a source, relative to all available energy. Near the critical step of a spring
     the energy oscillates with several times its value, and does not grow."""
-    unbooked: float = 0.2
+    max_unbalanced: float = 0.2
     """Largest residual of the ledger, relative to the energy exchanged. Over many small impacts,
     errors of sound steps add up: the bundled walk has 0.105 with 2 ms, half of it with 1 ms."""
-    coarse: float = 20.0
+    n_coarse_steps: float = 20.0
     """Number of coarse steps: the energy of a fall of this duration is wrong by its own size; and
     that of springs oscillates by its own size, if this many steps are their longest stable one."""
-    fall: float = 1e-3  # Fall of the puppet whose energy always counts as available [m]
-    energy: float = 1e-9  # Energy that always counts as available [J]
+    available_fall: float = 1e-3  # Fall of the puppet whose energy always counts as available [m]
+    available_energy: float = 1e-9  # Energy that always counts as available [J]
     max_named: int = 5  # Maximum number of rows named in a message
 
 
@@ -43,22 +43,22 @@ _ENTRIES = ("kinetic", "potential", "work", "damping", "residual")
 """Entries of a ledger that are checked."""
 
 
-def faults(violation: Array, gain: Array, unbooked: Array) -> Array:
+def faults(violation: Array, gain: Array, unbalanced: Array) -> Array:
     """``Status`` numbers (...,): DONE or the fault; NaN counts as too large.
 
     Args:
         violation: (...,) largest violations of strings, limits and contacts [m or rad].
         gain: (...,) gains of a :class:`LedgerCheck`.
-        unbooked: (...,) its shares.
+        unbalanced: (...,) its shares.
     """
-    status = np.where(unbooked <= BOUNDS.unbooked, int(Status.DONE), int(Status.UNBALANCED))
-    status = np.where(gain <= BOUNDS.gain, status, int(Status.GAINED_ENERGY))
-    return np.where(violation <= BOUNDS.violation, status, int(Status.OVERSTEPPED))
+    status = np.where(unbalanced <= BOUNDS.max_unbalanced, int(Status.DONE), int(Status.UNBALANCED))
+    status = np.where(gain <= BOUNDS.max_gain, status, int(Status.GAINED_ENERGY))
+    return np.where(violation <= BOUNDS.max_violation, status, int(Status.OVERSTEPPED))
 
 
-def fault(violation: float, gain: float, unbooked: float) -> Status:
+def fault(violation: float, gain: float, unbalanced: float) -> Status:
     """Status of one run; see :func:`faults`."""
-    numbers = map(np.asarray, (violation, gain, unbooked))
+    numbers = map(np.asarray, (violation, gain, unbalanced))
     return Status(int(faults(*numbers)))
 
 
@@ -70,7 +70,7 @@ def excused(method: str, share: float, swings: Callable[[], bool]) -> float:
         share: share.
         swings: callback for :func:`swings`, which is called for large shares only.
     """
-    if share > BOUNDS.unbooked and (method != "timestepping" or swings()):
+    if share > BOUNDS.max_unbalanced and (method != "timestepping" or swings()):
         return 0.0
     return share
 
@@ -82,7 +82,7 @@ def swings(marionette: CompiledPuppet, q_D: Array, q_K: Array, dt: float) -> boo
     growth.
     """
     try:
-        check_step(marionette, "timestepping", q_D, q_K, BOUNDS.coarse * dt)
+        check_step(marionette, "timestepping", q_D, q_K, BOUNDS.n_coarse_steps * dt)
     except StateError:
         return True
     return False
@@ -145,7 +145,9 @@ class LedgerCheck:
         peaks[..., 0] = np.maximum(peaks[..., 0], at["peaks"])
         peaks = np.maximum.accumulate(peaks, axis=-1)
         step = np.minimum(self._dt, t - at["since"][..., None])
-        exchanged = np.sum(peaks, axis=0) + at["coarse"][..., None] * step**2 + BOUNDS.energy
+        exchanged = (
+            np.sum(peaks, axis=0) + at["coarse"][..., None] * step**2 + BOUNDS.available_energy
+        )
         _, _, work, damping, residual = entries
         damped = np.zeros((*t.shape[:-1], t.shape[-1] + 1))
         damped[..., 0] = at["damped"]
@@ -190,10 +192,10 @@ def _scales(marionette: CompiledPuppet, p: Array | None) -> dict[str, Array]:
         rows, run = np.unique(p, axis=0, return_inverse=True)
         puppets = [marionette.with_p(row) for row in rows]
         weight, mass = np.array([(m.weight, m.mass) for m in puppets]).T[:, run.ravel()]
-    g = weight / np.maximum(mass, BOUNDS.energy)
+    g = weight / np.maximum(mass, BOUNDS.available_energy)
     return {
-        "available": BOUNDS.fall * weight + BOUNDS.energy,
-        "coarse": 0.5 * weight * g * BOUNDS.coarse**2,
+        "available": BOUNDS.available_fall * weight + BOUNDS.available_energy,
+        "coarse": 0.5 * weight * g * BOUNDS.n_coarse_steps**2,
     }
 
 

@@ -73,7 +73,7 @@ class Stepper:
         marionette: the puppet.
         x0: start state.
         method: name of the method.
-        options: options of the run; the bound on memory is for one advance.
+        options: options of the run; the bound on memory applies to one advance.
     """
 
     def __init__(
@@ -106,8 +106,8 @@ class Stepper:
         marionette = self.marionette
         library = marionette.libraries.library_of(self.method)
         coasting = held_input(marionette, self.state, options.dt, None, None)
-        about = options, self.state, marionette.p, marionette.winches, coasting
-        return Run(library, self.method, *about), coasting
+        arguments = options, self.state, marionette.p, marionette.winches, coasting
+        return Run(library, self.method, *arguments), coasting
 
     def __getstate__(self) -> dict[str, Any]:
         # The run belongs to the library, which returns it as bytes.
@@ -131,7 +131,7 @@ class Stepper:
 
     @property
     def status(self) -> Status:
-        """Status of the run so far, of which some do not end it.
+        """Status of the run so far. The following ones do not end it:
 
         ``LOST_STEPS`` or ``RUNAWAY``: a drive was too weak. ``OVERSTEPPED``, ``GAINED_ENERGY`` or
         ``UNBALANCED``: the fixed steps are too long, by the check of :func:`simulate`.
@@ -143,7 +143,7 @@ class Stepper:
 
     @property
     def reported(self) -> Status:
-        """Status that the steps report, without the check of their accuracy."""
+        """Status of the steps, without the check of their energies."""
         return self._run.status
 
     @property
@@ -161,7 +161,7 @@ class Stepper:
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Strings and driven velocities with other tensions and efforts for the present motion."""
+        """Strings and driven velocities whose tensions and efforts are not determined."""
         marionette = self.marionette
         part = marionette.sample_layout.split(self.samples[-1:])
         n_s, contact = len(marionette.tree.strings), None
@@ -225,7 +225,9 @@ class Stepper:
         end = self.state.t + duration
         check_samples(self.marionette, self.method, self._options, self.state.t, end)
         if inputs is not None and (acc_K is not None or u_D is not None):
-            raise ValueError("inputs carry their own motion and forces: give them or acc_K and u_D")
+            raise ValueError(
+                "inputs include motion and forces; give either inputs, or acc_K and u_D"
+            )
         if inputs is None:
             self._hold(duration, acc_K, u_D)
             chosen: Input | HeldInput = self._held
@@ -279,7 +281,7 @@ class Stepper:
                 raise TypeError(
                     f"the law returned None at t = {self.state.t:g} s; it must return the "
                     "accelerations of the driven coordinates, an array or {name: value}. Does it "
-                    "end with return?"
+                    "lack a return statement?"
                 )
             self.advance(t - self.state.t, acc_K, throw=throw)
             states.append(self.state)

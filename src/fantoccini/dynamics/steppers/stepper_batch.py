@@ -80,18 +80,18 @@ class StepperBatch:
         parameters: Mapping[str, Array | float] | None = None,
         threads: int | None = None,
     ):
-        chosen = as_method(method)
+        method_options = as_method(method)
         states = marionette.states([x0] if isinstance(x0, State) else list(x0))
         p = parameter_rows(marionette, parameters)
         counts = {"states": len(states), "values of parameters": len(p)}
         if n is None:
             n = max(counts.values())
         n = whole("n", n, low=1)
-        for what, count in counts.items():
+        for quantity, count in counts.items():
             if count not in (1, n):
-                raise StateError(f"found {count} {what} for {n} runs; give one, or {n}")
-        self.marionette, self.method, self._n = marionette, chosen.name, n
-        options = marionette.run_options(**chosen.options)
+                raise StateError(f"found {count} {quantity} for {n} runs; give one, or {n}")
+        self.marionette, self.method, self._n = marionette, method_options.name, n
+        options = marionette.run_options(**method_options.options)
         threads = default_threads() if threads is None else whole("threads", threads, low=1)
         self.t = np.zeros(n)
         self._record = record = LaneRecord(n, marionette.tree.sizes)
@@ -129,7 +129,7 @@ class StepperBatch:
             self._record.fresh[:] = True
             self._engine.advance(0.0, np.zeros((1, self.marionette.coordinates.n_vK)), None)
             self._ledgers = LaneLedgers(self.marionette, self._options.dt, self._record, self.t)
-            self._judge()
+            self._update_status()
 
     def __copy__(self) -> Self:
         """An independent batch: the arrays of a batch are written in place."""
@@ -163,10 +163,10 @@ class StepperBatch:
         )
 
     def undetermined(self, i: int) -> tuple[str, ...]:
-        """Strings and driven velocities with other tensions and efforts for the motion of run i.
+        """Strings and driven velocities of run i whose tensions and efforts are not determined.
 
-        Lanes do not keep contact points: with contact, those of the next step with constant driven
-        velocities share the forces.
+        Lanes do not store contact points: with contact, those of the next step at constant driven
+        velocities are used.
         """
         if isinstance(self._engine, SeparateRuns):
             return self._engine.stepper(i).undetermined
@@ -214,12 +214,12 @@ class StepperBatch:
         Raises:
             StateError: a start violates a row or overlaps, or a number is not finite.
         """
-        runs = _numbers(which, self._n)
+        runs = _run_indices(which, self._n)
         if len(runs) == 0:
             return
         m, marionette = len(runs), self.marionette
         if x0 is None:
-            states = _of(self._starts, runs)
+            states = _states_of(self._starts, runs)
         else:
             states = marionette.states([x0] if isinstance(x0, State) else list(x0))
         p = _rows("parameters", parameter_rows(marionette, parameters), m)
@@ -229,7 +229,7 @@ class StepperBatch:
         parts = {name: getattr(states, name) for name in _STATE}
         for name, array in arrays.items():
             if name not in parts:
-                raise TypeError(f"reset takes no {name!r}; it takes t, {', '.join(_STATE)}")
+                raise TypeError(f"reset has no {name!r}; allowed: t, {', '.join(_STATE)}")
             width = parts[name].shape[1]
             parts[name] = np.atleast_2d(vectors(name, array, width))
         parts = {name: _rows(name, x, m) for name, x in parts.items()}
@@ -249,7 +249,7 @@ class StepperBatch:
                 self._ledgers = LaneLedgers(marionette, self._options.dt, self._record, self.t)
             else:
                 self._ledgers.restart(runs, self._record, self.t)
-        self._judge()
+        self._update_status()
 
     def advance(
         self,
@@ -275,21 +275,21 @@ class StepperBatch:
         force = None
         if u_D is not None:
             force = _rows("u_D", np.atleast_2d(vectors("u_D", u_D, table.n_vD)), self._n)
-        going = self.arrived
+        is_running = self.arrived
         self._engine.advance(duration, acc, force)
-        self.t[going] += self._record.advanced[going]
+        self.t[is_running] += self._record.advanced[is_running]
         if self._ledgers is not None:
             self._ledgers.add(self._record, self.t)
-        self._judge()
+        self._update_status()
         return self.arrived
 
-    def _judge(self) -> None:
+    def _update_status(self) -> None:
         """Sets ``status`` from the status of the steps, and from the ledgers of lanes."""
         self.status[:] = self._record.status
         if self._ledgers is not None:
-            going = np.isin(self.status, ARRIVED)
+            is_running = np.isin(self.status, ARRIVED)
             faults = self._ledgers.faults(self.violation)
-            faulty = going & (faults != Status.DONE)
+            faulty = is_running & (faults != Status.DONE)
             self.status[faulty] = faults[faulty]
 
     def _accelerations(self, array: Array | Mapping[str, Array | float] | None) -> Array:
@@ -311,7 +311,7 @@ class StepperBatch:
         return vectors("acc_K", acc, table.n_vK)
 
 
-def _numbers(which: Indices | MaskRows | None, n: int) -> NDArray[np.intp]:
+def _run_indices(which: Indices | MaskRows | None, n: int) -> NDArray[np.intp]:
     """Indices of the selected runs, of n; StateError for others."""
     array = np.arange(n) if which is None else np.asarray(which)
     is_mask = array.dtype == bool
@@ -325,7 +325,7 @@ def _numbers(which: Indices | MaskRows | None, n: int) -> NDArray[np.intp]:
     return array.astype(np.intp) % n
 
 
-def _of(states: States, runs: NDArray[np.intp]) -> States:
+def _states_of(states: States, runs: NDArray[np.intp]) -> States:
     """States of selected runs; a single state is shared by all."""
     if len(states) == 1:
         return states
