@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 import fantoccini as fan
 from fantoccini.lab.identification.estimating import fit_of
-from fantoccini.lab.identification.fit import chained
+from fantoccini.lab.identification.fit import continuous_point
 
 pytestmark = pytest.mark.slow
 
@@ -66,7 +66,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     """
     data = record(case, 3.0, 1)
     fit = fit_of(data, 0.25, 0.0005, 1)
-    at = chained(fit, data.start_state(fit.inputs, float(fit.starts[0])))
+    at = continuous_point(fit, data.start_state(fit.inputs, float(fit.starts[0])))
     J = fit.jacobians(at).samples
     s, m = 4, 2 * data.marionette.coordinates.n_vD
     _, segments, _ = fit.sample_positions(at.theta, fit.dt)
@@ -92,7 +92,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
             method=fan.Event(rtol=1e-11, atol=1e-11),
             save_at=t,
         ).resample(t)
-        return fit.channels.evaluate(run.q_D, run.q_K, puppet.p, fit.places(theta))
+        return fit.channels.evaluate(run.q_D, run.q_K, puppet.p, fit.marker_positions(theta))
 
     for i, name in enumerate(data.labels):
         step = 1e-4 * data.scales[i]
@@ -117,7 +117,7 @@ def test_derivatives_of_the_steps_are_exact(case):
     """
     data = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
     fit = fit_of(data, 0.25, 0.005, 1)
-    at = chained(fit, data.start_state(fit.inputs, float(fit.starts[0])))
+    at = continuous_point(fit, data.start_state(fit.inputs, float(fit.starts[0])))
     jacobians = fit.jacobians(at)
     J = jacobians.samples
     m, rng = J.shape[2] - len(at.theta), np.random.default_rng(0)

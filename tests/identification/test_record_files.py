@@ -216,7 +216,7 @@ delay: {about: 0.02}
     q = data.marionette.coordinates.q_K.index("hand.length")
     lengths = [x.inputs.evaluate(3.0)[0][q] for x in (plain, data)]
     assert np.isclose(lengths[1], 1e-3 * lengths[0])
-    assert data.find_delay and data.delay == 0.02 and data.begin[-1] == 0.02
+    assert data.find_delay and data.delay == 0.02 and data.initial_values[-1] == 0.02
 
 
 def test_names_of_twins_have_their_side():

@@ -10,7 +10,7 @@ from benchmarks.identify.cases import arm, record
 
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.estimating import fit_of
-from fantoccini.lab.identification.fit import chained
+from fantoccini.lab.identification.fit import continuous_point
 from fantoccini.lab.identification.reattaching import reattached
 from fantoccini.lab.identification.search_point import Weights
 from fantoccini.lab.identification.searching import SavedJacobians
@@ -23,8 +23,8 @@ def setting():
     case = arm()
     data = record(case, 4.0, 3, noise=0.0)
     fit = fit_of(data, 0.25, 0.005, 1)
-    fit = replace(fit, begin=np.array([case.truth[name] for name in data.labels]))
-    return fit, chained(fit, data.start_state(fit.inputs, float(fit.starts[0])))
+    fit = replace(fit, theta_0=np.array([case.truth[name] for name in data.labels]))
+    return fit, continuous_point(fit, data.start_state(fit.inputs, float(fit.starts[0])))
 
 
 @pytest.mark.parametrize("extrapolated", [False, True])

@@ -152,7 +152,11 @@ def test_text_of_a_puppet_is_never_markup(name):
     )
     moment = SimpleNamespace(tension=np.array([0.5]), taut=np.array([True]))
     event = SimpleNamespace(t=0.0, kind="catch", name=name, impulse=0.0)
-    for html in (panel.bars([name], moment, nodes), panel.note(name), replay.listed([event], 1.0)):
+    for html in (
+        panel.bars([name], moment, nodes),
+        panel.note(name),
+        replay.event_list([event], 1.0),
+    ):
         page = Page(html)
         assert page.tags <= {"div", "span"}
         assert name.replace("\u202e", "\ufffd") in page.words

@@ -96,7 +96,7 @@ WRONG = {
     ),
     "an unknown key": ("    speed: 1\n", "    sped: 1\n    speed: 1\n", 9, "did you mean 'speed'"),
     "like nobody": ("    speed: 1\n", "    like: wich\n", 9, "there is no axis 'wich'"),
-    "like itself": ("    speed: 1\n", "    like: winch\n", 9, "would be like itself"),
+    "like itself": ("    speed: 1\n", "    like: winch\n", 9, "would be `like` itself"),
     "zero of a coordinate without an axis": (
         "axes:",
         "zero: {line.lenght: 1}\naxes:",

@@ -160,7 +160,7 @@ class Record(ShortRepr):
             raise StateError(
                 "nothing is unknown; name parameters, offsets, markers with `find`, or the delay"
             )
-        for unknown, begin in zip(self.unknowns, self.begin, strict=False):
+        for unknown, begin in zip(self.unknowns, self.initial_values, strict=False):
             if unknown.positive and not begin > 0.0:
                 raise StateError(
                     f"{unknown.name} begins at {begin:g} and must stay positive; let it begin "
@@ -243,7 +243,7 @@ class Record(ShortRepr):
         )
 
     @cached_property
-    def begin(self) -> Array:
+    def initial_values(self) -> Array:
         """(P,) initial values of the unknowns."""
         marionette = self.marionette
         values = [
@@ -259,14 +259,14 @@ class Record(ShortRepr):
     @cached_property
     def scales(self) -> Array:
         """(P,) sizes of the unknowns at their initial values, against which errors are judged."""
-        return self.sizes(self.begin)
+        return self.sizes(self.initial_values)
 
     def sizes(self, values: Array) -> Array:
         """(P,) the same at values (P,); for positive numbers, the larger of value and first value.
 
         So an estimate of 0 can count as determined.
         """
-        magnitudes = np.maximum(np.abs(self.begin), np.abs(values))
+        magnitudes = np.maximum(np.abs(self.initial_values), np.abs(values))
         sizes = [
             value if unknown.positive and value else POSITION_SCALE
             for unknown, value in zip(self.unknowns, magnitudes, strict=False)
@@ -298,7 +298,7 @@ class Record(ShortRepr):
     @cached_property
     def guessed(self) -> Marionette:
         """The puppet with the initial values of the unknowns."""
-        values = zip(self.unknowns, self.begin, strict=False)
+        values = zip(self.unknowns, self.initial_values, strict=False)
         return self.marionette.with_parameters({unknown.name: float(x) for unknown, x in values})
 
     def start_state(self, inputs: Input | None = None, t: float = 0.0) -> State:

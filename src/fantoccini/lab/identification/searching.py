@@ -114,7 +114,7 @@ def search(
     if not predicted.arrived:
         raise StateError(
             "the puppet cannot be simulated with the numbers that the search has reached; give "
-            "better initial values, or take a smaller dt"
+            "better initial values, or use a smaller dt"
         )
     freed = fit.released(point, predicted)
     if saved is None:

@@ -29,7 +29,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import whole
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.estimating import DRIFT, NoiseLevels, fit_of, one_blas_thread
-from fantoccini.lab.identification.fit import chained
+from fantoccini.lab.identification.fit import continuous_point
 from fantoccini.lab.identification.record import Record
 from fantoccini.lab.identification.result import Combination, determined
 from fantoccini.lab.identification.search_point import Weights
@@ -156,7 +156,7 @@ def _candidate(
     try:
         planned = replace(record, inputs=inputs, t=t + record.delay, columns=columns)
         fit = fit_of(planned, segment, dt, threads)
-        point = chained(fit, planned.start_state(fit.inputs, float(fit.starts[0])))
+        point = continuous_point(fit, planned.start_state(fit.inputs, float(fit.starts[0])))
         noise = NoiseLevels.of(planned)
         levels = np.where(np.isfinite(noise.given), noise.given, noise.guess)
         predicted = fit.predict(point)

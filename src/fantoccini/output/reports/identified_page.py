@@ -130,7 +130,7 @@ def number_table(result: Identified) -> Table:
             result.names,
             result.values.tolist(),
             result.deviations.tolist(),
-            result.record.begin.tolist(),
+            result.record.initial_values.tolist(),
             priors,
             strict=True,
         )

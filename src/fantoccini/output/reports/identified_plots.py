@@ -13,14 +13,14 @@ from fantoccini.lab.identification import LISTED, channel_units
 from fantoccini.output.reports.panels import (
     COLUMNS,
     WIDTH,
+    chunks,
     colour_bar,
     grid,
-    labelled,
-    parts,
-    timed,
-    titled,
+    label_axes,
+    set_title,
+    style_time_axes,
 )
-from fantoccini.output.view import LIGHT, RED, Theme, blank_figure, dress, plain
+from fantoccini.output.view import LIGHT, RED, Theme, blank_figure, one_line, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,13 +50,13 @@ def channels(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure,
     """Figures with samples and predictions over time, and the names of their channels."""
     names, units = result.record.channels.names, channel_units(result.record)
     measured = [j for j in range(len(names)) if np.any(np.isfinite(result.residuals[:, j]))]
-    for part in parts(measured, COLUMNS * _ROWS):
+    for part in chunks(measured, COLUMNS * _ROWS):
         figure, panels = grid(len(part), 138, theme, share_x=True)
         for panel, j in zip(panels, part, strict=True):
             _channel(panel, result, j, theme)
-            titled(panel, f"{plain(names[j], 34)} [{units[j]}]", theme)
+            set_title(panel, f"{one_line(names[j], 34)} [{units[j]}]", theme)
         for panel in panels[-COLUMNS:]:
-            labelled(panel, theme, "time [s]")
+            label_axes(panel, theme, "time [s]")
         yield figure, [names[j] for j in part]
 
 
@@ -71,7 +71,7 @@ def _channel(axes: Axes, result: Identified, j: int, theme: Theme) -> None:
     low, high = _range(np.concatenate([result.predicted[:, j], samples[~outliers]]))
     _outliers(axes, t[outliers], np.clip(samples[outliers], low, high))
     axes.set_ylim(low, high)
-    timed(axes, t, theme)
+    style_time_axes(axes, t, theme)
 
 
 def _range(values: Array) -> tuple[float, float]:
@@ -83,7 +83,7 @@ def _range(values: Array) -> tuple[float, float]:
 
 def residuals(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
     """Figures with residuals relative to the noise, over time and as histograms, by group."""
-    for part in parts(_groups(result), _MAX_GROUPS):
+    for part in chunks(_groups(result), _MAX_GROUPS):
         figure = blank_figure((WIDTH, 50 + 122 * len(part)), facecolor=theme.top)
         figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.04)
         panels = figure.subplots(
@@ -97,9 +97,9 @@ def residuals(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure
         for (left, right), (name, indices) in zip(panels, part, strict=True):
             _residuals(left, result, indices, theme)
             _histogram(right, result, indices, theme)
-            titled(left, name, theme)
-        labelled(panels[-1, 0], theme, "time [s]")
-        labelled(panels[-1, 1], theme, "density")
+            set_title(left, name, theme)
+        label_axes(panels[-1, 0], theme, "time [s]")
+        label_axes(panels[-1, 1], theme, "density")
         yield figure, [name for name, _ in part]
 
 
@@ -132,7 +132,7 @@ def _residuals(axes: Axes, result: Identified, indices: list[int], theme: Theme)
         )
     axes.set_ylim(-_MAX_RESIDUAL, _MAX_RESIDUAL)
     axes.set_yticks((-4, -2, 0, 2, 4))
-    timed(axes, t, theme)
+    style_time_axes(axes, t, theme)
     if len(indices) > 1:
         axes.legend(
             loc="lower right",
@@ -159,7 +159,7 @@ def _histogram(axes: Axes, result: Identified, indices: list[int], theme: Theme)
     axes.plot(np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi), x, color=theme.ink, linewidth=0.9)
     axes.set_xlim(0.0, 0.56)
     axes.set_xticks((0.0, 0.2, 0.4))
-    dress(axes, theme, "both")
+    style_axes(axes, theme, "both")
 
 
 def _running_mean(t: Array, z: Array) -> Array:
@@ -176,7 +176,7 @@ def _running_mean(t: Array, z: Array) -> Array:
 
 def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
     """Jumps between segments relative to the drift: the largest, and those of every coordinate."""
-    names = [plain(name, 30) for name in result.record.marionette.coordinates.v_D]
+    names = [one_line(name, 30) for name in result.record.marionette.coordinates.v_D]
     n, at = len(names), result.starts[1:] + result.delay
     size = max(60, min(17 * n, 460))
     height = 100 + 2 * size + 130
@@ -205,8 +205,8 @@ def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
         at[beyond], np.full(np.sum(beyond), _MAX_JUMP), "^", markersize=5, color=RED, clip_on=False
     )
     top.set_ylim(0.0, _MAX_JUMP)
-    timed(top, result.t, theme)
-    titled(top, "largest jump", theme)
+    style_time_axes(top, result.t, theme)
+    set_title(top, "largest jump", theme)
     span = result.starts[1] - result.starts[0]
     edges = np.append(at - 0.5 * span, at[-1] + 0.5 * span)
     for axes, values, title in zip(
@@ -226,12 +226,12 @@ def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
         )
         axes.set_yticks(range(n), names, parse_math=False)
         axes.set_ylim(n - 0.5, -0.5)
-        timed(axes, result.t, theme)
+        style_time_axes(axes, result.t, theme)
         axes.grid(False)
         if 15 * n > size:
             axes.tick_params(axis="y", labelsize=min(8.0, 8.0 * size / (15 * n)))
-        titled(axes, title, theme)
-    labelled(lower[-1], theme, "time [s]")
+        set_title(axes, title, theme)
+    label_axes(lower[-1], theme, "time [s]")
     place = figure.add_axes((0.94, 44 / height, 0.012, (2 * size + 31) / height))
     colour_bar(figure, image, theme, "jump over drift", cax=place, extend="both")
     return figure
@@ -239,7 +239,7 @@ def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
 
 def correlations(result: Identified, theme: Theme = LIGHT) -> Figure:
     """Map of the correlations of the unknowns' errors; grey where one is undetermined."""
-    names, n = [plain(name, 26) for name in result.names], len(result.names)
+    names, n = [one_line(name, 26) for name in result.names], len(result.names)
     cell = 40 if n <= _MAX_LABELLED else 20
     label_width = 60 + 7 * max(len(name) for name in names)
     figure = blank_figure(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.output.reports.panels import WIDTH
-from fantoccini.output.view import LIGHT, RED, blank_figure, dress, plain
+from fantoccini.output.view import LIGHT, RED, blank_figure, one_line, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,7 @@ def timeline(play: Play) -> Figure:
         [(caption.start, caption.end, str(caption)) for caption in play.score.captions]
     )
     n = sum(len(player_lanes) for player_lanes in lanes.values()) + len(captions)
-    left = 20.0 + 7.0 * max(len(plain(name, 18)) for name in (*lanes, "captions"))
+    left = 20.0 + 7.0 * max(len(one_line(name, 18)) for name in (*lanes, "captions"))
     height = rows * (_LANE * n + 74)
     figure = blank_figure((WIDTH, height), facecolor=LIGHT.top)
     for row, axes in enumerate(figure.subplots(rows, 1, squeeze=False)[:, 0]):
@@ -50,7 +50,7 @@ def timeline(play: Play) -> Figure:
         begin = row * row_time
         axes.set_xlim(begin, begin + row_time)
         axes.set_ylim(n, 0.0)
-        dress(axes, LIGHT, "x")
+        style_axes(axes, LIGHT, "x")
         axes.set_xlabel("time [s]", color=LIGHT.ink, fontsize=8, labelpad=1.0)
         scale = (WIDTH - left - 14) / row_time
         _acts(axes, play, begin, begin + row_time, scale)
@@ -62,7 +62,7 @@ def timeline(play: Play) -> Figure:
             *([("captions", len(captions))] if captions else []),
         ):
             ticks.append(y + 0.5 * count)
-            labels.append(plain(name, 18))
+            labels.append(one_line(name, 18))
             y += count
             axes.axhline(y, color=LIGHT.grid, linewidth=0.5)
         axes.set_yticks(ticks, labels)
@@ -206,12 +206,12 @@ def _refused(axes: Axes, cue: CueOfPlay, y: int) -> None:
 def fitted(words: str, width: float) -> str:
     """The words, cut to a width [px]; a cue keeps at least its number, if that fits."""
     max_letters = int(width / _LETTER_WIDTH)
-    text = plain(words, 80)
+    text = one_line(words, 80)
     if len(text) <= max_letters:
         return text
     number = text.split(" ")[0]
     return (
-        plain(text, max_letters)
+        one_line(text, max_letters)
         if max_letters > len(number) + 3
         else number
         if max_letters >= len(number)

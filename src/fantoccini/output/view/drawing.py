@@ -62,7 +62,7 @@ class PictureOptions:
         return cls(view, focus, theme_of(theme), size)
 
 
-def plain(text: str, max_length: int = 60) -> str:
+def one_line(text: str, max_length: int = 60) -> str:
     """The text on one line, without control characters, shortened to ``max_length``."""
     text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     return text if len(text) <= max_length else text[: max_length - 1] + "\N{HORIZONTAL ELLIPSIS}"
@@ -78,7 +78,7 @@ def blank_figure(size: tuple[int, int], **options: Any) -> Figure:
     return figure
 
 
-def dress(
+def style_axes(
     axes: Axes, theme: Theme, grid: Literal["x", "both"], which: Literal["major", "both"] = "major"
 ) -> None:
     """Styles the frame, ticks (``which``) and grid lines (along ``grid``) of axes."""
@@ -253,7 +253,7 @@ class Sheet:
         return self.axes.text(
             x,
             y,
-            plain(text),
+            one_line(text),
             fontsize=size * _POINTS,
             color=colour,
             parse_math=False,

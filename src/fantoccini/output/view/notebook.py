@@ -15,7 +15,7 @@ import numpy as np
 from fantoccini.base.documents import Parameter
 from fantoccini.model.tree import WORLD, StringRow, grow
 from fantoccini.output.html import Element, element, picture, to_html
-from fantoccini.output.view.drawing import DPI, PictureOptions, plain
+from fantoccini.output.view.drawing import DPI, PictureOptions, one_line
 from fantoccini.output.view.geometry import geometry_at
 from fantoccini.output.view.pictures import figure_of, strip_figure
 from fantoccini.output.view.plots import plot
@@ -90,7 +90,7 @@ def _picture(figure: Callable[[], Figure], alt: str) -> Element | None:
         drawing = figure()
         width, style = f"{drawing.get_figwidth() * DPI:.0f}", "max-width:100%;height:auto"
         for scale in (2.0, 1.5, 1.0, 0.7):
-            image = picture(drawing, plain(alt), "png", DPI * scale, width=width, style=style)
+            image = picture(drawing, one_line(alt), "png", DPI * scale, width=width, style=style)
             if len(image.attrib["src"]) <= MAX_LENGTH:
                 break
     except Exception:  # the tables are useful without it
@@ -189,7 +189,7 @@ def _page(
 
     The image contains the title; without an image the title is above the tables.
     """
-    head = [element("div", plain(title), style="font-weight:bold")] if image is None else []
+    head = [element("div", one_line(title), style="font-weight:bold")] if image is None else []
     margin, row = "margin:0 2em .8em 0", "display:flex;gap:1.2em;align-items:flex-start"
     cells = [element("div", table, style=margin) for table in tables if table is not None]
     inner = [] if image is None else [element("div", image, style="flex:none;max-width:100%")]
@@ -213,4 +213,4 @@ def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> Element | 
 
 def _cell(tag: str, text: str, columns: str = "") -> Element:
     style = "text-align:left;padding:.1em .6em .1em 0"
-    return element(tag, plain(text), colspan=columns, style=style)
+    return element(tag, one_line(text), colspan=columns, style=style)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.drawing import PictureOptions, Sheet, dress, layout_of, plain
+from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of, one_line, style_axes
 from fantoccini.output.view.geometry import geometry_of
 from fantoccini.output.view.pictures import checked, pose_times, save
 from fantoccini.output.view.plans import PATH_COLOUR, fading_poses
@@ -75,7 +75,7 @@ def optimum_picture(
         bottom = high - (k + 1) * panel_height - k * gap
         axes = sheet.figure.add_axes((left, bottom, right - left, panel_height))
         paint(axes)
-        dress(axes, options.theme, "both")
+        style_axes(axes, options.theme, "both")
         legend(axes, options.theme)
         axes.set_xlim(found.t[0], found.t[-1])
         if k + 1 < len(panels):
@@ -161,7 +161,7 @@ def _panels(optimum: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
 
 def _errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: Theme) -> None:
     for k, (name, error) in enumerate(errors.items()):
-        axes.plot(t, error, **line_style(theme, k), linewidth=1.2, label=plain(name, 24))
+        axes.plot(t, error, **line_style(theme, k), linewidth=1.2, label=one_line(name, 24))
     axes.set_ylim(bottom=0.0)
     axes.set_ylabel("error [m or rad]", color=theme.ink)
     short_numbers(axes, theme)
@@ -171,7 +171,7 @@ def _tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
     run, bounds = optimum.run, optimum.task.bounds.tension
     for k, name in enumerate(run.tension.names):
         style = line_style(theme, k)
-        axes.plot(run.t, run.tension[name], **style, linewidth=1.2, label=plain(name, 24))
+        axes.plot(run.t, run.tension[name], **style, linewidth=1.2, label=one_line(name, 24))
         for bound in bounds.get(name, ()):
             if np.isfinite(bound):
                 _bound(axes, bound, style["color"])
@@ -206,7 +206,7 @@ def _inputs(
             **line,
             linewidth=1.2,
             drawstyle=style,
-            label=plain(table.v_K[k], 24),
+            label=one_line(table.v_K[k], 24),
         )
     same_limit = len(np.unique(limits[moving])) == 1
     max_drawn = _MAX_BOUND * np.max(np.abs(values[:, moving]), initial=0.0)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fantoccini.base import rotation
-from fantoccini.output.view.drawing import blank_figure, dress, plain
+from fantoccini.output.view.drawing import blank_figure, one_line, style_axes
 from fantoccini.output.view.pictures import checked, save
 from fantoccini.output.view.theme import Theme, theme_of
 
@@ -62,7 +62,7 @@ def plot(
     theme = theme_of(theme)
     strings = run.tension.names
     figure = blank_figure(size, facecolor=theme.top)
-    left = (60.0 + 6.3 * max((len(plain(n, 24)) for n in strings), default=4)) / size[0]
+    left = (60.0 + 6.3 * max((len(one_line(n, 24)) for n in strings), default=4)) / size[0]
     styles = {name: line_style(theme, k) for k, name in enumerate(strings)}
     panels: list[tuple[float, Callable[[Axes], None]]] = []
     if strings:
@@ -91,14 +91,14 @@ def plot(
     )[:, 0]
     for axes, (_, paint) in zip(stacked, panels, strict=True):
         paint(axes)
-        dress(axes, theme, "x")
+        style_axes(axes, theme, "x")
         for text in (*axes.get_yticklabels(), *axes.get_xticklabels()):
             text.set_parse_math(False)
     fit_legends(list(stacked))
     stacked[-1].set_xlabel("time [s]", color=theme.ink)
     start, stop = float(run.t[0]), float(run.t[-1])
     stacked[-1].set_xlim(start, stop if stop > start else start + 1.0)
-    title = plain(run.puppet.name if run.puppet else "")
+    title = one_line(run.puppet.name if run.puppet else "")
     figure.text(
         left,
         0.962,
@@ -173,7 +173,7 @@ def _active_set(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> No
             markeredgewidth=0.5,
             clip_on=False,
         )
-    axes.set_yticks(range(len(names)), [plain(n, 24) for n in names])
+    axes.set_yticks(range(len(names)), [one_line(n, 24) for n in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.text(
         1.012,
@@ -273,7 +273,7 @@ def legend(axes: Axes, theme: Theme) -> None:
     rows = max(1, int(axes.get_window_extent().height / row_height))
     box = axes.legend(
         handles,
-        [plain(x, 24) for x in labels],
+        [one_line(x, 24) for x in labels],
         loc="upper left",
         bbox_to_anchor=(1.005, 1.03),
         frameon=False,
