@@ -129,8 +129,8 @@ def test_timestepping_keeps_its_step(tmp_path) -> None:
 
 
 def test_a_start_that_contradicts_the_inputs_is_a_mistake(lift) -> None:
-    said = mistake("simulate", "-q", "arm2d", "--inputs", lift, "--start", "hand.length=0.9")
-    assert "hand.length" in said and "in the inputs at t = 0 s" in said
+    stderr = mistake("simulate", "-q", "arm2d", "--inputs", lift, "--start", "hand.length=0.9")
+    assert "hand.length" in stderr and "in the inputs at t = 0 s" in stderr
 
 
 def test_impossible_inputs_leave_the_partial_run_and_end_with_1(tmp_path) -> None:
@@ -187,10 +187,10 @@ def test_ctrl_c_writes_the_partial_run_and_ends_with_130(tmp_path) -> None:
         for wanted in ("simulating", "begun"):  # the search for a rest comes first
             assert any(line.startswith(wanted) for line in run.stderr)
         run.send_signal(signal.SIGINT)
-        _, said = run.communicate(timeout=60)
+        _, stderr = run.communicate(timeout=60)
     assert run.returncode == 130
-    assert "Traceback" not in said
-    assert "stopped from outside: at t = " in said
+    assert "Traceback" not in stderr
+    assert "stopped from outside: at t = " in stderr
     assert fan.Trajectory.load(out).status is Status.STOPPED
 
 
@@ -264,9 +264,9 @@ def test_a_bundled_performance_by_its_name(tmp_path, monkeypatch):
 @pytest.mark.parametrize("command", ["simulate", "check"])
 def test_a_name_of_no_performance_is_a_mistake(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    said = mistake(command, "arm2d", "--inputs", "tos")
+    stderr = mistake(command, "arm2d", "--inputs", "tos")
     assert (
-        said
+        stderr
         == "tos: no such file, and no bundled performance with this name; did you mean 'toss'?\n"
     )
 

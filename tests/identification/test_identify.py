@@ -468,11 +468,11 @@ def test_sensors_with_alternating_rows_all_count(case):
     assert abs(estimate["tie"] - case.truth["tie"]) < 2e-3
 
 
-def test_a_positive_number_does_not_begin_at_zero(case):
+def test_a_positive_number_needs_a_positive_initial_value(case):
     data = record(case, 3.0, 1)
     for about in (0.0, -0.1):
         with pytest.raises(
-            fan.errors.StateError, match=r"upper_mass begins at .* let it begin above 0"
+            fan.errors.StateError, match=r"upper_mass has the initial value .* give one above 0"
         ):
             replace(data, unknown=[fan.lab.Unknown("upper_mass", about=about)])
 

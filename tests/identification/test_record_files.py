@@ -112,7 +112,11 @@ MISTAKES = [
     ("puppet: arm.yaml", "puppet: arms3d", r"swing\.yaml:2: puppet: "),
     ("puppet: arm.yaml", "puppet: visit", r"swing\.yaml:2: puppet: .*which is a scene"),
     ("delay: find", "delay: fined", r"swing\.yaml:14: delay: "),
-    ("delay: find", "delay: 2.0", r"swing\.yaml:3: samples: the samples, less the delay, go from"),
+    (
+        "delay: find",
+        "delay: 2.0",
+        r"swing\.yaml:3: samples: the samples, less the delay, last from",
+    ),
     ("  middle:", "  centre:", r"swing\.yaml:5: .*none of the columns centre\.x"),
     ("delay: find", "noise: {elbow: 0.1}", r"swing\.yaml:14: noise\.elbow: .*no marker or column"),
     ("delay: find", "start: {elbo: 1}", r"swing\.yaml:14: start\.elbo: "),
@@ -189,8 +193,8 @@ def test_coordinates_at_rest_are_recognised(folder):
     rows = "\n".join(f"{0.1 * i:.1f},{0.01 * i:.2f}" for i in range(20))
     (folder / "hung.csv").write_text(f"time,elbow\n{rows}\n", encoding="utf-8")
     data = fan.lab.load_record(folder / "hung.yaml")
-    assert set(data.still) == {"hand.x", "hand.y", "hand.length"}
-    assert fan.lab.load_record(folder / "swing.yaml").still == ()
+    assert set(data.constant_inputs) == {"hand.x", "hand.y", "hand.length"}
+    assert fan.lab.load_record(folder / "swing.yaml").constant_inputs == ()
 
 
 def test_a_place_never_takes_the_name_of_a_parameter(folder):

@@ -109,7 +109,7 @@ def test_a_button_plays_a_gesture_and_home_reverts_it(scene):
     scene.viewer.pick("C V U", "wave")
     until(lambda: scene.performance.playing == ("wave",), "it waves")
     until(lambda: np.max(np.abs(scene.performance.state.q_K - home)) > 0.05, "the hand is up")
-    scene.viewer.until_said("Plays wave")
+    scene.viewer.wait_for_text("Plays wave")
     scene.viewer.press("Home (H)")
     until(lambda: scene.performance.playing == (), "it is home")
     until(lambda: np.max(np.abs(scene.performance.state.q_K - home)) < 1e-9, "the hands are home")
@@ -117,8 +117,8 @@ def test_a_button_plays_a_gesture_and_home_reverts_it(scene):
 
 def test_files_of_the_folder_are_gestures_and_mistakes_are_reported(scene):
     assert "curtsy" in scene.stage.gesture_player.gestures
-    scene.viewer.until_said("kne")  # of wrong.yaml
-    assert "wrong.yaml" in scene.viewer.said
+    scene.viewer.wait_for_text("kne")  # of wrong.yaml
+    assert "wrong.yaml" in scene.viewer.text
 
 
 def test_mirrored_and_repeated_gestures(scene):
@@ -189,7 +189,7 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
         scene.viewer.type_in("Name", wrong)
         until(lambda wrong=wrong: scene.live.panel.takes.name_field.value == wrong, "the name")
         scene.viewer.press("Make a gesture of it")
-        scene.viewer.until_said(why)
+        scene.viewer.wait_for_text(why)
         scene.live.panel.report("")
     assert not (scene.folder.parent / "out.npz").exists()
     scene.viewer.pick("Save as", "New take")
@@ -263,12 +263,12 @@ def test_a_take_becomes_a_film(scene):
 
 def test_a_score_waits_for_go_pauses_and_jumps_to_marks(scene):
     performance = scene.performance
-    scene.viewer.until_said(", beat 0.0")
-    scene.viewer.until_said("Changes to the score:")  # the caption ends after the score
+    scene.viewer.wait_for_text(", beat 0.0")
+    scene.viewer.wait_for_text("Changes to the score:")  # the caption ends after the score
     scene.viewer.press("GO (Space)")
     until(lambda: performance.score is not None and performance.score.t > 0.5, "it begins")
-    scene.viewer.until_said("&lt;b&gt;One&lt;/b&gt;, two")  # words, not markup
-    assert "<b>One" not in scene.viewer.said
+    scene.viewer.wait_for_text("&lt;b&gt;One&lt;/b&gt;, two")  # words, not markup
+    assert "<b>One" not in scene.viewer.text
     scene.viewer.press("Pause (Y)")
     until(lambda: performance.score.still, "a pause")
     scene.viewer.pick("Go to", "turn")
@@ -277,7 +277,7 @@ def test_a_score_waits_for_go_pauses_and_jumps_to_marks(scene):
     until(lambda: performance.score.t > 3.0, "it goes on")
     scene.viewer.slide("Time [s]", 5.8)
     until(lambda: performance.score.conductor.waiting is not None, "it waits")
-    scene.viewer.until_said("waits at applause for GO")
+    scene.viewer.wait_for_text("waits at applause for GO")
     scene.viewer.press("GO (Space)")
     until(lambda: performance.score.conductor.waiting is None, "it goes on")
     scene.viewer.press("Stop")
@@ -289,8 +289,8 @@ def test_a_score_that_is_saved_is_loaded_again(scene):
     scene.viewer.press("GO (Space)")
     until(lambda: scene.performance.score is not None and scene.performance.score.t > 0.3, "plays")
     file.write_text(SCORE.replace("nod", "nodd"), encoding="utf-8")
-    scene.viewer.until_said("the score is unchanged")
-    assert "nodd" in scene.viewer.said
+    scene.viewer.wait_for_text("the score is unchanged")
+    assert "nodd" in scene.viewer.text
     file.write_text(SCORE.replace("nod", "shake"), encoding="utf-8")
     until(lambda: "shake" in [cue.gesture for cue in scene.stage.score.cues], "it is loaded")
     assert scene.performance.score.t > 0.3
@@ -302,8 +302,8 @@ def told(socket, true, patience: float = 20.0) -> dict:
     """The first message to a page's script that fulfils a condition."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
-        said = socket.recv(timeout=patience)
-        if isinstance(said, str) and true(message := json.loads(said)):
+        answer = socket.recv(timeout=patience)
+        if isinstance(answer, str) and true(message := json.loads(answer)):
             return message
     raise AssertionError("the script is not told")
 
@@ -315,16 +315,16 @@ def test_the_sound_follows_the_beat_and_the_score(scene):
     ) as socket:
         assert json.loads(socket.recv(timeout=20.0)) == {"start": 0.0, "gain": 1.0}
         assert socket.recv(timeout=20.0) == (scene.folder / "bell.wav").read_bytes()
-        assert told(socket, lambda said: "beat" in said) == {"beat": None, "score": None}
+        assert told(socket, lambda answer: "beat" in answer) == {"beat": None, "score": None}
         scene.viewer.pick("B M", "Metronome")
-        beat = told(socket, lambda said: said.get("beat"))["beat"]
+        beat = told(socket, lambda answer: answer.get("beat"))["beat"]
         assert beat["period"] == pytest.approx(tempo.beat) and 0 <= beat["next"] <= tempo.beat
         scene.viewer.pick("B M", "Metronome")
-        told(socket, lambda said: "beat" in said and said["beat"] is None)
+        told(socket, lambda answer: "beat" in answer and answer["beat"] is None)
         scene.viewer.press("GO (Space)")
-        assert told(socket, lambda said: said.get("score"))["score"]["t"] > 0.0
+        assert told(socket, lambda answer: answer.get("score"))["score"]["t"] > 0.0
         scene.viewer.press("Stop")
-        told(socket, lambda said: "score" in said and said["score"] is None)
+        told(socket, lambda answer: "score" in answer and answer["score"] is None)
 
 
 def test_a_tapped_tempo_is_shown(scene):
@@ -346,9 +346,9 @@ def test_a_puppet_without_these_strings_has_no_buttons(tmp_path):
         Viewer(page.url) as viewer,
     ):
         assert page.show.stage.gesture_player.gestures == {}
-        viewer.until_said("No bundled gesture fits these strings")
+        viewer.wait_for_text("No bundled gesture fits these strings")
         viewer.press("Play (L)")
-        viewer.until_said("there is no take yet")
+        viewer.wait_for_text("there is no take yet")
 
 
 def test_a_score_is_for_live_puppets_and_without_mistakes(folder, tmp_path):

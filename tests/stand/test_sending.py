@@ -69,10 +69,10 @@ def test_an_osc_server_hears_every_set_point(conduct):
         fan.puppets.stand6(),
         controller="osc",
     )
-    heard = {}
+    values = {}
 
     def hear(address, value):
-        heard.setdefault(address, []).append(value)
+        values.setdefault(address, []).append(value)
 
     dispatcher = Dispatcher()
     dispatcher.set_default_handler(hear)
@@ -84,11 +84,11 @@ def test_an_osc_server_hears_every_set_point(conduct):
         time.sleep(0.1)
         server.shutdown()
         thread.join()
-    assert set(heard) == {f"/{axis.name}" for axis in points.axes}
+    assert set(values) == {f"/{axis.name}" for axis in points.axes}
     which = np.rint(np.array(done.times) * points.rate).astype(int)
     assert len(set(which)) == len(points) - done.dropped and done.t == points.motion.t[-1]
     for k, axis in enumerate(points.axes):
-        steps = np.rint(np.array(heard[f"/{axis.name}"]) * axis.counts)
+        steps = np.rint(np.array(values[f"/{axis.name}"]) * axis.counts)
         assert np.max(np.abs(steps - points.counts[which, k])) <= 1.0
 
 

@@ -184,13 +184,13 @@ def together(emulators, points, programs, hold=None, go_on=None):
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 def test_the_motions_begin_together(points):
     """The first controller is ready long before the second, and waits for it."""
-    heard = []
+    lines = []
     programs = {name: gcode_program(part) for name, part in points.parts.items()}
     emulators = {
         name: Emulator(
             machine_of(part),
             pace=0.05 if name == "right" else 0.0,
-            heard=lambda text, _, name=name: heard.append((name, text)),
+            on_line=lambda text, _, name=name: lines.append((name, text)),
         )
         for name, part in points.parts.items()
     }
@@ -198,8 +198,8 @@ def test_the_motions_begin_together(points):
         emulators["right"].pace = 0.05
         _, error = together(emulators, points, programs)
     assert error is None
-    first_move = min(k for k, (_, text) in enumerate(heard) if re.match(r"G1.*F", text))
-    assert {name for name, text in heard[:first_move] if text == "G93"} == {"left", "right"}
+    first_move = min(k for k, (_, text) in enumerate(lines) if re.match(r"G1.*F", text))
+    assert {name for name, text in lines[:first_move] if text == "G93"} == {"left", "right"}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
@@ -226,7 +226,7 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
         if event == "is unplugged":
             right.unplug()
 
-    emulators["right"].heard = disturb
+    emulators["right"].on_line = disturb
     with emulators["left"], emulators["right"]:
         counts, error = together(emulators, points, programs, hold, lambda: False)
         threading.Event().wait(0.2)

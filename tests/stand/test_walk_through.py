@@ -58,9 +58,9 @@ def test_a_stand_from_its_puppet_to_its_motors(stand, tmp_path, monkeypatch):
             command[-1] = port
         ended = fantoccini(*command)
         assert ended.exit_code == 0, (command, ended.stdout, ended.stderr)
-    _, said = emulator.communicate(timeout=60)
+    _, stderr = emulator.communicate(timeout=60)
     assert emulator.returncode == 0
-    assert ("0 lost" in said) or ("0 wrong" in said)
+    assert ("0 lost" in stderr) or ("0 wrong" in stderr)
     name = STANDS[stand]
     assert any(Path(f"{name}.{ending}").is_file() for ending in ("gcode", "cfg"))
     compared(stand, Path(f"{name}.csv"), fan.Trajectory.load(f"{name}.npz"))

@@ -229,8 +229,10 @@ def test_matplotlib_and_ffmpeg_wait_for_the_first_picture():
         "late = ('matplotlib', 'imageio_ffmpeg', 'trimesh', 'pyvista')\n"
         "print([m for m in late if m in sys.modules])"
     )
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert said.stdout.strip() == "[]"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "[]"
 
 
 def test_no_display_and_no_pyplot(tmp_path):
@@ -243,7 +245,7 @@ def test_no_display_and_no_pyplot(tmp_path):
         "print('matplotlib.pyplot' in sys.modules)"
     )
     environment = {"PYTHONPATH": ":".join(p for p in sys.path if p), "MPLBACKEND": "TkAgg"}
-    said = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True
     )
-    assert said.stdout.strip() == "False"
+    assert result.stdout.strip() == "False"

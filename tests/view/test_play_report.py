@@ -11,7 +11,7 @@ from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
 import fantoccini as fan
 from fantoccini.output import reports
 from fantoccini.output.reports.stage_plan import plan
-from fantoccini.output.reports.timeline import fitted, timeline
+from fantoccini.output.reports.timeline import shortened, timeline
 from fantoccini.output.view.stills import Stills
 from fantoccini.theatre.plays import clearances, overhead
 
@@ -185,10 +185,10 @@ def test_the_plan_view_shows_all_things_on_the_stage(verification):
 
 
 def test_words_are_cut_to_fit():
-    assert fitted("12 walks to the door", 200.0) == "12 walks to the door"
-    assert fitted("12 walks to the door", 60.0).startswith("12 walk")
-    assert fitted("12 walks to the door", 15.0) == "12"
-    assert fitted("12 walks to the door", 5.0) == ""
+    assert shortened("12 walks to the door", 200.0) == "12 walks to the door"
+    assert shortened("12 walks to the door", 60.0).startswith("12 walk")
+    assert shortened("12 walks to the door", 15.0) == "12"
+    assert shortened("12 walks to the door", 5.0) == ""
 
 
 def test_a_report_elsewhere_is_refused(verification, tmp_path):

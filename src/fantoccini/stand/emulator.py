@@ -295,7 +295,7 @@ class Emulator:
     Args:
         machine: executes the lines.
         pace: real time spent on each line [s]; moves take no real time.
-        heard: callback with every line and its answer.
+        on_line: callback with every line and its answer.
 
     Attributes:
         port: name of the terminal to stream to.
@@ -311,13 +311,13 @@ class Emulator:
         self,
         machine: GrblMachine,
         pace: float = 0.0,
-        heard: Callable[[str, str], None] | None = None,
+        on_line: Callable[[str, str], None] | None = None,
     ):
         if sys.platform == "win32":
             raise StandError("the emulator needs pseudo-terminals, which Windows lacks")
         import tty
 
-        self.machine, self.pace, self.heard = machine, pace, heard
+        self.machine, self.pace, self.on_line = machine, pace, on_line
         self.lines: list[str] = []
         self.fullest = self.overrun = self.resets = 0
         self.held = False
@@ -391,5 +391,5 @@ class Emulator:
         del self._received[: end + 1]
         self.lines.append(text)
         os.write(self._master, f"{answer}\r\n".encode())
-        if self.heard is not None:
-            self.heard(text, answer)
+        if self.on_line is not None:
+            self.on_line(text, answer)

@@ -116,7 +116,7 @@ class Channel:
 
     Attributes:
         counts: lines sent and acknowledged.
-        heard: time of the last answer, or of the last line after a pause [s].
+        last_answer_time: time of the last answer, or of the last line after a pause [s].
 
     Raises:
         StreamError: a line is longer than the buffer.
@@ -134,7 +134,7 @@ class Channel:
         counts: Streamed | None = None,
     ):
         self.port, self.name, self.counts = port, name, counts or Streamed()
-        self.n_lines, self.heard = len(lines), time.monotonic()
+        self.n_lines, self.last_answer_time = len(lines), time.monotonic()
         self._counting, self._start, self._capacity = counting, start, buffer - 1
         self._unsent, self._unanswered = deque(lines), deque[Line]()
         self._received = b""
@@ -166,7 +166,7 @@ class Channel:
         if n_unanswered > self._capacity:
             return False
         if not self._unanswered:
-            self.heard = time.monotonic()
+            self.last_answer_time = time.monotonic()
         self.write(line.text.encode("ascii", "replace") + b"\n")
         self._unanswered.append(self._unsent.popleft())
         self.counts.sent += 1
@@ -201,7 +201,7 @@ class Channel:
 
     def check_silence(self, silence: float) -> None:
         """Raises a StreamError if an answer is missing for longer than ``silence`` [s]."""
-        if self._unanswered and time.monotonic() - self.heard > silence:
+        if self._unanswered and time.monotonic() - self.last_answer_time > silence:
             raise self.error(f"no answer in {silence:g} s")
 
     def error(self, reason: str) -> StreamError:
@@ -215,7 +215,7 @@ class Channel:
 
     def _understand(self, answer: str) -> None:
         if answer:
-            self.heard = time.monotonic()
+            self.last_answer_time = time.monotonic()
         error = _ERROR.match(answer)
         if error:
             raise self.error(_reason(answer, error))
@@ -323,7 +323,7 @@ def _hold(channels: Sequence[Channel], go_on: Callable[[], bool] | None) -> None
         raise next(channel for channel in channels if not channel.ended).error(STOPPED)
     for channel in channels:
         channel.write(RESUME)
-        channel.heard = time.monotonic()
+        channel.last_answer_time = time.monotonic()
 
 
 @contextmanager

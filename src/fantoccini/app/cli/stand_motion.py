@@ -159,13 +159,13 @@ def _emulator(name: str, settings: GrblSettings, quiet: bool) -> tuple[Emulator,
     """An emulated GRBL, and an event that is set at the end of its program."""
     ended = threading.Event()
 
-    def heard(text: str, answer: str) -> None:
+    def log_line(text: str, answer: str) -> None:
         if not quiet and answer != "ok":
             say(f"{name}: {text}: {answer}" if name else f"{text}: {answer}")
         if text == "M2":
             ended.set()
 
-    return Emulator(GrblMachine(settings), heard=heard), ended
+    return Emulator(GrblMachine(settings), on_line=log_line), ended
 
 
 def _listen(stand: Stand, controller: Osc | ArtNet, listen: str | None, quiet: bool) -> Receiver:

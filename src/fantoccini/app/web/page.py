@@ -322,12 +322,14 @@ def open_show(
     _check_folder(record_to)
     live = Live(show.performance, page_theme, record_to.absolute(), show=show)
 
-    def heard(do: Callable[[], None]) -> None:
+    def run_and_send_state(do: Callable[[], None]) -> None:
         do()
         live.stage.sounds.changed()
 
     if hear is not None or send is not None:
-        live.stage.osc = Osc(show, hear, send, lambda do: live.later(None, partial(heard, do)))
+        live.stage.osc = Osc(
+            show, hear, send, lambda do: live.later(None, partial(run_and_send_state, do))
+        )
     script = PAD_SCRIPT + SOUND_SCRIPT + MIDI_SCRIPT
     try:
         server = Server(show.play.name, page_theme, host, port, script, live.handlers)

@@ -24,7 +24,7 @@ from fantoccini.base.documents import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Marker
 from fantoccini.lab.identification.marking import Mark, find, marked
-from fantoccini.lab.identification.record import Record, Unknown, check_span, driven_scalars
+from fantoccini.lab.identification.record import Record, Unknown, check_overlap, driven_scalars
 from fantoccini.lab.identification.schema import ColumnFile, DelayFile, RecordFile
 from fantoccini.model.puppet import named_file
 from fantoccini.motion import Input, csv_columns
@@ -103,7 +103,7 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     if values:
         measured_t = t[np.any(np.isfinite(list(values.values())), axis=0)]
         if len(measured_t):
-            check(played, lambda: check_span(measured_t - delay, inputs, 0.0))
+            check(played, lambda: check_overlap(measured_t - delay, inputs, 0.0))
             check.refuse()
     record = check.need(
         (),

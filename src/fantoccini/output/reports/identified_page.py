@@ -113,8 +113,8 @@ def _held(result: Identified) -> str:
         if name not in unknowns
     ]
     text = f"Parameters not estimated: {', '.join(fixed)}. " if fixed else ""
-    if still := result.record.still:
-        text += f"The inputs do not move {', '.join(still)}."
+    if constant := result.record.constant_inputs:
+        text += f"The inputs do not move {', '.join(constant)}."
     return text
 
 
