@@ -169,7 +169,7 @@ def together(emulators, points, programs, hold=None, go_on=None):
                 port,
                 lines_of(programs[name].text),
                 name=name,
-                start=programs[name].first,
+                start=programs[name].first_line,
                 counts=counts[name],
             )
             for name, port in (("left", left), ("right", right))
@@ -208,14 +208,14 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
     programs = {name: gcode_program(part) for name, part in points.parts.items()}
     if event == "refuses a line":
         text = programs["right"].text.splitlines()
-        text[programs["right"].first + 20] = "G7"
+        text[programs["right"].first_line + 20] = "G7"
         programs["right"] = dataclasses.replace(programs["right"], text="\n".join(text))
     emulators = {name: Emulator(machine_of(part), pace=0.01) for name, part in points.parts.items()}
     hold = threading.Event()
 
     def disturb(text, answer):
         right = emulators["right"]
-        if len(right.lines) != programs["right"].first - 9 + 30:
+        if len(right.lines) != programs["right"].first_line - 9 + 30:
             return
         if event == "restarts":
             terminal = os.open(right.port, os.O_WRONLY | os.O_NOCTTY)

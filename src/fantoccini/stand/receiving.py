@@ -11,7 +11,7 @@ import numpy as np
 from fantoccini.base import AddressError, Array, StandError, Times, osc_library, socket_at
 from fantoccini.stand.axes import axes_of
 from fantoccini.stand.controllers import ArtNet, Osc
-from fantoccini.stand.gcode_text import units
+from fantoccini.stand.gcode_text import gcode_units
 from fantoccini.stand.packets import (
     DMX_HEADER,
     NAME,
@@ -54,7 +54,7 @@ class Receiver:
     ):
         self._read = _reader(stand, controller)
         axes = axes_of(stand)
-        self._counts, self._scale = np.array([a.counts for a in axes]), units(axes)
+        self._counts, self._scale = np.array([a.counts for a in axes]), gcode_units(axes)
         endpoint = (host or controller.host, controller.port if port is None else port)
         try:
             self._socket = socket_at(*endpoint, many=True)

@@ -30,13 +30,13 @@ from fantoccini.stand import (
     check_first,
     first_lost,
     gcode_program,
-    gentle_feed,
     lines_of,
     packets_of,
     resumed,
     resumed_points,
     send_points,
     serial_port,
+    slow_feed,
     stream_together,
     udp_sender,
 )
@@ -57,7 +57,7 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
     lines = {name: lines_of(own.text) for name, own in programs.items()}
     if arguments.from_line is not None:
         (text,) = (own.text for own in programs.values())
-        lines = {"": resumed(text, arguments.from_line, gentle_feed(points))}
+        lines = {"": resumed(text, arguments.from_line, slow_feed(points))}
     if arguments.dry_run:
         for name, own_lines in lines.items():
             for line in own_lines:
@@ -80,7 +80,7 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
                         controller.buffer if counting else 4096,
                         counting,
                         name=name,
-                        start=programs[name].first if name else None,
+                        start=programs[name].first_line if name else None,
                         counts=counts[name],
                     )
                 )

@@ -77,8 +77,8 @@ def check_overlap(t: Array, inputs: Input, share: float) -> None:
     if np.mean(beyond) > share:
         raise StateError(
             f"the samples, less the delay, last from {t[0]:.6g} s to {t[-1]:.6g} s, the inputs "
-            f"from {inputs.start:.6g} s to {inputs.end:.6g} s; samples may lie at most {MARGIN:.2g} s "
-            "outside. Correct the clock, leave samples out, or extend the inputs"
+            f"from {inputs.start:.6g} s to {inputs.end:.6g} s; samples may lie at most "
+            f"{MARGIN:.2g} s outside. Correct the clock, leave samples out, or extend the inputs"
         )
 
 

@@ -37,7 +37,7 @@ from fantoccini.motion import Trajectory
 from fantoccini.output.animation.pieces import Piece, floor_of, named_solids, piece_of
 from fantoccini.output.animation.scene import AnimatedScene, Line
 from fantoccini.output.animation.spans import Spans, StringSamples
-from fantoccini.output.animation.strands import COLOUR, RINGS, THICKNESS
+from fantoccini.output.animation.strands import COLOUR, RINGS, STRING_RADIUS
 from fantoccini.output.view import LIGHT
 
 ROOT = "world"
@@ -145,7 +145,7 @@ def _strings(scene: AnimatedScene, run: Trajectory) -> FrameMessage:
     """Message with the strings as curves in the world frame."""
     samples = StringSamples.of(scene, run, run.t, np.arange(len(run)))
     curves = [(line, _curve(Spans.of(scene, line, samples))) for line in scene.lines]
-    width = 2.0 * THICKNESS * scene.geometry.size
+    width = 2.0 * STRING_RADIUS * scene.geometry.size
 
     def strip(line: Line, points: Array) -> Any:
         return LinePrimitive(
