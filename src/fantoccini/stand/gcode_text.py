@@ -158,7 +158,11 @@ def slow_feed(points: SetPoints) -> float:
 
 
 class GcodeWriter:
-    """Writer of G-code lines for GRBL, FluidNC and Marlin; ``last_words``: last position by letter."""
+    """Writer of G-code lines for GRBL, FluidNC and Marlin.
+
+    Attributes:
+        last_words: letter of an axis -> its last position in the text.
+    """
 
     def __init__(self, points: SetPoints, settings: GrblSettings, inverse: bool, marlin: bool):
         self.points, self.settings = points, settings

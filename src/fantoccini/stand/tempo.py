@@ -57,8 +57,8 @@ class SlowedRun:
     def __str__(self) -> str:
         return (
             f"{self.factor:.3g} times as long: smallest margin {self.check.margin:.0f} %; the "
-            f"puppet moves differently: {self.body} is up to {1e3 * self.deviation:.0f} mm off (at t = "
-            f"{self.t:.2f} s of the first run), all bodies {1e3 * self.rms:.1f} mm (rms)"
+            f"puppet moves differently: {self.body} is up to {1e3 * self.deviation:.0f} mm off "
+            f"(at t = {self.t:.2f} s of the first run), all bodies {1e3 * self.rms:.1f} mm (rms)"
         )
 
 

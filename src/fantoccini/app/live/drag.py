@@ -32,8 +32,8 @@ def follow(
     along the mouse's path. g inverts the singular values s of P A, the foreshortening of the axes:
     1 / s, and s / f^2 below f = ``min_foreshortening``. A handle stays under the mouse unless its
     axes are strongly foreshortened, and never moves against the mouse. (A plane above the eye is
-    seen from below: there, down in the picture is away.) A handle with three axes moves in the plane of the
-    picture.
+    seen from below: there, down in the picture is away.) A handle with three axes moves in the
+    plane of the picture.
 
     Args:
         axes: (k, 3) unit vectors along which the handle can move.

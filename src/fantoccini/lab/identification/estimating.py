@@ -14,7 +14,7 @@ from fantoccini.dynamics.compiled import bind_input
 from fantoccini.kernel.runtime import default_threads
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.fit import Fit, continuous_point
-from fantoccini.lab.identification.reattaching import reattached
+from fantoccini.lab.identification.reattaching import reattach
 from fantoccini.lab.identification.record import Record
 from fantoccini.lab.identification.result import Identified
 from fantoccini.lab.identification.search_point import Layout, Weights
@@ -119,7 +119,7 @@ def identify(
             cost = Cost(stage_fit, first_point, weights)
             if stage.drift == 1.0 and result is not None:
                 loose_cost = replace(cost, weights=replace(weights, drift=loose_drift))
-                point = reattached(replace(loose_cost, fit=thinned), result.point)
+                point = reattach(replace(loose_cost, fit=thinned), result.point)
                 saved = replace(
                     result.saved, stale=result.saved.stale | result.point.differs(point)
                 )

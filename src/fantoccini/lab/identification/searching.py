@@ -187,7 +187,7 @@ def _restore_worsened(
 ) -> tuple[Point, Predicted, Array]:
     """The trial with the old first states of worsened segments, where that costs less."""
     fit = cost.fit
-    restored = trial.mixed(point, bad)
+    restored = trial.with_segments(point, bad)
     restored = fit.projected(restored.q_D, restored.v_D, restored.theta, restored.held, bad)
     restored_predicted = fit.predict(
         restored, extrapolated=extrapolated, only=bad, others=predicted
@@ -195,8 +195,8 @@ def _restore_worsened(
     if not restored_predicted.arrived:
         return trial, predicted, parts
     cheaper_ones = cheaper(bad, parts, cost.parts(restored, restored_predicted))
-    trial = trial.mixed(restored, cheaper_ones)
-    predicted = predicted.mixed(restored_predicted, cheaper_ones, fit.segments(trial.theta))
+    trial = trial.with_segments(restored, cheaper_ones)
+    predicted = predicted.with_segments(restored_predicted, cheaper_ones, fit.segments(trial.theta))
     return trial, predicted, cost.parts(trial, predicted)
 
 

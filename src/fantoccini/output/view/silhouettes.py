@@ -148,7 +148,12 @@ def _long_axis(centre: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, float]
 
 
 def paint(
-    solid: Solid, pose: np.ndarray, camera: Camera, viewport: Viewport, theme: Theme, pen: float
+    solid: Solid,
+    pose: np.ndarray,
+    camera: Camera,
+    viewport: Viewport,
+    theme: Theme,
+    line_width: float,
 ) -> list[Polygon]:
     """Polygons of one solid, in painting order.
 
@@ -157,14 +162,14 @@ def paint(
         pose: (3, 4) pose of its link in the world frame.
         camera, viewport: the view.
         theme: colours.
-        pen: width of outlines [px].
+        line_width: width of outlines [px].
     """
     ink = (*(solid.colour * theme.outline), 1.0)
     points = camera.to_camera(solid.points @ pose[:, :3].T + pose[:, 3])
     if np.any(points[:, 2] <= 1e-6):
         return []
     if solid.kind == "faces":
-        return _paint_faces(solid, points, camera, viewport, ink, pen)
+        return _paint_faces(solid, points, camera, viewport, ink, line_width)
     if solid.kind == "capsule":
         centres = camera.to_pixels(points, viewport)
         radii = solid.radius * camera.scale(points[:, 2], viewport)
@@ -181,7 +186,7 @@ def paint(
         stack = highlight + shrink * (outline - highlight)
     tones = _ramp(solid.colour, len(stack))
     return [
-        Polygon(outline, (*tone, 1.0), *((CLEAR, 0.0) if k else (ink, pen)))
+        Polygon(outline, (*tone, 1.0), *((CLEAR, 0.0) if k else (ink, line_width)))
         for k, (outline, tone) in enumerate(zip(stack, tones, strict=True))
     ]
 
@@ -206,7 +211,7 @@ def _paint_faces(
     camera: Camera,
     viewport: Viewport,
     ink: tuple[float, ...],
-    pen: float,
+    line_width: float,
 ) -> list[Polygon]:
     pixels = camera.to_pixels(points, viewport)
     polygons, depths = [], []
@@ -220,13 +225,13 @@ def _paint_faces(
             continue
         shade = max(0.0, float(normal @ _LIGHT) / float(size))
         tone = mix(colour * 0.55, mix(colour, _WHITE, 0.22), shade)
-        edge, width = ((*tone, 1.0), 0.4) if solid.smooth else (ink, 0.8 * pen)
+        edge, width = ((*tone, 1.0), 0.4) if solid.smooth else (ink, 0.8 * line_width)
         polygons.append(Polygon(pixels[face], (*tone, 1.0), edge, width))
         depths.append(points[face, 2].mean())
     polygons = [polygons[k] for k in np.argsort(depths)[::-1]]
     if solid.smooth:
-        # The outline: the same triangles underneath, wider by one pen width.
-        underlay = [Polygon(p.outline, ink, ink, 2.0 * pen) for p in polygons]
+        # The outline: the same triangles underneath, wider by one line width width.
+        underlay = [Polygon(p.outline, ink, ink, 2.0 * line_width) for p in polygons]
         return underlay + polygons
     return polygons
 
