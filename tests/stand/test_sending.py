@@ -273,7 +273,7 @@ def test_a_hold_stays_on_the_path_and_resumes_or_stops(lifted, hoist, answer):
         if len(sent) == 60:
             hold.set()
 
-    def go_on(done):
+    def should_resume(done):
         before = len(sent)
         time.sleep(0.3)
         sent_on = sent[before:]
@@ -282,12 +282,12 @@ def test_a_hold_stays_on_the_path_and_resumes_or_stops(lifted, hoist, answer):
         return answer
 
     if answer:
-        send_points(points, send, hold=hold, go_on=go_on, counts=progress)
+        send_points(points, send, hold=hold, should_resume=should_resume, counts=progress)
         assert progress.t == points.motion.t[-1]
         assert sent[-1] == np.float32(points.motion.position[-1, 0])
     else:
         with pytest.raises(PacketError, match="stopped here") as stopped:
-            send_points(points, send, hold=hold, go_on=go_on, counts=progress)
+            send_points(points, send, hold=hold, should_resume=should_resume, counts=progress)
         assert stopped.value.t == progress.t
     ((k, n_repeated),) = asked
     t = np.array(progress.times)
@@ -372,7 +372,7 @@ WRONG = {
     "a pattern": ("osc, names: {winch: '/a*'}", "needed: an OSC address"),
     "no channel": ("artnet, names: {winch: x}", "needed: a channel, 1 to 511"),
     "half a channel": ("artnet, names: {winch: 512}", "needed: a channel, 1 to 511"),
-    "too often": ("artnet, rate: 50", "DMX takes at most 44 frames per second"),
+    "too often": ("artnet, rate: 50", "DMX allows at most 44 frames per second"),
     "a host of blanks": ("osc, host: 'a b'", "host"),
     "no port": ("artnet, port: 0", "port"),
     "no universe": ("artnet, universe: 40000", "universe"),
@@ -395,7 +395,7 @@ def test_two_axes_do_not_share_a_channel():
         stand = loads_stand(f"{SIX}controller: {{type: {kind}, names: {names}}}\n")
         with pytest.raises(FileError, match="of its own"):
             packets_of(stand, stand.controller, 40.0)
-    with pytest.raises(StandError, match="DMX takes at most 44"):
+    with pytest.raises(StandError, match="DMX allows at most 44"):
         packets_of(stand, load_controller("artnet"), 100.0)
     with pytest.raises(StandError, match="needed: --controller osc or artnet"):
         packets_of(stand, load_controller("csv"), 40.0)

@@ -159,7 +159,7 @@ def test_programs_of_all_controllers_keep_the_same_time(points, slack):
     assert np.max(np.abs(np.rint(at * steps) - counts)) <= 1.0
 
 
-def together(emulators, points, programs, hold=None, go_on=None):
+def together(emulators, points, programs, hold=None, should_resume=None):
     """Streams all programs; returns lines sent and acknowledged."""
     counts = {name: Streamed() for name in programs}
     ports = {name: serial_port(emulators[name].port, 115_200) for name in programs}
@@ -175,7 +175,7 @@ def together(emulators, points, programs, hold=None, go_on=None):
             for name, port in (("left", left), ("right", right))
         ]
         try:
-            stream_together(channels, hold=hold, go_on=go_on, silence=5.0)
+            stream_together(channels, hold=hold, should_resume=should_resume, silence=5.0)
         except StreamError as error:
             return counts, error
     return counts, None
@@ -243,7 +243,7 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
     times = {
         name: programs[name].time_of(
             first_lost(
-                programs[name].text, counts[name].last, points.parts[name].controller.planner
+                programs[name].text, counts[name].last_line, points.parts[name].controller.planner
             )
         )
         for name in programs

@@ -45,8 +45,8 @@ def test_a_streamed_motion_is_that_of_the_file(points, counting):
     emulator = Emulator(machine_of(points), pace=1e-3)
     with emulator, serial_port(emulator.port, 115_200) as port:
         done = stream(port, lines_of(gcode(points)), counting=counting)
-    assert emulator.overrun == 0 and emulator.fullest <= 128 and done.most <= 127
-    assert (done.most > 90) == counting  # the buffer is used
+    assert emulator.overrun == 0 and emulator.fullest <= 128 and done.max_unanswered <= 127
+    assert (done.max_unanswered > 90) == counting  # the buffer is used
     assert emulator.lines == [line.text for line in lines_of(gcode(points))]
     machine = emulator.machine
     at = machine.positions(machine.starts[0] + points.motion.t) * machine.settings.steps
@@ -79,20 +79,26 @@ def test_a_hold_resumes_or_stops(points):
     lines, hold, asked = lines_of(gcode(points)), threading.Event(), []
 
     def hold_at_line_20(at):
-        if at.done == 20:
+        if at.acknowledged == 20:
             hold.set()
 
     for answer in (True, False):
         with Emulator(machine_of(points), pace=5e-3) as emulator:
 
-            def go_on(progress, emulator=emulator, answer=answer):
+            def should_resume(progress, emulator=emulator, answer=answer):
                 threading.Event().wait(0.1)
                 asked.append(emulator.held)
                 return answer
 
             with serial_port(emulator.port, 115_200) as port:
                 if answer:
-                    stream(port, lines, progress=hold_at_line_20, hold=hold, go_on=go_on)
+                    stream(
+                        port,
+                        lines,
+                        progress=hold_at_line_20,
+                        hold=hold,
+                        should_resume=should_resume,
+                    )
                     assert emulator.lines == [line.text for line in lines]
                 else:
                     counts = Streamed()
@@ -102,7 +108,7 @@ def test_a_hold_resumes_or_stops(points):
                             lines,
                             progress=hold_at_line_20,
                             hold=hold,
-                            go_on=go_on,
+                            should_resume=should_resume,
                             counts=counts,
                         )
                     assert stopped.value.line > lines[19].number

@@ -45,17 +45,19 @@ def packets_of(stand: Stand, controller: Any, rate: float) -> Packets:
     """The encoder of packets for a stand's controller.
 
     Raises:
-        StandError: the controller takes no packets, or not at this rate.
+        StandError: the controller does not accept packets, or not at this rate.
         FileError: a name in the file is not an address or channel.
         MissingLibraryError: python-osc is not installed.
     """
     if isinstance(controller, Osc):
         return OscPackets(addresses(stand, controller))
     if not isinstance(controller, ArtNet):
-        raise StandError(f"{controller.type} takes no packets; needed: --controller osc or artnet")
+        raise StandError(
+            f"{controller.type} does not accept packets; needed: --controller osc or artnet"
+        )
     if rate > MAX_FRAME_RATE:
         raise StandError(
-            f"found {rate:g} set points per second; DMX takes at most {MAX_FRAME_RATE:g}"
+            f"found {rate:g} set points per second; DMX allows at most {MAX_FRAME_RATE:g}"
         )
     return ArtNetPackets(axes_of(stand), channels(stand, controller), controller)
 

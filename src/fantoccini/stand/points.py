@@ -24,7 +24,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.check import check_stand
-from fantoccini.stand.controllers import Controller, too_many
+from fantoccini.stand.controllers import Controller, too_many_axes
 from fantoccini.stand.motors import Drum
 from fantoccini.stand.stand_file import Stand, load_stand
 
@@ -287,7 +287,7 @@ def controlled(stand: Stand, kind: str | None = None) -> Stand:
     if kind not in TYPES:
         text = f"found {kind!r}{nearest(kind, TYPES)}"
         raise FileError([Mistake("--controller", None, "", text)])
-    if reason := too_many(kind, len(stand.axes)):
+    if reason := too_many_axes(kind, len(stand.axes)):
         raise StandError(reason)
     adapter: TypeAdapter[Any] = TypeAdapter(Controller)
     try:

@@ -77,7 +77,7 @@ def send_points(
     *,
     first: float = 0.0,
     hold: threading.Event | None = None,
-    go_on: Callable[[Sending], bool] | None = None,
+    should_resume: Callable[[Sending], bool] | None = None,
     counts: Sending | None = None,
     latest: float | None = None,
 ) -> Sending:
@@ -90,9 +90,9 @@ def send_points(
         send: sends a packet.
         first: time in the set points at which to begin, from rest [s]. The axes must be there, as
             after a hold: the first packet sends them there at their full speed.
-        hold: event that another thread sets to hold all motion, softly.
-        go_on: callback that decides, during a hold, whether to go on; meanwhile the held position
-            is repeated. If ``lost`` is set it should return, and its answer is ignored.
+        hold: event that another thread sets to hold all motion, smoothly.
+        should_resume: callback that decides, during a hold, whether to resume; meanwhile the held
+            position is repeated. If ``lost`` is set it should return, and its answer is ignored.
         counts: object that is updated, so that it is available after an exception.
         latest: largest delay of a packet [s]; ``LATEST`` by default.
 
@@ -103,7 +103,7 @@ def send_points(
     sender = Sender(points, send, counts or Sending(), LATEST if latest is None else latest)
     check_first(first, sender.end)
     sender.repeat(first)
-    sender.follow(first, hold or threading.Event(), go_on, from_rest=first > 0.0)
+    sender.follow(first, hold or threading.Event(), should_resume, from_rest=first > 0.0)
     sender.repeat(sender.end)
     return sender.counts
 
@@ -137,7 +137,7 @@ class Sender:
         self,
         t: float,
         hold: threading.Event,
-        go_on: Callable[[Sending], bool] | None,
+        should_resume: Callable[[Sending], bool] | None,
         from_rest: bool,
     ) -> None:
         """Follows the path from a time on, to its end."""
@@ -149,7 +149,7 @@ class Sender:
                 hold.clear()
                 goal = 0.0
             if rate == goal == 0.0:
-                self._held(go_on)
+                self._held(should_resume)
                 goal = 1.0
             if t >= self.end:
                 return
@@ -187,8 +187,8 @@ class Sender:
             raise PacketError(self.counts.t, f"not sent: {error.strerror or error}") from None
         self.counts.sent += 1
 
-    def _held(self, go_on: Callable[[Sending], bool] | None) -> None:
-        """Calls ``go_on``, and repeats the held position meanwhile.
+    def _held(self, should_resume: Callable[[Sending], bool] | None) -> None:
+        """Calls ``should_resume``, and repeats the held position meanwhile.
 
         Raises:
             PacketError: it said no, or there is no receiver any more.
@@ -209,7 +209,7 @@ class Sender:
         thread = threading.Thread(target=repeat_position, name="held", daemon=True)
         thread.start()
         try:
-            going_on = go_on is not None and go_on(self.counts)
+            going_on = should_resume is not None and should_resume(self.counts)
         finally:
             released.set()
             thread.join()

@@ -47,7 +47,7 @@ from fantoccini.stand.controllers import (
     ControllerBase,
     ControllerPart,
     axis_letters,
-    too_many,
+    too_many_axes,
 )
 from fantoccini.stand.motors import AxisFriction, Efficiency, Motor, Transmission
 
@@ -300,7 +300,7 @@ def _controller_mistakes(
     """Mistakes of a controller with respect to its axes: too many, or with wrong names."""
     mistakes = [*unknown_names(controller.names, axes, "there is no axis {}", (*at, "names"))]
     kind: str = getattr(controller, "type", "")
-    if reason := too_many(kind, len(axes)):
+    if reason := too_many_axes(kind, len(axes)):
         mistakes.append((at, reason))
     if kind not in LETTERS or mistakes:
         return mistakes

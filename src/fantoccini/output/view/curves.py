@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fantoccini.output.view.drawing import blank_figure, one_line, style_axes
-from fantoccini.output.view.pictures import checked, save
+from fantoccini.output.view.pictures import check_path, save
 from fantoccini.output.view.theme import Theme, theme_of
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def curves(
     Returns:
         The path of the picture.
     """
-    path, theme = checked(path), theme_of(theme)
+    path, theme = check_path(path), theme_of(theme)
     shape = (len(panels) * size[0], size[1])
     figure = blank_figure(shape, facecolor=theme.top)
     figure.set_layout_engine("constrained", w_pad=0.15, h_pad=0.1)

@@ -12,7 +12,7 @@ import numpy as np
 from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of, one_line, style_axes
 from fantoccini.output.view.geometry import geometry_of
-from fantoccini.output.view.pictures import checked, pose_times, save
+from fantoccini.output.view.pictures import check_path, pose_times, save
 from fantoccini.output.view.plans import PATH_COLOUR, fading_poses
 from fantoccini.output.view.plots import fit_legends, legend, line_style, short_numbers
 from fantoccini.output.view.theme import Theme, rgb
@@ -58,7 +58,7 @@ def optimum_picture(
     Returns:
         The path of the picture.
     """
-    path, options = checked(path), PictureOptions.of(view, "all", theme, size)
+    path, options = check_path(path), PictureOptions.of(view, "all", theme, size)
     (width, height), unit = size, max(7.0, size[1] / 55.0)
     sheet = Sheet(size, options.theme)
     _draw_poses(sheet, found, options, poses, unit)

@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini.base import rotation
 from fantoccini.output.view.drawing import blank_figure, one_line, style_axes
-from fantoccini.output.view.pictures import checked, save
+from fantoccini.output.view.pictures import check_path, save
 from fantoccini.output.view.theme import Theme, theme_of
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def plot(
     Returns:
         The figure, which a notebook displays.
     """
-    target = None if path is None else checked(path)
+    target = None if path is None else check_path(path)
     theme = theme_of(theme)
     strings = run.tension.names
     figure = blank_figure(size, facecolor=theme.top)
