@@ -145,19 +145,19 @@ def test_impossible_inputs_leave_the_partial_run_and_end_with_1(tmp_path) -> Non
     assert np.all(np.isfinite(run.q_D))
 
 
-BEGUN = """
+ANNOUNCING_COMMAND = """
 import sys
 from fantoccini.app.cli import main
 from fantoccini.dynamics.simulation import run
 
 advance = run.Run.advance
 
-def told(self, t_end):
+def announced(self, t_end):
     for piece in advance(self, t_end):
         print("begun", file=sys.stderr, flush=True)
         yield piece
 
-run.Run.advance = told
+run.Run.advance = announced
 main()
 """
 """The command; stderr announces every finished piece of the run."""
@@ -169,7 +169,7 @@ def test_ctrl_c_writes_the_partial_run_and_ends_with_130(tmp_path) -> None:
     command = [
         sys.executable,
         "-c",
-        BEGUN,
+        ANNOUNCING_COMMAND,
         "simulate",
         "arm2d",
         "--out",
@@ -201,10 +201,10 @@ def test_a_folder_without_rights_is_a_mistake(tmp_path) -> None:
 
 
 def test_an_output_that_cannot_be_written_ends_with_1(tmp_path, monkeypatch) -> None:
-    def full(*_):
+    def disk_full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(fan.Trajectory, "save", full)
+    monkeypatch.setattr(fan.Trajectory, "save", disk_full)
     result = fantoccini("simulate", "arm2d", "-q", "--duration", "1", "--out", tmp_path / "x.npz")
     assert result.exit_code == 1
     assert (
@@ -213,10 +213,10 @@ def test_an_output_that_cannot_be_written_ends_with_1(tmp_path, monkeypatch) -> 
 
 
 def test_an_output_that_fails_leaves_the_run_and_the_others(tmp_path, monkeypatch):
-    def full(*_: object, **__: object) -> None:
+    def disk_full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(fan.Trajectory, "save", full)
+    monkeypatch.setattr(fan.Trajectory, "save", disk_full)
     lost, table = tmp_path / "x.npz", tmp_path / "x.csv"
     result = fantoccini("simulate", "arm2d", "--duration", "0.2", "--out", lost, "--out", table)
     assert result.exit_code == 1 and f"cannot write {lost}" in result.stderr

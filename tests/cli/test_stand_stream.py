@@ -28,7 +28,7 @@ from fantoccini.stand import (
     lines_of,
     sending,
 )
-from fantoccini.stand.sending import REPEATED
+from fantoccini.stand.sending import REPEAT_TIME
 
 pytestmark = [
     pytest.mark.medium,
@@ -37,7 +37,7 @@ pytestmark = [
 ]
 ROOT = Path(__file__).resolve().parents[2]
 PATIENT = (
-    "from fantoccini.stand import sending; sending.LATEST = 5.0; "
+    "from fantoccini.stand import sending; sending.MAX_DELAY = 5.0; "
     "from fantoccini.app.cli import main; main()"
 )
 """The command line, on a machine that may be busy."""
@@ -246,7 +246,7 @@ def test_two_ctrl_c_hold_the_last_position_and_packets_resume_from_the_time(file
     assert again[0] == pytest.approx(held[0] / unit, abs=1.1e-3)
     assert again[-1] == pytest.approx(p[-1], abs=1.0 / unit)
     assert stand.wrong == 0
-    rest = round(REPEATED * points.rate)
+    rest = round(REPEAT_TIME * points.rate)
     assert np.all(again[:rest] == again[0]) and np.ptp(again) > 0.05
 
 
@@ -382,7 +382,7 @@ def test_a_time_beyond_the_end_is_refused(files, dry):
         *dry,
     )
     assert done.exit_code == 1 and not done.stdout
-    assert "found 100 s to go on from; the set points last 1.5 s" in done.stderr
+    assert "found 100 s to continue from; the set points last 1.5 s" in done.stderr
 
 
 def test_a_broadcast_address_is_refused(files):
@@ -418,7 +418,7 @@ def test_the_emulator_of_packets_has_no_rate(files, kind):
 
 
 def test_the_emulated_stand_of_packets_writes_positions_of_its_motors(files, monkeypatch):
-    monkeypatch.setattr(sending, "LATEST", 5.0)
+    monkeypatch.setattr(sending, "MAX_DELAY", 5.0)
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     emulated = subprocess.Popen(
         [
@@ -461,7 +461,7 @@ def test_the_emulated_stand_of_packets_writes_positions_of_its_motors(files, mon
     table = np.genfromtxt(files / "motors.csv", delimiter=",", names=True)
     points = points_of(files, "osc")
     t = np.arange(100) / 100.0 + 0.2
-    begun = round(REPEATED * points.rate) / points.rate
+    begun = round(REPEAT_TIME * points.rate) / points.rate
     at = np.interp(t + begun, table["t_s"], table["winch"])
     wanted = 1e3 * np.interp(t, points.motion.t, points.motion.position[:, 0])
     # In millimetres, by the receiver's clock, at up to 1.5 m/s: most packets come within 30 ms.

@@ -20,7 +20,7 @@ from fantoccini.base.errors import FileError, StateError
 from fantoccini.base.files import write_table
 from fantoccini.lab.identification import record_schema
 from fantoccini.lab.identification.estimating import NoiseLevels
-from fantoccini.lab.identification.marking import find, missing_files, write_numbers
+from fantoccini.lab.identification.marking import find_number, missing_files, write_numbers
 from fantoccini.model.puppet.written import parameters
 
 pytestmark = pytest.mark.medium
@@ -228,9 +228,9 @@ def test_names_of_twins_have_their_side():
         "bodies": [{"name": "hand_left", "mass": 0.1}],
         "mirror": {"plane": "xz", "from": "left", "to": "right"},
     }
-    assert find(data, "hand_left.mass").value == 0.1
+    assert find_number(data, "hand_left.mass").value == 0.1
     with pytest.raises(StateError, match="hand_right is the mirror image of hand_left"):
-        find(data, "hand_right.mass")
+        find_number(data, "hand_right.mass")
 
 
 BARE = """\
@@ -256,7 +256,9 @@ def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
         "b.drag.angular": 1e-5,
         "c.mass": 1.0,
     }
-    write_numbers(BARE, {find(data, k): x for k, x in changes.items()}, tmp_path / "out.yaml")
+    write_numbers(
+        BARE, {find_number(data, k): x for k, x in changes.items()}, tmp_path / "out.yaml"
+    )
     text = (tmp_path / "out.yaml").read_text(encoding="utf-8")
     expected = BARE.replace("0.5,", "0.25,").replace("-0.1]", "-0.2]").replace("3e-1", "0.125")
     expected = expected.replace("name: j, ", "name: j, damping: 0.01, ")
@@ -267,7 +269,7 @@ def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
 
 def test_a_number_that_others_share_is_not_written(tmp_path):
     text = "bodies:\n- {name: a, mass: &same 0.5}\n- {name: b, mass: *same}\n"
-    mark = find(read_text(text).data, "b.mass")
+    mark = find_number(read_text(text).data, "b.mass")
     with pytest.raises(StateError, match=r"bodies\.1\.mass in line 2 is .* write the number out"):
         write_numbers(text, {mark: 1.0}, tmp_path / "out.yaml")
     assert not list(tmp_path.iterdir())
@@ -277,11 +279,11 @@ def test_a_written_marionette_keeps_its_layout(tmp_path):
     source = puppets.path("marionette").read_text(encoding="utf-8")
     data = read_text(source).data
     name, value = next((v["parameter"], v["value"]) for _, v in parameters(data))
-    write_numbers(source, {find(data, name): 1.25 * value}, tmp_path / "out.yaml")
+    write_numbers(source, {find_number(data, name): 1.25 * value}, tmp_path / "out.yaml")
     text = (tmp_path / "out.yaml").read_text(encoding="utf-8")
     pairs = list(zip(source.splitlines(), text.splitlines(), strict=True))
     changed = [(old, new) for old, new in pairs if old != new]
-    assert 0 < len(changed) <= len(find(data, name).places)
+    assert 0 < len(changed) <= len(find_number(data, name).paths)
     assert all("value" in old and f"{1.25 * value:.7g}" in new for old, new in changed)
 
 

@@ -142,12 +142,12 @@ def test_mirrored_and_repeated_gestures(scene):
 def test_gestures_begin_on_the_beat(scene, monkeypatch):
     tempo, play, begun = scene.stage.gesture_player.tempo, Player.play, []
 
-    def noted(player, gesture, **how):
-        begins = play(player, gesture, **how)
+    def play_and_note(player, gesture, **options):
+        begins = play(player, gesture, **options)
         begun.append(scene.performance.t - player.t + begins)
         return begins
 
-    monkeypatch.setattr(Player, "play", noted)
+    monkeypatch.setattr(Player, "play", play_and_note)
     scene.viewer.tick("On the beat", True)
     until(lambda: scene.stage.gesture_player.options.on_beat, "the box is ticked")
     scene.viewer.slide("Beats a minute", 60.0)
@@ -162,7 +162,7 @@ def test_gestures_begin_on_the_beat(scene, monkeypatch):
 
 def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     name = recorded(scene, 1.0)
-    whole = scene.stage.takes.take
+    take = scene.stage.takes.take
     until(lambda: name in scene.viewer.options("Take"), "it is listed")
     until(lambda: scene.live.panel.takes.part_of == name, "its part is shown")
     scene.viewer.keep_part("Part [s]", 0.2, 0.7)
@@ -170,8 +170,8 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     scene.viewer.slide("Stretch", 2.0)
     until(lambda: scene.stage.takes.edits.stretch == 2.0, "the edits")
     edited = scene.stage.takes.edited()
-    same = whole.trimmed(0.2, 0.7).smoothed(0.1).stretched(2.0)
-    np.testing.assert_array_equal(edited.acc_K, same.acc_K)
+    expected = take.trimmed(0.2, 0.7).smoothed(0.1).stretched(2.0)
+    np.testing.assert_array_equal(edited.acc_K, expected.acc_K)
     scene.viewer.press("Play (L)")
     until(lambda: (scene.performance.take_time or 0.0) > 0.2, "it plays")
     until(lambda: scene.performance.take_time is None, "it ends")
@@ -196,7 +196,7 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     until(lambda: scene.live.panel.takes.part_of == f"{name}-edited", "the edited take")
     until((scene.folder / f"{name}-edited.npz").is_file, "its file")
     saved = fan.theatre.Recording.load(scene.folder / f"{name}-edited.npz")
-    np.testing.assert_array_equal(saved.acc_K, same.acc_K)
+    np.testing.assert_array_equal(saved.acc_K, expected.acc_K)
     scene.viewer.choose("Take", name)
     until(lambda: scene.stage.takes.chosen == name, "the first take")
     assert scene.stage.takes.edits.stretch == 1.0
@@ -209,20 +209,20 @@ def test_an_overdub_keeps_the_take_and_adds_the_hands(scene):
     until(lambda: scene.stage.armed == {"hand_right"}, "it is armed")
     scene.viewer.press("Overdub (O)")
     until(lambda: scene.performance.take_time is not None, "it plays")
-    there = scene.performance.place("hand_right")[0] + [0.04, 0.0, 0.0]
-    scene.performance.move("hand_right", there)
+    target = scene.performance.place("hand_right")[0] + [0.04, 0.0, 0.0]
+    scene.performance.move("hand_right", target)
     until(lambda: scene.stage.takes.chosen != name, "it ends with the take")
-    over = scene.stage.takes.take
+    overdub = scene.stage.takes.take
     names = scene.performance.marionette.coordinates.q_K
-    own = [
+    other_columns = [
         i for i, name_of_string in enumerate(names) if not name_of_string.startswith("hand_right")
     ]
-    n = min(len(over.trajectory), len(take.trajectory))
+    n = min(len(overdub.trajectory), len(take.trajectory))
     assert n >= len(take.trajectory) - 1
-    a, b = over.trajectory.q_K[:n], take.trajectory.q_K[:n]
-    np.testing.assert_allclose(a[:, own], b[:, own], rtol=0, atol=1e-12)
+    a, b = overdub.trajectory.q_K[:n], take.trajectory.q_K[:n]
+    np.testing.assert_allclose(a[:, other_columns], b[:, other_columns], rtol=0, atol=1e-12)
     moved = names.index("hand_right.x")
-    assert over.trajectory.q_K[-1, moved] > take.trajectory.q_K[-1, moved] + 0.01
+    assert overdub.trajectory.q_K[-1, moved] > take.trajectory.q_K[-1, moved] + 0.01
     scene.viewer.tick("hand_right", False)
     until(lambda: not scene.stage.armed, "it is not armed")
 
@@ -298,14 +298,14 @@ def test_a_score_that_is_saved_is_loaded_again(scene):
     until(lambda: "nod" in [cue.gesture for cue in scene.stage.score.cues], "as it was")
 
 
-def told(socket, true, patience: float = 20.0) -> dict:
+def next_message(socket, condition, patience: float = 20.0) -> dict:
     """The first message to a page's script that fulfils a condition."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
         answer = socket.recv(timeout=patience)
-        if isinstance(answer, str) and true(message := json.loads(answer)):
+        if isinstance(answer, str) and condition(message := json.loads(answer)):
             return message
-    raise AssertionError("the script is not told")
+    raise AssertionError("no such message was received")
 
 
 def test_the_sound_follows_the_beat_and_the_score(scene):
@@ -315,16 +315,19 @@ def test_the_sound_follows_the_beat_and_the_score(scene):
     ) as socket:
         assert json.loads(socket.recv(timeout=20.0)) == {"start": 0.0, "gain": 1.0}
         assert socket.recv(timeout=20.0) == (scene.folder / "bell.wav").read_bytes()
-        assert told(socket, lambda answer: "beat" in answer) == {"beat": None, "score": None}
+        assert next_message(socket, lambda answer: "beat" in answer) == {
+            "beat": None,
+            "score": None,
+        }
         scene.viewer.pick("B M", "Metronome")
-        beat = told(socket, lambda answer: answer.get("beat"))["beat"]
+        beat = next_message(socket, lambda answer: answer.get("beat"))["beat"]
         assert beat["period"] == pytest.approx(tempo.beat) and 0 <= beat["next"] <= tempo.beat
         scene.viewer.pick("B M", "Metronome")
-        told(socket, lambda answer: "beat" in answer and answer["beat"] is None)
+        next_message(socket, lambda answer: "beat" in answer and answer["beat"] is None)
         scene.viewer.press("GO (Space)")
-        assert told(socket, lambda answer: answer.get("score"))["score"]["t"] > 0.0
+        assert next_message(socket, lambda answer: answer.get("score"))["score"]["t"] > 0.0
         scene.viewer.press("Stop")
-        told(socket, lambda answer: "score" in answer and answer["score"] is None)
+        next_message(socket, lambda answer: "score" in answer and answer["score"] is None)
 
 
 def test_a_tapped_tempo_is_shown(scene):

@@ -101,7 +101,7 @@ def test_the_next_port_is_used_if_one_is_in_use():
         assert other > port
         server = Server("toy", DARK, port=port)
         try:
-            assert server.moved
+            assert server.port_changed
             assert server.port > port
             assert get(server)[0] == 200
         finally:

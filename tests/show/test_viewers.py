@@ -202,7 +202,7 @@ def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monke
             second.turn("start", RINGS, home, level)
             second.turn("update", RINGS, home, other)
             second.wait_for_text("Another viewer holds the strings")
-            assert bar.live.controls.turned == {"bar": 0}
+            assert bar.live.controls.turning_viewers == {"bar": 0}
             second.turn("end", RINGS, home, other)
             holder.turn("end", RINGS, home, turned)
             until(lambda: bar.live.holder.viewer is None, "the strings are free")

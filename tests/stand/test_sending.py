@@ -105,7 +105,7 @@ def test_bundles_carry_the_time_at_which_they_are_due(lifted, hoist):
     np.testing.assert_allclose(np.diff(stamps)[[*range(n), *range(-n, 0)]], 0.01, atol=1e-6)
     assert stamps[0] == pytest.approx(begun, abs=0.2)
     late = [at - stamp for (at, _), stamp in zip(sent, stamps, strict=True)]
-    np.testing.assert_allclose(late, done.late, atol=0.02)
+    np.testing.assert_allclose(late, done.delays, atol=0.02)
     values = np.array([bundle.content(0).params[0] for _, bundle in sent])
     assert np.all(values[:n] == np.float32(0.8)) and np.all(values[-n:] == values[-n - 1])
     at = np.interp(done.times, points.motion.t, points.motion.position[:, 0])
@@ -191,7 +191,7 @@ def test_a_long_pause_stops_before_the_axes_jump(lifted, hoist):
             time.sleep(0.5)
 
     with pytest.raises(PacketError, match=r"was 0\.\d+ s late, and the axes would jump") as stopped:
-        send_points(points_of(lifted, hoist, rate=100.0), stuck, latest=0.2)
+        send_points(points_of(lifted, hoist, rate=100.0), stuck, max_delay=0.2)
     assert len(sent) == 60
     assert stopped.value.t == pytest.approx(0.34, abs=0.05)
 

@@ -32,7 +32,7 @@ def replayed(points, inverse=True):
 
 def step_errors(points, machine):
     """(T, n) steps between motors and plan at all set points."""
-    at = machine.positions(machine.starts[0] + points.motion.t)
+    at = machine.positions(machine.dwell_ends[0] + points.motion.t)
     return np.abs(np.rint(at * machine.settings.steps) - points.counts)
 
 
@@ -77,7 +77,7 @@ def test_a_puppet_on_the_emulated_steps_moves_as_in_its_run(hoist):
     points = set_points(loads_stand(ABLE), first, hoist, controller="grbl")
     machine = replayed(points)
     t = points.motion.t[::2]
-    p = 1e-3 * machine.positions(machine.starts[0] + t)
+    p = 1e-3 * machine.positions(machine.dwell_ends[0] + t)
     inputs = fan.Input.samples(hoist, t, {"line.length": p[:, 0]})
     again = fan.simulate(hoist, hoist.rest({"line.length": p[0, 0]}), inputs, 4.5, save_at=save_at)
     poses = [hoist.poses(r.resample(save_at).q_D, r.resample(save_at).q_K) for r in (first, again)]

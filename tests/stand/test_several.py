@@ -152,7 +152,7 @@ def test_programs_of_all_controllers_keep_the_same_time(points, slack):
         for line in gcode_program(part).text.splitlines():
             assert machine.line(line) == "ok", line
         machines.append(machine)
-    begin = max(machine.starts[0] for machine in machines)
+    begin = max(machine.dwell_ends[0] for machine in machines)
     at = positions_together(machines, begin + points.motion.t)
     counts = np.concatenate([part.counts for part in points.parts.values()], axis=1)
     steps = np.concatenate([machine.settings.steps for machine in machines])
@@ -254,11 +254,11 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
     for name, part in goes_on.parts.items():
         machine = emulators[name].machine
         machine.executed.clear()
-        machine.starts.clear()
+        machine.dwell_ends.clear()
         own = gcode_program(part)
         for line in own.text.splitlines():
             assert machine.line(line) == "ok", line
-        at = machine.positions(machine.starts[0] + part.motion.t) * machine.settings.steps
+        at = machine.positions(machine.dwell_ends[0] + part.motion.t) * machine.settings.steps
         np.testing.assert_allclose(np.rint(at), part.counts, atol=1.0)
         np.testing.assert_array_equal(
             part.motion.position[-1], points.parts[name].motion.position[-1]
@@ -282,7 +282,9 @@ def test_going_on_from_a_time_is_the_same_path_from_rest(points):
         assert np.all(m.position >= np.minimum(p[low], p[high]) - slack)
         assert np.all(m.position <= np.maximum(p[low], p[high]) + slack)
         np.testing.assert_array_equal(m.velocity[0], 0.0)
-    with pytest.raises(StandError, match=r"found 1\.5 s to go on from; the set points last 1\.5 s"):
+    with pytest.raises(
+        StandError, match=r"found 1\.5 s to continue from; the set points last 1\.5 s"
+    ):
         resumed_points(points, 1.5)
 
 

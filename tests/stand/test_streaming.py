@@ -45,11 +45,11 @@ def test_a_streamed_motion_is_that_of_the_file(points, counting):
     emulator = Emulator(machine_of(points), pace=1e-3)
     with emulator, serial_port(emulator.port, 115_200) as port:
         done = stream(port, lines_of(gcode(points)), counting=counting)
-    assert emulator.overrun == 0 and emulator.fullest <= 128 and done.max_unanswered <= 127
+    assert emulator.overrun == 0 and emulator.max_buffered <= 128 and done.max_unanswered <= 127
     assert (done.max_unanswered > 90) == counting  # the buffer is used
     assert emulator.lines == [line.text for line in lines_of(gcode(points))]
     machine = emulator.machine
-    at = machine.positions(machine.starts[0] + points.motion.t) * machine.settings.steps
+    at = machine.positions(machine.dwell_ends[0] + points.motion.t) * machine.settings.steps
     assert np.max(np.abs(np.rint(at) - points.counts)) <= 1.0
 
 
@@ -79,7 +79,7 @@ def test_a_hold_resumes_or_stops(points):
     lines, hold, asked = lines_of(gcode(points)), threading.Event(), []
 
     def hold_at_line_20(at):
-        if at.acknowledged == 20:
+        if at.done == 20:
             hold.set()
 
     for answer in (True, False):

@@ -88,7 +88,7 @@ class SetPoints:
 
     @property
     def controller(self) -> Any:
-        """The controller that takes them.
+        """The controller that receives them.
 
         Raises:
             StandError: the stand has several; each takes one of the ``parts``.

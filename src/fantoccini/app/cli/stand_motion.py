@@ -150,7 +150,7 @@ def _serve(settings: Mapping[str, GrblSettings], quiet: bool) -> list[GrblMachin
             before = f"{name}: " if name else ""
             say(
                 f"{before}{len(emulator.lines)} lines, {emulator.machine.time:.3f} s of motion, at "
-                f"most {emulator.fullest} characters in the buffer, {emulator.overrun} lost"
+                f"most {emulator.max_buffered} characters in the buffer, {emulator.overrun} lost"
             )
     return [emulator.machine for emulator, _ in emulators]
 

@@ -216,7 +216,7 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
     if not arguments.quiet:
         write(
             f"{counts.sent} packets to {host}:{port}, {counts.dropped} set points left out; "
-            f"at most {1e3 * counts.latest:.2f} ms late"
+            f"at most {1e3 * counts.max_delay:.2f} ms late"
         )
 
 

@@ -76,7 +76,7 @@ class Strings:
         geometry: geometry with the strings.
         theme: theme, for the colours of springs.
         colours: colours of the strings.
-        quantum: step to which positions are rounded [m]; 0 for none.
+        rounding_step: step to which positions are rounded [m]; 0 for none.
     """
 
     def __init__(
@@ -85,9 +85,9 @@ class Strings:
         geometry: Geometry,
         theme: Theme,
         colours: Colours,
-        quantum: float,
+        rounding_step: float,
     ):
-        self._geometry, self._colours, self._quantum = geometry, colours, quantum
+        self._geometry, self._colours, self._rounding_step = geometry, colours, rounding_step
         self._string_of_span = np.array(
             [s for s, p in enumerate(geometry.points) for _ in range(p.shape[1] - 1)], dtype=int
         )
@@ -149,7 +149,7 @@ class Strings:
         directions = offsets / np.where(visible, lengths, 1.0)[:, None]
         x = np.array([1.0, 0.0, 0.0])
         wxyz = rotation.shortest(x, np.where(visible[:, None], directions, x))
-        if self._quantum:
+        if self._rounding_step:
             wxyz = np.round(wxyz, 4)
         starts = self._rounded(starts)
         for n, node in enumerate(self._spans):
@@ -185,4 +185,8 @@ class Strings:
             node.points = np.stack([offsets[:-1], offsets[1:]], axis=1)
 
     def _rounded(self, places: np.ndarray) -> np.ndarray:
-        return np.round(places / self._quantum) * self._quantum if self._quantum else places
+        return (
+            np.round(places / self._rounding_step) * self._rounding_step
+            if self._rounding_step
+            else places
+        )

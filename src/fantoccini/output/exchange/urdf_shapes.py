@@ -76,13 +76,17 @@ def _shape(
     """A solid as a shape, and its mesh file, if any; None if it is left out."""
     at, turn = origin[:3, 3], rotation.quaternion(origin[:3, :3])
     box, sphere, cylinder, mesh = geometry.box, geometry.sphere, geometry.cylinder, geometry.mesh
-    if box is not None and solids.fits(*box.size):
+    if box is not None and solids.is_valid_size(*box.size):
         return solids.box(box.size, at, turn), None
-    if sphere is not None and solids.fits(sphere.radius):
+    if sphere is not None and solids.is_valid_size(sphere.radius):
         return solids.sphere(sphere.radius, at), None
-    if cylinder is not None and round_ends and solids.fits(cylinder.radius):
+    if cylinder is not None and round_ends and solids.is_valid_size(cylinder.radius):
         return solids.capsule(cylinder.radius, 0.5 * cylinder.length, at, origin[:3, 2]), None
-    if cylinder is not None and not round_ends and solids.fits(cylinder.radius, cylinder.length):
+    if (
+        cylinder is not None
+        and not round_ends
+        and solids.is_valid_size(cylinder.radius, cylinder.length)
+    ):
         return solids.cylinder(draft, cylinder.radius, cylinder.length, at, turn), None
     if mesh is None:
         note("has a solid whose size a puppet file does not allow, left out")

@@ -224,7 +224,7 @@ def _residuals(page: Page, result: Identified) -> None:
     page.table(residual_table(result))
     page.note(
         "In units of the noise, over the record's time. The band is two standard deviations; lines "
-        f"are means over {identified_plots.MEAN:g} s, which stay near 0 if the model is right. "
+        f"are means over {identified_plots.AVERAGING_TIME:g} s, near 0 if the model is right. "
         "Red circles: outliers; those beyond 5 are drawn at the edge. Red bands: rejected "
         "segments. Right: histogram, and the density of normal noise."
     )

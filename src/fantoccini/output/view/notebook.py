@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from fantoccini.motion import Trajectory
 
 MAX_LENGTH = 270_000
-"""Length of a picture's text above which it is drawn again with fewer pixels."""
+"""Length of an embedded picture above which it is drawn again with fewer pixels [characters]."""
 MAX_LINES = 16
-"""Largest number of lines of a table; others are only counted."""
+"""Largest number of lines of a table; further lines are only counted."""
 POSES = 5
 """Number of poses in a run's strip."""
 
@@ -93,14 +93,14 @@ def _picture(figure: Callable[[], Figure], alt: str) -> Element | None:
             image = picture(drawing, one_line(alt), "png", DPI * scale, width=width, style=style)
             if len(image.attrib["src"]) <= MAX_LENGTH:
                 break
-    except Exception:  # the tables are useful without it
+    except Exception:  # the tables are useful without a picture
         return None
     return image
 
 
 def _puppet_tables(m: Marionette) -> list[Element | None]:
     table = m.coordinates
-    facts = [
+    key_numbers = [
         ("degrees of freedom", table.n_vD),
         ("strings", len(m.tree.strings)),
         ("driven coordinates", table.n_vK),
@@ -108,7 +108,7 @@ def _puppet_tables(m: Marionette) -> list[Element | None]:
         ("moving mass", f"{m.mass:.4g} kg"),
     ]
     if m.puppet.obstacles:
-        facts.append(("obstacles", len(m.puppet.obstacles)))
+        key_numbers.append(("obstacles", len(m.puppet.obstacles)))
     strings = [
         (string.name, _end(m, string, 0), _end(m, string, -1), _length(m, string))
         for string in m.tree.strings
@@ -122,7 +122,7 @@ def _puppet_tables(m: Marionette) -> list[Element | None]:
     ]
     values = zip(m.tree.parameters, (f"{value:.6g}" for value in m.p), strict=True)
     return [
-        _table((), facts),
+        _table((), key_numbers),
         _table(("string", "from", "to", "length"), strings),
         _table(("driven", "start"), starts),
         _table(("parameter", "value"), list(values)),
@@ -153,7 +153,7 @@ def _run_tables(run: Trajectory) -> list[Element | None]:
     events = "not recorded"
     if summary["events"] is not None:
         events = ", ".join(f"{n} {kind}" for kind, n in summary["events"].items()) or "none"
-    facts = [
+    key_numbers = [
         ("duration", f"{run.duration:.6g} s"),
         ("method", run.method),
         ("status", run.status.message),
@@ -163,9 +163,9 @@ def _run_tables(run: Trajectory) -> list[Element | None]:
     if run.seconds is not None:
         slow = run.method == "event" and run.seconds > run.duration
         hint = ", slower than real time; method='timestepping' is faster" if slow else ""
-        facts.append(("computed in", f"{run.seconds:.3g} s{hint}"))
+        key_numbers.append(("computed in", f"{run.seconds:.3g} s{hint}"))
     if run.causes:
-        facts.insert(3, ("caused by", ", ".join(run.causes)))
+        key_numbers.insert(3, ("caused by", ", ".join(run.causes)))
     strings = [
         (
             name,
@@ -177,9 +177,13 @@ def _run_tables(run: Trajectory) -> list[Element | None]:
         )
         for name, row in summary["tension"].items()
     ]
-    heads = ("string", "min. [N]", "max. [N]", "slack [s]", "catches", "largest impulse [N s]")
+    headings = ("string", "min. [N]", "max. [N]", "slack [s]", "catches", "largest impulse [N s]")
     ledger = [(name, f"{value:.4g}") for name, value in summary["ledger"].items()]
-    return [_table((), facts), _table(heads, strings), _table(("energy at the end", "J"), ledger)]
+    return [
+        _table((), key_numbers),
+        _table(headings, strings),
+        _table(("energy at the end", "J"), ledger),
+    ]
 
 
 def _page(
@@ -199,7 +203,7 @@ def _page(
     return to_html(element("div", *head, body, class_="fantoccini"))
 
 
-def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> Element | None:
+def _table(headings: Sequence[str], rows: Sequence[Iterable[object]]) -> Element | None:
     """Table; a long one ends with the number of lines left out."""
     if not rows:
         return None
@@ -207,7 +211,7 @@ def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> Element | 
     if len(rows) > len(lines):
         remainder = _cell("td", f"and {len(rows) - len(lines)} more", str(len(lines[0])))
         lines.append([remainder])
-    head = [[_cell("th", text) for text in heads]] if heads else []
+    head = [[_cell("th", text) for text in headings]] if headings else []
     return element("table", *(element("tr", *cells) for cells in head + lines))
 
 

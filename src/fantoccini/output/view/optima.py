@@ -14,7 +14,7 @@ from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of, one
 from fantoccini.output.view.geometry import geometry_of
 from fantoccini.output.view.pictures import check_path, pose_times, save
 from fantoccini.output.view.plans import PATH_COLOUR, fading_poses
-from fantoccini.output.view.plots import fit_legends, legend, line_style, short_numbers
+from fantoccini.output.view.plots import fit_legends, legend, line_style, use_powers_of_ten
 from fantoccini.output.view.theme import Theme, rgb
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def _errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: The
         axes.plot(t, error, **line_style(theme, k), linewidth=1.2, label=one_line(name, 24))
     axes.set_ylim(bottom=0.0)
     axes.set_ylabel("error [m or rad]", color=theme.ink)
-    short_numbers(axes, theme)
+    use_powers_of_ten(axes, theme)
 
 
 def _tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
@@ -181,7 +181,7 @@ def _tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
             target = optimum.target(track)[:, 0]
             axes.plot(optimum.t, target, ":", color=line_style(theme, k)["color"], linewidth=1.0)
     axes.set_ylabel("tension [N]", color=theme.ink)
-    short_numbers(axes, theme)
+    use_powers_of_ten(axes, theme)
 
 
 def _inputs(
@@ -219,7 +219,7 @@ def _inputs(
     if any(row.unit != "m" for row in table.rows if row.name in table.q_K):
         unit = "(m, rad; s)"
     axes.set_ylabel(f"{quantity} {unit}", color=theme.ink)
-    short_numbers(axes, theme)
+    use_powers_of_ten(axes, theme)
 
 
 def _bound(axes: Axes, value: float, colour: object) -> None:
