@@ -99,7 +99,7 @@ def test_a_recording_is_complete_after_any_end_of_the_program(by, tmp_path):
     try:
         with Viewer(shown.url) as viewer:
             viewer.press("Record")
-            viewer.until_said("recording 0.5 s")
+            viewer.wait_for_text("recording 0.5 s")
     finally:
         number = getattr(signal, by)
         code, stderr = shown.end(number)

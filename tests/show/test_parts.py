@@ -121,7 +121,7 @@ def test_one_viewer_holds_the_strings_until_it_releases_them():
 
 
 def test_each_viewer_is_told_the_holder_of_the_strings():
-    """17.14: "Viewer 5 holds the strings" was shown to viewer 5."""
+    """The notice "Viewer 5 holds the strings" was shown to viewer 5."""
     assert holder_text(None, 4) == "The strings are free"
     assert holder_text(4, 4) == "You hold the strings"
     assert holder_text(4, 3) == holder_text(4) == "Viewer 5 holds the strings"

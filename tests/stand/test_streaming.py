@@ -113,7 +113,7 @@ def test_a_hold_resumes_or_stops(points):
                         )
                     assert stopped.value.line > lines[19].number
                     # Answers that arrived during the hold count.
-                    assert counts.last == lines[len(emulator.lines) - 1].number
+                    assert counts.last_line == lines[len(emulator.lines) - 1].number
     assert asked == [True, True]
 
 

@@ -185,7 +185,7 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
         packets = packets_of(points.map.stand, controller, points.rate)
         for t, position in zip(motion.t, motion.position, strict=True):
             if t >= first:
-                write(f"{t:.4f} {packets.described(position)}")
+                write(f"{t:.4f} {packets.describe(position)}")
         return
     if first and not arguments.quiet:
         say(

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from fantoccini.control.optimal import Optimum
 
 TARGET_COLOUR = rgb("#d1495b")
+"""Colour of target paths and touched places."""
 
 _PUPPET_SHARE = 0.46
 """Share of the width for the puppet."""
@@ -31,7 +32,7 @@ _MAX_BOUND = 2.5
 
 
 def optimum_picture(
-    found: Optimum,
+    optimum: Optimum,
     path: str | os.PathLike[str],
     poses: int = 4,
     view: str | tuple[float, float] = "auto",
@@ -47,7 +48,7 @@ def optimum_picture(
     that are not held. Bounds are dashed.
 
     Args:
-        found: the motion.
+        optimum: the motion.
         path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
         poses: number of poses.
         view: preset, or (azimuth, elevation) in degrees.
@@ -61,8 +62,8 @@ def optimum_picture(
     path, options = check_path(path), PictureOptions.of(view, "all", theme, size)
     (width, height), unit = size, max(7.0, size[1] / 55.0)
     sheet = Sheet(size, options.theme)
-    _draw_poses(sheet, found, options, poses, unit)
-    panels = _panels(found, options.theme)
+    _draw_poses(sheet, optimum, options, poses, unit)
+    panels = _panels(optimum, options.theme)
     # Covers the floor's light and lines behind the panels.
     sheet.image(
         np.full((1, 1, 3), options.theme.top), (_PUPPET_SHARE * width, width, 0.0, height), 4.5
@@ -70,20 +71,20 @@ def optimum_picture(
     left, right, low, high = _PUPPET_SHARE + 0.055, 0.875, 0.07, 0.965
     gap = 0.025
     panel_height = (high - low - gap * (len(panels) - 1)) / len(panels)
-    stacked = []
-    for k, paint in enumerate(panels):
+    panel_axes = []
+    for k, draw in enumerate(panels):
         bottom = high - (k + 1) * panel_height - k * gap
         axes = sheet.figure.add_axes((left, bottom, right - left, panel_height))
-        paint(axes)
+        draw(axes)
         style_axes(axes, options.theme, "both")
         legend(axes, options.theme)
-        axes.set_xlim(found.t[0], found.t[-1])
+        axes.set_xlim(optimum.t[0], optimum.t[-1])
         if k + 1 < len(panels):
             axes.tick_params(labelbottom=False)
         else:
             axes.set_xlabel("time [s]", color=options.theme.ink)
-        stacked.append(axes)
-    fit_legends(stacked)
+        panel_axes.append(axes)
+    fit_legends(panel_axes)
     return save(sheet.figure, path, scale)
 
 
