@@ -39,16 +39,16 @@ def on_grbl(points):
     for line in gcode(points).splitlines():
         assert machine.line(line) == "ok"
     t = np.append(np.arange(0.0, points.motion.t[-1], 1.0 / RATE), points.motion.t[-1])
-    return t, 1e-3 * machine.positions(machine.starts[0] + t)
+    return t, 1e-3 * machine.positions(machine.dwell_ends[0] + t)
 
 
 def over_a_network(points):
     """Likewise for motors driven by packets, at the times of the set points."""
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as motors:
         with udp_sender(*motors.address) as send:
-            done = send_points(points, send, latest=1.0)  # these motors carry no load
+            done = send_points(points, send, max_delay=1.0)  # these motors carry no load
         time.sleep(0.1)
-    print(f"  {done.sent} packets, the latest {1e3 * done.latest:.1f} ms late")
+    print(f"  {done.sent} packets, the latest {1e3 * done.max_delay:.1f} ms late")
     t, k = np.unique(np.round(done.times, 9), return_index=True)
     return t, motors.steps[k] / [axis.counts for axis in points.axes]
 

@@ -127,7 +127,7 @@ class SectionReport(plots.Measurements):
         fails = [c.text for c in self.reduction.claims if c.holds is False]
         lines = [
             f"(a) fails: {'; '.join(fails)}" if fails else "(a) the claims hold",
-            f"(a) {self.reduction.answer}",
+            f"(a) {self.reduction.conclusion}",
         ]
         if self.exact is not None:
             lines.append(

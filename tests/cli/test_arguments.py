@@ -48,8 +48,8 @@ COMMANDS = (
     "cache",
     "doctor",
 )
-PARTS = ("stand check", "stand export", "stand stream", "stand emulate")
-"""Commands of groups."""
+SUBCOMMANDS = ("stand check", "stand export", "stand stream", "stand emulate")
+"""Commands within groups."""
 
 
 def test_help_names_every_command_and_the_exit_codes() -> None:
@@ -62,7 +62,7 @@ def test_help_names_every_command_and_the_exit_codes() -> None:
 
 def test_the_documentation_names_every_option() -> None:
     text = (ROOT / "docs" / "cli.md").read_text(encoding="utf-8")
-    for command in (*COMMANDS, *PARTS):
+    for command in (*COMMANDS, *SUBCOMMANDS):
         assert f"fantoccini {command}" in text
         for word in fantoccini(*command.split(), "--help").stdout.split():
             if word.startswith("--") and word.strip(",") != "--help":
@@ -97,7 +97,7 @@ WRONG = {
     "a puppet as a play": (["perform", fan.puppets.path("arm2d")], "is not a play"),
     "a play that is not there": (["perform", "none.yaml"], "none.yaml"),
     "messages without a port": (["perform", "p.yaml", "--osc-in", "host"], "needed: HOST:PORT"),
-    "messages that come back": (
+    "OSC messages to the own port": (
         ["perform", "p.yaml", "--osc-in", "53001", "--osc-out", "127.0.0.1:53001"],
         "needed: another address",
     ),
@@ -119,9 +119,15 @@ WRONG = {
         ["simulate", "arm2d", "--start", "elbow=1", "--start", "elbow=2"],
         "given twice",
     ),
-    "a start that is a word": (["simulate", "arm2d", "--start", "elbow=x"], "needed: an angle"),
-    "two numbers for one": (["simulate", "arm2d", "--start", "v:elbow=1,2"], "needed: one"),
-    "one of a quaternion": (["simulate", "arm3d", "--start", "shoulder.qw=1"], ".rotation=w,x,y,z"),
+    "a start that is no number": (["simulate", "arm2d", "--start", "elbow=x"], "needed: an angle"),
+    "two numbers for a coordinate": (
+        ["simulate", "arm2d", "--start", "v:elbow=1,2"],
+        "needed: one",
+    ),
+    "a component of a quaternion": (
+        ["simulate", "arm3d", "--start", "shoulder.qw=1"],
+        ".rotation=w,x,y,z",
+    ),
     "an output without ending": (["simulate", "arm2d", "--out", "x"], "has no ending"),
     "an output with another ending": (["simulate", "arm2d", "--out", "x.txt"], ".npz, .csv"),
     "an output in no folder": (["simulate", "arm2d", "--out", "no/x.npz"], "there is no folder"),
@@ -287,9 +293,9 @@ def test_check_counts_and_lists_mistakes_of_all_files(tmp_path) -> None:
     second.write_text("puppet: b\n")
     result = fantoccini("check", first, "arm2d", second)
     assert result.exit_code == 2
-    said = result.stdout.splitlines()
-    assert said[0] == "arm2d: no mistakes; 2 DOF, 1 strings, 2 driven"
-    assert said[1].startswith("arm2d: 0.2 kg, ")
+    lines = result.stdout.splitlines()
+    assert lines[0] == "arm2d: no mistakes; 2 DOF, 1 strings, 2 driven"
+    assert lines[1].startswith("arm2d: 0.2 kg, ")
     assert [line.split(": ")[1] for line in result.stderr.splitlines()] == [
         "flor",
         "bodies",
@@ -302,8 +308,8 @@ def test_a_file_of_another_kind_is_named(tmp_path, monkeypatch) -> None:
     arm = fan.puppets.arm2d()
     fan.simulate(arm, arm.rest(), t_end=0.05).save("run.npz")
     for command in ("simulate", "info", "check"):
-        said = mistake(command, "run.npz")
-        assert "run.npz: found a motion; needed: a puppet. `fantoccini show run.npz`" in said
+        message = mistake(command, "run.npz")
+        assert "run.npz: found a motion; needed: a puppet. `fantoccini show run.npz`" in message
     puppet = fan.puppets.path("arm2d")
     assert "this is a puppet file; a problem file has the keys" in mistake("plan", puppet)
     assert "this is a puppet file; a task file has the keys" in mistake("optimise", puppet)

@@ -84,10 +84,10 @@ def test_a_malformed_puppet_is_a_located_mistake(text, line, message, tmp_path) 
     path = tmp_path / "bad.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     place = f"{path}:" if line is None else f"{path}:{line}:"
-    said = mistake("check", path).splitlines()
-    assert any(row.startswith(place) and message in row for row in said), said
+    stderr = mistake("check", path).splitlines()
+    assert any(row.startswith(place) and message in row for row in stderr), stderr
     for command in ("info", "equations", "simulate"):
-        assert mistake(command, path).splitlines() == said
+        assert mistake(command, path).splitlines() == stderr
 
 
 @pytest.mark.parametrize("name", [*_NAMES, "a\\nb", "a\\e[0m"])
@@ -95,9 +95,9 @@ def test_a_name_that_could_reach_code_is_refused(name, tmp_path) -> None:
     path = tmp_path / "bad.yaml"
     quoted = name.replace('"', '\\"')
     path.write_text(_ARM.replace("name: arm", f'name: "{quoted}"'))
-    said = mistake("check", path)
-    assert re.search(r"bad\.yaml:3: bodies\[0\]\.name: found .* a name is up to 64", said)
-    assert mistake("export", path, tmp_path / "c") == said
+    stderr = mistake("check", path)
+    assert re.search(r"bad\.yaml:3: bodies\[0\]\.name: found .* a name is up to 64", stderr)
+    assert mistake("export", path, tmp_path / "c") == stderr
     assert not (tmp_path / "c").exists()
 
 
@@ -138,9 +138,9 @@ def test_malformed_inputs_are_a_located_mistake(name, text, line, message, tmp_p
     path = tmp_path / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     place = f"{path}:" if line is None else f"{path}:{line}:"
-    said = mistake("check", "--quiet", "arm2d", "--inputs", path).splitlines()
-    assert any(row.startswith(place) and message in row for row in said), said
-    assert mistake("simulate", "--quiet", "arm2d", "--inputs", path).splitlines() == said
+    stderr = mistake("check", "--quiet", "arm2d", "--inputs", path).splitlines()
+    assert any(row.startswith(place) and message in row for row in stderr), stderr
+    assert mistake("simulate", "--quiet", "arm2d", "--inputs", path).splitlines() == stderr
 
 
 def test_an_archive_of_objects_is_not_read(tmp_path) -> None:
@@ -228,8 +228,8 @@ def test_a_name_that_is_too_long_is_a_mistake_on_the_command_line(name, tmp_path
         ("simulate", "-q", "arm2d", "--inputs"),
     ):
         more = {("stand", "check"): ("run.npz",), ("follow",): ("marionette",)}.get(command, ())
-        said = mistake(*command, name, *more)
-        assert "internal error" not in said, command
+        stderr = mistake(*command, name, *more)
+        assert "internal error" not in stderr, command
     (tmp_path / "r.urdf").write_text('<robot name="r"><link name="a"/></robot>')
     assert mistake("import", name, tmp_path / "r.yaml")
     assert mistake("import", tmp_path / "r.urdf", f"{name}.yaml")

@@ -61,7 +61,7 @@ def test_the_ends_of_the_motion_may_be_left_out(swung, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("part", "said"),
+    ("part", "expected"),
     [
         (("--from", "2.5"), "--from: found 2.5 s; the motion lasts from 0 s to 2 s"),
         (("--from", "-1"), "--from: found -1 s; the motion lasts from 0 s to 2 s"),
@@ -70,9 +70,9 @@ def test_the_ends_of_the_motion_may_be_left_out(swung, tmp_path):
         (("--from", "nan"), "--from: found nan; needed: a time in seconds"),
     ],
 )
-def test_times_outside_of_the_motion_are_mistakes(swung, tmp_path, part, said):
+def test_times_outside_of_the_motion_are_mistakes(swung, tmp_path, part, expected):
     message = " ".join(mistake("export", swung, tmp_path / "a.glb", *part).split())
-    assert said in message.replace("Invalid value for ", "").replace("'", "")
+    assert expected in message.replace("Invalid value for ", "").replace("'", "")
     assert not list(tmp_path.iterdir())
 
 

@@ -57,10 +57,10 @@ def test_a_valid_play_ends_with_0_and_prints_its_cue_times(played):
 
 
 def test_progress_names_the_present_task(played):
-    said = played.stderr.splitlines()
-    assert said[0] == "casting"
+    lines = played.stderr.splitlines()
+    assert lines[0] == "casting"
     for step in ("rehearsing", "looking for touches", "simulating and measuring"):
-        assert any(line.startswith(step) for line in said)
+        assert any(line.startswith(step) for line in lines)
 
 
 def test_every_output_is_written(played, folder):

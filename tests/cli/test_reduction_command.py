@@ -42,5 +42,5 @@ def test_wrong_arguments_are_mistakes(arguments, message):
 
 
 def test_a_puppet_without_driven_coordinates_is_a_mistake():
-    said = mistake("validate-reduction", "string_pendulum", "--quiet")
-    assert "string_pendulum.yaml" in said and "no coordinate is driven" in said
+    message = mistake("validate-reduction", "string_pendulum", "--quiet")
+    assert "string_pendulum.yaml" in message and "no coordinate is driven" in message

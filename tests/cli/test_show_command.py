@@ -56,24 +56,26 @@ class Shown:
         self.watch = threading.Timer(90.0, self.process.kill)
         self.watch.start()
         self.url = self.process.stdout.readline().strip()
-        self.said = ""  # up to the last word before it waits
-        while "press Ctrl-C to stop" not in self.said and (line := self.process.stderr.readline()):
-            self.said += line
+        self.stderr = ""  # up to the last word before it waits
+        while "press Ctrl-C to stop" not in self.stderr and (
+            line := self.process.stderr.readline()
+        ):
+            self.stderr += line
 
     def end(self, by: int = signal.SIGINT) -> tuple[int, str]:
         """End by Ctrl-C or another signal: the exit code, and the text on stderr."""
         self.process.send_signal(by)
-        _, said = self.process.communicate()
+        _, stderr = self.process.communicate()
         self.watch.cancel()
-        return self.process.returncode, self.said + said
+        return self.process.returncode, self.stderr + stderr
 
 
 def fetched(url: str) -> tuple[int, str]:
     host, port = re.fullmatch(r"http://([\d.]+):(\d+)", url).groups()
     connection = HTTPConnection(host, int(port), timeout=20)
     connection.request("GET", "/")
-    got = connection.getresponse()
-    return got.status, got.read().decode()
+    response = connection.getresponse()
+    return response.status, response.read().decode()
 
 
 @pytest.mark.parametrize("what", ["puppet", "run"])
@@ -82,10 +84,10 @@ def test_a_page_is_served_until_ctrl_c(what, run, tmp_path):
     try:
         status, body = fetched(shown.url)
     finally:
-        code, said = shown.end()
+        code, stderr = shown.end()
     assert status == 200 and "<title>string_pendulum</title>" in body
     assert code == 0
-    assert "Traceback" not in said and "press Ctrl-C to stop" in said
+    assert "Traceback" not in stderr and "press Ctrl-C to stop" in stderr
     assert list(tmp_path.iterdir()) == []
 
 
@@ -97,13 +99,13 @@ def test_a_recording_is_complete_after_any_end_of_the_program(by, tmp_path):
     try:
         with Viewer(shown.url) as viewer:
             viewer.press("Record")
-            viewer.until_said("recording 0.5 s")
+            viewer.wait_for_text("recording 0.5 s")
     finally:
         number = getattr(signal, by)
-        code, said = shown.end(number)
+        code, stderr = shown.end(number)
     (path,) = tmp_path.iterdir()  # no partial file beside it
-    assert code == (0 if by == "SIGINT" else 128 + number), said
-    assert "Traceback" not in said and f"wrote {path}" in said
+    assert code == (0 if by == "SIGINT" else 128 + number), stderr
+    assert "Traceback" not in stderr and f"wrote {path}" in stderr
     recording = fan.theatre.Recording.load(path)
     assert recording.duration >= 0.45
     assert np.array_equal(recording.replay().q_D, recording.trajectory.q_D)
@@ -118,15 +120,15 @@ def test_a_port_in_use_is_reported_and_the_next_free_one_used(tmp_path):
         try:
             assert fetched(shown.url)[0] == 200
         finally:
-            code, said = shown.end()
+            code, stderr = shown.end()
     assert code == 0
-    assert f"port {port} is in use; the page is on port {shown.url.rpartition(':')[2]}" in said
+    assert f"port {port} is in use; the page is on port {shown.url.rpartition(':')[2]}" in stderr
 
 
 def test_another_host_is_warned_of(tmp_path):
     shown = Shown("string_pendulum", "--port", 0, "--host", "0.0.0.0", folder=tmp_path)
-    _, said = shown.end()
-    assert "anyone who can reach port" in said and "no password" in said
+    _, stderr = shown.end()
+    assert "anyone who can reach port" in stderr and "no password" in stderr
 
 
 def test_changes_of_a_score_are_reported(tmp_path):
@@ -137,8 +139,8 @@ def test_changes_of_a_score_are_reported(tmp_path):
         encoding="utf-8",
     )
     shown = Shown("marionette", "--port", 0, "--score", score, folder=tmp_path)
-    _, said = shown.end()
-    assert "late.yaml:3: captions[0]" in said and "the score ends" in said
+    _, stderr = shown.end()
+    assert "late.yaml:3: captions[0]" in stderr and "the score ends" in stderr
 
 
 def test_a_run_is_written_as_one_file(run, tmp_path):
@@ -185,5 +187,5 @@ def test_a_problem_file_is_only_for_plans(tmp_path):
     pendulum = fan.puppets.string_pendulum()
     fan.simulate(pendulum, pendulum.rest(), t_end=0.02).save(tmp_path / "run.npz")
     for file in (tmp_path / "run.npz", "arm2d"):
-        said = mistake("show", file, "--problem", "arm3d_boxes", "--no-browser")
-        assert "is not a plan" in said and "arm3d_boxes" in said
+        stderr = mistake("show", file, "--problem", "arm3d_boxes", "--no-browser")
+        assert "is not a plan" in stderr and "arm3d_boxes" in stderr

@@ -129,8 +129,8 @@ def test_timestepping_keeps_its_step(tmp_path) -> None:
 
 
 def test_a_start_that_contradicts_the_inputs_is_a_mistake(lift) -> None:
-    said = mistake("simulate", "-q", "arm2d", "--inputs", lift, "--start", "hand.length=0.9")
-    assert "hand.length" in said and "in the inputs at t = 0 s" in said
+    stderr = mistake("simulate", "-q", "arm2d", "--inputs", lift, "--start", "hand.length=0.9")
+    assert "hand.length" in stderr and "in the inputs at t = 0 s" in stderr
 
 
 def test_impossible_inputs_leave_the_partial_run_and_end_with_1(tmp_path) -> None:
@@ -145,19 +145,19 @@ def test_impossible_inputs_leave_the_partial_run_and_end_with_1(tmp_path) -> Non
     assert np.all(np.isfinite(run.q_D))
 
 
-BEGUN = """
+ANNOUNCING_COMMAND = """
 import sys
 from fantoccini.app.cli import main
 from fantoccini.dynamics.simulation import run
 
 advance = run.Run.advance
 
-def told(self, t_end):
+def announced(self, t_end):
     for piece in advance(self, t_end):
         print("begun", file=sys.stderr, flush=True)
         yield piece
 
-run.Run.advance = told
+run.Run.advance = announced
 main()
 """
 """The command; stderr announces every finished piece of the run."""
@@ -169,7 +169,7 @@ def test_ctrl_c_writes_the_partial_run_and_ends_with_130(tmp_path) -> None:
     command = [
         sys.executable,
         "-c",
-        BEGUN,
+        ANNOUNCING_COMMAND,
         "simulate",
         "arm2d",
         "--out",
@@ -187,10 +187,10 @@ def test_ctrl_c_writes_the_partial_run_and_ends_with_130(tmp_path) -> None:
         for wanted in ("simulating", "begun"):  # the search for a rest comes first
             assert any(line.startswith(wanted) for line in run.stderr)
         run.send_signal(signal.SIGINT)
-        _, said = run.communicate(timeout=60)
+        _, stderr = run.communicate(timeout=60)
     assert run.returncode == 130
-    assert "Traceback" not in said
-    assert "stopped from outside: at t = " in said
+    assert "Traceback" not in stderr
+    assert "stopped from outside: at t = " in stderr
     assert fan.Trajectory.load(out).status is Status.STOPPED
 
 
@@ -201,10 +201,10 @@ def test_a_folder_without_rights_is_a_mistake(tmp_path) -> None:
 
 
 def test_an_output_that_cannot_be_written_ends_with_1(tmp_path, monkeypatch) -> None:
-    def full(*_):
+    def disk_full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(fan.Trajectory, "save", full)
+    monkeypatch.setattr(fan.Trajectory, "save", disk_full)
     result = fantoccini("simulate", "arm2d", "-q", "--duration", "1", "--out", tmp_path / "x.npz")
     assert result.exit_code == 1
     assert (
@@ -213,10 +213,10 @@ def test_an_output_that_cannot_be_written_ends_with_1(tmp_path, monkeypatch) -> 
 
 
 def test_an_output_that_fails_leaves_the_run_and_the_others(tmp_path, monkeypatch):
-    def full(*_: object, **__: object) -> None:
+    def disk_full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(fan.Trajectory, "save", full)
+    monkeypatch.setattr(fan.Trajectory, "save", disk_full)
     lost, table = tmp_path / "x.npz", tmp_path / "x.csv"
     result = fantoccini("simulate", "arm2d", "--duration", "0.2", "--out", lost, "--out", table)
     assert result.exit_code == 1 and f"cannot write {lost}" in result.stderr
@@ -264,9 +264,9 @@ def test_a_bundled_performance_by_its_name(tmp_path, monkeypatch):
 @pytest.mark.parametrize("command", ["simulate", "check"])
 def test_a_name_of_no_performance_is_a_mistake(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    said = mistake(command, "arm2d", "--inputs", "tos")
+    stderr = mistake(command, "arm2d", "--inputs", "tos")
     assert (
-        said
+        stderr
         == "tos: no such file, and no bundled performance with this name; did you mean 'toss'?\n"
     )
 

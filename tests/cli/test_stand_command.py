@@ -31,7 +31,7 @@ def files(tmp_path_factory):
 
 def test_a_sufficient_stand(files):
     done = fantoccini("stand", "check", files / "good.yaml", files / "run.npz")
-    assert "one_winch can do it: the least margin is 14 %, the travel of winch" in done.stdout
+    assert "one_winch can do it: the smallest margin is 14 %, the travel of winch" in done.stdout
     assert done.stdout.splitlines()[0] == "Margins [%]"
 
 

@@ -79,11 +79,11 @@ def test_emulated_controllers_follow_together(files, tmp_path, monkeypatch):
     right = emulator.stdout.readline().strip()
     assert left.startswith("left=/dev/") and right.startswith("right=/dev/")
     with streaming(files, "--port", left, "--port", right) as process:
-        code, out, said = process.end()
-    assert code == 0, said
+        code, out, stderr = process.end()
+    assert code == 0, stderr
     assert re.search(r"left: \d+ lines; up to \d+ characters in transit\nright: ", out)
-    _, said = emulator.communicate(timeout=60)
-    assert emulator.returncode == 0 and said.count(" 0 lost") == 2
+    _, stderr = emulator.communicate(timeout=60)
+    assert emulator.returncode == 0 and stderr.count(" 0 lost") == 2
     table = np.genfromtxt(csv, delimiter=",", names=True)
     names = [f"winch{k}" for k in range(N)]
     assert table.dtype.names == ("t_s", *names)

@@ -28,7 +28,7 @@ from fantoccini.stand import (
     lines_of,
     sending,
 )
-from fantoccini.stand.sending import REPEATED
+from fantoccini.stand.sending import REPEAT_TIME
 
 pytestmark = [
     pytest.mark.medium,
@@ -37,7 +37,7 @@ pytestmark = [
 ]
 ROOT = Path(__file__).resolve().parents[2]
 PATIENT = (
-    "from fantoccini.stand import sending; sending.LATEST = 5.0; "
+    "from fantoccini.stand import sending; sending.MAX_DELAY = 5.0; "
     "from fantoccini.app.cli import main; main()"
 )
 """The command line, on a machine that may be busy."""
@@ -85,23 +85,23 @@ class Process:
         )
         self.watch = threading.Timer(120.0, self.own.kill)
         self.watch.start()
-        self.said = ""
+        self.stderr = ""
 
     def interrupt(self):
         self.own.send_signal(signal.SIGINT)
 
     def until(self, words):
         """Read until the output contains these words."""
-        while words not in self.said:
+        while words not in self.stderr:
             line = self.own.stderr.readline()
-            assert line, self.said
-            self.said += line
+            assert line, self.stderr
+            self.stderr += line
 
     def end(self, given=None):
         """Exit code and output of the process."""
-        out, said = self.own.communicate(given)
+        out, stderr = self.own.communicate(given)
         self.watch.cancel()
-        return self.own.returncode, out, self.said + said
+        return self.own.returncode, out, self.stderr + stderr
 
 
 @contextmanager
@@ -141,7 +141,7 @@ def test_two_ctrl_c_stop_grbl_and_it_resumes_from_the_line(files):
             time.sleep(5 * PACE)
             assert len(emulator.lines) == taken < len(lines)
             process.interrupt()
-            code, _, said = process.end()
+            code, _, stderr = process.end()
         time.sleep(0.1)
         assert code == 130
         assert emulator.resets == 1 and not emulator.held
@@ -150,15 +150,15 @@ def test_two_ctrl_c_stop_grbl_and_it_resumes_from_the_line(files):
         assert machine.position[0] == stopped_at
         p = 1e3 * points.motion.position[:, 0]
         assert np.min(p) < stopped_at < np.max(p)
-        assert re.search(r"line \d+: 'G1X\S+': stopped here", said)
-        line = re.search(r"continue with --from-line (\d+)", said)[1]
+        assert re.search(r"line \d+: 'G1X\S+': stopped here", stderr)
+        line = re.search(r"continue with --from-line (\d+)", stderr)[1]
         number = lines_of(gcode(points))[taken - 1].number
-        assert int(re.search(r"accepted all lines up to (\d+)", said)[1]) == number
+        assert int(re.search(r"accepted all lines up to (\d+)", stderr)[1]) == number
         assert 1 < number - int(line) <= points.controller.planner
         begun = machine.time
         with streaming(files, *options, "--from-line", line) as process:
-            code, out, said = process.end()
-        assert code == 0, said
+            code, out, stderr = process.end()
+        assert code == 0, stderr
         assert "characters in transit" in out
     machine.finish()
     assert machine.position[0] == pytest.approx(p[-1], abs=0.02)
@@ -185,12 +185,14 @@ def test_a_controller_that_restarts_or_is_unplugged_is_noticed_at_once(files, ev
                 os.close(terminal)
             else:
                 emulator.unplug()
-            code, _, said = process.end()
+            code, _, stderr = process.end()
             seconds = time.monotonic() - begun
-    assert code == 1 and "Traceback" not in said
-    assert "controller restarted" in said if event == "restarts" else "connection is lost" in said
+    assert code == 1 and "Traceback" not in stderr
+    assert (
+        "controller restarted" in stderr if event == "restarts" else "connection is lost" in stderr
+    )
     assert seconds < 15.0  # much less than the 30 s of a silent controller
-    line = int(re.search(r"continue with --from-line (\d+)", said)[1])
+    line = int(re.search(r"continue with --from-line (\d+)", stderr)[1])
     assert 0 < taken.number - line <= points.controller.planner + 4
 
 
@@ -203,8 +205,8 @@ def test_enter_resumes_without_loss(files):
             process.interrupt()
             process.until("paused at line")
             assert len(emulator.lines) < 70
-            code, _, said = process.end("\n")
-        assert code == 0, said
+            code, _, stderr = process.end("\n")
+        assert code == 0, stderr
         assert emulator.lines == [line.text for line in lines_of(gcode(points))]
         assert emulator.resets == 0
 
@@ -223,28 +225,28 @@ def test_two_ctrl_c_hold_the_last_position_and_packets_resume_from_the_time(file
             wait(lambda: len(stand) > before + 10)  # the position is repeated
             held = stand.steps[before:, 0]
             process.interrupt()
-            code, _, said = process.end()
+            code, _, stderr = process.end()
         assert code == 130
         assert np.all(held == held[0])
         wait(lambda: stand.silent)
         sent = len(stand)
         assert stand.stops == 1 and stand.steps[-1, 0] == held[0]
-        t = float(re.search(r"continue with --from-time (\S+)", said)[1])
-        assert "stopped here" in said and 0.1 < t < 1.5
+        t = float(re.search(r"continue with --from-time (\S+)", stderr)[1])
+        assert "stopped here" in stderr and 0.1 < t < 1.5
         p = points.motion.position[:, 0]
         # Rounded down by up to 1 ms, at 0.8 m/s.
         assert held[0] / unit == pytest.approx(np.interp(t, points.motion.t, p), abs=1.1e-3)
         with streaming(files, *options, "--from-time", t) as process:
-            code, out, said = process.end()
-        assert code == 0, said
-        assert "they must already be there" in said
+            code, out, stderr = process.end()
+        assert code == 0, stderr
+        assert "they must already be there" in stderr
         assert "packets to 127.0.0.1:" in out
         wait(lambda: stand.silent)
     again = stand.steps[sent:, 0] / unit
     assert again[0] == pytest.approx(held[0] / unit, abs=1.1e-3)
     assert again[-1] == pytest.approx(p[-1], abs=1.0 / unit)
     assert stand.wrong == 0
-    rest = round(REPEATED * points.rate)
+    rest = round(REPEAT_TIME * points.rate)
     assert np.all(again[:rest] == again[0]) and np.ptp(again) > 0.05
 
 
@@ -256,8 +258,8 @@ def test_enter_resumes_over_the_network(files):
             wait(lambda: len(stand) > 40)
             process.interrupt()
             process.until("paused at t = ")
-            code, _, said = process.end("\n")
-        assert code == 0, said
+            code, _, stderr = process.end("\n")
+        assert code == 0, stderr
         time.sleep(0.1)
     p = stand.steps[:, 0] / points.axes[0].counts
     assert p[-1] == pytest.approx(points.motion.position[-1, 0], abs=1.0 / points.axes[0].counts)
@@ -275,12 +277,12 @@ def test_a_receiver_lost_in_a_hold_ends_the_prompt(files):
         process.until("Ctrl-C stops\n")
     try:
         assert process.own.wait(20.0) == 1
-        _, _, said = process.end()
+        _, _, stderr = process.end()
     finally:
         process.own.kill()
         process.watch.cancel()
-    assert re.search(r"t = \d\.\d+ s: not sent: Connection refused", said)
-    assert "continue with --from-time" in said
+    assert re.search(r"t = \d\.\d+ s: not sent: Connection refused", stderr)
+    assert "continue with --from-time" in stderr
 
 
 def test_the_end_of_input_stops(files):
@@ -293,8 +295,8 @@ def test_the_end_of_input_stops(files):
             process.own.stdin.close()
             process.own.stdin = None
             process.interrupt()
-            code, _, said = process.end()
-    assert code == 130 and "--from-time" in said
+            code, _, stderr = process.end()
+    assert code == 130 and "--from-time" in stderr
 
 
 def test_a_missing_receiver_is_reported(files):
@@ -380,7 +382,7 @@ def test_a_time_beyond_the_end_is_refused(files, dry):
         *dry,
     )
     assert done.exit_code == 1 and not done.stdout
-    assert "found 100 s to go on from; the set points last 1.5 s" in done.stderr
+    assert "found 100 s to continue from; the set points last 1.5 s" in done.stderr
 
 
 def test_a_broadcast_address_is_refused(files):
@@ -416,7 +418,7 @@ def test_the_emulator_of_packets_has_no_rate(files, kind):
 
 
 def test_the_emulated_stand_of_packets_writes_positions_of_its_motors(files, monkeypatch):
-    monkeypatch.setattr(sending, "LATEST", 5.0)
+    monkeypatch.setattr(sending, "MAX_DELAY", 5.0)
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     emulated = subprocess.Popen(
         [
@@ -453,13 +455,13 @@ def test_the_emulated_stand_of_packets_writes_positions_of_its_motors(files, mon
         address,
     )
     assert done.exit_code == 0
-    _, said = emulated.communicate()
+    _, stderr = emulated.communicate()
     watch.cancel()
-    assert emulated.returncode == 0 and re.search(r"\d+ packets in \d\.\d+ s, 0 wrong", said)
+    assert emulated.returncode == 0 and re.search(r"\d+ packets in \d\.\d+ s, 0 wrong", stderr)
     table = np.genfromtxt(files / "motors.csv", delimiter=",", names=True)
     points = points_of(files, "osc")
     t = np.arange(100) / 100.0 + 0.2
-    begun = round(REPEATED * points.rate) / points.rate
+    begun = round(REPEAT_TIME * points.rate) / points.rate
     at = np.interp(t + begun, table["t_s"], table["winch"])
     wanted = 1e3 * np.interp(t, points.motion.t, points.motion.position[:, 0])
     # In millimetres, by the receiver's clock, at up to 1.5 m/s: most packets come within 30 ms.

@@ -28,7 +28,7 @@ def take(tmp_path_factory):
 
 
 def test_a_recording_is_inputs(take):
-    """17.13: `t: found the shape ()`."""
+    """The message was `t: found the shape ()`."""
     recording = fan.theatre.Recording.load(take)
     inputs = fan.Input.load(fan.puppets.arm2d(), take)
     t = np.linspace(inputs.start, inputs.end, 50)
@@ -37,7 +37,7 @@ def test_a_recording_is_inputs(take):
 
 
 def test_a_recording_moves_the_puppet_from_its_start_on_its_winches(take, tmp_path):
-    """17.13: hands, winches and start of the performance."""
+    """Hands, winches and start of the run are those of the performance."""
     out = tmp_path / "run.npz"
     result = fantoccini("simulate", "arm2d", "--inputs", take, "--out", out)
     assert result.exit_code == 0, result.stderr
@@ -52,7 +52,7 @@ def test_a_recording_moves_the_puppet_from_its_start_on_its_winches(take, tmp_pa
 
 
 def test_a_recording_of_another_puppet_is_a_clear_mistake(take, tmp_path):
-    """17.13: the message names the driven coordinates that differ."""
+    """The message names the driven coordinates that differ."""
     result = fantoccini("simulate", "string_pendulum", "--inputs", take)
     assert result.exit_code == 2
     assert "was recorded with another puppet: driven in the recording only: hand.x" in result.stderr
@@ -65,7 +65,7 @@ def test_a_recording_of_another_puppet_is_a_clear_mistake(take, tmp_path):
 
 
 def test_a_file_of_another_kind_is_named(tmp_path):
-    """17.13: a run is not an input, and a damaged recording is reported."""
+    """A run is not an input, and a damaged recording is reported."""
     m = fan.puppets.string_pendulum()
     fan.simulate(m, m.rest(), t_end=0.1).save(tmp_path / "run.npz")
     with pytest.raises(
@@ -84,7 +84,7 @@ def test_a_file_of_another_kind_is_named(tmp_path):
     [((), 31), (("--method", "timestepping"), 31), (("--method", "variational"), 31)],
 )
 def test_samples_per_second(words, samples, tmp_path):
-    """17.15: --rate saves this number of samples per second."""
+    """--rate saves this number of samples per second."""
     out = tmp_path / "run.npz"
     result = fantoccini(
         "simulate", "string_pendulum", "--duration", "0.6", "--rate", "50", *words, "--out", out
@@ -96,7 +96,7 @@ def test_samples_per_second(words, samples, tmp_path):
 
 
 def test_impossible_rates_are_mistakes():
-    """17.15: a step has one row; impossible rates do not fill the memory."""
+    """A step has one row; impossible rates do not fill the memory."""
     words = ("simulate", "string_pendulum", "--method", "timestepping", "--dt", "0.01")
     result = fantoccini(*words, "--rate", "200")
     assert result.exit_code == 2 and "at most 100 samples per second" in result.stderr
@@ -106,21 +106,21 @@ def test_impossible_rates_are_mistakes():
 
 
 def test_a_run_slower_than_real_time_is_reported(capsys):
-    """17.15: it names a faster option; a run faster than real time prints nothing."""
+    """It names a faster option; a run faster than real time prints nothing."""
     m = fan.puppets.string_pendulum()
     run = fan.simulate(m, m.rest(), t_end=0.5)
     assert run.seconds > 0.0 and run.summary()["seconds"] == run.seconds
     request = SimulateArguments(file="x")
     suggest_faster(request, run, 0.8)
-    said = capsys.readouterr().err
-    assert "slower than real time: 1.6 s per second of motion" in said
-    assert "--method timestepping" in said and "--rate" in said
+    stderr = capsys.readouterr().err
+    assert "slower than real time: 1.6 s per second of motion" in stderr
+    assert "--method timestepping" in stderr and "--rate" in stderr
     suggest_faster(request, run, 0.4)
     assert capsys.readouterr().err == ""
 
 
 def test_pictures_and_films_have_the_requested_style(tmp_path):
-    """17.16: the command line lacked options of Python."""
+    """The command line lacked options of Python."""
     film, strip = tmp_path / "a.mp4", tmp_path / "a.png"
     result = fantoccini(
         "simulate",
@@ -171,7 +171,7 @@ def test_pictures_and_films_have_the_requested_style(tmp_path):
     ],
 )
 def test_unknown_styles_are_mistakes(words, says, tmp_path, monkeypatch):
-    """17.16: every message lists the allowed values."""
+    """Every message lists the allowed values."""
     monkeypatch.chdir(tmp_path)
     for command in ("simulate", "plan"):
         result = fantoccini(command, "string_pendulum", *words)

@@ -25,9 +25,9 @@ def take(tmp_path_factory):
 
 
 def test_a_recording_is_described(take):
-    said = fantoccini("take", str(take))
-    assert said.exit_code == 0
-    assert "arm2d" in said.stdout and " 240" in said.stdout and "done" in said.stdout
+    result = fantoccini("take", str(take))
+    assert result.exit_code == 0
+    assert "arm2d" in result.stdout and " 240" in result.stdout and "done" in result.stdout
     assert not fantoccini("take", str(take), "--quiet").stdout
 
 

@@ -505,7 +505,7 @@ BOMBS = {
 def test_a_short_model_that_needs_gigabytes_is_refused(text, tmp_path, monkeypatch):
     """The model is refused before MuJoCo reads it."""
     monkeypatch.setattr(mujoco.MjSpec, "from_file", None)
-    with pytest.raises(ExchangeError, match=r"model\.xml:1: .*MuJoCo would take [\d,]+ MB"):
+    with pytest.raises(ExchangeError, match=r"model\.xml:1: .*MuJoCo would need [\d,]+ MB"):
         imported(f"<mujoco>{text}</mujoco>", tmp_path)
 
 
@@ -526,7 +526,7 @@ def test_images_are_measured_before_mujoco_unpacks_them(tmp_path):
         "<hfield name='a' file='a.png' size='1 1 1 1'/>",
     ):
         text = f"<mujoco><compiler assetdir='pictures'/><asset>{asset}</asset></mujoco>"
-        with pytest.raises(ExchangeError, match="MuJoCo would take"):
+        with pytest.raises(ExchangeError, match="MuJoCo would need"):
             imported(text, tmp_path)
 
 

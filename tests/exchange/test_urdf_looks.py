@@ -128,7 +128,7 @@ def test_many_parts_of_one_mesh_without_names_are_named_quickly(tmp_path, monkey
     assert len(shapes) == 50 and len([path for path, _ in reads if path.suffix == ".obj"]) == 1
     draft = Draft(read_model(tmp_path / "robot.urdf"), "r")
     before = time.monotonic()
-    names = [draft.take("geom", "") for _ in range(30_000)]
+    names = [draft.unique_name("geom", "") for _ in range(30_000)]
     assert time.monotonic() - before < 5.0  # a search from 2 takes minutes
     assert len(set(names)) == 30_000 and names[:3] == ["geom", "geom_2", "geom_3"]
 

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 import fantoccini as fan
 from fantoccini.lab.identification.estimating import fit_of
-from fantoccini.lab.identification.fit import chained
+from fantoccini.lab.identification.fit import continuous_point
 
 pytestmark = pytest.mark.slow
 
@@ -66,20 +66,20 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     """
     data = record(case, 3.0, 1)
     fit = fit_of(data, 0.25, 0.0005, 1)
-    at = chained(fit, data.start_state(fit.inputs, float(fit.starts[0])))
-    J = fit.jacobians(at).samples
+    point = continuous_point(fit, data.start_state(fit.inputs, float(fit.starts[0])))
+    J = fit.jacobians(point).samples
     s, m = 4, 2 * data.marionette.coordinates.n_vD
-    _, segments, _ = fit.sample_positions(at.theta, fit.dt)
+    _, segments, _ = fit.sample_positions(point.theta, fit.dt)
     in_segment = np.flatnonzero(segments == s)[2:-2]
 
-    def seen(theta):
+    def predicted(theta):
         values = dict(zip([u.name for u in data.unknowns], theta, strict=False))
         puppet = data.marionette.with_parameters(values)
-        point = fit.projected(at.q_D, at.v_D, theta, at.held)
+        moved = fit.projected(point.q_D, point.v_D, theta, point.held)
         q_K, v_K, _ = fit.inputs.evaluate(fit.starts[s])
         offset = fit.offsets(theta)
         x = puppet.rest().replace(
-            t=float(fit.starts[s]), q_D=point.q_D[s], v_D=point.v_D[s], q_K=q_K + offset, v_K=v_K
+            t=float(fit.starts[s]), q_D=moved.q_D[s], v_D=moved.v_D[s], q_K=q_K + offset, v_K=v_K
         )
         x = puppet.project(x)
         inputs = _moved(fit.inputs, offset)
@@ -92,13 +92,13 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
             method=fan.Event(rtol=1e-11, atol=1e-11),
             save_at=t,
         ).resample(t)
-        return fit.channels.evaluate(run.q_D, run.q_K, puppet.p, fit.places(theta))
+        return fit.channels.evaluate(run.q_D, run.q_K, puppet.p, fit.marker_positions(theta))
 
     for i, name in enumerate(data.labels):
         step = 1e-4 * data.scales[i]
-        change = np.zeros(len(at.theta))
+        change = np.zeros(len(point.theta))
         change[i] = step
-        slope = (seen(at.theta + change) - seen(at.theta - change)) / (2 * step)
+        slope = (predicted(point.theta + change) - predicted(point.theta - change)) / (2 * step)
         exact = J[in_segment][:, :, m + i]
         assert np.max(np.abs(slope - exact)) < 0.02 * np.max(np.abs(exact)) + 1e-6, name
 
@@ -117,26 +117,27 @@ def test_derivatives_of_the_steps_are_exact(case):
     """
     data = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
     fit = fit_of(data, 0.25, 0.005, 1)
-    at = chained(fit, data.start_state(fit.inputs, float(fit.starts[0])))
-    jacobians = fit.jacobians(at)
+    point = continuous_point(fit, data.start_state(fit.inputs, float(fit.starts[0])))
+    jacobians = fit.jacobians(point)
     J = jacobians.samples
-    m, rng = J.shape[2] - len(at.theta), np.random.default_rng(0)
-    _, segments, _ = fit.sample_positions(at.theta, fit.dt)
-    for i in range(len(at.theta)):
-        change = np.zeros(len(at.theta))
+    m, rng = J.shape[2] - len(point.theta), np.random.default_rng(0)
+    _, segments, _ = fit.sample_positions(point.theta, fit.dt)
+    for i in range(len(point.theta)):
+        change = np.zeros(len(point.theta))
         change[i] = 1e-5 * data.scales[i]
-        sides = [
-            fit.predict(fit.moved(at, np.zeros((len(at.q_D), m)), s * change)) for s in (1, -1)
+        predictions = [
+            fit.predict(fit.moved(point, np.zeros((len(point.q_D), m)), s * change))
+            for s in (1, -1)
         ]
-        slope = (sides[0].y - sides[1].y) / (2 * change[i])
+        slope = (predictions[0].y - predictions[1].y) / (2 * change[i])
         exact = J[:, :, m + i]
         assert np.max(np.abs(slope - exact)) < 5e-5 * np.max(np.abs(exact)), data.labels[i]
-    move = 1e-6 * rng.standard_normal((len(at.q_D), m))
-    sides = [fit.predict(fit.moved(at, s * move, 0 * at.theta)) for s in (1, -1)]
-    slope = 0.5 * (sides[0].y - sides[1].y)
+    move = 1e-6 * rng.standard_normal((len(point.q_D), m))
+    predictions = [fit.predict(fit.moved(point, s * move, 0 * point.theta)) for s in (1, -1)]
+    slope = 0.5 * (predictions[0].y - predictions[1].y)
     exact = np.einsum("ncm,nm->nc", J[:, :, :m], move[segments])
     assert np.max(np.abs(slope - exact)) < 1e-4 * np.max(np.abs(exact))
-    rate = 0.5 * (sides[0].v_D - sides[1].v_D)
+    rate = 0.5 * (predictions[0].v_D - predictions[1].v_D)
     exact = np.einsum("sim,sm->si", jacobians.end[:, m // 2 :, :m], move)
     assert np.max(np.abs(rate - exact)) < 1e-4 * np.max(np.abs(exact))
 
@@ -314,12 +315,12 @@ drives:
 """
     puppet = fan.loads(text)
     truth = {"k": 3.0, "c": 0.08}
-    true, rng = puppet.with_parameters(truth), np.random.default_rng(0)
+    true_puppet, rng = puppet.with_parameters(truth), np.random.default_rng(0)
     times = np.arange(0.0, 8.0, 0.25)
     values = rng.uniform(-0.8, 0.8, len(times))
     values[[0, -1]] = 0.0
     inputs = fan.Input.waypoints(puppet, {"turn": list(zip(times, values, strict=True))})
-    run = fan.simulate(true, true.rest(), inputs, 8.0)
+    run = fan.simulate(true_puppet, true_puppet.rest(), inputs, 8.0)
     t = np.arange(0.1, 7.9, 1 / 60)
     angle = run.resample(t)["turn"] + 0.01 * rng.standard_normal(len(t))
     estimate = fan.identify(fan.lab.Record(puppet, inputs, t, {"turn": angle}, unknown=["k", "c"]))
@@ -364,15 +365,17 @@ def test_a_length_between_joints_is_found():
   - name: cart""",
     )
     puppet = fan.loads(text).with_parameters({"centre": -0.3})
-    true, rng = puppet.with_parameters({"reach": -0.46}), np.random.default_rng(2)
+    true_puppet, rng = puppet.with_parameters({"reach": -0.46}), np.random.default_rng(2)
     hold = fan.Input.hold(puppet, 6.0)
-    run = fan.simulate(true, true.state({"pin": 0.7}), hold, 6.0)
+    run = fan.simulate(true_puppet, true_puppet.state({"pin": 0.7}), hold, 6.0)
     t = np.arange(0.0, 5.9, 1 / 60)
-    seen = run.resample(t)
-    pose = true.poses(seen.q_D, seen.q_K)[:, [link.name for link in true.tree.links].index("tail")]
+    samples = run.resample(t)
+    pose = true_puppet.poses(samples.q_D, samples.q_K)[
+        :, [link.name for link in true_puppet.tree.links].index("tail")
+    ]
     place = pose[:, :, 3] + 2e-3 * rng.standard_normal((len(t), 3))
     columns = {f"joint.{axis}": place[:, i] for i, axis in enumerate("xyz")} | {
-        "tail": seen["tail"] + 0.01 * rng.standard_normal(len(t))
+        "tail": samples["tail"] + 0.01 * rng.standard_normal(len(t))
     }
     data = fan.lab.Record(
         puppet,
@@ -458,9 +461,9 @@ def test_known_deviations_are_positive(known):
 def test_sensors_with_alternating_rows_all_count(case):
     """Every marker has rows of its own, as with three cameras; a third of the samples remains."""
     data = record(case, 12.0, 4)
-    turn = np.arange(len(data.t)) % 3
+    camera = np.arange(len(data.t)) % 3
     columns = {
-        name: np.where(turn == ("middle", "wrist", "tip").index(name.split(".")[0]), x, np.nan)
+        name: np.where(camera == ("middle", "wrist", "tip").index(name.split(".")[0]), x, np.nan)
         for name, x in data.columns.items()
     }
     estimate = fan.identify(replace(data, columns=columns))
@@ -468,11 +471,11 @@ def test_sensors_with_alternating_rows_all_count(case):
     assert abs(estimate["tie"] - case.truth["tie"]) < 2e-3
 
 
-def test_a_positive_number_does_not_begin_at_zero(case):
+def test_a_positive_number_needs_a_positive_initial_value(case):
     data = record(case, 3.0, 1)
     for about in (0.0, -0.1):
         with pytest.raises(
-            fan.errors.StateError, match=r"upper_mass begins at .* let it begin above 0"
+            fan.errors.StateError, match=r"upper_mass has the initial value .* give one above 0"
         ):
             replace(data, unknown=[fan.lab.Unknown("upper_mass", about=about)])
 

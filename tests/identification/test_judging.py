@@ -34,9 +34,9 @@ def test_a_turned_camera_is_doubted(good):
     """The camera is turned by 1 degree: chi2 and drift do not show it, residuals and jumps do."""
     estimate = fan.identify(turned(good, 1.0))
     assert estimate.chi2 < 1.15 and estimate.drift < 0.5
-    said = " ".join(doubts(estimate))
-    assert "are correlated" in said and "tip.z" in said
-    assert "go mostly to one side" in said and leaning(estimate)
+    text = " ".join(doubts(estimate))
+    assert "are correlated" in text and "tip.z" in text
+    assert "go mostly to one side" in text and leaning(estimate)
 
 
 def test_a_noise_level_that_is_wrong_is_doubted(good):
@@ -57,7 +57,7 @@ def test_neighbours_are_samples_of_a_column(good):
     data = turned(good, 1.0)
     columns_ = {name: np.where(half, x, np.nan) for name, x in data.columns.items()}
     estimate = fan.identify(replace(data, columns=columns_))
-    assert any("are correlated" in said for said in doubts(estimate))
+    assert any("are correlated" in text for text in doubts(estimate))
 
 
 def test_a_wrong_known_value_is_doubted(good):

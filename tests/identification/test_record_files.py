@@ -20,7 +20,7 @@ from fantoccini.base.errors import FileError, StateError
 from fantoccini.base.files import write_table
 from fantoccini.lab.identification import record_schema
 from fantoccini.lab.identification.estimating import NoiseLevels
-from fantoccini.lab.identification.marking import find, missing_files, write_numbers
+from fantoccini.lab.identification.marking import find_number, missing_files, write_numbers
 from fantoccini.model.puppet.written import parameters
 
 pytestmark = pytest.mark.medium
@@ -112,7 +112,11 @@ MISTAKES = [
     ("puppet: arm.yaml", "puppet: arms3d", r"swing\.yaml:2: puppet: "),
     ("puppet: arm.yaml", "puppet: visit", r"swing\.yaml:2: puppet: .*which is a scene"),
     ("delay: find", "delay: fined", r"swing\.yaml:14: delay: "),
-    ("delay: find", "delay: 2.0", r"swing\.yaml:3: samples: the samples, less the delay, go from"),
+    (
+        "delay: find",
+        "delay: 2.0",
+        r"swing\.yaml:3: samples: the samples, less the delay, last from",
+    ),
     ("  middle:", "  centre:", r"swing\.yaml:5: .*none of the columns centre\.x"),
     ("delay: find", "noise: {elbow: 0.1}", r"swing\.yaml:14: noise\.elbow: .*no marker or column"),
     ("delay: find", "start: {elbo: 1}", r"swing\.yaml:14: start\.elbo: "),
@@ -189,8 +193,8 @@ def test_coordinates_at_rest_are_recognised(folder):
     rows = "\n".join(f"{0.1 * i:.1f},{0.01 * i:.2f}" for i in range(20))
     (folder / "hung.csv").write_text(f"time,elbow\n{rows}\n", encoding="utf-8")
     data = fan.lab.load_record(folder / "hung.yaml")
-    assert set(data.still) == {"hand.x", "hand.y", "hand.length"}
-    assert fan.lab.load_record(folder / "swing.yaml").still == ()
+    assert set(data.constant_inputs) == {"hand.x", "hand.y", "hand.length"}
+    assert fan.lab.load_record(folder / "swing.yaml").constant_inputs == ()
 
 
 def test_a_place_never_takes_the_name_of_a_parameter(folder):
@@ -216,7 +220,7 @@ delay: {about: 0.02}
     q = data.marionette.coordinates.q_K.index("hand.length")
     lengths = [x.inputs.evaluate(3.0)[0][q] for x in (plain, data)]
     assert np.isclose(lengths[1], 1e-3 * lengths[0])
-    assert data.find_delay and data.delay == 0.02 and data.begin[-1] == 0.02
+    assert data.find_delay and data.delay == 0.02 and data.initial_values[-1] == 0.02
 
 
 def test_names_of_twins_have_their_side():
@@ -224,9 +228,9 @@ def test_names_of_twins_have_their_side():
         "bodies": [{"name": "hand_left", "mass": 0.1}],
         "mirror": {"plane": "xz", "from": "left", "to": "right"},
     }
-    assert find(data, "hand_left.mass").value == 0.1
+    assert find_number(data, "hand_left.mass").value == 0.1
     with pytest.raises(StateError, match="hand_right is the mirror image of hand_left"):
-        find(data, "hand_right.mass")
+        find_number(data, "hand_right.mass")
 
 
 BARE = """\
@@ -252,7 +256,9 @@ def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
         "b.drag.angular": 1e-5,
         "c.mass": 1.0,
     }
-    write_numbers(BARE, {find(data, k): x for k, x in changes.items()}, tmp_path / "out.yaml")
+    write_numbers(
+        BARE, {find_number(data, k): x for k, x in changes.items()}, tmp_path / "out.yaml"
+    )
     text = (tmp_path / "out.yaml").read_text(encoding="utf-8")
     expected = BARE.replace("0.5,", "0.25,").replace("-0.1]", "-0.2]").replace("3e-1", "0.125")
     expected = expected.replace("name: j, ", "name: j, damping: 0.01, ")
@@ -263,7 +269,7 @@ def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
 
 def test_a_number_that_others_share_is_not_written(tmp_path):
     text = "bodies:\n- {name: a, mass: &same 0.5}\n- {name: b, mass: *same}\n"
-    mark = find(read_text(text).data, "b.mass")
+    mark = find_number(read_text(text).data, "b.mass")
     with pytest.raises(StateError, match=r"bodies\.1\.mass in line 2 is .* write the number out"):
         write_numbers(text, {mark: 1.0}, tmp_path / "out.yaml")
     assert not list(tmp_path.iterdir())
@@ -273,11 +279,11 @@ def test_a_written_marionette_keeps_its_layout(tmp_path):
     source = puppets.path("marionette").read_text(encoding="utf-8")
     data = read_text(source).data
     name, value = next((v["parameter"], v["value"]) for _, v in parameters(data))
-    write_numbers(source, {find(data, name): 1.25 * value}, tmp_path / "out.yaml")
+    write_numbers(source, {find_number(data, name): 1.25 * value}, tmp_path / "out.yaml")
     text = (tmp_path / "out.yaml").read_text(encoding="utf-8")
     pairs = list(zip(source.splitlines(), text.splitlines(), strict=True))
     changed = [(old, new) for old, new in pairs if old != new]
-    assert 0 < len(changed) <= len(find(data, name).places)
+    assert 0 < len(changed) <= len(find_number(data, name).paths)
     assert all("value" in old and f"{1.25 * value:.7g}" in new for old, new in changed)
 
 

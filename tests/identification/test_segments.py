@@ -10,8 +10,8 @@ from benchmarks.identify.cases import arm, record
 
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.estimating import fit_of
-from fantoccini.lab.identification.fit import chained
-from fantoccini.lab.identification.reattaching import reattached
+from fantoccini.lab.identification.fit import continuous_point
+from fantoccini.lab.identification.reattaching import reattach
 from fantoccini.lab.identification.search_point import Weights
 from fantoccini.lab.identification.searching import SavedJacobians
 from fantoccini.lab.identification.windows import cheaper, spread
@@ -23,8 +23,8 @@ def setting():
     case = arm()
     data = record(case, 4.0, 3, noise=0.0)
     fit = fit_of(data, 0.25, 0.005, 1)
-    fit = replace(fit, begin=np.array([case.truth[name] for name in data.labels]))
-    return fit, chained(fit, data.start_state(fit.inputs, float(fit.starts[0])))
+    fit = replace(fit, theta_0=np.array([case.truth[name] for name in data.labels]))
+    return fit, continuous_point(fit, data.start_state(fit.inputs, float(fit.starts[0])))
 
 
 @pytest.mark.parametrize("extrapolated", [False, True])
@@ -108,7 +108,7 @@ def test_a_detached_segment_is_found_and_repaired(setting):
     seen = fit.predict(bad, extrapolated=True)
     assert np.all(cost.detached(bad, seen)[6:9])
     assert not np.any(cost.explained(bad, seen)[6:8])
-    mended = reattached(cost, bad)
+    mended = reattach(cost, bad)
     assert np.array_equal(mended.q_D[:3], bad.q_D[:3])  # distant segments are unchanged
     assert np.max(np.abs(mended.q_D - at.q_D)) < 2e-3
     assert np.max(np.abs(mended.v_D - at.v_D)) < 2e-2

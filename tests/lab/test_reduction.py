@@ -180,7 +180,7 @@ def test_bundled_puppets_are_separate_and_their_drives_track(name, monkeypatch):
     monkeypatch.setattr(reduction, "N_STATES", 2)
     report = fan.lab.validate_reduction(getattr(puppets, name)())
     assert [c.holds for c in report.claims] == [True, True, True, True, False]
-    assert report.valid and report.answer.startswith("yes")
+    assert report.valid and report.conclusion.startswith("yes")
 
 
 CLAIMS = {
@@ -197,4 +197,4 @@ CLAIMS = {
 def test_the_claims_say_what_fails(text, holds, answer):
     report = fan.lab.validate_reduction(fan.loads(text))
     assert [c.holds for c in report.claims] == holds
-    assert answer in report.answer
+    assert answer in report.conclusion

@@ -34,8 +34,8 @@ def test_a_body_is_pulled_at_and_let_go_while_the_hands_balance_it(page):
     live = page.show
     performance = live.performance
     with Viewer(page.url) as viewer:
-        viewer.until_said("updates,", 120.0)  # compiling takes its time
-        assert "The hands balance it" in viewer.said
+        viewer.wait_for_text("updates,", 120.0)  # compiling takes its time
+        assert "The hands balance it" in viewer.text
         home = tip(performance)
         target = home + np.array([0.3, 0.0, 0.0])
         viewer.drag("start", BODY, home, home)
@@ -76,7 +76,7 @@ def test_a_puppet_with_a_slipping_winch_names_the_reason(tmp_path):
     page = fan.show(toy, port=0, browser=False, wait=False, record_to=tmp_path)
     with page, Viewer(page.url) as viewer:
         viewer.tick("Let the hands balance it", True)
-        viewer.until_said("may slip")
+        viewer.wait_for_text("may slip")
         assert page.show.balance is None
 
 

@@ -71,14 +71,14 @@ def drag(scene, monkeypatch, down: int) -> np.ndarray:
 
 
 def test_a_bead_stays_under_a_mouse_that_goes_down(scene, monkeypatch):
-    """17.12: 120 px down moved the bead 33 px up in the initial view of a page."""
+    """120 px down moved the bead 33 px up in the initial view of a page."""
     right, down = drag(scene, monkeypatch, 120)
     assert abs(right) < 8.0
     assert down == pytest.approx(120.0, abs=10.0)
 
 
 def test_a_bead_never_moves_against_the_mouse(scene, monkeypatch):
-    """17.12: this holds if the hand's plane is above the eye and seen from below, too."""
+    """This holds if the hand's plane is above the eye and seen from below, too."""
     press_view(scene, "front")
     right, down = drag(scene, monkeypatch, 80)
     assert abs(right) < 8.0
@@ -93,7 +93,7 @@ def press_view(scene, name: str) -> None:
 
 
 def test_keys_move_the_handle_and_not_the_camera(scene):
-    """17.12: W, A, S, D, E, Q also moved viser's camera; ten taps lost the puppet."""
+    """W, A, S, D, E, Q also moved viser's camera; ten taps lost the puppet."""
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.keys import Keys
 
@@ -122,7 +122,7 @@ def test_keys_move_the_handle_and_not_the_camera(scene):
 
 
 def test_strings_are_wound_without_scrolling(browser, tmp_path):
-    """17.14: in a window of 1280 x 720 the strings' sliders were below the fold."""
+    """The strings' sliders were below the fold in a window of 1280 x 720."""
     with (
         fan.show(
             fan.puppets.marionette(), port=0, browser=False, wait=False, record_to=tmp_path
@@ -143,7 +143,7 @@ def test_strings_are_wound_without_scrolling(browser, tmp_path):
 
 
 def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):
-    """17.14: on a phone the panel hid the puppet."""
+    """The panel hid the puppet on a phone."""
     with (
         fan.show(toy(tmp_path), port=0, browser=False, wait=False, record_to=tmp_path) as page,
         window(browser, 390, 844, mobile=True),

@@ -194,8 +194,8 @@ def test_saving_the_file_reloads_the_puppet(scene):
     until(lambda: abs(scene.performance.place("line")[0][0] - 0.1) < 1e-3, "the end is there")
     scene.file.write_text(WRONG, encoding="utf-8")
     until(lambda: "The file has errors" in words(scene.browser), "mistakes are told")
-    said = words(scene.browser)
-    assert "toy.yaml:8" in said and "<img src=x" in said  # as text
+    text = words(scene.browser)
+    assert "toy.yaml:8" in text and "<img src=x" in text  # as text
     assert scene.browser.execute_script("return document.querySelector('img[src=x]')") is None
     assert like(picture(scene.browser, "mistakes"), RED) > 200
     scene.file.write_text(GREEN, encoding="utf-8")

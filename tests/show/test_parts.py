@@ -49,7 +49,7 @@ def ray(eye, point):
 
 @given(st.floats(-np.pi, np.pi), st.floats(0.3, 1.4), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
 def test_in_a_visible_plane_a_handle_stays_under_the_mouse(azimuth, elevation, right, up):
-    """17.12: the motion follows the ray through the handle, at any place in the picture."""
+    """The motion follows the ray through the handle, at any place in the picture."""
     ahead = -np.array(
         [
             np.cos(elevation) * np.cos(azimuth),
@@ -72,7 +72,7 @@ def test_in_a_visible_plane_a_handle_stays_under_the_mouse(azimuth, elevation, r
 
 @given(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
 def test_a_handle_never_runs_away_or_moves_against_the_mouse(height, right, up):
-    """17.12: a plane above the eye is seen from below, and down in the picture is away in it."""
+    """A plane above the eye is seen from below, and down in the picture is away in it."""
     eye, place = np.array([3.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0 + height])
     mouse = place + np.array([0.0, right, up])
     for axes in (np.eye(3)[:1], np.eye(3)[:2], np.eye(3)[1:], np.eye(3)):
@@ -85,7 +85,7 @@ def test_a_handle_never_runs_away_or_moves_against_the_mouse(height, right, up):
 
 
 def test_names_of_handles_do_not_cover_each_other():
-    """17.14: only the chosen bead had a name; names of close beads stand apart."""
+    """Only the chosen bead had a name; names of close beads stand apart."""
     names = ["head", "shoulder_left", "shoulder_right", "far"]
     places = np.array([[0.0, 0.0, 1.0], [0.0, 0.01, 1.0], [0.0, 0.02, 1.0], [0.0, 0.9, 1.0]])
     view = SimpleNamespace(eye=np.array([3.0, 0.0, 1.0]), target=np.array([0.0, 0.0, 1.0]))
@@ -121,7 +121,7 @@ def test_one_viewer_holds_the_strings_until_it_releases_them():
 
 
 def test_each_viewer_is_told_the_holder_of_the_strings():
-    """17.14: "Viewer 5 holds the strings" was shown to viewer 5."""
+    """The notice "Viewer 5 holds the strings" was shown to viewer 5."""
     assert holder_text(None, 4) == "The strings are free"
     assert holder_text(4, 4) == "You hold the strings"
     assert holder_text(4, 3) == holder_text(4) == "Viewer 5 holds the strings"
@@ -152,7 +152,11 @@ def test_text_of_a_puppet_is_never_markup(name):
     )
     moment = SimpleNamespace(tension=np.array([0.5]), taut=np.array([True]))
     event = SimpleNamespace(t=0.0, kind="catch", name=name, impulse=0.0)
-    for html in (panel.bars([name], moment, nodes), panel.note(name), replay.listed([event], 1.0)):
+    for html in (
+        panel.bars([name], moment, nodes),
+        panel.note(name),
+        replay.event_list([event], 1.0),
+    ):
         page = Page(html)
         assert page.tags <= {"div", "span"}
         assert name.replace("\u202e", "\ufffd") in page.words

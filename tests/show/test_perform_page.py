@@ -109,7 +109,7 @@ def test_a_button_plays_a_gesture_and_home_reverts_it(scene):
     scene.viewer.pick("C V U", "wave")
     until(lambda: scene.performance.playing == ("wave",), "it waves")
     until(lambda: np.max(np.abs(scene.performance.state.q_K - home)) > 0.05, "the hand is up")
-    scene.viewer.until_said("Plays wave")
+    scene.viewer.wait_for_text("Plays wave")
     scene.viewer.press("Home (H)")
     until(lambda: scene.performance.playing == (), "it is home")
     until(lambda: np.max(np.abs(scene.performance.state.q_K - home)) < 1e-9, "the hands are home")
@@ -117,8 +117,8 @@ def test_a_button_plays_a_gesture_and_home_reverts_it(scene):
 
 def test_files_of_the_folder_are_gestures_and_mistakes_are_reported(scene):
     assert "curtsy" in scene.stage.gesture_player.gestures
-    scene.viewer.until_said("kne")  # of wrong.yaml
-    assert "wrong.yaml" in scene.viewer.said
+    scene.viewer.wait_for_text("kne")  # of wrong.yaml
+    assert "wrong.yaml" in scene.viewer.text
 
 
 def test_mirrored_and_repeated_gestures(scene):
@@ -142,12 +142,12 @@ def test_mirrored_and_repeated_gestures(scene):
 def test_gestures_begin_on_the_beat(scene, monkeypatch):
     tempo, play, begun = scene.stage.gesture_player.tempo, Player.play, []
 
-    def noted(player, gesture, **how):
-        begins = play(player, gesture, **how)
+    def play_and_note(player, gesture, **options):
+        begins = play(player, gesture, **options)
         begun.append(scene.performance.t - player.t + begins)
         return begins
 
-    monkeypatch.setattr(Player, "play", noted)
+    monkeypatch.setattr(Player, "play", play_and_note)
     scene.viewer.tick("On the beat", True)
     until(lambda: scene.stage.gesture_player.options.on_beat, "the box is ticked")
     scene.viewer.slide("Beats a minute", 60.0)
@@ -162,7 +162,7 @@ def test_gestures_begin_on_the_beat(scene, monkeypatch):
 
 def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     name = recorded(scene, 1.0)
-    whole = scene.stage.takes.take
+    take = scene.stage.takes.take
     until(lambda: name in scene.viewer.options("Take"), "it is listed")
     until(lambda: scene.live.panel.takes.part_of == name, "its part is shown")
     scene.viewer.keep_part("Part [s]", 0.2, 0.7)
@@ -170,8 +170,8 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     scene.viewer.slide("Stretch", 2.0)
     until(lambda: scene.stage.takes.edits.stretch == 2.0, "the edits")
     edited = scene.stage.takes.edited()
-    same = whole.trimmed(0.2, 0.7).smoothed(0.1).stretched(2.0)
-    np.testing.assert_array_equal(edited.acc_K, same.acc_K)
+    expected = take.trimmed(0.2, 0.7).smoothed(0.1).stretched(2.0)
+    np.testing.assert_array_equal(edited.acc_K, expected.acc_K)
     scene.viewer.press("Play (L)")
     until(lambda: (scene.performance.take_time or 0.0) > 0.2, "it plays")
     until(lambda: scene.performance.take_time is None, "it ends")
@@ -189,14 +189,14 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
         scene.viewer.type_in("Name", wrong)
         until(lambda wrong=wrong: scene.live.panel.takes.name_field.value == wrong, "the name")
         scene.viewer.press("Make a gesture of it")
-        scene.viewer.until_said(why)
+        scene.viewer.wait_for_text(why)
         scene.live.panel.report("")
     assert not (scene.folder.parent / "out.npz").exists()
     scene.viewer.pick("Save as", "New take")
     until(lambda: scene.live.panel.takes.part_of == f"{name}-edited", "the edited take")
     until((scene.folder / f"{name}-edited.npz").is_file, "its file")
     saved = fan.theatre.Recording.load(scene.folder / f"{name}-edited.npz")
-    np.testing.assert_array_equal(saved.acc_K, same.acc_K)
+    np.testing.assert_array_equal(saved.acc_K, expected.acc_K)
     scene.viewer.choose("Take", name)
     until(lambda: scene.stage.takes.chosen == name, "the first take")
     assert scene.stage.takes.edits.stretch == 1.0
@@ -209,20 +209,20 @@ def test_an_overdub_keeps_the_take_and_adds_the_hands(scene):
     until(lambda: scene.stage.armed == {"hand_right"}, "it is armed")
     scene.viewer.press("Overdub (O)")
     until(lambda: scene.performance.take_time is not None, "it plays")
-    there = scene.performance.place("hand_right")[0] + [0.04, 0.0, 0.0]
-    scene.performance.move("hand_right", there)
+    target = scene.performance.place("hand_right")[0] + [0.04, 0.0, 0.0]
+    scene.performance.move("hand_right", target)
     until(lambda: scene.stage.takes.chosen != name, "it ends with the take")
-    over = scene.stage.takes.take
+    overdub = scene.stage.takes.take
     names = scene.performance.marionette.coordinates.q_K
-    own = [
+    other_columns = [
         i for i, name_of_string in enumerate(names) if not name_of_string.startswith("hand_right")
     ]
-    n = min(len(over.trajectory), len(take.trajectory))
+    n = min(len(overdub.trajectory), len(take.trajectory))
     assert n >= len(take.trajectory) - 1
-    a, b = over.trajectory.q_K[:n], take.trajectory.q_K[:n]
-    np.testing.assert_allclose(a[:, own], b[:, own], rtol=0, atol=1e-12)
+    a, b = overdub.trajectory.q_K[:n], take.trajectory.q_K[:n]
+    np.testing.assert_allclose(a[:, other_columns], b[:, other_columns], rtol=0, atol=1e-12)
     moved = names.index("hand_right.x")
-    assert over.trajectory.q_K[-1, moved] > take.trajectory.q_K[-1, moved] + 0.01
+    assert overdub.trajectory.q_K[-1, moved] > take.trajectory.q_K[-1, moved] + 0.01
     scene.viewer.tick("hand_right", False)
     until(lambda: not scene.stage.armed, "it is not armed")
 
@@ -263,12 +263,12 @@ def test_a_take_becomes_a_film(scene):
 
 def test_a_score_waits_for_go_pauses_and_jumps_to_marks(scene):
     performance = scene.performance
-    scene.viewer.until_said(", beat 0.0")
-    scene.viewer.until_said("Changes to the score:")  # the caption ends after the score
+    scene.viewer.wait_for_text(", beat 0.0")
+    scene.viewer.wait_for_text("Changes to the score:")  # the caption ends after the score
     scene.viewer.press("GO (Space)")
     until(lambda: performance.score is not None and performance.score.t > 0.5, "it begins")
-    scene.viewer.until_said("&lt;b&gt;One&lt;/b&gt;, two")  # words, not markup
-    assert "<b>One" not in scene.viewer.said
+    scene.viewer.wait_for_text("&lt;b&gt;One&lt;/b&gt;, two")  # words, not markup
+    assert "<b>One" not in scene.viewer.text
     scene.viewer.press("Pause (Y)")
     until(lambda: performance.score.still, "a pause")
     scene.viewer.pick("Go to", "turn")
@@ -277,7 +277,7 @@ def test_a_score_waits_for_go_pauses_and_jumps_to_marks(scene):
     until(lambda: performance.score.t > 3.0, "it goes on")
     scene.viewer.slide("Time [s]", 5.8)
     until(lambda: performance.score.conductor.waiting is not None, "it waits")
-    scene.viewer.until_said("waits at applause for GO")
+    scene.viewer.wait_for_text("waits at applause for GO")
     scene.viewer.press("GO (Space)")
     until(lambda: performance.score.conductor.waiting is None, "it goes on")
     scene.viewer.press("Stop")
@@ -289,8 +289,8 @@ def test_a_score_that_is_saved_is_loaded_again(scene):
     scene.viewer.press("GO (Space)")
     until(lambda: scene.performance.score is not None and scene.performance.score.t > 0.3, "plays")
     file.write_text(SCORE.replace("nod", "nodd"), encoding="utf-8")
-    scene.viewer.until_said("the score is unchanged")
-    assert "nodd" in scene.viewer.said
+    scene.viewer.wait_for_text("the score is unchanged")
+    assert "nodd" in scene.viewer.text
     file.write_text(SCORE.replace("nod", "shake"), encoding="utf-8")
     until(lambda: "shake" in [cue.gesture for cue in scene.stage.score.cues], "it is loaded")
     assert scene.performance.score.t > 0.3
@@ -298,14 +298,14 @@ def test_a_score_that_is_saved_is_loaded_again(scene):
     until(lambda: "nod" in [cue.gesture for cue in scene.stage.score.cues], "as it was")
 
 
-def told(socket, true, patience: float = 20.0) -> dict:
+def next_message(socket, condition, patience: float = 20.0) -> dict:
     """The first message to a page's script that fulfils a condition."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
-        said = socket.recv(timeout=patience)
-        if isinstance(said, str) and true(message := json.loads(said)):
+        answer = socket.recv(timeout=patience)
+        if isinstance(answer, str) and condition(message := json.loads(answer)):
             return message
-    raise AssertionError("the script is not told")
+    raise AssertionError("no such message was received")
 
 
 def test_the_sound_follows_the_beat_and_the_score(scene):
@@ -315,16 +315,19 @@ def test_the_sound_follows_the_beat_and_the_score(scene):
     ) as socket:
         assert json.loads(socket.recv(timeout=20.0)) == {"start": 0.0, "gain": 1.0}
         assert socket.recv(timeout=20.0) == (scene.folder / "bell.wav").read_bytes()
-        assert told(socket, lambda said: "beat" in said) == {"beat": None, "score": None}
+        assert next_message(socket, lambda answer: "beat" in answer) == {
+            "beat": None,
+            "score": None,
+        }
         scene.viewer.pick("B M", "Metronome")
-        beat = told(socket, lambda said: said.get("beat"))["beat"]
+        beat = next_message(socket, lambda answer: answer.get("beat"))["beat"]
         assert beat["period"] == pytest.approx(tempo.beat) and 0 <= beat["next"] <= tempo.beat
         scene.viewer.pick("B M", "Metronome")
-        told(socket, lambda said: "beat" in said and said["beat"] is None)
+        next_message(socket, lambda answer: "beat" in answer and answer["beat"] is None)
         scene.viewer.press("GO (Space)")
-        assert told(socket, lambda said: said.get("score"))["score"]["t"] > 0.0
+        assert next_message(socket, lambda answer: answer.get("score"))["score"]["t"] > 0.0
         scene.viewer.press("Stop")
-        told(socket, lambda said: "score" in said and said["score"] is None)
+        next_message(socket, lambda answer: "score" in answer and answer["score"] is None)
 
 
 def test_a_tapped_tempo_is_shown(scene):
@@ -346,9 +349,9 @@ def test_a_puppet_without_these_strings_has_no_buttons(tmp_path):
         Viewer(page.url) as viewer,
     ):
         assert page.show.stage.gesture_player.gestures == {}
-        viewer.until_said("No bundled gesture fits these strings")
+        viewer.wait_for_text("No bundled gesture fits these strings")
         viewer.press("Play (L)")
-        viewer.until_said("there is no take yet")
+        viewer.wait_for_text("there is no take yet")
 
 
 def test_a_score_is_for_live_puppets_and_without_mistakes(folder, tmp_path):

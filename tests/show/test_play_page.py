@@ -36,18 +36,18 @@ def begun(scene):
 
 def test_buttons_direct_the_show(scene):
     show, viewer = scene.show, scene.viewer
-    viewer.until_said("stands by for GO")
+    viewer.wait_for_text("stands by for GO")
     viewer.press("GO (Space)")
     until(lambda: show.t > 0.3, "it plays")
-    viewer.until_said("Good evening!")
+    viewer.wait_for_text("Good evening!")
     viewer.press("Hold (Y)")
     until(lambda: show.held, "it is held")
-    viewer.until_said("is held")
+    viewer.wait_for_text("is held")
     viewer.press("Go on (Y)")
     until(lambda: not show.held, "it goes on")
     viewer.press("Take pierrot")
     until(lambda: show.taken == {"pierrot"}, "it is taken")
-    viewer.until_said("pierrot is in your hands")
+    viewer.wait_for_text("pierrot is in your hands")
     until(lambda: "Give pierrot back" in _labels(viewer), "the button gives it back")
     viewer.press("Give pierrot back")
     until(lambda: not show.taken, "it is given back")
@@ -61,8 +61,8 @@ def test_buttons_direct_the_show(scene):
 
 
 def test_the_page_lists_acts_cues_and_refused_cues(scene):
-    scene.viewer.until_said("columbine: nod")
-    assert "One" in scene.viewer.said
+    scene.viewer.wait_for_text("columbine: nod")
+    assert "One" in scene.viewer.text
 
 
 def test_a_note_of_a_midi_device_is_go(scene):

@@ -165,11 +165,11 @@ def test_the_metronome_is_heard(scene):
         ],
         "its button",
     )[0]
-    said = "return Number(document.documentElement.dataset.clicks)"
-    assert scene.browser.execute_script(said) == 0
+    script = "return Number(document.documentElement.dataset.clicks)"
+    assert scene.browser.execute_script(script) == 0
     button.click()  # a mouse's click, because browsers are silent before one
     until(lambda: scene.stage.gesture_player.metronome, "it is on")
-    until(lambda: scene.browser.execute_script(said) >= 3, "three clicks")
+    until(lambda: scene.browser.execute_script(script) >= 3, "three clicks")
     button.click()
     until(lambda: not scene.stage.gesture_player.metronome, "it is off")
 

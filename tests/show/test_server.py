@@ -34,17 +34,17 @@ def server():
     running.stop()
 
 
-def answer(
+def get(
     server: Server, path: str = "/", at: str = "127.0.0.1", **headers: str
 ) -> tuple[int, str, dict[str, str]]:
     connection = HTTPConnection(at, server.port, timeout=10)
     connection.request("GET", path, headers=headers)
-    got = connection.getresponse()
-    return got.status, got.read().decode(), dict(got.getheaders())
+    response = connection.getresponse()
+    return response.status, response.read().decode(), dict(response.getheaders())
 
 
 def test_the_page_comes_with_our_script_an_escaped_title_and_a_policy(server):
-    status, body, headers = answer(server)
+    status, body, headers = get(server)
     assert status == 200
     assert "window.ours = 1;" in body
     assert "<title>&lt;script&gt;alert(" in body
@@ -56,8 +56,8 @@ def test_it_listens_on_this_machine_only(server):
     assert not server.exposed
     sockets = server.viser._websock_server._background_event_loop
     assert sockets is not None
-    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as there:
-        assert there.getpeername()[0] == "127.0.0.1"
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as connection:
+        assert connection.getpeername()[0] == "127.0.0.1"
     others = {a[4][0] for a in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}
     for address in others - {"127.0.0.1", "127.0.1.1"}:
         with pytest.raises(OSError):
@@ -65,8 +65,8 @@ def test_it_listens_on_this_machine_only(server):
 
 
 def test_another_name_for_this_machine_is_refused(server):
-    assert answer(server, Host=f"evil.example:{server.port}")[0] == 403
-    assert answer(server, Host=f"localhost:{server.port}")[0] == 200
+    assert get(server, Host=f"evil.example:{server.port}")[0] == 403
+    assert get(server, Host=f"localhost:{server.port}")[0] == 200
 
 
 @pytest.mark.parametrize("path", ["/", "/echo"])
@@ -78,21 +78,21 @@ def test_other_pages_cannot_open_a_websocket(server, path):
         assert refused.value.response.status_code == 403
 
 
-def test_the_page_itself_can(server):
+def test_the_page_itself_can_open_a_websocket(server):
     url = f"ws://127.0.0.1:{server.port}/echo"
-    with connect(url, origin=f"http://127.0.0.1:{server.port}") as there:
-        there.send("hello")
-        assert there.recv(timeout=5) == "hello"
+    with connect(url, origin=f"http://127.0.0.1:{server.port}") as connection:
+        connection.send("hello")
+        assert connection.recv(timeout=5) == "hello"
 
 
-def test_no_tunnel_can_be_asked_for(server):
+def test_tunnels_cannot_be_requested(server):
     from viser import _messages
 
     handled = server.viser._websock_server._incoming_handlers
     assert _messages.ShareUrlRequest not in handled
 
 
-def test_a_port_that_is_taken_gives_the_next_one():
+def test_the_next_port_is_used_if_one_is_in_use():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen(1)
@@ -101,9 +101,9 @@ def test_a_port_that_is_taken_gives_the_next_one():
         assert other > port
         server = Server("toy", DARK, port=port)
         try:
-            assert server.moved
+            assert server.port_changed
             assert server.port > port
-            assert answer(server)[0] == 200
+            assert get(server)[0] == 200
         finally:
             server.stop()
 
@@ -120,18 +120,18 @@ def test_an_address_that_is_not_ours_is_a_clear_mistake():
     ["//", "/./", "/index.html", "/index%2ehtml", "/./index.html?x=1", "/%2e/", "/x", "/../"],
 )
 def test_every_answer_has_the_security_headers(server, path):
-    """17.32: other spellings of the page's address had no policy."""
-    status, body, headers = answer(server, path)
+    """Other spellings of the page's address had no policy."""
+    status, body, headers = get(server, path)
     assert (status == 200) == ("window.ours = 1;" in body) == (path not in ("/x", "/../"))
     assert "default-src 'none'" in headers["Content-Security-Policy"]
     assert headers["X-Frame-Options"] == "SAMEORIGIN"
-    refused = answer(server, path, Host="evil.example")
+    refused = get(server, path, Host="evil.example")
     assert refused[0] == 403
     assert "Content-Security-Policy" in refused[2]
 
 
 def test_the_announced_address_answers():
-    """17.32: with --host :: the announced address was 127.0.0.1, where nothing listened."""
+    """The announced address with --host :: was 127.0.0.1, where nothing listened."""
     try:
         socket.create_server(("::1", 0), family=socket.AF_INET6).close()
     except OSError:
@@ -139,23 +139,23 @@ def test_the_announced_address_answers():
     for host in ("::", "0:0:0:0:0:0:0:0", "::1"):
         server = Server("toy", DARK, host=host, port=0)
         try:
-            there = urlsplit(server.url)
-            assert answer(server, at=there.hostname)[0] == 200
+            url = urlsplit(server.url)
+            assert get(server, at=url.hostname)[0] == 200
             assert server.exposed == (host != "::1")
         finally:
             server.stop()
 
 
 def test_only_values_that_a_control_can_have_are_set(server):
-    """17.32: a viewer could set a control's callbacks, and break it for all."""
+    """A viewer could set a control's callbacks, and break it for all."""
     from viser import _messages
 
     gui = server.viser.gui
     slider = gui.add_slider("length", 0.0, 1.0, 0.1, 0.5)
     group = gui.add_button_group("time", ("step", "reset"))
     box = gui.add_checkbox("floor", True)
-    heard = []
-    slider.on_update(lambda event: heard.append(event))
+    events = []
+    slider.on_update(lambda event: events.append(event))
     (update,) = server.viser._websock_server._incoming_handlers[_messages.GuiUpdateMessage]
 
     def set_(control, **updates) -> None:
@@ -190,7 +190,7 @@ def test_only_values_that_a_control_can_have_are_set(server):
 
 
 def test_no_file_can_be_sent(server):
-    """17.32: a file sent to a control became its value, and stayed in memory."""
+    """A file sent to a control became its value, and stayed in memory."""
     from viser import _messages
 
     handled = server.viser._websock_server._incoming_handlers
@@ -203,10 +203,10 @@ def test_a_request_for_headers_only_is_answered_without_content(server):
     for path, expected in (("/", 200), ("/x", 404)):
         connection = HTTPConnection("127.0.0.1", server.port, timeout=10)
         connection.request("HEAD", path)
-        got = connection.getresponse()
-        assert (got.status, got.read()) == (expected, b"")
-        length = len(answer(server, path)[1].encode())
-        assert int(got.getheader("Content-Length")) == length
+        response = connection.getresponse()
+        assert (response.status, response.read()) == (expected, b"")
+        length = len(get(server, path)[1].encode())
+        assert int(response.getheader("Content-Length")) == length
 
 
 STRAY = {
@@ -243,9 +243,9 @@ def test_stray_requests_print_nothing(server, silent, data):
     with socket.create_connection(("127.0.0.1", server.port), timeout=5) as client:
         client.sendall(data)
         client.shutdown(socket.SHUT_WR)
-        got = client.recv(65536)
-    assert not got or got.startswith(b"HTTP/1.1 4")
-    assert answer(server)[0] == 200
+        response = client.recv(65536)
+    assert not response or response.startswith(b"HTTP/1.1 4")
+    assert get(server)[0] == 200
 
 
 def test_connections_that_are_reset_print_nothing(server, silent):
@@ -256,11 +256,11 @@ def test_connections_that_are_reset_print_nothing(server, silent):
     with connect(f"ws://127.0.0.1:{server.port}/echo") as client:
         client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         client.socket.close()
-    assert answer(server)[0] == 200
+    assert get(server)[0] == 200
 
 
 @pytest.mark.parametrize("subprotocol", [None, "viser-v0.0.0", "viser-v" + "9" * 300])
-def test_other_clients_are_closed_with_a_reason_and_without_a_line(server, silent, subprotocol):
+def test_other_clients_are_closed_with_a_reason_and_print_nothing(server, silent, subprotocol):
     """A tab of another version connects again every second, and viser printed a line each time."""
     url = f"ws://127.0.0.1:{server.port}/"
     with (
@@ -284,4 +284,4 @@ def test_messages_that_cannot_be_read_end_the_connection_silently(server, silent
         with pytest.raises(ConnectionClosed):
             while True:
                 client.recv(timeout=5)
-    assert answer(server)[0] == 200
+    assert get(server)[0] == 200

@@ -75,7 +75,7 @@ def test_one_of_two_viewers_holds_and_the_other_is_told(scene, monkeypatch):
         until(lambda: scene.performance.wanted_length(line) == 0.5, "the first winds")
         until(lambda: second.value(line) == 0.5, "the other sees it")
         second.slide(line, 0.7)
-        second.until_said("Another viewer holds the strings")
+        second.wait_for_text("Another viewer holds the strings")
         until(lambda: second.value(line) == 0.5, "the slider of the other snaps back")
         assert scene.performance.wanted_length(line) == 0.5
         first.close()
@@ -89,14 +89,14 @@ def test_each_viewer_sees_the_holder_of_the_strings(scene, monkeypatch):
     monkeypatch.setattr(scene.live.holder, "idle", 60.0)
     with Viewer(scene.url) as holder, Viewer(scene.url) as second:
         for viewer in (holder, second):
-            viewer.until_said("The strings are free")
+            viewer.wait_for_text("The strings are free")
         holder.slide("line", 0.5)
-        holder.until_said("You hold the strings")
-        second.until_said("holds the strings")
-        assert "You hold" not in second.said
+        holder.wait_for_text("You hold the strings")
+        second.wait_for_text("holds the strings")
+        assert "You hold" not in second.text
         number = scene.live.holder.viewer + 1
-        assert f"Viewer {number} holds the strings" in second.said
-        assert f"Viewer {number} holds" not in holder.said
+        assert f"Viewer {number} holds the strings" in second.text
+        assert f"Viewer {number} holds" not in holder.text
 
 
 def test_a_bead_winds_its_string_without_shift(scene):
@@ -201,8 +201,8 @@ def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monke
             )
             second.turn("start", RINGS, home, level)
             second.turn("update", RINGS, home, other)
-            second.until_said("Another viewer holds the strings")
-            assert bar.live.controls.turned == {"bar": 0}
+            second.wait_for_text("Another viewer holds the strings")
+            assert bar.live.controls.turning_viewers == {"bar": 0}
             second.turn("end", RINGS, home, other)
             holder.turn("end", RINGS, home, turned)
             until(lambda: bar.live.holder.viewer is None, "the strings are free")
@@ -244,7 +244,7 @@ def test_abuse_leaves_a_puppet_a_page_and_a_whole_recording(tmp_path):
             viewer.press("Stop recording")
             path = until(lambda: next(iter(tmp_path.glob("*.npz")), None), "a file")
             assert scene.live.running and finite(performance)
-            assert "internal error" not in viewer.said
+            assert "internal error" not in viewer.text
             viewer.press("Pause")
             until(lambda: scene.live.paused, "the page still answers")
     finally:

@@ -27,11 +27,11 @@ class Viewer:
 
     Args:
         url: address of the page.
-        heard: called with every message, if given.
+        on_message: called with every message, if given.
     """
 
-    def __init__(self, url: str, heard: Callable[[dict], None] | None = None):
-        self.bundles, self._heard = 0, heard
+    def __init__(self, url: str, on_message: Callable[[dict], None] | None = None):
+        self.bundles, self._on_message = 0, on_message
         self.controls: dict[str, dict] = {}
         self.poses: dict[str, tuple] = {}
         self.notices: list[str] = []
@@ -152,15 +152,15 @@ class Viewer:
         if phase == "end":
             self.send(_messages.TransformControlsDragEndMessage(node))
 
-    def until_said(self, words: str, patience: float = 20.0) -> None:
-        """Wait until the page says these words."""
+    def wait_for_text(self, words: str, patience: float = 20.0) -> None:
+        """Waits until the text of the page contains these words."""
         end = time.monotonic() + patience
-        while words not in self.said:
-            assert time.monotonic() < end, f"waited {patience:g} s for {words!r}: {self.said}"
+        while words not in self.text:
+            assert time.monotonic() < end, f"waited {patience:g} s for {words!r}: {self.text}"
             time.sleep(0.01)
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """Text of the page, as HTML, and of notices."""
         panels = (str(props.get("content", "")) for props in list(self.controls.values()))
         return "\n".join((*panels, *self.notices))
@@ -203,5 +203,5 @@ class Viewer:
             self.controls.pop(message["uuid"], None)
         elif kind == "SetPositionMessage":
             self.poses[message["name"]] = tuple(message["position"])
-        if self._heard is not None:
-            self._heard(message)
+        if self._on_message is not None:
+            self._on_message(message)

@@ -246,4 +246,4 @@ def test_bundled_stands_do_bundled_performances(stand6, conduct):
     puppet, run = stand6, conduct
     check = check_stand("six_winches", run, puppet)
     assert check.ok and not check.lost and check.margin > 15.0
-    assert repr(check) == f"<StandCheck: six_winches can, least margin {check.margin:.0f} %>"
+    assert repr(check) == f"<StandCheck: six_winches can, smallest margin {check.margin:.0f} %>"

@@ -26,7 +26,7 @@ from fantoccini.stand import (
     set_points,
     udp_sender,
 )
-from fantoccini.stand.sending import REPEATED
+from fantoccini.stand.sending import REPEAT_TIME
 from fantoccini.stand.stand_file import STANDS
 
 ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")
@@ -38,7 +38,7 @@ LOCAL = "127.0.0.1"
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
     """Tolerate a busy machine: late set points are skipped."""
-    monkeypatch.setattr(sending, "LATEST", 2.0)
+    monkeypatch.setattr(sending, "MAX_DELAY", 2.0)
 
 
 def points_of(lifted, hoist, kind="osc", more="", **options):
@@ -61,7 +61,7 @@ def artnet_read(data, universe=0):
     return slots
 
 
-def test_an_osc_server_hears_every_set_point(conduct):
+def test_an_osc_server_receives_every_set_point(conduct):
     """The first second of six axes is sent in real time."""
     points = set_points(
         "six_winches",
@@ -69,10 +69,10 @@ def test_an_osc_server_hears_every_set_point(conduct):
         fan.puppets.stand6(),
         controller="osc",
     )
-    heard = {}
+    values = {}
 
     def hear(address, value):
-        heard.setdefault(address, []).append(value)
+        values.setdefault(address, []).append(value)
 
     dispatcher = Dispatcher()
     dispatcher.set_default_handler(hear)
@@ -84,32 +84,32 @@ def test_an_osc_server_hears_every_set_point(conduct):
         time.sleep(0.1)
         server.shutdown()
         thread.join()
-    assert set(heard) == {f"/{axis.name}" for axis in points.axes}
-    which = np.rint(np.array(done.times) * points.rate).astype(int)
-    assert len(set(which)) == len(points) - done.dropped and done.t == points.motion.t[-1]
+    assert set(values) == {f"/{axis.name}" for axis in points.axes}
+    indices = np.rint(np.array(done.times) * points.rate).astype(int)
+    assert len(set(indices)) == len(points) - done.dropped and done.t == points.motion.t[-1]
     for k, axis in enumerate(points.axes):
-        steps = np.rint(np.array(heard[f"/{axis.name}"]) * axis.counts)
-        assert np.max(np.abs(steps - points.counts[which, k])) <= 1.0
+        steps = np.rint(np.array(values[f"/{axis.name}"]) * axis.counts)
+        assert np.max(np.abs(steps - points.counts[indices, k])) <= 1.0
 
 
 def test_bundles_carry_the_time_at_which_they_are_due(lifted, hoist):
     sent, points, begun = [], points_of(lifted, hoist, rate=100.0), time.time()
     done = send_points(points, lambda data: sent.append((time.time(), OscBundle(data))))
     stamps = np.array([bundle.timestamp for _, bundle in sent])
-    n = round(100.0 * REPEATED)
+    n = round(100.0 * REPEAT_TIME)
     # Intervals are those of the motion's set points; before and after it, they are constant.
-    own = slice(n, len(sent) - n)
+    in_motion = slice(n, len(sent) - n)
     np.testing.assert_allclose(
-        stamps[own] - stamps[n], np.array(done.times)[own] - done.times[n], atol=1e-6
+        stamps[in_motion] - stamps[n], np.array(done.times)[in_motion] - done.times[n], atol=1e-6
     )
     np.testing.assert_allclose(np.diff(stamps)[[*range(n), *range(-n, 0)]], 0.01, atol=1e-6)
     assert stamps[0] == pytest.approx(begun, abs=0.2)
-    late = [at - stamp for (at, _), stamp in zip(sent, stamps, strict=True)]
-    np.testing.assert_allclose(late, done.late, atol=0.02)
+    late = [expected - stamp for (expected, _), stamp in zip(sent, stamps, strict=True)]
+    np.testing.assert_allclose(late, done.delays, atol=0.02)
     values = np.array([bundle.content(0).params[0] for _, bundle in sent])
     assert np.all(values[:n] == np.float32(0.8)) and np.all(values[-n:] == values[-n - 1])
-    at = np.interp(done.times, points.motion.t, points.motion.position[:, 0])
-    np.testing.assert_allclose(values, at, atol=3e-8)
+    expected = np.interp(done.times, points.motion.t, points.motion.position[:, 0])
+    np.testing.assert_allclose(values, expected, atol=3e-8)
 
 
 @pytest.mark.parametrize("bits", [8, 16])
@@ -129,8 +129,8 @@ def test_art_net_is_read_by_a_library(conduct, bits, universe):
         values.append([int.from_bytes(bytes(slots[k - 1 : k - 1 + wide]), "big") for k in first])
     low, high = np.array([axis.travel for axis in points.axes]).T
     unit = (high - low) / (2**bits - 1)
-    away = np.abs(low + np.array(values) * unit - points.motion.position) / unit
-    assert 0.3 < np.max(away) <= 0.5 + 1e-9
+    errors = np.abs(low + np.array(values) * unit - points.motion.position) / unit
+    assert 0.3 < np.max(errors) <= 0.5 + 1e-9
 
 
 @pytest.mark.parametrize("kind", ["osc", "artnet"])
@@ -151,13 +151,13 @@ def test_a_puppet_on_the_received_set_points_moves_as_in_its_run(hoist, kind):
     )
     within = 1.0 if kind == "osc" else 1.0 + 0.7 / 65535 / 2 * points.axes[0].counts
     assert np.max(np.abs(stand.steps[:, 0] - counts)) <= within
-    own = np.append(np.diff(t) > 0.0, False)
-    p = stand.steps[own, 0] / points.axes[0].counts
-    inputs = fan.Input.samples(hoist, t[own], {"line.length": p})
+    in_motion = np.append(np.diff(t) > 0.0, False)
+    p = stand.steps[in_motion, 0] / points.axes[0].counts
+    inputs = fan.Input.samples(hoist, t[in_motion], {"line.length": p})
     again = fan.simulate(hoist, hoist.rest({"line.length": p[0]}), inputs, 2.9, save_at=save_at)
     poses = [hoist.poses(r.resample(save_at).q_D, r.resample(save_at).q_K) for r in (first, again)]
-    away = np.linalg.norm(poses[0][..., 3] - poses[1][..., 3], axis=-1)
-    assert 0.0 < np.max(away) < 1e-3
+    errors = np.linalg.norm(poses[0][..., 3] - poses[1][..., 3], axis=-1)
+    assert 0.0 < np.max(errors) < 1e-3
 
 
 def test_late_set_points_are_skipped_and_not_sent_in_bursts(lifted, hoist):
@@ -171,15 +171,15 @@ def test_late_set_points_are_skipped_and_not_sent_in_bursts(lifted, hoist):
 
     points = points_of(lifted, hoist, rate=100.0)
     done = send_points(points, slow)
-    repeated = 2 * round(100.0 * REPEATED)
+    repeated = 2 * round(100.0 * REPEAT_TIME)
     assert done.dropped >= 5
     assert done.sent == len(points) + repeated - done.dropped == len(times)
     assert np.max(np.diff(times)) > 0.069
     # One set point that is late, one without a successor, and one that is due; not all seven.
     assert np.min(np.array(times)[6:] - times[:-6]) > 0.0095
     assert np.max(np.diff(done.times)) > 0.055
-    at = np.interp(done.times, points.motion.t, points.motion.position[:, 0])
-    np.testing.assert_allclose(values, at, atol=3e-8)
+    expected = np.interp(done.times, points.motion.t, points.motion.position[:, 0])
+    np.testing.assert_allclose(values, expected, atol=3e-8)
 
 
 def test_a_long_pause_stops_before_the_axes_jump(lifted, hoist):
@@ -191,7 +191,7 @@ def test_a_long_pause_stops_before_the_axes_jump(lifted, hoist):
             time.sleep(0.5)
 
     with pytest.raises(PacketError, match=r"was 0\.\d+ s late, and the axes would jump") as stopped:
-        send_points(points_of(lifted, hoist, rate=100.0), stuck, latest=0.2)
+        send_points(points_of(lifted, hoist, rate=100.0), stuck, max_delay=0.2)
     assert len(sent) == 60
     assert stopped.value.t == pytest.approx(0.34, abs=0.05)
 
@@ -264,7 +264,7 @@ def test_only_art_net_broadcasts(lifted, hoist):
 
 @pytest.mark.parametrize("answer", [True, False])
 def test_a_hold_stays_on_the_path_and_resumes_or_stops(lifted, hoist, answer):
-    """Its time slows down and speeds up evenly; meanwhile the position is repeated."""
+    """Its time slows down and speeds up linearly; meanwhile the position is repeated."""
     points, progress = points_of(lifted, hoist, rate=100.0), Sending()
     hold, sent, asked = threading.Event(), [], []
 
@@ -273,7 +273,7 @@ def test_a_hold_stays_on_the_path_and_resumes_or_stops(lifted, hoist, answer):
         if len(sent) == 60:
             hold.set()
 
-    def go_on(done):
+    def should_resume(done):
         before = len(sent)
         time.sleep(0.3)
         sent_on = sent[before:]
@@ -282,19 +282,23 @@ def test_a_hold_stays_on_the_path_and_resumes_or_stops(lifted, hoist, answer):
         return answer
 
     if answer:
-        send_points(points, send, hold=hold, go_on=go_on, counts=progress)
+        send_points(points, send, hold=hold, should_resume=should_resume, counts=progress)
         assert progress.t == points.motion.t[-1]
         assert sent[-1] == np.float32(points.motion.position[-1, 0])
     else:
         with pytest.raises(PacketError, match="stopped here") as stopped:
-            send_points(points, send, hold=hold, go_on=go_on, counts=progress)
+            send_points(points, send, hold=hold, should_resume=should_resume, counts=progress)
         assert stopped.value.t == progress.t
     ((k, n_repeated),) = asked
     t = np.array(progress.times)
-    at = np.interp(t, points.motion.t, points.motion.position[:, 0])
-    own = np.delete(sent, range(k, k + len(sent) - len(t)))  # without repetitions during the hold
+    expected = np.interp(t, points.motion.t, points.motion.position[:, 0])
+    sent_in_motion = np.delete(
+        sent, range(k, k + len(sent) - len(t))
+    )  # without repetitions during the hold
     assert len(sent) - len(t) >= n_repeated
-    np.testing.assert_allclose(own, at, atol=2e-4)  # between set points it is a spline
+    np.testing.assert_allclose(
+        sent_in_motion, expected, atol=2e-4
+    )  # between set points it is a spline
     # Twice the time that the axis needs to stop from 2 m/s at 20 m/s^2, from full speed to rest.
     ramp = 2.0 * 2.0 / 20.0
     begun = t[59]
@@ -311,9 +315,9 @@ def test_set_points_resume_at_a_time(lifted, hoist):
     done = send_points(
         points, lambda data: sent.append(OscBundle(data).content(0).params[0]), first=0.4
     )
-    n, t = round(100 * REPEATED), np.array(done.times)
-    at = np.interp(t, points.motion.t, points.motion.position[:, 0])
-    np.testing.assert_allclose(sent, at, atol=2e-4)  # between set points it is a spline
+    n, t = round(100 * REPEAT_TIME), np.array(done.times)
+    expected = np.interp(t, points.motion.t, points.motion.position[:, 0])
+    np.testing.assert_allclose(sent, expected, atol=2e-4)  # between set points it is a spline
     assert np.all(t[: n + 1] == 0.4) and np.all(t[-n:] == points.motion.t[-1])
     # From rest: by the ramp's triangle, its first 0.1 s cover 0.025 s of the motion.
     ramp = 2.0 * 2.0 / 20.0
@@ -337,8 +341,8 @@ def sent_to(points, packets, wait=0.2):
 
 def test_the_emulated_stand_refuses_other_packets(lifted, hoist):
     points = points_of(lifted, hoist, "artnet", ", universe: 5")
-    own = packets_of(points.map.stand, points.controller, points.rate)
-    good = own.encode(np.array([0.3]), 0.0)
+    encoder = packets_of(points.map.stand, points.controller, points.rate)
+    good = encoder.encode(np.array([0.3]), 0.0)
     elsewhere = points.controller.model_copy(update={"universe": 6})
     other = packets_of(points.map.stand, elsewhere, 40.0).encode(np.ones(1), 0.0)
     noise = np.random.default_rng(0).bytes(600)
@@ -372,21 +376,21 @@ WRONG = {
     "a pattern": ("osc, names: {winch: '/a*'}", "needed: an OSC address"),
     "no channel": ("artnet, names: {winch: x}", "needed: a channel, 1 to 511"),
     "half a channel": ("artnet, names: {winch: 512}", "needed: a channel, 1 to 511"),
-    "too often": ("artnet, rate: 50", "DMX takes at most 44 frames per second"),
+    "too often": ("artnet, rate: 50", "DMX allows at most 44 frames per second"),
     "a host of blanks": ("osc, host: 'a b'", "host"),
     "no port": ("artnet, port: 0", "port"),
     "no universe": ("artnet, universe: 40000", "universe"),
 }
 
 
-@pytest.mark.parametrize("given, words", WRONG.values(), ids=WRONG)
-def test_mistakes_in_the_file_have_their_line(lifted, hoist, given, words):
+@pytest.mark.parametrize("given, message", WRONG.values(), ids=WRONG)
+def test_mistakes_in_the_file_have_their_line(lifted, hoist, given, message):
     with pytest.raises(FileError) as caught:
         points = set_points(
             loads_stand(f"{ABLE}controller: {{type: {given}}}\n", "s.yaml"), lifted, hoist
         )
         packets_of(points.map.stand, points.controller, points.rate)
-    assert words in str(caught.value)
+    assert message in str(caught.value)
     assert caught.value.mistakes[0].line == 1 + ABLE.count("\n")
 
 
@@ -395,7 +399,7 @@ def test_two_axes_do_not_share_a_channel():
         stand = loads_stand(f"{SIX}controller: {{type: {kind}, names: {names}}}\n")
         with pytest.raises(FileError, match="of its own"):
             packets_of(stand, stand.controller, 40.0)
-    with pytest.raises(StandError, match="DMX takes at most 44"):
+    with pytest.raises(StandError, match="DMX allows at most 44"):
         packets_of(stand, load_controller("artnet"), 100.0)
     with pytest.raises(StandError, match="needed: --controller osc or artnet"):
         packets_of(stand, load_controller("csv"), 40.0)

@@ -30,9 +30,9 @@ def replayed(points, inverse=True):
     return machine
 
 
-def apart(points, machine):
+def step_errors(points, machine):
     """(T, n) steps between motors and plan at all set points."""
-    at = machine.positions(machine.starts[0] + points.motion.t)
+    at = machine.positions(machine.dwell_ends[0] + points.motion.t)
     return np.abs(np.rint(at * machine.settings.steps) - points.counts)
 
 
@@ -42,7 +42,7 @@ def apart(points, machine):
 def test_six_motors_are_within_a_step_at_all_set_points(conduct, rate, inverse, sequences):
     points = set_points("six_winches", conduct, rate=rate, controller="fluidnc", **sequences)
     machine = replayed(points, inverse)
-    assert np.max(apart(points, machine)) <= 1.0
+    assert np.max(step_errors(points, machine)) <= 1.0
     if sequences:
         home = [axis.file.home.at + 0.002 for axis in points.axes]
         at_end = machine.positions(np.array([machine.time + 1.0]))[0]
@@ -67,7 +67,7 @@ def test_six_motors_are_within_a_step_at_all_set_points(conduct, rate, inverse, 
 )
 def test_holds_reversals_and_fine_steps(lifted, hoist, text):
     points = set_points(loads_stand(text), lifted, hoist, controller="grbl", force=True)
-    assert np.max(apart(points, replayed(points))) <= 1.0
+    assert np.max(step_errors(points, replayed(points))) <= 1.0
 
 
 def test_a_puppet_on_the_emulated_steps_moves_as_in_its_run(hoist):
@@ -77,7 +77,7 @@ def test_a_puppet_on_the_emulated_steps_moves_as_in_its_run(hoist):
     points = set_points(loads_stand(ABLE), first, hoist, controller="grbl")
     machine = replayed(points)
     t = points.motion.t[::2]
-    p = 1e-3 * machine.positions(machine.starts[0] + t)
+    p = 1e-3 * machine.positions(machine.dwell_ends[0] + t)
     inputs = fan.Input.samples(hoist, t, {"line.length": p[:, 0]})
     again = fan.simulate(hoist, hoist.rest({"line.length": p[0, 0]}), inputs, 4.5, save_at=save_at)
     poses = [hoist.poses(r.resample(save_at).q_D, r.resample(save_at).q_K) for r in (first, again)]

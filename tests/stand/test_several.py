@@ -152,14 +152,14 @@ def test_programs_of_all_controllers_keep_the_same_time(points, slack):
         for line in gcode_program(part).text.splitlines():
             assert machine.line(line) == "ok", line
         machines.append(machine)
-    begin = max(machine.starts[0] for machine in machines)
+    begin = max(machine.dwell_ends[0] for machine in machines)
     at = positions_together(machines, begin + points.motion.t)
     counts = np.concatenate([part.counts for part in points.parts.values()], axis=1)
     steps = np.concatenate([machine.settings.steps for machine in machines])
     assert np.max(np.abs(np.rint(at * steps) - counts)) <= 1.0
 
 
-def together(emulators, points, programs, hold=None, go_on=None):
+def together(emulators, points, programs, hold=None, should_resume=None):
     """Streams all programs; returns lines sent and acknowledged."""
     counts = {name: Streamed() for name in programs}
     ports = {name: serial_port(emulators[name].port, 115_200) for name in programs}
@@ -169,13 +169,13 @@ def together(emulators, points, programs, hold=None, go_on=None):
                 port,
                 lines_of(programs[name].text),
                 name=name,
-                start=programs[name].first,
+                start=programs[name].first_line,
                 counts=counts[name],
             )
             for name, port in (("left", left), ("right", right))
         ]
         try:
-            stream_together(channels, hold=hold, go_on=go_on, silence=5.0)
+            stream_together(channels, hold=hold, should_resume=should_resume, silence=5.0)
         except StreamError as error:
             return counts, error
     return counts, None
@@ -184,13 +184,13 @@ def together(emulators, points, programs, hold=None, go_on=None):
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 def test_the_motions_begin_together(points):
     """The first controller is ready long before the second, and waits for it."""
-    heard = []
+    lines = []
     programs = {name: gcode_program(part) for name, part in points.parts.items()}
     emulators = {
         name: Emulator(
             machine_of(part),
             pace=0.05 if name == "right" else 0.0,
-            heard=lambda text, _, name=name: heard.append((name, text)),
+            on_line=lambda text, _, name=name: lines.append((name, text)),
         )
         for name, part in points.parts.items()
     }
@@ -198,8 +198,8 @@ def test_the_motions_begin_together(points):
         emulators["right"].pace = 0.05
         _, error = together(emulators, points, programs)
     assert error is None
-    first_move = min(k for k, (_, text) in enumerate(heard) if re.match(r"G1.*F", text))
-    assert {name for name, text in heard[:first_move] if text == "G93"} == {"left", "right"}
+    first_move = min(k for k, (_, text) in enumerate(lines) if re.match(r"G1.*F", text))
+    assert {name for name, text in lines[:first_move] if text == "G93"} == {"left", "right"}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
@@ -208,14 +208,14 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
     programs = {name: gcode_program(part) for name, part in points.parts.items()}
     if event == "refuses a line":
         text = programs["right"].text.splitlines()
-        text[programs["right"].first + 20] = "G7"
+        text[programs["right"].first_line + 20] = "G7"
         programs["right"] = dataclasses.replace(programs["right"], text="\n".join(text))
     emulators = {name: Emulator(machine_of(part), pace=0.01) for name, part in points.parts.items()}
     hold = threading.Event()
 
     def disturb(text, answer):
         right = emulators["right"]
-        if len(right.lines) != programs["right"].first - 9 + 30:
+        if len(right.lines) != programs["right"].first_line - 9 + 30:
             return
         if event == "restarts":
             terminal = os.open(right.port, os.O_WRONLY | os.O_NOCTTY)
@@ -226,7 +226,7 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
         if event == "is unplugged":
             right.unplug()
 
-    emulators["right"].heard = disturb
+    emulators["right"].on_line = disturb
     with emulators["left"], emulators["right"]:
         counts, error = together(emulators, points, programs, hold, lambda: False)
         threading.Event().wait(0.2)
@@ -243,7 +243,7 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
     times = {
         name: programs[name].time_of(
             first_lost(
-                programs[name].text, counts[name].last, points.parts[name].controller.planner
+                programs[name].text, counts[name].last_line, points.parts[name].controller.planner
             )
         )
         for name in programs
@@ -254,11 +254,11 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
     for name, part in goes_on.parts.items():
         machine = emulators[name].machine
         machine.executed.clear()
-        machine.starts.clear()
+        machine.dwell_ends.clear()
         own = gcode_program(part)
         for line in own.text.splitlines():
             assert machine.line(line) == "ok", line
-        at = machine.positions(machine.starts[0] + part.motion.t) * machine.settings.steps
+        at = machine.positions(machine.dwell_ends[0] + part.motion.t) * machine.settings.steps
         np.testing.assert_allclose(np.rint(at), part.counts, atol=1.0)
         np.testing.assert_array_equal(
             part.motion.position[-1], points.parts[name].motion.position[-1]
@@ -282,7 +282,9 @@ def test_going_on_from_a_time_is_the_same_path_from_rest(points):
         assert np.all(m.position >= np.minimum(p[low], p[high]) - slack)
         assert np.all(m.position <= np.maximum(p[low], p[high]) + slack)
         np.testing.assert_array_equal(m.velocity[0], 0.0)
-    with pytest.raises(StandError, match=r"found 1\.5 s to go on from; the set points last 1\.5 s"):
+    with pytest.raises(
+        StandError, match=r"found 1\.5 s to continue from; the set points last 1\.5 s"
+    ):
         resumed_points(points, 1.5)
 
 

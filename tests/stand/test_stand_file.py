@@ -16,19 +16,19 @@ from fantoccini.stand.stand_file import STANDS
 
 @pytest.mark.parametrize("name", stand_names())
 def test_bundled_stands_move_their_puppets(name):
-    read = load_stand(name)
-    marionette = fan.load(read.puppet_path)
-    bound = AxisMap.of(read, marionette.coordinates)
-    assert len(bound.axes) in (6, 21) and all(a.kind == "stepper" for a in bound.axes)
-    p = np.random.default_rng(1).normal(size=(5, len(bound.axes)))
-    q = bound.coordinates_of(p)
-    assert np.allclose((q - bound.zero) @ bound.inverse.T, p, atol=1e-12)
-    for axis in bound.axes:
+    loaded = load_stand(name)
+    marionette = fan.load(loaded.puppet_path)
+    axis_map = AxisMap.of(loaded, marionette.coordinates)
+    assert len(axis_map.axes) in (6, 21) and all(a.kind == "stepper" for a in axis_map.axes)
+    p = np.random.default_rng(1).normal(size=(5, len(axis_map.axes)))
+    q = axis_map.coordinates_of(p)
+    assert np.allclose((q - axis_map.zero) @ axis_map.inverse.T, p, atol=1e-12)
+    for axis in axis_map.axes:
         low, high = axis.travel
         assert axis.file.home is not None and low <= axis.file.home.at <= high
 
 
-def test_the_schema_takes_the_bundled_stands():
+def test_the_schema_accepts_the_bundled_stands():
     schema = stand_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     for name in stand_names():
@@ -41,22 +41,22 @@ def test_the_schema_takes_the_bundled_stands():
 
 def test_transmissions_and_counts():
     """Closed forms: a turn moves 2 pi r, pi d, pitch teeth, lead, 2 pi."""
-    ways = {
+    travels = {
         "{type: drum, radius: 0.02}": 2 * np.pi * 0.02,
         "{type: drum, diameter: 0.02}": np.pi * 0.02,
         "{type: belt, pitch: 0.002, teeth: 20}": 0.04,
         "{type: screw, lead: 0.008}": 0.008,
         "{type: shaft}": 2 * np.pi,
     }
-    for text, way in ways.items():
+    for text, travel in travels.items():
         text_of_stand = STAND.replace(
             "{type: drum, radius: 0.01}", text + "\n    gear: 3\n    mass: 0.2"
         )
         (axis,) = axes_of(loads_stand(text_of_stand.replace("TORQUE", "1")))
-        assert axis.ratio == pytest.approx(3 * 2 * np.pi / way)
-        assert axis.counts == pytest.approx(3 * 3200 / way)
+        assert axis.ratio == pytest.approx(3 * 2 * np.pi / travel)
+        assert axis.counts == pytest.approx(3 * 3200 / travel)
         assert axis.inertia == pytest.approx(1e-5 + 0.2 / axis.ratio**2)
-        assert axis.count(np.array([way])) == 9600
+        assert axis.count(np.array([travel])) == 9600
     (axis,) = axes_of(stand(acceleration="reversed: true\n    acceleration"))
     assert axis.count(np.array([0.5])) == -np.rint(0.5 * axis.counts)
 
@@ -74,7 +74,7 @@ def test_torques_of_motors():
 
 
 WRONG = {
-    "a motor of no kind": ("type: stepper", "type: steper", 5, "did you mean 'stepper'"),
+    "an unknown kind of motor": ("type: stepper", "type: steper", 5, "did you mean 'stepper'"),
     "a torque of 0": ("TORQUE", "0", 5, "needed: a positive number"),
     "speeds that fall": ("TORQUE", "[[0, 1], [5, 1], [4, 1]]", 5, "needed: speeds that increase"),
     "a curve that begins late": ("TORQUE", "[[1, 1], [5, 1]]", 5, "needed: one at 0"),
@@ -87,7 +87,7 @@ WRONG = {
     "no travel": ("    travel: [0.2, 0.9]\n", "", 4, "travel: this key is missing"),
     "a travel backwards": ("[0.2, 0.9]", "[0.9, 0.2]", 8, "the lower one first"),
     "a factor of 0": ("line.length: 1", "line.length: 0", 7, "a factor that is not 0"),
-    "nothing to move": ("{line.length: 1}", "{}", 7, "found nothing"),
+    "no coordinate to move": ("{line.length: 1}", "{}", 7, "found nothing"),
     "home outside": (
         "    speed: 1\n",
         "    speed: 1\n    home: {towards: min, at: 0.1, speed: 1}\n",
@@ -95,21 +95,21 @@ WRONG = {
         "within travel",
     ),
     "an unknown key": ("    speed: 1\n", "    sped: 1\n    speed: 1\n", 9, "did you mean 'speed'"),
-    "like nobody": ("    speed: 1\n", "    like: wich\n", 9, "there is no axis 'wich'"),
-    "like itself": ("    speed: 1\n", "    like: winch\n", 9, "would be like itself"),
+    "like an unknown axis": ("    speed: 1\n", "    like: wich\n", 9, "there is no axis 'wich'"),
+    "like itself": ("    speed: 1\n", "    like: winch\n", 9, "would be `like` itself"),
     "zero of a coordinate without an axis": (
         "axes:",
         "zero: {line.lenght: 1}\naxes:",
         3,
         "did you mean 'line.length'",
     ),
-    "a controller for nobody": (
+    "a controller with an unknown axis": (
         "axes:",
         "controller: {type: grbl, names: {wnch: X}}\naxes:",
         3,
         "did you mean 'winch'",
     ),
-    "a controller of no kind": ("axes:", "controller: {type: grb}\naxes:", 3, "allowed: "),
+    "an unknown kind of controller": ("axes:", "controller: {type: grb}\naxes:", 3, "allowed: "),
     "two axes for one coordinate": (
         "axes:",
         "axes:\n  other: {like: winch, moves: {line.length: 2}}",

@@ -45,11 +45,11 @@ def test_a_streamed_motion_is_that_of_the_file(points, counting):
     emulator = Emulator(machine_of(points), pace=1e-3)
     with emulator, serial_port(emulator.port, 115_200) as port:
         done = stream(port, lines_of(gcode(points)), counting=counting)
-    assert emulator.overrun == 0 and emulator.fullest <= 128 and done.most <= 127
-    assert (done.most > 90) == counting  # the buffer is used
+    assert emulator.overrun == 0 and emulator.max_buffered <= 128 and done.max_unanswered <= 127
+    assert (done.max_unanswered > 90) == counting  # the buffer is used
     assert emulator.lines == [line.text for line in lines_of(gcode(points))]
     machine = emulator.machine
-    at = machine.positions(machine.starts[0] + points.motion.t) * machine.settings.steps
+    at = machine.positions(machine.dwell_ends[0] + points.motion.t) * machine.settings.steps
     assert np.max(np.abs(np.rint(at) - points.counts)) <= 1.0
 
 
@@ -85,14 +85,20 @@ def test_a_hold_resumes_or_stops(points):
     for answer in (True, False):
         with Emulator(machine_of(points), pace=5e-3) as emulator:
 
-            def go_on(progress, emulator=emulator, answer=answer):
+            def should_resume(progress, emulator=emulator, answer=answer):
                 threading.Event().wait(0.1)
                 asked.append(emulator.held)
                 return answer
 
             with serial_port(emulator.port, 115_200) as port:
                 if answer:
-                    stream(port, lines, progress=hold_at_line_20, hold=hold, go_on=go_on)
+                    stream(
+                        port,
+                        lines,
+                        progress=hold_at_line_20,
+                        hold=hold,
+                        should_resume=should_resume,
+                    )
                     assert emulator.lines == [line.text for line in lines]
                 else:
                     counts = Streamed()
@@ -102,12 +108,12 @@ def test_a_hold_resumes_or_stops(points):
                             lines,
                             progress=hold_at_line_20,
                             hold=hold,
-                            go_on=go_on,
+                            should_resume=should_resume,
                             counts=counts,
                         )
                     assert stopped.value.line > lines[19].number
                     # Answers that arrived during the hold count.
-                    assert counts.last == lines[len(emulator.lines) - 1].number
+                    assert counts.last_line == lines[len(emulator.lines) - 1].number
     assert asked == [True, True]
 
 

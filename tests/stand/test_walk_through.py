@@ -17,7 +17,7 @@ from tests.test_readme import blocks
 
 import fantoccini as fan
 from fantoccini.stand import load_stand, sending
-from fantoccini.stand.sending import REPEATED
+from fantoccini.stand.sending import REPEAT_TIME
 
 pytestmark = [
     pytest.mark.slow,
@@ -37,7 +37,7 @@ def commands(stand):
 @pytest.mark.parametrize("stand", STANDS)
 def test_a_stand_from_its_puppet_to_its_motors(stand, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sending, "LATEST", 5.0)  # the machine of the tests may be busy
+    monkeypatch.setattr(sending, "MAX_DELAY", 5.0)  # the machine of the tests may be busy
     (waves,) = [b for b in blocks(PAGE, "yaml") if b.startswith("# waves.yaml")]
     Path("waves.yaml").write_text(waves)
     done = [c[:2] if c[0] == "stand" else c[:1] for c in commands(stand)]
@@ -58,9 +58,9 @@ def test_a_stand_from_its_puppet_to_its_motors(stand, tmp_path, monkeypatch):
             command[-1] = port
         ended = fantoccini(*command)
         assert ended.exit_code == 0, (command, ended.stdout, ended.stderr)
-    _, said = emulator.communicate(timeout=60)
+    _, stderr = emulator.communicate(timeout=60)
     assert emulator.returncode == 0
-    assert ("0 lost" in said) or ("0 wrong" in said)
+    assert ("0 lost" in stderr) or ("0 wrong" in stderr)
     name = STANDS[stand]
     assert any(Path(f"{name}.{ending}").is_file() for ending in ("gcode", "cfg"))
     compared(stand, Path(f"{name}.csv"), fan.Trajectory.load(f"{name}.npz"))
@@ -93,7 +93,7 @@ def compared(stand, path, run):
     wanted = bound.motion_of(run, run.t[0] + np.arange(0.0, run.duration, 0.01)).position * 1e3
     if stand == "gantry21":
         # By the receiver's clock: a packet that is 20 ms late is 20 mm off at 1 m/s.
-        begun = round(100 * round(50 * REPEATED) / 50)
+        begun = round(100 * round(50 * REPEAT_TIME) / 50)
         errors = np.abs(at[begun : begun + len(wanted)] - wanted)
         assert np.percentile(errors.max(axis=1), 90) < 30.0
         return

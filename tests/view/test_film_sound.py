@@ -42,7 +42,7 @@ def beep(tmp_path) -> Sound:
     return Sound(path, 0.5, 1.0, 0.5)
 
 
-def heard(film: Path) -> np.ndarray:
+def sound_of(film: Path) -> np.ndarray:
     """The film's sound at 8000 samples per second."""
     command = [FFMPEG, "-v", "error", "-i", str(film), "-map", "0:a:0", "-ac", "1"]
     done = subprocess.run(
@@ -53,7 +53,7 @@ def heard(film: Path) -> np.ndarray:
 
 def loud(film: Path) -> np.ndarray:
     """Times with sound [s]."""
-    return np.flatnonzero(np.abs(heard(film)) > 0.05) / RATE
+    return np.flatnonzero(np.abs(sound_of(film)) > 0.05) / RATE
 
 
 def pictures(film: Path) -> list[np.ndarray]:
@@ -69,7 +69,7 @@ def options() -> dict:
 
 def test_the_sound_is_in_the_film_at_its_time(puppet, beep, tmp_path):
     film = view.film(*puppet, tmp_path / "a.mp4", sounds=[beep], **options())
-    assert len(heard(film)) / RATE == pytest.approx(2.0, abs=0.03)
+    assert len(sound_of(film)) / RATE == pytest.approx(2.0, abs=0.03)
     at = loud(film)
     assert at.min() == pytest.approx(0.5, abs=0.03) and at.max() == pytest.approx(1.0, abs=0.03)
     frames, _ = imageio_ffmpeg.count_frames_and_secs(str(film))
@@ -80,7 +80,7 @@ def test_slow_films_have_slow_sound_of_the_same_pitch(puppet, beep, tmp_path):
     film = view.film(*puppet, tmp_path / "a.mp4", sounds=[beep], speed=0.5, **options())
     at = loud(film)
     assert at.min() == pytest.approx(1.0, abs=0.08) and at.max() == pytest.approx(2.0, abs=0.08)
-    part = heard(film)[int(1.3 * RATE) : int(1.7 * RATE)]
+    part = sound_of(film)[int(1.3 * RATE) : int(1.7 * RATE)]
     spectrum = np.abs(np.fft.rfft(part * np.hanning(len(part))))
     assert np.argmax(spectrum) * RATE / len(part) == pytest.approx(440.0, abs=6.0)
     with pytest.raises(ValueError, match=r"needs 0\.25 to 4"):
@@ -93,7 +93,7 @@ def test_sounds_are_mixed_and_cut_with_the_film(puppet, beep, tmp_path):
     before = Sound(beep.path, -0.4, 1.0, 0.5)
     never = Sound(beep.path, 7.0, 1.0, 0.5)
     film = view.film(*puppet, tmp_path / "a.mp4", sounds=[beep, quiet, before, never], **options())
-    samples = heard(film)
+    samples = sound_of(film)
     assert len(samples) / RATE == pytest.approx(2.0, abs=0.03)
     at = loud(film)
     gaps = at[1:][np.diff(at) > 0.1]
@@ -108,7 +108,7 @@ def test_a_gif_is_silent_and_a_film_without_sounds_has_none(puppet, beep, tmp_pa
     assert view.film(*puppet, tmp_path / "a.gif", sounds=[beep], **options()).stat().st_size > 0
     film = view.film(*puppet, tmp_path / "a.mp4", **options())
     with pytest.raises(subprocess.CalledProcessError):
-        heard(film)
+        sound_of(film)
 
 
 def test_captions_are_in_the_picture_in_their_time_only(puppet, tmp_path):

@@ -105,7 +105,7 @@ def test_nothing_is_loaded_and_names_are_text(read):
 def test_the_table_has_the_numbers_found(found, read):
     rows, unit = read.rows(0), units(found.record)
     assert tuple(rows) == found.names
-    for name, begin in zip(found.names, found.record.begin, strict=True):
+    for name, begin in zip(found.names, found.record.initial_values, strict=True):
         row, deviation = rows[name], found.deviation(name)
         assert abs(float(row["estimate"]) - found[name]) < 0.06 * deviation
         ends = [float(x) for x in row["95 % interval"].split(" to ")]

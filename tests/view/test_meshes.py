@@ -13,25 +13,29 @@ from fantoccini.output.view.silhouettes import box, capsule, ellipsoid, mesh
 GREY = np.full(3, 0.5)
 TURN = Rotation.from_rotvec([0.4, -0.9, 0.3]).as_matrix()
 CENTRE = np.array([0.3, -0.2, 0.5])
-BALL = 4.0 / 3.0 * np.pi
+UNIT_BALL_VOLUME = 4.0 / 3.0 * np.pi
 
 SOLIDS = {
     "capsule": (
         capsule(0, GREY, np.array([[0.1, 0.0, 0.0], [0.1, 0.3, -0.4]]), 0.1),
-        np.pi * 0.01 * 0.5 + BALL * 0.001,
+        np.pi * 0.01 * 0.5 + UNIT_BALL_VOLUME * 0.001,
         [0.1, 0.15, -0.2],
     ),
     "upright capsule": (
         capsule(0, GREY, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]), 0.2),
-        np.pi * 0.04 + BALL * 0.008,
+        np.pi * 0.04 + UNIT_BALL_VOLUME * 0.008,
         [0.0, 0.0, 0.5],
     ),
-    "ball": (capsule(0, GREY, np.tile(CENTRE, (2, 1)), 0.2), BALL * 0.008, CENTRE),
-    "speck": (capsule(0, GREY, np.zeros((2, 3)), 1e-4), BALL * 1e-12, [0.0, 0.0, 0.0]),
-    "ellipsoid": (ellipsoid(0, GREY, CENTRE, TURN * [0.1, 0.2, 0.05]), BALL * 0.001, CENTRE),
+    "ball": (capsule(0, GREY, np.tile(CENTRE, (2, 1)), 0.2), UNIT_BALL_VOLUME * 0.008, CENTRE),
+    "speck": (capsule(0, GREY, np.zeros((2, 3)), 1e-4), UNIT_BALL_VOLUME * 1e-12, [0.0, 0.0, 0.0]),
+    "ellipsoid": (
+        ellipsoid(0, GREY, CENTRE, TURN * [0.1, 0.2, 0.05]),
+        UNIT_BALL_VOLUME * 0.001,
+        CENTRE,
+    ),
     "mirrored ellipsoid": (
         ellipsoid(0, GREY, CENTRE, TURN * [-0.1, 0.2, 0.05]),
-        BALL * 0.001,
+        UNIT_BALL_VOLUME * 0.001,
         CENTRE,
     ),
     "box": (box(0, GREY, CENTRE, TURN * [0.1, 0.2, 0.05]), 8.0 * 0.001, CENTRE),
@@ -59,7 +63,7 @@ def test_a_mesh_is_closed_and_has_the_solids_volume_and_centre(name):
 
 
 @pytest.mark.parametrize("name", ["capsule", "ball", "ellipsoid", "mirrored ellipsoid"])
-def test_normals_are_units_and_look_the_way_the_triangles_look(name):
+def test_normals_have_length_1_and_point_outwards_as_the_triangles(name):
     mesh = triangles(SOLIDS[name][0])
     assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0)
     flat = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).face_normals

@@ -19,7 +19,7 @@ from view.still_life import bundled, swinging
 pytestmark = pytest.mark.medium
 
 MAX_DISPLAY_LENGTH = 300_000
-"""Characters."""
+"""Largest length of a display [characters]."""
 
 HOSTILE = "<script>alert(1)</script>\"'><img src=x onerror=alert(2)>&amp;\x1b[31m"
 
@@ -29,20 +29,20 @@ class Page(HTMLParser):
 
     def __init__(self, text: str):
         super().__init__()
-        self.tags, self.texts, self.images, self.open = set(), [], [], []
+        self.tags, self.texts, self.images, self.open_tags = set(), [], [], []
         self.feed(text)
         self.close()
-        assert self.open == []
+        assert self.open_tags == []
 
     def handle_starttag(self, tag, attrs):
         self.tags.add(tag)
         if tag == "img":
             self.images.append(dict(attrs))
         else:
-            self.open.append(tag)
+            self.open_tags.append(tag)
 
     def handle_endtag(self, tag):
-        assert self.open.pop() == tag
+        assert self.open_tags.pop() == tag
 
     def handle_data(self, data):
         self.texts.append(data)
@@ -130,7 +130,7 @@ def test_names_cannot_inject_markup():
 
 
 def test_a_picture_that_fails_leaves_the_tables(monkeypatch):
-    def fail(*args, **how):
+    def fail(*args, **options):
         raise RuntimeError("no")
 
     monkeypatch.setattr(notebook, "figure_of", fail)

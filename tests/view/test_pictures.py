@@ -15,7 +15,7 @@ from fantoccini.model.puppet import loads
 from fantoccini.output import view
 from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.compose import compose
-from fantoccini.output.view.drawing import PictureOptions, layout_of, plain
+from fantoccini.output.view.drawing import PictureOptions, layout_of, one_line
 from fantoccini.output.view.films import Frames
 from fantoccini.output.view.geometry import geometry_at, geometry_of
 from fantoccini.output.view.theme import DARK
@@ -182,8 +182,8 @@ def test_names_are_plain_text(tmp_path):
     run = dataclasses.replace(run, puppet=SimpleNamespace(name=HOSTILE))
     assert view.plot(run, tmp_path / "b.png").texts[0].get_text() == HOSTILE
     view.strip(m, run, tmp_path / "c.svg", n=2)
-    assert plain("a\n\x1b[31m\tb  c") == "a [31m b c"
-    assert len(plain("x" * 200)) == 60
+    assert one_line("a\n\x1b[31m\tb  c") == "a [31m b c"
+    assert len(one_line("x" * 200)) == 60
 
 
 def test_bodies_without_shapes_and_springs_are_drawn(tmp_path):
@@ -229,8 +229,10 @@ def test_matplotlib_and_ffmpeg_wait_for_the_first_picture():
         "late = ('matplotlib', 'imageio_ffmpeg', 'trimesh', 'pyvista')\n"
         "print([m for m in late if m in sys.modules])"
     )
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert said.stdout.strip() == "[]"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "[]"
 
 
 def test_no_display_and_no_pyplot(tmp_path):
@@ -243,7 +245,7 @@ def test_no_display_and_no_pyplot(tmp_path):
         "print('matplotlib.pyplot' in sys.modules)"
     )
     environment = {"PYTHONPATH": ":".join(p for p in sys.path if p), "MPLBACKEND": "TkAgg"}
-    said = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True
     )
-    assert said.stdout.strip() == "False"
+    assert result.stdout.strip() == "False"

@@ -1,4 +1,4 @@
-"""Report of a play: self-contained, with the figures, and nothing in it is cut."""
+"""Report of a play: self-contained, with the figures, and no text is cut off."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
 import fantoccini as fan
 from fantoccini.output import reports
 from fantoccini.output.reports.stage_plan import plan
-from fantoccini.output.reports.timeline import fitted, timeline
+from fantoccini.output.reports.timeline import shortened, timeline
 from fantoccini.output.view.stills import Stills
 from fantoccini.theatre.plays import clearances, overhead
 
@@ -69,7 +69,7 @@ def page(text) -> Page:
     return Page(text)
 
 
-def test_the_page_needs_nothing_else(page, text):
+def test_the_page_is_self_contained(page, text):
     sources = [known.get("src") or known.get("href") for tag, known in page.tags]
     kinds = [source.split(";")[0] for source in sources if source is not None]
     assert sorted(kinds) == ["data:image/png", "data:image/svg+xml", "data:image/svg+xml"]
@@ -146,8 +146,8 @@ def test_remarks_are_not_counted_as_cues_that_cannot_be_done(tmp_path):
     assert 'class="verdict holds">1 of 2 cues can be done, 1 left out' in text
 
 
-def inside(figure) -> list[str]:
-    """Words of a figure; fails if one of them is cut."""
+def texts_within(figure) -> list[str]:
+    """Texts of a figure; fails if one of them is cut off."""
     figure.canvas.draw()
     whole, words = figure.bbox, []
     for axes in figure.axes:
@@ -169,29 +169,31 @@ def inside(figure) -> list[str]:
 
 def test_the_drawings_name_everything_and_cut_nothing(verification):
     play = verification.play
-    assert {"one", "two", "here", "there", "block"} <= set(inside(plan(play, verification.space)))
-    words = inside(timeline(play))
+    assert {"one", "two", "here", "there", "block"} <= set(
+        texts_within(plan(play, verification.space))
+    )
+    words = texts_within(timeline(play))
     assert {"First <act>", "one", "two", "captions", "1 hop.yaml", "one: <Hop> & hop"} <= set(words)
-    stills = inside(Stills(play, verification.run).of_act("First <act>"))
+    stills = texts_within(Stills(play, verification.run).of_act("First <act>"))
     assert [stills.count(name) for name in ("one", "two")] == [8, 8]
 
 
 def test_the_plan_view_shows_all_things_on_the_stage(verification):
-    seen = overhead(verification.play)
-    assert seen.marks == {"here": (0.0, -0.3), "there": (0.0, 0.3)}
-    (polygon,) = seen.standing["block"]
+    plan_view = overhead(verification.play)
+    assert plan_view.marks == {"here": (0.0, -0.3), "there": (0.0, 0.3)}
+    (polygon,) = plan_view.standing["block"]
     np.testing.assert_allclose(polygon.min(axis=0), [-0.45, -0.15], atol=1e-9)
     np.testing.assert_allclose(polygon.max(axis=0), [-0.35, 0.15], atol=1e-9)
 
 
-def test_words_are_cut_to_fit():
-    assert fitted("12 walks to the door", 200.0) == "12 walks to the door"
-    assert fitted("12 walks to the door", 60.0).startswith("12 walk")
-    assert fitted("12 walks to the door", 15.0) == "12"
-    assert fitted("12 walks to the door", 5.0) == ""
+def test_labels_are_shortened_to_fit():
+    assert shortened("12 walks to the door", 200.0) == "12 walks to the door"
+    assert shortened("12 walks to the door", 60.0).startswith("12 walk")
+    assert shortened("12 walks to the door", 15.0) == "12"
+    assert shortened("12 walks to the door", 5.0) == ""
 
 
-def test_a_report_elsewhere_is_refused(verification, tmp_path):
+def test_paths_of_other_files_are_refused(verification, tmp_path):
     with pytest.raises(ValueError, match=r"a report ends in \.html, not in '\.pdf'"):
         reports.play_report(verification, tmp_path / "page.pdf")
     with pytest.raises(fan.errors.PictureError, match="there is no folder"):

@@ -56,7 +56,7 @@ def lab(colour: np.ndarray, eye) -> np.ndarray:
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=lambda theme: theme.name)
 @pytest.mark.parametrize("eye", SEEN)
 def test_twelve_lines_have_colours_that_everybody_tells_apart(theme, eye):
-    """17.16: two of nine strings had one colour. A difference of 10 is seen at a glance."""
+    """Two of nine strings had one colour. A difference of 10 is seen at a glance."""
     assert len(theme.cycle) >= 12
     seen = [lab(rgb(colour), SEEN[eye]) for colour in theme.cycle[:12]]
     assert min(np.linalg.norm(a - b) for a, b in combinations(seen, 2)) > 15.0
@@ -67,14 +67,14 @@ def test_twelve_lines_have_colours_that_everybody_tells_apart(theme, eye):
 
 
 def test_more_lines_have_dashes():
-    """17.16: beyond the number of colours, lines of one colour have different dashes."""
+    """Beyond the number of colours, lines of one colour have different dashes."""
     styles = {(LIGHT.colour(k), LIGHT.dashes(k)) for k in range(48)}
     assert len(styles) == 48
     assert all(LIGHT.dashes(k) == () for k in range(12))
 
 
 def test_a_bar_that_turns_is_in_the_plot():
-    """17.16: plots left out bar.rotation."""
+    """Plots left out bar.rotation."""
     m = bundled("marionette_bar")
     run = swinging(m)
     q_K = np.array(run.q_K)

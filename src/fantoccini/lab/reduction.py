@@ -4,7 +4,7 @@ Sec. VI moves the driven coordinates by drives, here of inertia J. Over v = (v_D
 energy then has the metric M = [M_DD, M_DK; M_DK^T, M_KK + J]. A force on driven coordinate i
 accelerates along Y_i = M^-1 e_i; with taut rows A = [A_D A_K] along X_i = P Y_i, P the M-orthogonal
 projection on A v = 0. The section asks for M_DK = 0, M_DD(q_D), M_KK(q_K) and symmetric products
-<X_i, X_j> in span{X_k}. The mixed model needs less: that the drives can give any acc_K.
+<X_i, X_j> in span{X_k}. The mixed model needs less: that the drives can produce any acc_K.
 """
 
 from __future__ import annotations
@@ -174,8 +174,8 @@ class ReductionReport:
         )
 
     @property
-    def answer(self) -> str:
-        """Whether driven coordinates may be inputs, in a sentence."""
+    def conclusion(self) -> str:
+        """Sentence that says whether driven coordinates may be inputs, and why."""
         if not self.valid:
             strings = " and ".join(next(t.tied for t in self.tracking if t.pulls_apart))
             return (
@@ -207,14 +207,14 @@ def validate_reduction(marionette: Marionette) -> ReductionReport:
     mixed, rng = without_drives(marionette), np.random.default_rng(0)
     inertia = np.where(in_metres(mixed)[mixed.coordinates.n_vD :], *drive(mixed))
     states = random_states(mixed, N_STATES, rng)
-    on = taut_states(mixed, N_STATES, rng)
+    configurations = taut_states(mixed, N_STATES, rng)
     return ReductionReport(
         mixed.name,
         mixed.coordinates.v_K,
         kinetic_energy(mixed, states),
         max(symmetric_products(mixed, x, inertia)[1] for x in states),
-        tuple(symmetric_products(mixed, x, inertia, rows)[1] for x, rows in on),
-        tuple(tracking(mixed, x, inertia, rows) for x, rows in on),
+        tuple(symmetric_products(mixed, x, inertia, rows)[1] for x, rows in configurations),
+        tuple(tracking(mixed, x, inertia, rows) for x, rows in configurations),
     )
 
 

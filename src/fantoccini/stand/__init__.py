@@ -9,8 +9,8 @@ from fantoccini.stand.gcode_text import (
     Program,
     gcode,
     gcode_program,
-    gentle_feed,
     grbl_settings,
+    slow_feed,
 )
 from fantoccini.stand.limits import QUANTITIES, Limit
 from fantoccini.stand.packets import packets_of
@@ -70,7 +70,6 @@ __all__ = [
     "first_lost",
     "gcode",
     "gcode_program",
-    "gentle_feed",
     "grbl_settings",
     "inputs_of",
     "is_stand",
@@ -88,6 +87,7 @@ __all__ = [
     "send_points",
     "serial_port",
     "set_points",
+    "slow_feed",
     "slowed",
     "slower",
     "stand_names",

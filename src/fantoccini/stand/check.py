@@ -169,7 +169,7 @@ class StandCheck:
 
     def __repr__(self) -> str:
         verdict = "can" if self.ok else "cannot" if self.broken else "perhaps can"
-        return f"<StandCheck: {self.map.stand.name} {verdict}, least margin {self.margin:.0f} %>"
+        return f"<StandCheck: {self.map.stand.name} {verdict}, smallest margin {self.margin:.0f} %>"
 
     def summary(self) -> str:
         """The verdict in a sentence."""
@@ -183,7 +183,7 @@ class StandCheck:
         if first is None:
             worst = min(self.limits, key=lambda limit: limit.margin)
             return (
-                f"{name} can do it: the least margin is {worst.margin:.0f} %, the "
+                f"{name} can do it: the smallest margin is {worst.margin:.0f} %, the "
                 f"{worst.quantity} of {worst.axis} at t = {worst.t:.3f} s"
             )
         return (

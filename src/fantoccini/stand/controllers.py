@@ -1,4 +1,4 @@
-"""Controllers of stands: the kinds that take set points, and their keys in a stand file."""
+"""Controllers of stands: the kinds that receive set points, and their keys in a stand file."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ AxisName = Annotated[
 ]
 
 
-def _frame_rate(rate: float) -> float:
+def _check_frame_rate(rate: float) -> float:
     if rate > MAX_FRAME_RATE:
-        raise mistake(f"found {rate:g}; DMX takes at most {MAX_FRAME_RATE:g} frames per second")
+        raise mistake(f"found {rate:g}; DMX allows at most {MAX_FRAME_RATE:g} frames per second")
     return rate
 
 
 Baud = Annotated[int, Field(ge=300, le=50_000_000)]
-Size16 = Annotated[int, Field(ge=1, le=65_535)]
+Uint16 = Annotated[int, Field(ge=1, le=65_535)]
 Host = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.:-]{1,253}$")]
 
 
@@ -71,12 +71,12 @@ class Grbl(SerialController):
 
     type: Literal["grbl", "fluidnc"]
     """Kind of controller."""
-    buffer: Size16 = 128
+    buffer: Uint16 = 128
     """Size of its serial buffer [characters]."""
-    planner: Size16 = 16
+    planner: Uint16 = 16
     """Number of moves that its planner looks ahead."""
     step_rate: Size | None = 30_000.0
-    """Largest step rate of an axis [pulses/s]; an 8-bit board with GRBL makes 30,000."""
+    """Largest step rate of an axis [pulses/s]; an 8-bit board with GRBL generates up to 30,000."""
 
 
 class Klipper(SerialController):
@@ -95,9 +95,9 @@ class Marlin(SerialController):
     """Kind of controller."""
     baud: Baud = 250_000
     """Bits per second."""
-    buffer: Size16 = 4
+    buffer: Uint16 = 4
     """Size of its queue [commands]."""
-    planner: Size16 = 16
+    planner: Uint16 = 16
     """Number of moves that its planner looks ahead."""
 
 
@@ -111,7 +111,7 @@ class Sampled(ControllerBase):
 
 
 class ODrive(ControllerBase):
-    """ODrive, fed from a CSV of set points or over a CAN bus; names are node ids."""
+    """ODrive, with set points from a CSV file or a CAN bus; names are node ids."""
 
     type: Literal["odrive", "can"]
     """Kind of controller."""
@@ -154,20 +154,20 @@ class Osc(ControllerBase):
     """Messages per second and axis."""
     host: Host = "127.0.0.1"
     """Host that receives the packets."""
-    port: Size16 = 9000
+    port: Uint16 = 9000
     """UDP port of the receiver."""
 
 
 class ArtNet(ControllerBase):
-    """Art-Net: DMX over UDP; names are first channels (an axis of 16 bits takes two)."""
+    """Art-Net: DMX over UDP; names are first channels (an axis of 16 bits has two)."""
 
     type: Literal["artnet"]
     """Kind of controller."""
-    rate: Annotated[Size, AfterValidator(_frame_rate)] = 40.0
-    """Frames per second; DMX takes at most 44."""
+    rate: Annotated[Size, AfterValidator(_check_frame_rate)] = 40.0
+    """Frames per second; DMX allows at most 44."""
     host: Host = "127.0.0.1"
     """Host that receives the packets."""
-    port: Size16 = 6454
+    port: Uint16 = 6454
     """UDP port of the receiver."""
     universe: Annotated[int, Field(ge=0, le=32_767)] = 0
     """Universe of the channels."""
@@ -195,7 +195,7 @@ class MarlinPart(Marlin):
 
 
 ControllerPart = Annotated[GrblPart | MarlinPart, Field(discriminator="type")]
-"""One of several controllers of a stand; all take G-code."""
+"""One of several controllers of a stand; all accept G-code."""
 Controller = Annotated[
     Grbl | Klipper | Marlin | Sampled | ODrive | Dynamixel | Ros2 | Osc | ArtNet,
     Field(discriminator="type"),
@@ -225,7 +225,7 @@ def axis_letters(
     return "".join(used), mistakes
 
 
-def too_many(kind: str, n_axes: int) -> str:
+def too_many_axes(kind: str, n_axes: int) -> str:
     """Reason why a kind of controller cannot move this number of axes; "" if it can."""
     n_letters = len(LETTERS[kind]) if kind in LETTERS else n_axes
     if n_axes <= n_letters:

@@ -60,7 +60,7 @@ class Block:
         junction: upper bound of the start speed [units/s].
         entry: start speed [units/s].
         t: start time [s]; set when the move is executed.
-        leave: end speed [units/s]; set when the move is executed.
+        exit: end speed [units/s]; set when the move is executed.
     """
 
     begin: Indices
@@ -71,22 +71,22 @@ class Block:
     junction: float
     entry: float = 0.0
     t: float = 0.0
-    leave: float = 0.0
+    exit: float = 0.0
 
     def phases(self) -> tuple[float, float, float, float]:
         """Peak speed [units/s]; durations of acceleration, cruise and deceleration [s]."""
-        a, d, v0, v1 = self.acceleration, self.length, self.entry, self.leave
+        a, d, v0, v1 = self.acceleration, self.length, self.entry, self.exit
         peak = min(self.rate, math.sqrt(max(a * d + (v0 * v0 + v1 * v1) / 2.0, 0.0)))
         peak = max(peak, v0, v1)
         rise, fall = (peak - v0) / a, (peak - v1) / a
         cruise = (d - (peak + v0) / 2.0 * rise - (peak + v1) / 2.0 * fall) / peak
         return peak, rise, max(cruise, 0.0), fall
 
-    def reach(self, speed: float) -> float:
+    def max_speed_from(self, speed: float) -> float:
         """Largest speed at one end, given the speed at the other end [units/s]."""
         return math.sqrt(speed * speed + 2.0 * self.acceleration * self.length)
 
-    def done(self, t: Times) -> Array:
+    def fraction_done(self, t: Times) -> Array:
         """(T,) fraction of the path covered, at times since its start."""
         peak, rise, cruise, fall = self.phases()
         a = self.acceleration
@@ -103,19 +103,19 @@ class GrblMachine:
 
     Attributes:
         settings: settings of the machine.
-        waiting: planned moves, whose speeds may still change.
+        planned: planned moves, whose speeds may still change.
         executed: the moves made so far, in order.
         time: end time of the last executed move [s].
         steps: (n,) end of the last planned move [steps].
-        starts: end times of dwells [s].
+        dwell_ends: end times of dwells [s].
     """
 
     settings: GrblSettings
-    waiting: deque[Block] = field(default_factory=deque)
+    planned: deque[Block] = field(default_factory=deque)
     executed: list[Block] = field(default_factory=list)
     time: float = 0.0
     steps: Indices = field(init=False)
-    starts: list[float] = field(default_factory=list)
+    dwell_ends: list[float] = field(default_factory=list)
     _offset: Array = field(init=False)
     _inverse: bool = False
     _feed: float = 0.0
@@ -139,7 +139,7 @@ class GrblMachine:
         for k in np.unique(indices[indices >= 0]):
             block, during = self.executed[k], indices == k
             events = int(np.max(np.abs(block.delta)))
-            step_events = np.floor(block.done(times[during] - block.t) * events + 1e-6)
+            step_events = np.floor(block.fraction_done(times[during] - block.t) * events + 1e-6)
             ratio = np.abs(block.delta) / events
             steps = np.floor(step_events[:, None] * ratio + 0.5).astype(np.int64)
             positions[during] = block.begin + np.sign(block.delta) * steps
@@ -163,15 +163,15 @@ class GrblMachine:
 
     def finish(self) -> None:
         """Executes all planned moves; the machine is then at rest."""
-        while self.waiting:
+        while self.planned:
             self._execute_next()
         self._direction, self._rate = None, 0.0
 
     def reset(self) -> None:
         """Drops the waiting moves and all modes; the machine stays where its last move ended."""
-        if self.waiting:
-            self.steps = self.waiting[0].begin
-        self.waiting.clear()
+        if self.planned:
+            self.steps = self.planned[0].begin
+        self.planned.clear()
         self.finish()
         self._inverse, self._feed = False, 0.0
 
@@ -198,7 +198,7 @@ class GrblMachine:
                 raise LineRefusedError(2)
             self.finish()
             self.time += math.ceil(values.pop("P") / DWELL - 1e-9) * DWELL
-            self.starts.append(self.time)
+            self.dwell_ends.append(self.time)
         elif commands & {"G10", "G92"}:
             if "G10" in commands and (values.pop("L", 0.0), values.pop("P", 0.0)) != (20.0, 1.0):
                 raise LineRefusedError(20)
@@ -236,10 +236,10 @@ class GrblMachine:
         rate = max(rate, MIN_RATE)
         junction = min(self._junction(direction), self._rate, rate)
         acceleration = float(np.min(settings.acceleration[moving] / components))
-        self.waiting.append(Block(self.steps, delta, length, rate, acceleration, junction))
+        self.planned.append(Block(self.steps, delta, length, rate, acceleration, junction))
         self.steps, self._direction, self._rate = steps, direction, rate
         self._plan()
-        while len(self.waiting) >= settings.planner:
+        while len(self.planned) >= settings.planner:
             self._execute_next()
 
     def _junction(self, direction: Array) -> float:
@@ -260,22 +260,22 @@ class GrblMachine:
 
     def _plan(self) -> None:
         """Sets the entry speeds of the waiting moves, except that of the first."""
-        blocks, after = list(self.waiting), 0.0
+        blocks, after = list(self.planned), 0.0
         for block in blocks[:0:-1]:
-            block.entry = after = min(block.junction, block.reach(after))
+            block.entry = after = min(block.junction, block.max_speed_from(after))
         for before, block in pairwise(blocks):
-            block.entry = min(block.entry, before.reach(before.entry))
+            block.entry = min(block.entry, before.max_speed_from(before.entry))
 
     def _execute_next(self) -> None:
-        block = self.waiting.popleft()
-        block.t, block.leave = self.time, self.waiting[0].entry if self.waiting else 0.0
+        block = self.planned.popleft()
+        block.t, block.exit = self.time, self.planned[0].entry if self.planned else 0.0
         self.time += sum(block.phases()[1:])
         self.executed.append(block)
 
 
 def start_waits(machines: Sequence[GrblMachine]) -> list[float]:
     """Times for which machines that start together wait after their first dwells [s]."""
-    begins = [machine.starts[0] if machine.starts else 0.0 for machine in machines]
+    begins = [machine.dwell_ends[0] if machine.dwell_ends else 0.0 for machine in machines]
     return [max(begins) - begin for begin in begins]
 
 
@@ -283,7 +283,7 @@ def positions_together(machines: Sequence[GrblMachine], times: Times) -> Array:
     """(T, n) positions of the motors of machines that start together, in their order [units]."""
     series = []
     for machine, wait in zip(machines, start_waits(machines), strict=True):
-        begin = machine.starts[0] if machine.starts else 0.0
+        begin = machine.dwell_ends[0] if machine.dwell_ends else 0.0
         own = np.where(times < begin + wait, np.minimum(times, begin), times - wait)
         series.append(machine.positions(own))
     return np.concatenate(series, axis=1)
@@ -295,13 +295,13 @@ class Emulator:
     Args:
         machine: executes the lines.
         pace: real time spent on each line [s]; moves take no real time.
-        heard: callback with every line and its answer.
+        on_line: callback with every line and its answer.
 
     Attributes:
         port: name of the terminal to stream to.
         machine: the machine, with the moves executed so far.
         lines: received lines, in order.
-        fullest: largest number of characters in the buffer.
+        max_buffered: largest number of characters in the buffer.
         overrun: number of characters lost to a full buffer.
         held: whether a feed hold is active.
         resets: number of resets.
@@ -311,15 +311,15 @@ class Emulator:
         self,
         machine: GrblMachine,
         pace: float = 0.0,
-        heard: Callable[[str, str], None] | None = None,
+        on_line: Callable[[str, str], None] | None = None,
     ):
         if sys.platform == "win32":
             raise StandError("the emulator needs pseudo-terminals, which Windows lacks")
         import tty
 
-        self.machine, self.pace, self.heard = machine, pace, heard
+        self.machine, self.pace, self.on_line = machine, pace, on_line
         self.lines: list[str] = []
-        self.fullest = self.overrun = self.resets = 0
+        self.max_buffered = self.overrun = self.resets = 0
         self.held = False
         self._received = bytearray()
         self._stop = threading.Event()
@@ -381,7 +381,7 @@ class Emulator:
             self.overrun += 1
         else:
             self._received += character
-            self.fullest = max(self.fullest, len(self._received))
+            self.max_buffered = max(self.max_buffered, len(self._received))
 
     def _answer_line(self) -> None:
         end = self._received.index(b"\n")
@@ -391,5 +391,5 @@ class Emulator:
         del self._received[: end + 1]
         self.lines.append(text)
         os.write(self._master, f"{answer}\r\n".encode())
-        if self.heard is not None:
-            self.heard(text, answer)
+        if self.on_line is not None:
+            self.on_line(text, answer)

@@ -15,15 +15,15 @@ import numpy as np
 from fantoccini.base import Array, StandError
 from fantoccini.stand.axes import Axis, axes_of
 from fantoccini.stand.controllers import Grbl, Klipper, Marlin, axis_letters
-from fantoccini.stand.points import GENTLE, SetPoints
+from fantoccini.stand.points import SLOW_SPEED_SHARE, SetPoints
 from fantoccini.stand.stand_file import Stand
 from fantoccini.stand.timed_moves import Limits, TimedMoves, timed_moves
 
-RAMP_RESERVE = 3.0
-"""The controller's acceleration over that of the axes: its ramps between set points are then short.
+ACCELERATION_RESERVE = 3.0
+"""Ratio of the controller's acceleration to that of the axes; it shortens ramps between set points.
 """
 SPEED_RESERVE = 1.5
-"""The controller's largest speed over that of the axes."""
+"""Ratio of the controller's largest speed to that of the axes."""
 MIN_JUNCTION_DEVIATION = 0.01
 """Smallest junction deviation [mm]."""
 MAX_LINE_LENGTH = 79
@@ -31,7 +31,7 @@ MAX_LINE_LENGTH = 79
 
 _KLIPPER_NAME = re.compile(r"[A-Za-z0-9_]+")
 SETTLING_DWELL = 0.1
-"""Dwell before the motion, in which all earlier moves end [s]."""
+"""Dwell before the motion, during which all earlier moves end [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class GrblSettings(Limits):
         return lines
 
 
-def units(axes: tuple[Axis, ...]) -> Array:
+def gcode_units(axes: tuple[Axis, ...]) -> Array:
     """(n,) units of G-code per unit of the axes: mm per m, or degrees per rad."""
     return np.array([1000.0 if axis.unit == "m" else np.degrees(1.0) for axis in axes])
 
@@ -75,8 +75,10 @@ def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
     if not isinstance(controller, Grbl | Marlin):
         raise StandError(f"{controller.type} is not grbl, fluidnc or marlin; give --controller")
     axes = axes_of(stand)
-    scale = units(axes)
-    acceleration = RAMP_RESERVE * scale * np.array([axis.file.acceleration for axis in axes])
+    scale = gcode_units(axes)
+    acceleration = (
+        ACCELERATION_RESERVE * scale * np.array([axis.file.acceleration for axis in axes])
+    )
     junction = float(np.max(acceleration)) / rate**2 / 4.0
     return GrblSettings(
         np.array([axis.counts for axis in axes]) / scale,
@@ -96,17 +98,17 @@ class Program:
 
     Attributes:
         text: the lines.
-        first: number of the first line of the motion, from 1.
-        begin: (m,) times in the set points at which the lines from there on begin [s].
+        first_line: number of the first line of the motion, from 1.
+        begin: (m,) times in the set points at which this and the following lines begin [s].
     """
 
     text: str
-    first: int
+    first_line: int
     begin: Array
 
     def time_of(self, line: int) -> float:
         """Time in the set points at which a line begins [s]; 0 before the motion."""
-        k = min(line - self.first, len(self.begin) - 1)
+        k = min(line - self.first_line, len(self.begin) - 1)
         return float(self.begin[k]) if k >= 0 else 0.0
 
 
@@ -118,7 +120,7 @@ def gcode(points: SetPoints, inverse: bool = True) -> str:
         inverse: for GRBL and FluidNC, whether feeds are inverse times (G93) or mm/min (G94).
 
     Raises:
-        StandError: the controller takes no G-code, or cannot keep the times.
+        StandError: the controller does not accept G-code, or cannot keep the times.
     """
     if isinstance(points.controller, Klipper):
         return _klipper(points)
@@ -129,14 +131,19 @@ def gcode_program(points: SetPoints, inverse: bool = True) -> Program:
     """:func:`gcode` for GRBL, FluidNC and Marlin, with the times of its moves."""
     if not isinstance(points.controller, Grbl | Marlin):
         raise StandError(
-            f"{points.controller.type} takes no G-code; needed: another ending, or --controller "
-            "grbl, fluidnc, marlin or klipper"
+            f"{points.controller.type} does not accept G-code; needed: another ending, or "
+            "--controller grbl, fluidnc, marlin or klipper"
         )
     settings = grbl_settings(points.map.stand, points.controller, points.rate)
     moves = timed_moves(points.motion.t, points.counts, settings)
     marlin = isinstance(points.controller, Marlin)
-    text = GcodeWriter(points, settings, inverse and not marlin, marlin)
-    lines = [*_header(points, settings, marlin), *text.before(), *text.timed(moves), *text.after()]
+    writer = GcodeWriter(points, settings, inverse and not marlin, marlin)
+    lines = [
+        *_header(points, settings, marlin),
+        *writer.lines_before(),
+        *writer.lines_of_motion(moves),
+        *writer.lines_after(),
+    ]
     _check_port_speed(points, moves, lines)
     begin = moves.begin
     if points.resumed is not None:
@@ -144,50 +151,54 @@ def gcode_program(points: SetPoints, inverse: bool = True) -> Program:
     return Program("\n".join([*lines, ""]), lines.index("; motion") + 2, begin)
 
 
-def gentle_feed(points: SetPoints) -> float:
-    """Feed of slow moves: no axis exceeds ``GENTLE`` of its largest speed [mm/min]."""
-    speeds = np.array([axis.file.speed for axis in points.axes]) * units(points.axes)
-    return float(np.floor(60.0 * GENTLE * np.min(speeds)))
+def slow_feed(points: SetPoints) -> float:
+    """Feed at which no axis exceeds ``SLOW_SPEED_SHARE`` of its largest speed [mm/min]."""
+    speeds = np.array([axis.file.speed for axis in points.axes]) * gcode_units(points.axes)
+    return float(np.floor(60.0 * SLOW_SPEED_SHARE * np.min(speeds)))
 
 
 class GcodeWriter:
-    """Writer of G-code lines for GRBL, FluidNC and Marlin; ``at`` holds the last words sent."""
+    """Writer of G-code lines for GRBL, FluidNC and Marlin.
+
+    Attributes:
+        last_words: letter of an axis -> its last position in the text.
+    """
 
     def __init__(self, points: SetPoints, settings: GrblSettings, inverse: bool, marlin: bool):
         self.points, self.settings = points, settings
         self.inverse, self.marlin = inverse, marlin
-        self.scale = units(points.axes)
-        self.at: dict[str, str] = {}
+        self.scale = gcode_units(points.axes)
+        self.last_words: dict[str, str] = {}
 
-    def before(self) -> list[str]:
+    def lines_before(self) -> list[str]:
         """Lines before the motion: units, homing, slack, and the move to the start."""
         points, names = self.points, self.settings.letters
         lines = ["G21", "G90", "G94"]
         if points.resumed is not None:
             words = self._words(self._whole_steps(points.motion.position[0] * self.scale))
-            lines.append(f"G1{words}F{gentle_feed(points):g}")
+            lines.append(f"G1{words}F{slow_feed(points):g}")
         elif points.home:
-            home = self._words(self._whole_steps(points.at_home() * self.scale))
+            home = self._words(self._whole_steps(points.home_position() * self.scale))
             lines += ["G28" if self.marlin else "$H", self._set_position(home)]
         else:
-            legs = points.legs_before()
+            legs = points.targets_before()
             first = legs[-1] if legs else points.motion.position[0]
             lines.append(self._set_position(self._words(self._whole_steps(first * self.scale))))
-        position = points.at_home() if points.home else points.motion.position[0]
-        for leg in points.legs_before():
+        position = points.home_position() if points.home else points.motion.position[0]
+        for leg in points.targets_before():
             lines += self._slow_move(position, leg)
             position = leg
-        self.at = dict(zip(names, self._position_texts(points.counts[0]), strict=True))
+        self.last_words = dict(zip(names, self._position_texts(points.counts[0]), strict=True))
         return [*lines, self._dwell(SETTLING_DWELL), *(["G93"] if self.inverse else []), "; motion"]
 
-    def timed(self, moves: TimedMoves) -> list[str]:
+    def lines_of_motion(self, moves: TimedMoves) -> list[str]:
         """Lines of the motion."""
         lines = []
         for k in range(len(moves)):
             if moves.dwells[k]:
                 lines.append(self._dwell(moves.seconds[k]))
                 continue
-            before = {**self.at}
+            before = {**self.last_words}
             words = self._changed_words(self._position_texts(moves.target[k]))
             length = moves.length[k]
             if self.marlin:
@@ -197,10 +208,10 @@ class GcodeWriter:
             lines.append(f"G1{words}F{_significant(feed, 8)}")
         return lines
 
-    def after(self) -> list[str]:
+    def lines_after(self) -> list[str]:
         """Lines after the motion: parking and the end."""
         lines = ["; end", "G94"]
-        park = self.points.leg_after()
+        park = self.points.target_after()
         if park is not None:
             lines += self._slow_move(self.points.motion.position[-1], park)
         return lines if self.marlin else [*lines, "M2"]
@@ -213,7 +224,7 @@ class GcodeWriter:
         length = float(np.linalg.norm(distance))
         speed = np.array([axis.file.speed for axis in self.points.axes]) * self.scale
         moving = distance > 0.0
-        rate = GENTLE * float(np.min(speed[moving] * length / distance[moving]))
+        rate = SLOW_SPEED_SHARE * float(np.min(speed[moving] * length / distance[moving]))
         words = self._words(self._whole_steps(last * self.scale))
         return [f"G1{words}F{_significant(60.0 * rate, 6)}"]
 
@@ -242,14 +253,17 @@ class GcodeWriter:
     def _changed_words(self, texts: list[str]) -> str:
         words = ""
         for letter, text in zip(self.settings.letters, texts, strict=True):
-            if self.at.get(letter) != text:
-                self.at[letter] = text
+            if self.last_words.get(letter) != text:
+                self.last_words[letter] = text
                 words += letter + text
         return words
 
     def _marlin_length(self, before: dict[str, str]) -> float:
         """Path length as Marlin computes it: over X, Y and Z, or over the others if those rest."""
-        distances = {letter: float(self.at[letter]) - float(before[letter]) for letter in self.at}
+        distances = {
+            letter: float(self.last_words[letter]) - float(before[letter])
+            for letter in self.last_words
+        }
         linear = np.array([distances[letter] for letter in distances if letter in "XYZ"])
         if np.any(linear):
             return float(np.linalg.norm(linear))
@@ -283,7 +297,9 @@ def _check_port_speed(points: SetPoints, moves: TimedMoves, lines: list[str]) ->
     if isinstance(points.controller, Grbl):
         longest = max((line for line in lines if not line.startswith(";")), key=len)
         if len(longest) > MAX_LINE_LENGTH:
-            raise StandError(f"a line has {len(longest)} characters, GRBL takes {MAX_LINE_LENGTH}")
+            raise StandError(
+                f"a line has {len(longest)} characters, GRBL accepts {MAX_LINE_LENGTH}"
+            )
     motion_lines = lines[lines.index("; motion") + 1 : lines.index("; end")]
     seconds = np.array([10.0 * (len(line) + 1) / points.controller.baud for line in motion_lines])
     moves_ahead = points.controller.planner - 1
@@ -309,9 +325,9 @@ def _klipper(points: SetPoints) -> str:
         if not _KLIPPER_NAME.fullmatch(name)
     ]
     points.map.stand.refuse([*mistakes])
-    scale, motion = units(points.axes), points.motion
+    scale, motion = gcode_units(points.axes), points.motion
     lines = [f"; {points.map.stand.name}: {len(points)} set points in {motion.t[-1]:.3f} s"]
-    start = points.at_home() if points.home else motion.position[0]
+    start = points.home_position() if points.home else motion.position[0]
     for k, (name, axis) in enumerate(zip(names, points.axes, strict=True)):
         if points.home and axis.file.home is not None:
             home = axis.file.home
@@ -330,7 +346,7 @@ def _klipper(points: SetPoints) -> str:
                 f"MANUAL_STEPPER STEPPER={name} ENABLE=1 "
                 f"SET_POSITION={_decimals(start[k] * scale[k], 4)}"
             )
-    for leg in points.legs_before():
+    for leg in points.targets_before():
         lines += _klipper_leg(points, names, start, leg, None)
         start = leg
     lines.append("; motion")
@@ -339,7 +355,7 @@ def _klipper(points: SetPoints) -> str:
         p = motion.position
         lines += _klipper_leg(points, names, p[i], p[i + 1], seconds)
     lines.append("; end")
-    park = points.leg_after()
+    park = points.target_after()
     if park is not None:
         lines += _klipper_leg(points, names, motion.position[-1], park, None)
     return "\n".join([*lines, ""])
@@ -348,15 +364,15 @@ def _klipper(points: SetPoints) -> str:
 def _klipper_leg(
     points: SetPoints, names: list[str], first: Array, last: Array, seconds: float | None
 ) -> list[str]:
-    """A move of all axes, evenly within a given time or else slowly, and a wait for its end."""
-    scale = units(points.axes)
+    """A move of all axes and a wait for its end; slow, unless ``seconds`` gives its duration."""
+    scale = gcode_units(points.axes)
     lines = []
     begin, end = ([float(_decimals(x, 4)) for x in p * scale] for p in (first, last))
     distances = [abs(b - a) for a, b in zip(begin, end, strict=True)]
     duration, ramps = seconds or 0.0, [0.0] * len(names)
     if seconds is None:
         max_speeds = [axis.file.speed or 0.0 for axis in points.axes]
-        speeds = [GENTLE * s * v for s, v in zip(scale, max_speeds, strict=True)]
+        speeds = [SLOW_SPEED_SHARE * s * v for s, v in zip(scale, max_speeds, strict=True)]
         ramps = [s * (a.file.acceleration or 0.0) for s, a in zip(scale, points.axes, strict=True)]
         duration = max(d / v for d, v in zip(distances, speeds, strict=True))
     for k, name in enumerate(names):
@@ -366,7 +382,7 @@ def _klipper_leg(
                 f"SPEED={_significant(distances[k] / duration, 9)} "
                 f"ACCEL={_significant(ramps[k], 6)} SYNC=0"
             )
-    if seconds is None and lines:  # each ramp takes speed / acceleration more
+    if seconds is None and lines:  # each ramp adds speed / acceleration
         duration += max(d / duration / a for d, a in zip(distances, ramps, strict=True))
     return [*lines, f"G4 P{_significant(1000.0 * duration, 9)}"] if duration else []
 

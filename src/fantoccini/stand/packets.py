@@ -25,8 +25,9 @@ DMX_HEADER = struct.Struct(">HBBBBH")
 """Further fields of an ArtDmx packet: version, sequence number, physical port, low and high byte of
 the universe, length."""
 NAME, OUTPUT, VERSION = b"Art-Net\0", 0x5000, 14
+"""Name of the protocol, kind of an ArtDmx packet, and version of the protocol."""
 CHANNELS = 512
-"""Channels of a universe."""
+"""Number of channels of a universe."""
 
 _ADDRESS = re.compile(r"(?:/[^\s#*,/?\[\]{}]+)+", re.ASCII)
 
@@ -34,10 +35,10 @@ _ADDRESS = re.compile(r"(?:/[^\s#*,/?\[\]{}]+)+", re.ASCII)
 class Packets(Protocol):
     """Encoder of axis positions as packets."""
 
-    def encode(self, position: Array, when: float) -> bytes:
+    def encode(self, position: Array, due: float) -> bytes:
         """The packet for positions (n,) [m or rad] that are due at a time [s since the epoch]."""
 
-    def described(self, position: Array) -> str:
+    def describe(self, position: Array) -> str:
         """The packet's contents as text."""
 
 
@@ -45,17 +46,19 @@ def packets_of(stand: Stand, controller: Any, rate: float) -> Packets:
     """The encoder of packets for a stand's controller.
 
     Raises:
-        StandError: the controller takes no packets, or not at this rate.
+        StandError: the controller does not accept packets, or not at this rate.
         FileError: a name in the file is not an address or channel.
         MissingLibraryError: python-osc is not installed.
     """
     if isinstance(controller, Osc):
         return OscPackets(addresses(stand, controller))
     if not isinstance(controller, ArtNet):
-        raise StandError(f"{controller.type} takes no packets; needed: --controller osc or artnet")
+        raise StandError(
+            f"{controller.type} does not accept packets; needed: --controller osc or artnet"
+        )
     if rate > MAX_FRAME_RATE:
         raise StandError(
-            f"found {rate:g} set points per second; DMX takes at most {MAX_FRAME_RATE:g}"
+            f"found {rate:g} set points per second; DMX allows at most {MAX_FRAME_RATE:g}"
         )
     return ArtNetPackets(axes_of(stand), channels(stand, controller), controller)
 
@@ -70,9 +73,9 @@ class OscPackets:
     def __init__(self, addresses: tuple[str, ...]):
         self.addresses, self._library = addresses, osc_library()
 
-    def encode(self, position: Array, when: float) -> bytes:
+    def encode(self, position: Array, due: float) -> bytes:
         """The bundle for positions, as in :class:`Packets`."""
-        bundle = self._library.BundleBuilder(when)
+        bundle = self._library.BundleBuilder(due)
         for address, value in zip(self.addresses, position, strict=True):
             message = self._library.MessageBuilder(address)
             message.add_arg(float(value), "f")
@@ -80,7 +83,7 @@ class OscPackets:
         data: bytes = bundle.build().dgram
         return data
 
-    def described(self, position: Array) -> str:
+    def describe(self, position: Array) -> str:
         """Every address with its position."""
         pairs = zip(self.addresses, position, strict=True)
         return " ".join(f"{address} {np.float32(value)}" for address, value in pairs)
@@ -108,24 +111,24 @@ class ArtNetPackets:
         return self.controller.bits // 8
 
     @property
-    def largest(self) -> int:
+    def max_value(self) -> int:
         """2^b - 1: the value at the end of the travel."""
         return int(2**self.controller.bits - 1)
 
-    def values(self, position: Array) -> Indices:
+    def channel_values(self, position: Array) -> Indices:
         """(..., n) channel values for positions (..., n) [m or rad]."""
         share = np.clip((position - self.low) / (self.high - self.low), 0.0, 1.0)
-        return np.asarray(np.rint(self.largest * share).astype(np.int64))
+        return np.asarray(np.rint(self.max_value * share).astype(np.int64))
 
     def positions(self, values: Indices) -> Array:
         """(..., n) positions [m or rad] for channel values (..., n)."""
-        return np.asarray(self.low + values * (self.high - self.low) / self.largest)
+        return np.asarray(self.low + values * (self.high - self.low) / self.max_value)
 
-    def encode(self, position: Array, when: float) -> bytes:
+    def encode(self, position: Array, due: float) -> bytes:
         """The packet for positions, as in :class:`Packets`; Art-Net has no time tags."""
         n = max(self.first) + self.n_channels - 1
         data = bytearray(n + n % 2)
-        for first, value in zip(self.first, self.values(position), strict=True):
+        for first, value in zip(self.first, self.channel_values(position), strict=True):
             data[first - 1 : first - 1 + self.n_channels] = int(value).to_bytes(
                 self.n_channels, "big"
             )
@@ -133,9 +136,9 @@ class ArtNetPackets:
         rest = DMX_HEADER.pack(VERSION, 0, 0, low, high, len(data))
         return PACKET_HEADER.pack(NAME, OUTPUT) + rest + data
 
-    def described(self, position: Array) -> str:
+    def describe(self, position: Array) -> str:
         """Every axis' first channel with its value."""
-        pairs = zip(self.first, self.values(position), strict=True)
+        pairs = zip(self.first, self.channel_values(position), strict=True)
         return " ".join(f"{first}={value}" for first, value in pairs)
 
 

@@ -60,19 +60,22 @@ def table(points: SetPoints) -> str:
             raise StandError(f'controller names: found {name!r}; needed: a name without , or "')
     turns = np.array([axis.direction * axis.ratio / (2.0 * math.pi) for axis in axes])
     if isinstance(controller, ODrive):
-        head = [f"{name}.{quantity}" for name in names for quantity in ("position", "velocity")]
+        headings = [f"{name}.{quantity}" for name in names for quantity in ("position", "velocity")]
         values = np.stack([motion.position * turns, motion.velocity * turns], axis=2)
         rows = values.reshape(len(motion), -1)
     elif isinstance(controller, Dynamixel):
-        head, rows = names, np.rint(DYNAMIXEL_CENTRE + COUNTS_PER_TURN * motion.position * turns)
+        headings, rows = (
+            names,
+            np.rint(DYNAMIXEL_CENTRE + COUNTS_PER_TURN * motion.position * turns),
+        )
     else:
         units = ["m" if axis.unit == "m" else "rad" for axis in axes]
-        head = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+        headings = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
         rows = motion.position
-    whole = isinstance(controller, Dynamixel)
-    lines = [",".join(["t [s]", *head])]
+    are_counts = isinstance(controller, Dynamixel)
+    lines = [",".join(["t [s]", *headings])]
     for t, row in zip(motion.t, rows, strict=True):
-        cells = (f"{x:.0f}" if whole else f"{x:.9g}" for x in row)
+        cells = (f"{x:.0f}" if are_counts else f"{x:.9g}" for x in row)
         lines.append(",".join([f"{t:.6f}", *cells]))
     return "\n".join([*lines, ""])
 

@@ -24,14 +24,14 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.check import check_stand
-from fantoccini.stand.controllers import Controller, too_many
+from fantoccini.stand.controllers import Controller, too_many_axes
 from fantoccini.stand.motors import Drum
 from fantoccini.stand.stand_file import Stand, load_stand
 
 GCODE_RATE = 50.0
 """Set points per second of G-code."""
-GENTLE = 0.2
-"""Speed of moves to the start and to the parking position, over an axis' largest speed."""
+SLOW_SPEED_SHARE = 0.2
+"""Speed of moves to the start and to the parking position, relative to an axis' largest speed."""
 RAMP_TIME_FACTOR = 2.0
 """Duration of a change between rest and motion along the path, over the time that the axes need for
 their largest speed."""
@@ -88,7 +88,7 @@ class SetPoints:
 
     @property
     def controller(self) -> Any:
-        """The controller that takes them.
+        """The controller that receives them.
 
         Raises:
             StandError: the stand has several; each takes one of the ``parts``.
@@ -132,7 +132,7 @@ class SetPoints:
         """(T, n) whole microsteps or counts, without the motors' directions."""
         return np.rint(self.motion.position * [axis.counts for axis in self.axes]).astype(np.int64)
 
-    def at_home(self) -> Array:
+    def home_position(self) -> Array:
         """(n,) positions after homing; an axis without `home` stays where the motion ends."""
         position = self.motion.position[-1].copy()
         for k, axis in enumerate(self.axes):
@@ -141,20 +141,20 @@ class SetPoints:
                 position[k] = home.at + PULL_OFF_DISTANCE * (1.0 if home.towards == "min" else -1.0)
         return position
 
-    def legs_before(self) -> list[Array]:
-        """Positions (n,) to which the axes go before the motion; the last one is its start."""
-        start, legs = self.motion.position[0], []
+    def targets_before(self) -> list[Array]:
+        """Positions (n,) at the ends of the moves before the motion; the last is its start."""
+        start, targets = self.motion.position[0], []
         if self.slack:
             position = start.copy()
             for k, axis in enumerate(self.axes):
                 if isinstance(axis.transmission, Drum):
                     position[k] += self.slack * _unwinding_direction(axis)
-            legs.append(position)
-        return [*legs, start] if legs or self.home else []
+            targets.append(position)
+        return [*targets, start] if targets or self.home else []
 
-    def leg_after(self) -> Array | None:
+    def target_after(self) -> Array | None:
         """Parking positions (n,) of the axes; None without parking."""
-        return self.at_home() if self.park else None
+        return self.home_position() if self.park else None
 
     def whole(self) -> AxisMotion:
         """The motion together with smooth moves before and after it, from t = 0 on.
@@ -168,11 +168,11 @@ class SetPoints:
                 "do it, and leave out --home"
             )
         parts, m = [], self.motion
-        legs = self.legs_before()
+        legs = self.targets_before()
         for first, last in zip(legs[-1:] + legs[:-1], legs, strict=True):
             parts.append(self._leg(first, last))
         parts.append((m.t, m.position, m.velocity, m.acceleration))
-        park = self.leg_after()
+        park = self.target_after()
         if park is not None:
             parts.append(self._leg(m.position[-1], park))
         t, rows = parts[0][0], [list(parts[0][1:])]
@@ -185,7 +185,7 @@ class SetPoints:
     def _leg(self, first: Array, last: Array) -> tuple[Array, Array, Array, Array]:
         """A smooth move from rest to rest, sampled at the points' rate."""
         distance = np.abs(last - first)
-        speed = GENTLE * np.array([axis.file.speed for axis in self.axes])
+        speed = SLOW_SPEED_SHARE * np.array([axis.file.speed for axis in self.axes])
         acceleration = np.array([axis.file.acceleration for axis in self.axes])
         duration = polynomial.minimum_jerk_duration(distance, speed, acceleration)
         n = max(1, int(np.ceil(duration * self.rate)))
@@ -259,7 +259,7 @@ def _check_sequences(stand: Stand, points: SetPoints) -> None:
     if (points.home or points.park) and without_home:
         text = f"this key is missing; homing and parking need it for every axis ({without_home[0]})"
         stand.refuse([(("axes", without_home[0], "home"), text)])
-    for leg in points.legs_before():
+    for leg in points.targets_before():
         for k, axis in enumerate(points.axes):
             low, high = axis.travel
             if points.slack and not low <= leg[k] <= high:
@@ -287,7 +287,7 @@ def controlled(stand: Stand, kind: str | None = None) -> Stand:
     if kind not in TYPES:
         text = f"found {kind!r}{nearest(kind, TYPES)}"
         raise FileError([Mistake("--controller", None, "", text)])
-    if reason := too_many(kind, len(stand.axes)):
+    if reason := too_many_axes(kind, len(stand.axes)):
         raise StandError(reason)
     adapter: TypeAdapter[Any] = TypeAdapter(Controller)
     try:

@@ -1,4 +1,4 @@
-"""An emulated stand at the other end of a network: it receives packets, and its motors follow."""
+"""Emulated stand that receives packets over a network and moves its motors."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from fantoccini.base import AddressError, Array, StandError, Times, osc_library, socket_at
 from fantoccini.stand.axes import axes_of
 from fantoccini.stand.controllers import ArtNet, Osc
-from fantoccini.stand.gcode_text import units
+from fantoccini.stand.gcode_text import gcode_units
 from fantoccini.stand.packets import (
     DMX_HEADER,
     NAME,
@@ -26,12 +26,13 @@ from fantoccini.stand.stand_file import Stand
 WATCHDOG = 0.5
 """Time without packets after which the watchdog stops the motors [s]."""
 MAX_DATAGRAM = 65_536
+"""Largest size of a datagram [bytes]."""
 STOP_CHECK_INTERVAL = 0.05
 """Interval at which the thread checks its stop flag [s]."""
 
 
 class Receiver:
-    """Emulated motors that go to the positions in the packets received; runs in its own thread.
+    """Emulated motors that move to the positions in received packets; runs in its own thread.
 
     Args:
         stand: the stand.
@@ -44,7 +45,7 @@ class Receiver:
         stops: number of times the watchdog stopped the motors.
 
     Raises:
-        StandError: it cannot listen there, or the controller takes no packets.
+        StandError: it cannot listen there, or the controller does not accept packets.
         FileError: the stand's file has wrong names of axes.
         MissingLibraryError: python-osc is not installed.
     """
@@ -54,7 +55,7 @@ class Receiver:
     ):
         self._read = _reader(stand, controller)
         axes = axes_of(stand)
-        self._counts, self._scale = np.array([a.counts for a in axes]), units(axes)
+        self._counts, self._scale = np.array([a.counts for a in axes]), gcode_units(axes)
         endpoint = (host or controller.host, controller.port if port is None else port)
         try:
             self._socket = socket_at(*endpoint, many=True)
@@ -128,7 +129,9 @@ def _reader(stand: Stand, controller: Any) -> _OscReader | _ArtNetReader:
         return _OscReader(addresses(stand, controller))
     if isinstance(controller, ArtNet):
         return _ArtNetReader(stand, controller)
-    raise StandError(f"{controller.type} takes no packets; needed: --controller osc or artnet")
+    raise StandError(
+        f"{controller.type} does not accept packets; needed: --controller osc or artnet"
+    )
 
 
 class _OscReader:
@@ -140,7 +143,7 @@ class _OscReader:
         try:
             messages = [timed.message for timed in self._library.Packet(data).messages]
             values = {m.address: float(m.params[0]) for m in messages if len(m.params) == 1}
-        except Exception:  # python-osc raises more than its own on broken datagrams
+        except Exception:  # python-osc also raises exceptions of other modules
             return None
         if any(address not in values for address in self._addresses):
             return None

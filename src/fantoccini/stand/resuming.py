@@ -1,6 +1,6 @@
 """Continuation of a stream that was stopped: from a line, or from a time on several controllers.
 
-Controllers that go on together follow the path p(s) from rest, with ds/dt rising evenly to 1:
+Controllers that continue together follow the path p(s) from rest, with ds/dt rising linearly to 1:
 
     s = t + tau^2 / 2T for tau < T,   s = t + tau - T / 2 after it
 
@@ -22,7 +22,7 @@ from fantoccini.stand.sending import check_first
 from fantoccini.stand.streaming import Line, lines_of
 
 RETURN_FEED = 600.0
-"""Feed of the move to where a stream resumes [mm/min]."""
+"""Feed of the move to the position at which a stream resumes [mm/min]."""
 SHORTEST_INTERVAL = 1e-6
 """Shortest time between the last two set points [s]."""
 
@@ -34,9 +34,9 @@ def first_lost(text: str, last: int, planner: int) -> int:
 
     Acknowledged moves wait in the controller's planner; only a dwell guarantees that all were made.
     """
-    taken = [line for line in lines_of(text) if line.number <= last]
+    acknowledged = [line for line in lines_of(text) if line.number <= last]
     first = last
-    for line in reversed(taken[-planner:]):
+    for line in reversed(acknowledged[-planner:]):
         if not line.text.startswith(("G1", "X")):
             break
         first = line.number
@@ -46,7 +46,7 @@ def first_lost(text: str, last: int, planner: int) -> int:
 def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
     """The lines from number ``first`` on, after lines that restore the controller's state.
 
-    The controller must still know its axes' positions. The modes are set again, and the axes go
+    The controller must still know its axes' positions. The modes are set again, and the axes move
     slowly to the end of the previous line. Homing and set positions are not repeated.
 
     Args:
@@ -60,7 +60,9 @@ def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
     lines = lines_of(text)
     rest = [line for line in lines if line.number >= first]
     if not rest:
-        raise StandError(f"there is no line {first} to go on from; the last is {lines[-1].number}")
+        raise StandError(
+            f"there is no line {first} to continue from; the last is {lines[-1].number}"
+        )
     positions: dict[str, str] = {}
     mode = "G94"
     for line in lines:
@@ -79,7 +81,7 @@ def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
 
 
 def resumed_points(points: SetPoints, t: float) -> SetPoints:
-    """The set points from time t on [s], from rest; they do not home, and let out no slack.
+    """The set points from time t on [s], from rest, without homing and slack.
 
     Raises:
         StandError: t is not within the motion.
@@ -96,11 +98,11 @@ def resumed_points(points: SetPoints, t: float) -> SetPoints:
     s = t + np.where(tau < ramp, 0.5 * tau * rate, tau - 0.5 * ramp)
     s[-1] = end
     path = CubicHermiteSpline(motion.t, motion.position, motion.velocity)
-    slope, bend = path(s, 1), path(s, 2)
+    derivative, second_derivative = path(s, 1), path(s, 2)
     rising = np.where(tau < ramp, 1.0 / ramp, 0.0)[:, None]
-    acceleration = bend * rate[:, None] ** 2 + slope * rising
-    moved = AxisMotion(points.axes, tau, path(s), slope * rate[:, None], acceleration)
-    return dataclasses.replace(points, motion=moved, home=False, slack=0.0, resumed=s)
+    acceleration = second_derivative * rate[:, None] ** 2 + derivative * rising
+    resumed_motion = AxisMotion(points.axes, tau, path(s), derivative * rate[:, None], acceleration)
+    return dataclasses.replace(points, motion=resumed_motion, home=False, slack=0.0, resumed=s)
 
 
 def _sets_position(text: str) -> bool:

@@ -1,8 +1,8 @@
 """Set points sent over a network in real time, one packet at a time, each when it is due.
 
-A controller that takes packets has no buffer, so the sender keeps the time: it follows the path
-p(s) with ds/dt = 1. A hold lowers ds/dt evenly to 0, and going on raises it again, so the axes stay
-on their path: velocity p' ds/dt, acceleration p'' (ds/dt)^2 + p' d2s/dt2.
+A controller that receives packets has no buffer, so the sender keeps the time: it follows the path
+p(s) with ds/dt = 1. A hold lowers ds/dt linearly to 0, and resuming raises it again, so the axes
+stay on their path: velocity p' ds/dt, acceleration p'' (ds/dt)^2 + p' d2s/dt2.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from fantoccini.stand.packets import packets_of
 from fantoccini.stand.points import SetPoints
 from fantoccini.stand.streaming import STOPPED
 
-REPEATED = 0.25
+REPEAT_TIME = 0.25
 """Time for which the first position is repeated before the motion, and the last after it [s]."""
-LATEST = 0.1
+MAX_DELAY = 0.1
 """Largest delay of a packet [s]; after a longer pause the axes would jump."""
 
 Send = Callable[[bytes], object]
@@ -45,14 +45,14 @@ class Sending:
         sent: number of packets sent.
         dropped: number of set points left out because they were too late.
         times: times of the set points sent, in order [s].
-        late: their delays [s].
+        delays: their delays [s].
         lost: set if the receiver disappears while the motion is held.
     """
 
     sent: int = 0
     dropped: int = 0
     times: list[float] = field(default_factory=list)
-    late: list[float] = field(default_factory=list)
+    delays: list[float] = field(default_factory=list)
     lost: threading.Event = field(default_factory=threading.Event)
 
     @property
@@ -61,14 +61,14 @@ class Sending:
         return self.times[-1] if self.times else 0.0
 
     @property
-    def latest(self) -> float:
+    def max_delay(self) -> float:
         """The largest delay [s]."""
-        return max(self.late, default=0.0)
+        return max(self.delays, default=0.0)
 
     @property
     def jitter(self) -> float:
         """Standard deviation of the delays [s]."""
-        return float(np.std(self.late)) if self.late else 0.0
+        return float(np.std(self.delays)) if self.delays else 0.0
 
 
 def send_points(
@@ -77,33 +77,35 @@ def send_points(
     *,
     first: float = 0.0,
     hold: threading.Event | None = None,
-    go_on: Callable[[Sending], bool] | None = None,
+    should_resume: Callable[[Sending], bool] | None = None,
     counts: Sending | None = None,
-    latest: float | None = None,
+    max_delay: float | None = None,
 ) -> Sending:
     """Sends set points as packets, and returns when the last one was due.
 
     A set point is left out if its successor is due already; packets are never sent in bunches.
 
     Args:
-        points: set points for a controller that takes packets.
+        points: set points for a controller that receives packets.
         send: sends a packet.
         first: time in the set points at which to begin, from rest [s]. The axes must be there, as
             after a hold: the first packet sends them there at their full speed.
-        hold: event that another thread sets to hold all motion, softly.
-        go_on: callback that decides, during a hold, whether to go on; meanwhile the held position
-            is repeated. If ``lost`` is set it should return, and its answer is ignored.
+        hold: event that another thread sets to hold all motion, smoothly.
+        should_resume: callback that decides, during a hold, whether to resume; meanwhile the held
+            position is repeated. If ``lost`` is set it should return, and its answer is ignored.
         counts: object that is updated, so that it is available after an exception.
-        latest: largest delay of a packet [s]; ``LATEST`` by default.
+        max_delay: largest delay of a packet [s]; ``MAX_DELAY`` by default.
 
     Raises:
         PacketError: there is no receiver, the sender is too late, or it was held and stopped.
         StandError, FileError: see :func:`packets_of`; or ``first`` is not within the motion.
     """
-    sender = Sender(points, send, counts or Sending(), LATEST if latest is None else latest)
+    sender = Sender(
+        points, send, counts or Sending(), MAX_DELAY if max_delay is None else max_delay
+    )
     check_first(first, sender.end)
     sender.repeat(first)
-    sender.follow(first, hold or threading.Event(), go_on, from_rest=first > 0.0)
+    sender.follow(first, hold or threading.Event(), should_resume, from_rest=first > 0.0)
     sender.repeat(sender.end)
     return sender.counts
 
@@ -111,25 +113,25 @@ def send_points(
 def check_first(first: float, end: float) -> None:
     """Raises a StandError unless 0 <= first < end [s]."""
     if not 0.0 <= first < end:
-        raise StandError(f"found {first:g} s to go on from; the set points last {end:g} s")
+        raise StandError(f"found {first:g} s to continue from; the set points last {end:g} s")
 
 
 class Sender:
     """Sender of one stream of set points."""
 
-    def __init__(self, points: SetPoints, send: Send, counts: Sending, latest: float):
+    def __init__(self, points: SetPoints, send: Send, counts: Sending, max_delay: float):
         motion = points.whole()
         self.packets = packets_of(points.map.stand, points.controller, points.rate)
         self.path = CubicHermiteSpline(motion.t, motion.position, motion.velocity)
         self.end = float(motion.t[-1])
         self.interval = 1.0 / points.rate
         self.stop_time = points.ramp_time
-        self.send, self.counts, self.latest = send, counts, latest
+        self.send, self.counts, self.max_delay = send, counts, max_delay
         self.due, self.epoch = time.monotonic(), _monotonic_epoch()
 
     def repeat(self, t: float) -> None:
-        """Repeats the position of a time for ``REPEATED``."""
-        for _ in range(max(2, round(REPEATED / self.interval))):
+        """Repeats the position of a time for ``REPEAT_TIME``."""
+        for _ in range(max(2, round(REPEAT_TIME / self.interval))):
             self.due += self.interval
             self._send_when_due(t)
 
@@ -137,28 +139,32 @@ class Sender:
         self,
         t: float,
         hold: threading.Event,
-        go_on: Callable[[Sending], bool] | None,
+        should_resume: Callable[[Sending], bool] | None,
         from_rest: bool,
     ) -> None:
         """Follows the path from a time on, to its end."""
-        rate, goal, max_change = (0.0 if from_rest else 1.0), 1.0, self.interval / self.stop_time
+        rate, target_rate, max_change = (
+            (0.0 if from_rest else 1.0),
+            1.0,
+            self.interval / self.stop_time,
+        )
         self.due += self.interval
         while True:
             self._send_when_due(t)
             if hold.is_set():
                 hold.clear()
-                goal = 0.0
-            if rate == goal == 0.0:
-                self._held(go_on)
-                goal = 1.0
+                target_rate = 0.0
+            if rate == target_rate == 0.0:
+                self._wait_in_hold(should_resume)
+                target_rate = 1.0
             if t >= self.end:
                 return
-            lateness = time.monotonic() - self.due - self.interval
-            if lateness > self.latest:
-                raise self._too_late(t, lateness)
-            for remaining in reversed(range(1 + max(0, int(lateness / self.interval)))):
+            delay = time.monotonic() - self.due - self.interval
+            if delay > self.max_delay:
+                raise self._too_late(t, delay)
+            for remaining in reversed(range(1 + max(0, int(delay / self.interval)))):
                 previous = rate
-                rate += float(np.clip(goal - rate, -max_change, max_change))
+                rate += float(np.clip(target_rate - rate, -max_change, max_change))
                 step, rest = 0.5 * (previous + rate) * self.interval, self.end - t
                 self.due += self.interval * (min(1.0, rest / step) if step else 1.0)
                 if rest <= step + 1e-6 * self.interval:
@@ -170,15 +176,15 @@ class Sender:
     def _send_when_due(self, t: float) -> None:
         """Waits until the next packet is due, and sends the position of time t."""
         time.sleep(max(0.0, self.due - time.monotonic()))
-        late = time.monotonic() - self.due
-        if late > self.latest:
-            raise self._too_late(t, late)
+        delay = time.monotonic() - self.due
+        if delay > self.max_delay:
+            raise self._too_late(t, delay)
         self.counts.times.append(t)
-        self.counts.late.append(late)
+        self.counts.delays.append(delay)
         self._send(self.path(t), self.due)
 
-    def _too_late(self, t: float, late: float) -> PacketError:
-        return PacketError(t, f"this machine was {late:.3f} s late, and the axes would jump")
+    def _too_late(self, t: float, delay: float) -> PacketError:
+        return PacketError(t, f"this machine was {delay:.3f} s late, and the axes would jump")
 
     def _send(self, position: Array, due: float) -> None:
         try:
@@ -187,11 +193,11 @@ class Sender:
             raise PacketError(self.counts.t, f"not sent: {error.strerror or error}") from None
         self.counts.sent += 1
 
-    def _held(self, go_on: Callable[[Sending], bool] | None) -> None:
-        """Calls ``go_on``, and repeats the held position meanwhile.
+    def _wait_in_hold(self, should_resume: Callable[[Sending], bool] | None) -> None:
+        """Calls ``should_resume``, and repeats the held position meanwhile.
 
         Raises:
-            PacketError: it said no, or there is no receiver any more.
+            PacketError: the stream is not to resume, or the receiver has disappeared.
         """
         released = threading.Event()
         errors: list[PacketError] = []
@@ -209,13 +215,13 @@ class Sender:
         thread = threading.Thread(target=repeat_position, name="held", daemon=True)
         thread.start()
         try:
-            going_on = go_on is not None and go_on(self.counts)
+            resumes = should_resume is not None and should_resume(self.counts)
         finally:
             released.set()
             thread.join()
         if errors:
             raise errors[0]
-        if not going_on:
+        if not resumes:
             raise PacketError(self.counts.t, STOPPED)
         self.due = time.monotonic()
 

@@ -47,7 +47,7 @@ from fantoccini.stand.controllers import (
     ControllerBase,
     ControllerPart,
     axis_letters,
-    too_many,
+    too_many_axes,
 )
 from fantoccini.stand.motors import AxisFriction, Efficiency, Motor, Transmission
 
@@ -55,7 +55,7 @@ STANDS = Path(__file__).parent / "stands"
 """Folder of the bundled stands."""
 
 NEVER_INHERITED = {"moves", "like", "home", "reversed"}
-"""Keys that an axis does not take from the one named by `like`."""
+"""Keys that an axis does not inherit from the axis named by `like`."""
 REQUIRED_KEYS = ("motor", "transmission", "travel", "speed", "acceleration")
 """Keys that an axis must have, by itself or through `like`."""
 MAX_LIKE_CHAIN = 64
@@ -103,12 +103,12 @@ Travel = Annotated[
 
 
 class HomeFile(Model):
-    """Homing of an axis: how it finds its position after it is switched on."""
+    """Homing of an axis: a move to a switch at a known position, after power-on."""
 
     towards: Literal["min", "max"]
-    """The end of its travel with the switch."""
+    """End of the travel with the switch."""
     at: Angle
-    """Its position where the switch closes [m or rad]."""
+    """Position of the axis where the switch closes [m or rad]."""
     speed: Size
     """Speed of homing [m/s or rad/s]."""
 
@@ -162,16 +162,16 @@ class Stand(Document):
     elsewhere: tuple[Coordinate, ...] = ()
     """Driven coordinates that something else moves: another stand, or a hand."""
     controller: Controller | None = None
-    """The controller that takes the set points."""
+    """The controller that receives the set points."""
     controllers: dict[Name, ControllerPart] = Field(default_factory=dict)
     """Name -> controller, each for some of the axes, in place of `controller`."""
 
     @field_validator("axes")
     @classmethod
-    def _complete(cls, axes: dict[str, AxisFile]) -> dict[str, AxisFile]:
+    def _complete_axes(cls, axes: dict[str, AxisFile]) -> dict[str, AxisFile]:
         """Completes every axis by the keys of its `like`."""
         mistakes: list[Finding] = []
-        complete = {name: _like(axes, name, mistakes) for name in axes}
+        complete = {name: _inherit(axes, name, mistakes) for name in axes}
         refuse(mistakes)
         for name, axis in complete.items():
             missing = [key for key in REQUIRED_KEYS if getattr(axis, key) is None]
@@ -182,14 +182,14 @@ class Stand(Document):
             if not low <= axis.home.at <= high:
                 text = f"needed: a position within travel, {low:g} to {high:g}"
                 mistakes.append(((name, "home", "at"), f"found {axis.home.at:g}; {text}"))
-        unclear = undetermined({name: axis.moves for name, axis in complete.items()})
-        if unclear is not None:
-            mistakes.append(((unclear[0], "moves"), unclear[1]))
+        dependent = undetermined({name: axis.moves for name, axis in complete.items()})
+        if dependent is not None:
+            mistakes.append(((dependent[0], "moves"), dependent[1]))
         refuse(mistakes)
         return complete
 
     @model_validator(mode="after")
-    def _known(self) -> Stand:
+    def _validate_names(self) -> Stand:
         """Raises for unknown names, and for controllers that do not fit the axes."""
         coordinates = {coordinate for axis in self.axes.values() for coordinate in axis.moves}
         mistakes = [*unknown_names(self.zero, coordinates, "no axis moves {}", ("zero",))]
@@ -197,11 +197,11 @@ class Stand(Document):
             if name in coordinates:
                 text = f"an axis of this stand moves {shown(name)}"
                 mistakes.append((("elsewhere", i), text))
-        refuse([*mistakes, *_shared_out(self)])
+        refuse([*mistakes, *_sharing_mistakes(self)])
         if self.controller is not None:
-            mistakes += _misfits(self.controller, tuple(self.axes), ("controller",))
+            mistakes += _controller_mistakes(self.controller, tuple(self.axes), ("controller",))
         for name, part in self.controllers.items():
-            mistakes += _misfits(part, part.axes, ("controllers", name))
+            mistakes += _controller_mistakes(part, part.axes, ("controllers", name))
         refuse(mistakes)
         return self
 
@@ -247,7 +247,7 @@ class Stand(Document):
         return next((part for part in parts if axis in part.axes), self.controller)
 
 
-def _like(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -> AxisFile:
+def _inherit(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -> AxisFile:
     """An axis completed by the keys of its `like`; mistakes are appended to the list."""
     axis, inherited, seen = axes[name], dict[str, Any](), [name]
     other = axis
@@ -258,7 +258,7 @@ def _like(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -> A
             mistakes.append(((name, "like"), f"there is no axis {like!r}{nearest(like, others)}"))
             break
         if like in seen or len(seen) > MAX_LIKE_CHAIN:
-            mistakes.append(((name, "like"), f"{shown(name)} would be like itself"))
+            mistakes.append(((name, "like"), f"{shown(name)} would be `like` itself"))
             break
         seen.append(like)
         other = axes[like]
@@ -268,8 +268,8 @@ def _like(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -> A
     return axis.model_copy(update={k: v for k, v in inherited.items() if k not in written})
 
 
-def _shared_out(stand: Stand) -> Iterator[Finding]:
-    """Mistakes in which axes are shared out among several controllers."""
+def _sharing_mistakes(stand: Stand) -> Iterator[Finding]:
+    """Mistakes in the assignment of axes and ports to several controllers."""
     if not stand.controllers:
         return
     if stand.controller is not None:
@@ -294,13 +294,13 @@ def _shared_out(stand: Stand) -> Iterator[Finding]:
             yield ("controllers",), text
 
 
-def _misfits(
+def _controller_mistakes(
     controller: ControllerBase, axes: tuple[str, ...], at: tuple[str, ...]
 ) -> list[Finding]:
     """Mistakes of a controller with respect to its axes: too many, or with wrong names."""
     mistakes = [*unknown_names(controller.names, axes, "there is no axis {}", (*at, "names"))]
     kind: str = getattr(controller, "type", "")
-    if reason := too_many(kind, len(axes)):
+    if reason := too_many_axes(kind, len(axes)):
         mistakes.append((at, reason))
     if kind not in LETTERS or mistakes:
         return mistakes

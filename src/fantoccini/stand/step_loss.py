@@ -1,12 +1,12 @@
 """Lower bound of the steps that a stepper loses.
 
 When the demand exceeds the pull-out torque T, the motor exerts T, and the missing torque turns it
-back. It turns with the inertia of the axis and of the whole puppet, as if all of it hung there:
+back, with the inertia of the axis and of the whole puppet, as if this axis carried all its mass:
 
     (J_m + m / n^2) lag'' = |torque| - T,   until it catches up (lag' = 0)
 
 The lag is lost in multiples of four full steps; a lag below two is recovered. The demand is
-computed for winches that hold; a winch that yields is pulled with less force.
+computed for winches that do not slip; a slipping winch is pulled with less force.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def lost_steps(
     demand: Array,
     available: Array,
     inertia: float,
-    thrown: Sequence[float] = (),
+    catch_times: Sequence[float] = (),
 ) -> LostSteps | None:
     """Steps that a motor loses; None if its torque suffices.
 
@@ -53,14 +53,18 @@ def lost_steps(
         t: (T,) times [s].
         demand, available: (T,) required and available torque [N m].
         inertia: inertia of everything that turns back with the motor, at the motor [kg m^2].
-        thrown: times of catches that throw it out of step [s].
+        catch_times: times of catches at which the motor loses synchronism [s].
     """
     excess = demand - available
     over = np.flatnonzero(excess > 0.0)
-    starts = [*thrown, *(t[over[:1]])]
+    starts = [*catch_times, *(t[over[:1]])]
     if not starts:
         return None
-    lost, largest, at = STEPS_PER_PERIOD * len(thrown), 0.0, int(over[0]) if len(over) else len(t)
+    lost, largest, at = (
+        STEPS_PER_PERIOD * len(catch_times),
+        0.0,
+        int(over[0]) if len(over) else len(t),
+    )
     step = 2.0 * math.pi / steps
     while at < len(t):
         lag, rate, peak = 0.0, 0.0, 0.0

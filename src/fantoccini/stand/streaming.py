@@ -81,15 +81,15 @@ class Streamed:
     """Progress of a stream.
 
     Attributes:
-        sent, done: number of lines sent, and of lines acknowledged.
-        most: largest number of unanswered characters.
-        last: number of the last acknowledged line.
+        sent, acknowledged: number of lines sent, and of lines acknowledged.
+        max_unanswered: largest number of unanswered characters.
+        last_line: number of the last acknowledged line.
     """
 
     sent: int = 0
-    done: int = 0
-    most: int = 0
-    last: int = 0
+    acknowledged: int = 0
+    max_unanswered: int = 0
+    last_line: int = 0
 
 
 def lines_of(text: str) -> list[Line]:
@@ -116,7 +116,7 @@ class Channel:
 
     Attributes:
         counts: lines sent and acknowledged.
-        heard: time of the last answer, or of the last line after a pause [s].
+        last_answer_time: time of the last answer, or of the last line after a pause [s].
 
     Raises:
         StreamError: a line is longer than the buffer.
@@ -134,7 +134,7 @@ class Channel:
         counts: Streamed | None = None,
     ):
         self.port, self.name, self.counts = port, name, counts or Streamed()
-        self.n_lines, self.heard = len(lines), time.monotonic()
+        self.n_lines, self.last_answer_time = len(lines), time.monotonic()
         self._counting, self._start, self._capacity = counting, start, buffer - 1
         self._unsent, self._unanswered = deque(lines), deque[Line]()
         self._received = b""
@@ -166,11 +166,11 @@ class Channel:
         if n_unanswered > self._capacity:
             return False
         if not self._unanswered:
-            self.heard = time.monotonic()
+            self.last_answer_time = time.monotonic()
         self.write(line.text.encode("ascii", "replace") + b"\n")
         self._unanswered.append(self._unsent.popleft())
         self.counts.sent += 1
-        self.counts.most = max(self.counts.most, n_unanswered)
+        self.counts.max_unanswered = max(self.counts.max_unanswered, n_unanswered)
         return True
 
     def hear(self) -> bool:
@@ -201,12 +201,12 @@ class Channel:
 
     def check_silence(self, silence: float) -> None:
         """Raises a StreamError if an answer is missing for longer than ``silence`` [s]."""
-        if self._unanswered and time.monotonic() - self.heard > silence:
+        if self._unanswered and time.monotonic() - self.last_answer_time > silence:
             raise self.error(f"no answer in {silence:g} s")
 
     def error(self, reason: str) -> StreamError:
         """An error at the first line that is not acknowledged."""
-        line = (self._unanswered or self._unsent or [Line(self.counts.last, "")])[0]
+        line = (self._unanswered or self._unsent or [Line(self.counts.last_line, "")])[0]
         return StreamError(line.number, line.text, reason, self.name)
 
     def lost(self, error: OSError) -> StreamError:
@@ -215,16 +215,19 @@ class Channel:
 
     def _understand(self, answer: str) -> None:
         if answer:
-            self.heard = time.monotonic()
+            self.last_answer_time = time.monotonic()
         error = _ERROR.match(answer)
         if error:
             raise self.error(_reason(answer, error))
         # A greeting that comes late, before the first answer, is no restart.
-        if self.counts.done and _RESTART.match(answer):
+        if self.counts.acknowledged and _RESTART.match(answer):
             raise self.error(f"the controller restarted and dropped its lines ({answer})")
         if self._unanswered and (answer.lower() == "ok" or answer.lower().startswith("ok ")):
             line = self._unanswered.popleft()
-            self.counts.done, self.counts.last = self.counts.done + 1, line.number
+            self.counts.acknowledged, self.counts.last_line = (
+                self.counts.acknowledged + 1,
+                line.number,
+            )
 
 
 def stream(
@@ -237,7 +240,7 @@ def stream(
     silence: float = SILENCE,
     counts: Streamed | None = None,
     hold: threading.Event | None = None,
-    go_on: Callable[[Streamed], bool] | None = None,
+    should_resume: Callable[[Streamed], bool] | None = None,
 ) -> Streamed:
     """Sends lines, and returns when the controller has acknowledged them all.
 
@@ -245,15 +248,15 @@ def stream(
         port, lines, buffer, counting: see :class:`Channel`.
         progress, silence, hold: see :func:`stream_together`.
         counts: object that is updated, so that it is available after an exception.
-        go_on: callback that decides, during a hold, whether to go on.
+        should_resume: callback that decides, during a hold, whether to resume.
 
     Raises:
         StreamError: the controller refused a line, restarted or does not answer, the connection is
             lost, or it was held and reset.
     """
     channel = Channel(port, lines, buffer, counting, counts=counts)
-    ask = None if go_on is None else lambda: go_on(channel.counts)
-    stream_together([channel], progress=progress, silence=silence, hold=hold, go_on=ask)
+    ask = None if should_resume is None else lambda: should_resume(channel.counts)
+    stream_together([channel], progress=progress, silence=silence, hold=hold, should_resume=ask)
     return channel.counts
 
 
@@ -263,7 +266,7 @@ def stream_together(
     progress: OnProgress | None = None,
     silence: float = SILENCE,
     hold: threading.Event | None = None,
-    go_on: Callable[[], bool] | None = None,
+    should_resume: Callable[[], bool] | None = None,
 ) -> None:
     """Sends lines to several controllers, and returns when they have acknowledged them all.
 
@@ -274,13 +277,13 @@ def stream_together(
         progress: callback after every acknowledged line.
         silence: longest wait for an answer [s].
         hold: event that another thread sets to hold all motion.
-        go_on: callback that decides, during a hold, whether to go on.
+        should_resume: callback that decides, during a hold, whether to resume.
 
     Raises:
         StreamError: see :func:`stream`.
     """
     try:
-        _send_all(channels, progress, silence, hold or threading.Event(), go_on)
+        _send_all(channels, progress, silence, hold or threading.Event(), should_resume)
     except StreamError:
         _stop(channels)
         raise
@@ -291,14 +294,14 @@ def _send_all(
     progress: OnProgress | None,
     silence: float,
     hold: threading.Event,
-    go_on: Callable[[], bool] | None,
+    should_resume: Callable[[], bool] | None,
 ) -> None:
     """Sends all lines; raises a StreamError without stopping the controllers."""
     total, done, started = sum(channel.n_lines for channel in channels), 0, False
     while not all(channel.ended for channel in channels):
         if hold.is_set():
             hold.clear()
-            _hold(channels, go_on)
+            _hold(channels, should_resume)
         started = started or all(channel.waits or channel.ended for channel in channels)
         busy = [channel.send(started) for channel in channels]
         busy += [channel.hear() for channel in channels]
@@ -306,24 +309,24 @@ def _send_all(
             time.sleep(POLL_INTERVAL)
         for channel in channels:
             channel.check_silence(silence)
-        acknowledged = sum(channel.counts.done for channel in channels)
+        acknowledged = sum(channel.counts.acknowledged for channel in channels)
         if progress is not None:
             for count in range(done + 1, acknowledged + 1):
                 progress(Progress(done=count, total=total))
         done = acknowledged
 
 
-def _hold(channels: Sequence[Channel], go_on: Callable[[], bool] | None) -> None:
-    """Holds all controllers until ``go_on`` lets them go on; raises a StreamError otherwise."""
+def _hold(channels: Sequence[Channel], should_resume: Callable[[], bool] | None) -> None:
+    """Holds all controllers until ``should_resume`` is true; raises a StreamError otherwise."""
     for channel in channels:
         channel.write(HOLD)
-    if go_on is None or not go_on():
+    if should_resume is None or not should_resume():
         for channel in channels:
             channel.hear()  # answers that arrived during the hold
         raise next(channel for channel in channels if not channel.ended).error(STOPPED)
     for channel in channels:
         channel.write(RESUME)
-        channel.heard = time.monotonic()
+        channel.last_answer_time = time.monotonic()
 
 
 @contextmanager

@@ -36,11 +36,11 @@ class SlowedRun:
     """A run at a slower tempo.
 
     Attributes:
-        factor: its duration over that of the first run.
-        run: simulated with the slower inputs.
-        check: check of the stand.
-        apart: largest distance of a body from its position in the first run at the corresponding
-            time [m].
+        factor: its duration, relative to that of the first run.
+        run: the run, simulated with the slower inputs.
+        check: check of the stand for this run.
+        deviation: largest distance of a body from its position in the first run at the
+            corresponding time [m].
         body: the name of that body.
         t: time of that distance, in the first run's time [s].
         rms: root mean square of all bodies' distances over all times [m].
@@ -49,16 +49,16 @@ class SlowedRun:
     factor: float
     run: Trajectory
     check: StandCheck
-    apart: float
+    deviation: float
     body: str
     t: float
     rms: float
 
     def __str__(self) -> str:
         return (
-            f"{self.factor:.3g} times as long: least margin {self.check.margin:.0f} %; the puppet "
-            f"moves differently: {self.body} is up to {1e3 * self.apart:.0f} mm off (at t = "
-            f"{self.t:.2f} s of the first run), all bodies {1e3 * self.rms:.1f} mm (rms)"
+            f"{self.factor:.3g} times as long: smallest margin {self.check.margin:.0f} %; the "
+            f"puppet moves differently: {self.body} is up to {1e3 * self.deviation:.0f} mm off "
+            f"(at t = {self.t:.2f} s of the first run), all bodies {1e3 * self.rms:.1f} mm (rms)"
         )
 
 
@@ -107,9 +107,9 @@ def slowed(check: StandCheck, factor: float) -> SlowedRun:
         method=method,
         save_at=np.linspace(run.t[0], t_end, n) if method == "event" else None,
     )
-    apart, body, t, rms = distances(marionette, run, slow_run, factor)
+    deviation, body, t, rms = distances(marionette, run, slow_run, factor)
     slow_check = check_stand(check.map.stand, slow_run, marionette)
-    return SlowedRun(factor, slow_run, slow_check, apart, body, t, rms)
+    return SlowedRun(factor, slow_run, slow_check, deviation, body, t, rms)
 
 
 def slower(check: StandCheck) -> tuple[SlowedRun | None, str]:
@@ -154,10 +154,10 @@ def distances(
         states = compared.resample(times)
         positions.append(marionette.poses(states.q_D, states.q_K)[..., 3])
     moving = [i for i, link in enumerate(marionette.tree.links) if link.name in _bodies(run)]
-    apart: Array = np.linalg.norm(positions[0] - positions[1], axis=-1)[:, moving]
-    i, k = np.unravel_index(int(np.argmax(apart)), apart.shape)
+    deviation: Array = np.linalg.norm(positions[0] - positions[1], axis=-1)[:, moving]
+    i, k = np.unravel_index(int(np.argmax(deviation)), deviation.shape)
     name = marionette.tree.links[moving[int(k)]].name
-    return float(apart[i, k]), name, float(t[i]), float(np.sqrt(np.mean(apart**2)))
+    return float(deviation[i, k]), name, float(t[i]), float(np.sqrt(np.mean(deviation**2)))
 
 
 def _bodies(run: Trajectory) -> set[str]:

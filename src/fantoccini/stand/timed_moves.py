@@ -3,9 +3,9 @@
 Between set points a controller moves straight at a constant speed v, and ramps with acceleration a
 from one speed to the next. A move of length d that begins at v0 and ends at v1 takes the time T if
 
-    d = v T - (v - v0)^2 / 2a - (v - v1)^2 / 2a,   v0 = min(v before, v, junction), v1 alike
+    d = v T - (v - v0)^2 / 2a - (v - v1)^2 / 2a,   v0 = min(v before, v, junction), v1 likewise
 
-The speeds of all moves are found together by an iteration, which converges if the acceleration of
+The speeds of all moves are computed together by an iteration. It converges if the acceleration of
 the motion is less than half of the controller's.
 """
 
@@ -23,8 +23,9 @@ MIN_HOLD = 0.5
 DWELL = 0.05
 """Time unit of GRBL's dwells [s]."""
 MIN_SPEED = 0.02
-"""Slowest move [units/s]; GRBL's own minimum is 1 unit per minute."""
+"""Speed of creeping moves [units/s]; GRBL's minimum is 1 unit per minute."""
 MAX_ITERATIONS = 400
+"""Largest number of iterations for the speeds."""
 SPEED_TOLERANCE = 1e-9
 """Relative change of the speeds at which the iteration ends."""
 
@@ -84,7 +85,7 @@ def timed_moves(t: Times, counts: Indices, limits: Limits) -> TimedMoves:
     delta = np.diff(np.vstack([counts[:1], target]), axis=0) / limits.steps
     length = np.linalg.norm(delta, axis=1)
     speed = np.zeros(len(begin))
-    for first, last in _stretches(length):
+    for first, last in _moves_without_dwell(length):
         moves = slice(first, last)
         speed[moves] = _solve_speeds(
             begin[moves], end[moves] - begin[moves], delta[moves], length[moves], limits
@@ -103,30 +104,30 @@ def _moves(t: Times, counts: Indices, limits: Limits) -> tuple[Array, Array, Ind
         end.append(last)
         target.append(position)
 
-    held = t[0]  # end of the last move
+    last_end = t[0]  # end of the last move
     for i in range(len(t) - 1):
         delta = counts[i + 1] - counts[i]
         if not np.any(delta):
             continue
-        if t[i] - held >= MIN_HOLD:
-            dwell = np.floor((t[i] - held) / DWELL - 1.0) * DWELL
-            add(held, held + dwell, counts[i])
-            held += dwell
-        if t[i] > held and np.max(np.abs(delta)) > 1:
+        if t[i] - last_end >= MIN_HOLD:
+            dwell = np.floor((t[i] - last_end) / DWELL - 1.0) * DWELL
+            add(last_end, last_end + dwell, counts[i])
+            last_end += dwell
+        if t[i] > last_end and np.max(np.abs(delta)) > 1:
             k = int(np.argmax(np.abs(delta)))
             creep = np.zeros_like(delta)
-            steps = np.ceil((t[i] - held) * MIN_SPEED * limits.steps[k])
+            steps = np.ceil((t[i] - last_end) * MIN_SPEED * limits.steps[k])
             creep[k] = np.sign(delta[k]) * min(max(1, steps), abs(delta[k]) - 1)
-            add(held, t[i], counts[i] + creep)
-            held = t[i]
-        add(held, t[i + 1], counts[i + 1])
-        held = t[i + 1]
-    if t[-1] > held:
-        add(held, t[-1], counts[-1])
+            add(last_end, t[i], counts[i] + creep)
+            last_end = t[i]
+        add(last_end, t[i + 1], counts[i + 1])
+        last_end = t[i + 1]
+    if t[-1] > last_end:
+        add(last_end, t[-1], counts[-1])
     return np.array(begin), np.array(end), np.array(target).reshape(-1, counts.shape[1])
 
 
-def _stretches(length: Array) -> list[tuple[int, int]]:
+def _moves_without_dwell(length: Array) -> list[tuple[int, int]]:
     """Index ranges (first, end) of consecutive moves without a dwell between them."""
     edges = [-1, *np.flatnonzero(length == 0.0).tolist(), len(length)]
     return [(a + 1, b) for a, b in pairwise(edges) if b > a + 1]
@@ -138,28 +139,32 @@ def _solve_speeds(begin: Array, T: Array, delta: Array, length: Array, limits: L
         components = np.abs(delta) / length[:, None]
         a = np.min(limits.acceleration / components, axis=1)
         max_speed = np.min(limits.rate / components, axis=1)
-        junction = _junctions(delta / length[:, None], limits)
+        junction = _junction_speeds(delta / length[:, None], limits)
     v = length / T
     change = np.inf
     for _ in range(MAX_ITERATIONS):
         before = np.minimum(np.append(0.0, v[:-1]), np.append(0.0, junction))
         after = np.minimum(np.append(v[1:], 0.0), np.append(junction, 0.0))
-        new = _speeds_between(T, length, a, before, after)
-        change = float(np.max(np.abs(new - v) / new))
-        v = new
+        new_v = _speeds_between(T, length, a, before, after)
+        change = float(np.max(np.abs(new_v - v) / new_v))
+        v = new_v
         if change < SPEED_TOLERANCE:
             break
     slowest = np.minimum(before, v), np.minimum(after, v)
     ramps = ((v - slowest[0]) + (v - slowest[1])) / a
     unreachable = (ramps > T * (1.0 + 1e-6)) | (v > max_speed * (1.0 + 1e-9)) | ~np.isfinite(v)
     if change >= SPEED_TOLERANCE or np.any(unreachable):
-        i = int(np.argmax(unreachable)) if np.any(unreachable) else int(np.argmax(np.abs(new - v)))
+        i = (
+            int(np.argmax(unreachable))
+            if np.any(unreachable)
+            else int(np.argmax(np.abs(new_v - v)))
+        )
         raise StandError(
             f"the controller cannot keep the time of the move at t = {begin[i]:.3f} s: its ramps "
             f"are too slow for {length[i] / T[i]:.4g} mm/s there; needed: a gentler motion, or "
             "axes with more acceleration"
         )
-    _look_ahead(begin, T, length, a, slowest[0], limits)
+    _check_look_ahead(begin, T, length, a, slowest[0], limits)
     return v
 
 
@@ -176,7 +181,7 @@ def _speeds_between(T: Array, d: Array, a: Array, before: Array, after: Array) -
     return v
 
 
-def _junctions(direction: Array, limits: Limits) -> Array:
+def _junction_speeds(direction: Array, limits: Limits) -> Array:
     """(m - 1,) largest speeds at the junctions of the moves."""
     cosine = np.clip(np.sum(direction[:-1] * direction[1:], axis=1), -1.0, 1.0)
     turn = np.diff(direction, axis=0)
@@ -187,7 +192,7 @@ def _junctions(direction: Array, limits: Limits) -> Array:
     return np.where(cosine > 0.999999, np.inf, np.where(cosine < -0.999999, 0.0, speed))
 
 
-def _look_ahead(
+def _check_look_ahead(
     begin: Array, T: Array, length: Array, a: Array, entry: Array, limits: Limits
 ) -> None:
     """Raises a StandError if the machine could not stop within the moves that it looks ahead."""

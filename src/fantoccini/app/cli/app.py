@@ -25,8 +25,8 @@ from fantoccini.app.cli_support import (
     ShowArguments,
     SimulateArguments,
     resolve_bundled,
-    takes,
     version,
+    with_arguments,
 )
 
 _ABOUT = """\
@@ -160,10 +160,10 @@ def rig(
     force: Annotated[bool, typer.Option("--force", help="Replace the rig of the file.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write into a puppet file which bodies are trunk, head and limbs, and what moves them.
+    """Write the trunk, head and limbs of a puppet, and their strings, into its file.
 
-    Finds them from the tree, the shapes and the strings, and draws them. Comments and layout of the
-    file stay. Gestures use the section `rig`; change its entries where the guess is wrong.
+    Finds them from the tree, the shapes and the strings, and draws them. Keeps the comments and
+    layout of the file. Gestures use the section `rig`; change its entries where the guess is wrong.
     """
     from fantoccini.app.cli.rig import write_rig
 
@@ -186,7 +186,7 @@ def rest(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Find the state in which a puppet hangs still: lengths, tensions, what is slack, what touches.
+    """Find the state in which a puppet hangs still: lengths, tensions, slack strings, contacts.
 
     Exits with 2 if there is none. The last lines are the first ones of a CSV of inputs.
     """
@@ -209,7 +209,7 @@ def equations(
 
 
 @app.command("export")
-@takes(ExportArguments)
+@with_arguments(ExportArguments)
 def export(arguments: ExportArguments) -> None:
     """Write a puppet's equations as C99, or a saved motion as animation, film or numbers.
 
@@ -252,7 +252,7 @@ def import_(
 
 
 @app.command("simulate")
-@takes(SimulateArguments)
+@with_arguments(SimulateArguments)
 def simulate(arguments: SimulateArguments) -> None:
     """Simulate a puppet; write numbers, pictures or a film."""
     from fantoccini.app.cli.simulate import simulate_file
@@ -261,7 +261,7 @@ def simulate(arguments: SimulateArguments) -> None:
 
 
 @app.command("plan")
-@takes(PlanArguments)
+@with_arguments(PlanArguments)
 def plan(arguments: PlanArguments) -> None:
     """Plan a motion to a goal that avoids obstacles."""
     from fantoccini.app.cli.plan import plan_file
@@ -270,7 +270,7 @@ def plan(arguments: PlanArguments) -> None:
 
 
 @app.command("optimise")
-@takes(OptimiseArguments)
+@with_arguments(OptimiseArguments)
 def optimise(arguments: OptimiseArguments) -> None:
     """Find the motion of a task with the smallest cost, within its bounds."""
     from fantoccini.app.cli.optimise import optimise_file
@@ -279,7 +279,7 @@ def optimise(arguments: OptimiseArguments) -> None:
 
 
 @app.command("identify")
-@takes(IdentifyArguments)
+@with_arguments(IdentifyArguments)
 def identify(arguments: IdentifyArguments) -> None:
     """Identify lengths, masses, damping and delay of a puppet from a record of its motion.
 
@@ -292,7 +292,7 @@ def identify(arguments: IdentifyArguments) -> None:
 
 
 @app.command("follow")
-@takes(FollowArguments)
+@with_arguments(FollowArguments)
 def follow(arguments: FollowArguments) -> None:
     """Make a puppet follow captured motion.
 
@@ -317,7 +317,7 @@ def mapping(
 ) -> None:
     """Write a mapping file for a clip, to check and fill in.
 
-    Joints are found by their names, or by the skeleton's shape; doubts stand beside them.
+    Joints are found by their names, or by the skeleton's shape; doubtful ones are marked.
     """
     from fantoccini.app.cli.mapping import write_mapping
 
@@ -325,7 +325,7 @@ def mapping(
 
 
 @app.command("play")
-@takes(PlayArguments)
+@with_arguments(PlayArguments)
 def play(arguments: PlayArguments) -> None:
     """Compile a play, simulate it and verify it; write a report or a film.
 
@@ -337,7 +337,7 @@ def play(arguments: PlayArguments) -> None:
 
 
 @app.command("show")
-@takes(ShowArguments)
+@with_arguments(ShowArguments)
 def show(arguments: ShowArguments) -> None:
     """Show a live puppet, or replay a run, in the browser.
 
@@ -349,7 +349,7 @@ def show(arguments: ShowArguments) -> None:
 
 
 @app.command("perform")
-@takes(PerformArguments)
+@with_arguments(PerformArguments)
 def perform(arguments: PerformArguments) -> None:
     """Perform a play live in the browser: GO, hold, skip, repeat.
 
@@ -423,11 +423,11 @@ def demo(
 @app.command()
 def cache(
     clear: Annotated[
-        bool, typer.Option("--clear", help="Remove everything; it is made again when needed.")
+        bool, typer.Option("--clear", help="Remove all; they are made again when needed.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """List what is kept between runs: compiled puppets, meshes in convex pieces, runs of plays."""
+    """List cached files: compiled puppets, convex pieces of meshes, runs of plays."""
     from fantoccini.app.cli.cache import describe_cache
 
     describe_cache(clear, quiet)

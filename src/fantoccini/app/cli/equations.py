@@ -20,12 +20,12 @@ from fantoccini.model.puppet import PD, ComputedTorque, DirectCurrent, Drive, Se
 
 Equation = tuple[str, sp.Expr | sp.Matrix]
 
-_MEANING = (
+_MOTOR_SYMBOLS = (
     "e = command - coordinate; for orientations 2 e_w (e_x, e_y, e_z) of the relative rotation. "
     "n is the rotor angle [rad] per unit of the coordinate, v the speed of the coordinate"
 )
 
-_UNICODE = "\N{GREEK SMALL LETTER THETA}\N{COMBINING DOT ABOVE}\N{SUBSCRIPT ONE}"
+_UNICODE_SAMPLE = "\N{GREEK SMALL LETTER THETA}\N{COMBINING DOT ABOVE}\N{SUBSCRIPT ONE}"
 
 
 def print_equations(file: str, latex: bool) -> None:
@@ -57,17 +57,17 @@ def _print_latex(puppet: Marionette, page: printing.Printable) -> None:
     write("% " + puppet.name)
     for symbol, name in page.notation.names.items():
         write(f"% ${sp.latex(symbol)}$: {name}")
-    for symbol, name, law in _motors(puppet, page, sp.latex):
+    for symbol, name, law in _motor_laws(puppet, page, sp.latex):
         write(f"% motor of ${symbol}$, {name}: {law}")
     lines = [
         f"  {sp.latex(sp.Symbol(left))} &= {sp.latex(printing.decimal(right))}"
-        for left, right in [*energies(page), *matrices(puppet, page), *page_lengths(page)]
+        for left, right in [*energies(page), *matrices(puppet, page), *square_roots(page)]
     ]
     write("\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}")
 
 
 def _print_text(puppet: Marionette, page: printing.Printable) -> None:
-    layout = Layout(width(), _has_unicode())
+    layout = Layout(width(), _stdout_has_unicode())
     table("Symbols", ("symbol", "name", "role", "value>"), list(_symbols(puppet, page, layout)))
     write("Lagrangian T - V (Eqs. 5-7)\n")
     for left, right in energies(page):
@@ -77,7 +77,7 @@ def _print_text(puppet: Marionette, page: printing.Printable) -> None:
     driven_bias = " + C_DK v_K" if "C_DK" in names else ""
     damping = " + f" if "f" in names else ""
     string_forces = " + A_D^T lambda, tension = -lambda >= 0" if "A_D" in names else ""
-    motors = list(_motors(puppet, page, layout.text))
+    motors = list(_motor_laws(puppet, page, layout.text))
     motor_forces = " + f_M" if motors else ""
     write(
         f"Motion (Eqs. 8-10): M acc_D{driven_mass} + C v_D{driven_bias} + g{damping} "
@@ -87,8 +87,8 @@ def _print_text(puppet: Marionette, page: printing.Printable) -> None:
         write(layout.matrix(left, right) + "\n")
     if motors:
         table("f_M: forces of motors", ("symbol", "name", "law"), motors)
-        write(textwrap.fill(_MEANING, layout.columns) + "\n")
-    for left, right in page_lengths(page):
+        write(textwrap.fill(_MOTOR_SYMBOLS, layout.columns) + "\n")
+    for left, right in square_roots(page):
         write("with\n" + layout.root(left, right) + "\n")
     write("Numbers have six digits. h <= 0; strings come first, then limits.")
 
@@ -104,7 +104,7 @@ def _symbols(
         yield layout.text(symbol), name, role, value
 
 
-def _motors(
+def _motor_laws(
     puppet: Marionette, page: printing.Printable, text: Callable[[sp.Symbol], str]
 ) -> Iterator[tuple[str, str, str]]:
     """Symbol, name and law of every motor's coordinate."""
@@ -176,14 +176,14 @@ def matrices(puppet: Marionette, page: printing.Printable) -> list[Equation]:
     ]
 
 
-def page_lengths(page: printing.Printable) -> list[Equation]:
+def square_roots(page: printing.Printable) -> list[Equation]:
     """Definitions of the symbols that stand for square roots."""
     return [(symbol.name, meaning) for symbol, meaning in page.lengths]
 
 
-def _has_unicode() -> bool:
+def _stdout_has_unicode() -> bool:
     try:
-        _UNICODE.encode(sys.stdout.encoding or "ascii")
+        _UNICODE_SAMPLE.encode(sys.stdout.encoding or "ascii")
     except (UnicodeEncodeError, LookupError):
         return False
     return True
@@ -202,7 +202,7 @@ class Layout:
         self._printer = PrettyPrinter(
             {"use_unicode": unicode, "wrap_line": False, "full_prec": False}
         )
-        self._line = _Line(unicode)
+        self._line = _LinePrinter(unicode)
 
     def text(self, expression: sp.Basic) -> str:
         """The expression, pretty-printed on several lines."""
@@ -269,7 +269,7 @@ class Layout:
         return max(map(len, text.split("\n"))) <= self.columns - 2
 
 
-class _Line(StrPrinter):  # type: ignore[misc]  # SymPy has no types
+class _LinePrinter(StrPrinter):  # type: ignore[misc]  # SymPy has no types
     """Printer on one line, with the symbols of the pretty printer.
 
     Args:

@@ -33,10 +33,12 @@ from fantoccini.lab.identification import (
 
 _MAX_LISTED = 10
 """Largest number of outliers and motions that are listed."""
-_DURATION, _REACH = 10.0, 0.05
-"""Defaults: duration [s] and amplitude [m] of the motions that are tried."""
-_MIN_GAIN = 0.05
-"""Information that is printed as 0 [bits]."""
+_DEFAULT_DURATION = 10.0
+"""Default duration of candidate motions [s]."""
+_DEFAULT_REACH = 0.05
+"""Default amplitude of candidate motions [m]."""
+_MIN_INFORMATION = 0.05
+"""Information below which 0.0 is printed [bits]."""
 
 
 def identify_record(arguments: IdentifyArguments) -> None:
@@ -75,9 +77,11 @@ def identify_record(arguments: IdentifyArguments) -> None:
         record = load_record(file, progress=steps.named)
         if out is not None:
             record.check_folder(out.parent)
-        result = identify(record, threads=threads, progress=lambda at: steps.step(_doing(at)))
+        result = identify(
+            record, threads=threads, progress=lambda at: steps.step(_progress_text(at))
+        )
     if not quiet:
-        _print(result)
+        _print_result(result)
     if out is not None:
         with writing(out):
             result.save_puppet(out)
@@ -88,8 +92,8 @@ def identify_record(arguments: IdentifyArguments) -> None:
         with Steps(quiet) as steps:
             motions = suggest_motion(
                 record,
-                duration=_DURATION if duration is None else duration,
-                reach=_REACH if reach is None else reach,
+                duration=_DEFAULT_DURATION if duration is None else duration,
+                reach=_DEFAULT_REACH if reach is None else reach,
                 seed=seed or 0,
                 threads=threads,
                 progress=lambda at: steps.step(f"evaluating the motion {at.what}"),
@@ -102,11 +106,11 @@ def identify_record(arguments: IdentifyArguments) -> None:
         raise typer.Exit(FAILED)
 
 
-def _doing(at: Progress) -> str:
+def _progress_text(at: Progress) -> str:
     return at.what if at.best is None else f"{at.what}: {at.best:.6g}"
 
 
-def _print(result: Identified) -> None:
+def _print_result(result: Identified) -> None:
     rows = []
     for name, value, deviation in zip(result.names, result.values, result.deviations, strict=True):
         if math.isfinite(deviation):
@@ -128,8 +132,8 @@ def _print(result: Identified) -> None:
         write(f"outlier: {outlier.column} at {outlier.t:.4g} s, {outlier.residual:+.1f} deviations")
     if len(result.outliers) > _MAX_LISTED:
         write(f"and {len(result.outliers) - _MAX_LISTED} more outliers")
-    if result.record.still:
-        write(f"the inputs do not move {', '.join(result.record.still)}")
+    if result.record.constant_inputs:
+        write(f"the inputs do not move {', '.join(result.record.constant_inputs)}")
     if result.lost:
         times = [f"{t + result.delay:.4g} s" for t in result.lost[:_MAX_LISTED]]
         n_more = len(result.lost) - len(times)
@@ -159,7 +163,7 @@ def print_motions(motions: tuple[Candidate, ...]) -> None:
             if not motion.refused
         ],
     )
-    if motions[0].gain < _MIN_GAIN:
+    if motions[0].gain < _MIN_INFORMATION:
         write(
             "no motion gives information about these numbers; a larger --reach, or other columns, "
             "may help"

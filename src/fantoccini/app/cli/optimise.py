@@ -56,9 +56,9 @@ def optimise_file(arguments: OptimiseArguments) -> None:
             seed=arguments.seed,
             progress=steps.bar("optimising"),
         )
-        _write(arguments, optimum, steps)
+        _write_files(arguments, optimum, steps)
     if not arguments.quiet:
-        _report(optimum)
+        _print_optimum(optimum)
     if arguments.show:
         show_run(task.marionette, optimum.run, arguments.quiet)
     if not optimum.holds:
@@ -79,7 +79,7 @@ def _check_options(arguments: OptimiseArguments) -> None:
         fail("writes nothing; omit --out, --picture and --save", "--check")
 
 
-def _write(arguments: OptimiseArguments, optimum: Optimum, steps: Steps) -> None:
+def _write_files(arguments: OptimiseArguments, optimum: Optimum, steps: Steps) -> None:
     marionette = optimum.task.marionette
     if arguments.save is not None:
         _save(arguments.save, optimum, steps)
@@ -107,7 +107,7 @@ def _save(path: Path, optimum: Optimum, steps: Steps) -> None:
         Recording(optimum.marionette, start, nodes.acc_K, nodes.interval, n).save(path)
 
 
-def _report(optimum: Optimum) -> None:
+def _print_optimum(optimum: Optimum) -> None:
     low, high = optimum.task.durations
     lines: list[tuple[str, object]] = [
         ("status", optimum.status.name.lower()),

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 def perform_play(arguments: PerformArguments) -> None:
     """Compiles a play and performs it until Ctrl-C."""
     check_folder(arguments.record_to, "--record-to")
-    hear = address_of(arguments.osc_in, "--osc-in")
-    send = target_address(arguments.osc_out, "--osc-out")
-    if hear is not None and hear == send:
-        fail(f"found {hear}, which is also --osc-in; needed: another address", "--osc-out")
+    receive_at = address_of(arguments.osc_in, "--osc-in")
+    send_to = target_address(arguments.osc_out, "--osc-out")
+    if receive_at is not None and receive_at == send_to:
+        fail(f"found {receive_at}, which is also --osc-in; needed: another address", "--osc-out")
     from fantoccini.app.web import open_show
     from fantoccini.theatre.perform import LivePlay
     from fantoccini.theatre.plays import load_play
@@ -38,15 +38,15 @@ def perform_play(arguments: PerformArguments) -> None:
             arguments.host,
             arguments.port,
             arguments.record_to,
-            hear,
-            send,
+            receive_at,
+            send_to,
         )
     osc = page.osc
     if osc is not None and not arguments.quiet:
         if osc.heard_at is not None:
             say(f"OSC messages are received at {osc.heard_at}")
-        if send is not None:
-            say(f"OSC messages are sent to {send}")
+        if send_to is not None:
+            say(f"OSC messages are sent to {send_to}")
     try:
         serve(page, arguments)
     finally:

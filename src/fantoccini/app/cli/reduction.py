@@ -21,4 +21,4 @@ def validate_file(file: str, quiet: bool) -> None:
         report = validate_reduction(puppet)
     lines = [(claim.text, _WORDS[claim.holds], claim.evidence) for claim in report.claims]
     table(f"Section VI for {report.name}", ("claim", "", "evidence"), lines)
-    write(report.answer)
+    write(report.conclusion)

@@ -110,7 +110,7 @@ def serve(page: Page, arguments: PageOptions) -> None:
 
 def _announce(page: Page, arguments: PageOptions) -> None:
     server = page.server
-    if server.moved:
+    if server.port_changed:
         say(f"port {arguments.port} is in use; the page is on port {server.port}")
     if server.exposed:
         say(

@@ -126,7 +126,7 @@ def as_data(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> di
             "text": tempo[1],
             "factor": None if slow is None else slow.factor,
             "margin": None if slow is None else slow.check.margin,
-            "apart": None if slow is None else slow.apart,
+            "apart": None if slow is None else slow.deviation,
             "rms": None if slow is None else slow.rms,
         },
         "notes": list(check.notes),

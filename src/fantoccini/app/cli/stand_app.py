@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fantoccini.app.cli.stand_arguments import StandExportArguments, StandStreamArguments
-from fantoccini.app.cli_support import Quiet, positive, takes
+from fantoccini.app.cli_support import Quiet, positive, with_arguments
 
 stand_app = typer.Typer(
     help="Check whether a stand can do a run, and send it set points.",
@@ -46,7 +46,7 @@ def stand_check(
 
 
 @stand_app.command("export")
-@takes(StandExportArguments)
+@with_arguments(StandExportArguments)
 def stand_export(arguments: StandExportArguments) -> None:
     """Write a run as set points for the stand's controller.
 
@@ -59,7 +59,7 @@ def stand_export(arguments: StandExportArguments) -> None:
 
 
 @stand_app.command("stream")
-@takes(StandStreamArguments)
+@with_arguments(StandStreamArguments)
 def stand_stream(arguments: StandStreamArguments) -> None:
     """Send a run to the stand's controller: G-code over a serial port, packets over a network.
 

@@ -150,7 +150,7 @@ def _serve(settings: Mapping[str, GrblSettings], quiet: bool) -> list[GrblMachin
             before = f"{name}: " if name else ""
             say(
                 f"{before}{len(emulator.lines)} lines, {emulator.machine.time:.3f} s of motion, at "
-                f"most {emulator.fullest} characters in the buffer, {emulator.overrun} lost"
+                f"most {emulator.max_buffered} characters in the buffer, {emulator.overrun} lost"
             )
     return [emulator.machine for emulator, _ in emulators]
 
@@ -159,13 +159,13 @@ def _emulator(name: str, settings: GrblSettings, quiet: bool) -> tuple[Emulator,
     """An emulated GRBL, and an event that is set at the end of its program."""
     ended = threading.Event()
 
-    def heard(text: str, answer: str) -> None:
+    def log_line(text: str, answer: str) -> None:
         if not quiet and answer != "ok":
             say(f"{name}: {text}: {answer}" if name else f"{text}: {answer}")
         if text == "M2":
             ended.set()
 
-    return Emulator(GrblMachine(settings), heard=heard), ended
+    return Emulator(GrblMachine(settings), on_line=log_line), ended
 
 
 def _listen(stand: Stand, controller: Osc | ArtNet, listen: str | None, quiet: bool) -> Receiver:

@@ -30,13 +30,13 @@ from fantoccini.stand import (
     check_first,
     first_lost,
     gcode_program,
-    gentle_feed,
     lines_of,
     packets_of,
     resumed,
     resumed_points,
     send_points,
     serial_port,
+    slow_feed,
     stream_together,
     udp_sender,
 )
@@ -54,13 +54,13 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
             points = resumed_points(points, arguments.from_time)
         parts = points.parts
         programs = {name: gcode_program(part) for name, part in parts.items()}
-    lines = {name: lines_of(own.text) for name, own in programs.items()}
+    lines = {name: lines_of(program.text) for name, program in programs.items()}
     if arguments.from_line is not None:
-        (text,) = (own.text for own in programs.values())
-        lines = {"": resumed(text, arguments.from_line, gentle_feed(points))}
+        (text,) = (program.text for program in programs.values())
+        lines = {"": resumed(text, arguments.from_line, slow_feed(points))}
     if arguments.dry_run:
-        for name, own_lines in lines.items():
-            for line in own_lines:
+        for name, program_lines in lines.items():
+            for line in program_lines:
                 write(f"{name}: {line.text}" if name else line.text)
         return
     ports = _ports(parts, arguments.port or [])
@@ -80,19 +80,22 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
                         controller.buffer if counting else 4096,
                         counting,
                         name=name,
-                        start=programs[name].first if name else None,
+                        start=programs[name].first_line if name else None,
                         counts=counts[name],
                     )
                 )
-            stream_together(channels, hold=hold, go_on=lambda: _ask(_lines_text(counts)))
+            stream_together(channels, hold=hold, should_resume=lambda: _ask(_lines_text(counts)))
     except StreamError as error:
         say(f"fantoccini: {error}")
         _say_how_to_continue(parts, programs, counts)
         raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
     if not arguments.quiet:
-        for name, own in counts.items():
+        for name, count in counts.items():
             before = f"{name}: " if name else ""
-            write(f"{before}{own.done} lines; up to {own.most} characters in transit")
+            write(
+                f"{before}{count.acknowledged} lines; "
+                f"up to {count.max_unanswered} characters in transit"
+            )
 
 
 def _check_line_options(points: SetPoints, arguments: StandStreamArguments) -> None:
@@ -121,17 +124,20 @@ def _ports(parts: Mapping[str, SetPoints], given: list[str]) -> dict[str, str]:
         ports[name] = port
     for name, port in ports.items():
         if port is None:
-            what = f"the controller {name}" if name else "the stand's controller"
-            fail(f"{what} names no port; needed: --port {f'{name}=' if name else ''}PORT", "--port")
+            text = f"the controller {name}" if name else "the stand's controller"
+            fail(f"{text} names no port; needed: --port {f'{name}=' if name else ''}PORT", "--port")
     for name, port in ports.items():
         if list(ports.values()).count(port) > 1:
-            fail(f"found {port} twice, for {name} as well; needed: a port of its own", "--port")
+            fail(f"found {port} twice, also for {name}; needed: a port of its own", "--port")
     return ports
 
 
 def _lines_text(counts: Mapping[str, Streamed]) -> str:
     """The last acknowledged line of every controller, in words."""
-    texts = [f"line {own.last}" + (f" of {name}" if name else "") for name, own in counts.items()]
+    texts = [
+        f"line {count.last_line}" + (f" of {name}" if name else "")
+        for name, count in counts.items()
+    ]
     return " and ".join(texts)
 
 
@@ -139,15 +145,15 @@ def _say_how_to_continue(
     parts: Mapping[str, SetPoints], programs: Mapping[str, Program], counts: Mapping[str, Streamed]
 ) -> None:
     """Says from which line, or with several controllers from which time, a stream can continue."""
-    if not any(own.last for own in counts.values()):
+    if not any(count.last_line for count in counts.values()):
         return
     lost = {
-        name: first_lost(programs[name].text, own.last, parts[name].controller.planner)
-        for name, own in counts.items()
+        name: first_lost(programs[name].text, count.last_line, parts[name].controller.planner)
+        for name, count in counts.items()
     }
     if "" in lost:
         say(
-            f"the controller accepted all lines up to {counts[''].last}, and may have dropped "
+            f"the controller accepted all lines up to {counts[''].last_line}, and may have dropped "
             "lines in its buffer; if it still knows its position, continue with --from-line "
             f"{lost['']}"
         )
@@ -179,7 +185,7 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
         packets = packets_of(points.map.stand, controller, points.rate)
         for t, position in zip(motion.t, motion.position, strict=True):
             if t >= first:
-                write(f"{t:.4f} {packets.described(position)}")
+                write(f"{t:.4f} {packets.describe(position)}")
         return
     if first and not arguments.quiet:
         say(
@@ -196,7 +202,7 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
                 first=first,
                 hold=hold,
                 counts=counts,
-                go_on=lambda sent: _ask(f"t = {sent.t:.3f} s", sent.lost),
+                should_resume=lambda sent: _ask(f"t = {sent.t:.3f} s", sent.lost),
             )
     except PacketError as error:
         say(f"fantoccini: {error}")
@@ -210,7 +216,7 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
     if not arguments.quiet:
         write(
             f"{counts.sent} packets to {host}:{port}, {counts.dropped} set points left out; "
-            f"at most {1e3 * counts.latest:.2f} ms late"
+            f"at most {1e3 * counts.max_delay:.2f} ms late"
         )
 
 
@@ -230,14 +236,14 @@ def _ask(where: str, lost: threading.Event | None = None) -> bool:
     say(f"paused at {where}; Enter continues, Ctrl-C stops")
     previous_handler = signal.signal(signal.SIGINT, _interrupt)
     try:
-        return _entered(lost or threading.Event())
+        return _wait_for_enter(lost or threading.Event())
     except KeyboardInterrupt:
         return False
     finally:
         signal.signal(signal.SIGINT, previous_handler)
 
 
-def _entered(ended: threading.Event) -> bool:
+def _wait_for_enter(ended: threading.Event) -> bool:
     """Waits for a line; returns whether there was one before the event was set.
 
     On Windows, where a console cannot be polled, only a line ends the wait.
@@ -247,9 +253,9 @@ def _entered(ended: threading.Event) -> bool:
     terminal = sys.stdin.fileno()
     while not ended.is_set():
         if select.select([terminal], [], [], _POLL_INTERVAL)[0]:
-            read = os.read(terminal, 1)  # only one: the next line may belong to another pause
-            if read in (b"", b"\n"):
-                return bool(read)
+            character = os.read(terminal, 1)  # only one: the next line may belong to another pause
+            if character in (b"", b"\n"):
+                return bool(character)
     return False
 
 

@@ -7,7 +7,7 @@ from .arguments import (
     PlanArguments as PlanArguments,
     PlayArguments as PlayArguments,
     SimulateArguments as SimulateArguments,
-    takes as takes,
+    with_arguments as with_arguments,
 )
 from .error_handling import (
     FAILED as FAILED,

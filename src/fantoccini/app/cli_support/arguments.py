@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 R = TypeVar("R", bound="DataclassInstance")
 
 
-def takes(arguments: type[R]) -> Callable[[Callable[[R], None]], Callable[..., None]]:
+def with_arguments(arguments: type[R]) -> Callable[[Callable[[R], None]], Callable[..., None]]:
     """Decorator: the fields of a dataclass become the arguments of a command, own fields first."""
     hints = get_type_hints(arguments, include_extras=True)
     defaults = {f.name: f.default for f in fields(arguments)}

@@ -1,4 +1,4 @@
-"""Motions that `--inputs` names: inputs files, recordings and scores."""
+"""Motions from the files of `--inputs`: inputs files, recordings and scores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Output files of a run, by ending. Each appears only when complete."""
+"""Output files of a run, with formats by ending. A file appears only when it is complete."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 def check_outputs(
     out: Sequence[Path], plot: Path | None, option: str = "--out", captions: bool = False
 ) -> None:
-    """Raises a usage error if a file cannot be written, before any long computation.
+    """Raises a usage error if a file cannot be written; called before long computations.
 
     Args:
         out: numbers, strips, films and animations.
@@ -56,7 +56,7 @@ def check_outputs(
 
 
 def check_captions(out: Sequence[Path], captions: Sequence[Caption]) -> None:
-    """Raises a usage error if captions are to be written, and there are none."""
+    """Raises a usage error if a caption file is requested for a run without captions."""
     for path in out:
         if path.suffix.lower() in CAPTIONS and not captions:
             fail(f"{path}: there are no captions; scores and plays can have some", "--out")
@@ -110,11 +110,11 @@ def write_outputs(
     check_bodies(marionette, output_options)
     if output_options.forces and run.contact is None:
         fail(f"{marionette.name} has no contacts, so there are no forces to draw", "--forces")
-    whole, reasons, mistakes = run, [], []
+    whole_run, reasons, mistakes = run, [], []
     try:
         run = output_options.part(run)
     except typer.BadParameter as error:  # a search's duration was not known before
-        reasons.append(f"{error.message}; the files have the whole motion")
+        reasons.append(f"{error.message}; the files contain the whole motion")
     except OutputError as error:
         reasons.append(str(error))
         out = ()
@@ -123,12 +123,14 @@ def write_outputs(
         try:
             with writing(path):
                 if path is plot:
-                    _plot(whole, path, steps, output_options)
+                    _plot(whole_run, path, steps, output_options)
                 else:
-                    own = dict(films or {})
+                    film_options = dict(films or {})
                     if path.suffix.lower() == ".mp4" and path.with_suffix("") in subtitled:
-                        own.pop("captions", None)  # players show those of the file beside it
-                    _write(marionette, run, path, steps, poses, output_options, own, guides)
+                        film_options.pop("captions", None)  # players read that file
+                    _write(
+                        marionette, run, path, steps, poses, output_options, film_options, guides
+                    )
         except (FileError, StateError, UnknownNameError) as error:
             mistakes.append(error)  # in the arguments; the other files are written first
         except FantocciniError as error:

@@ -16,10 +16,10 @@ def load_recording(path: Path | None) -> Recording | None:
     if path is None or path.suffix.lower() != ".npz":
         return None
     try:
-        form = npz.about_of(npz.read(path, only="about"))["format"]
+        file_format = npz.about_of(npz.read(path, only="about"))["format"]
     except npz.UNREADABLE:
         return None
-    return Recording.load(path) if form in RECORDING_FORMATS else None
+    return Recording.load(path) if file_format in RECORDING_FORMATS else None
 
 
 def with_recorded_winches(marionette: Marionette, recording: Recording, quiet: bool) -> Marionette:

@@ -1,4 +1,4 @@
-"""Bodies that viewers pull, as by a rubber band between the body and the mouse.
+"""Forces of viewers on bodies: a rubber band between the body and the mouse.
 
 F = k (mouse - point),  |F| <= F_max
 """
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     import viser
 
 
-class _Band(NamedTuple):
-    """Parameters of the rubber band."""
+class _RubberBand(NamedTuple):
+    """Constants of the rubber band."""
 
-    length: float = 0.4  # Length at which the force is the weight, in puppet sizes
-    max_force: float = 0.5  # Largest force, in weights of the puppet
+    length: float = 0.4  # Stretch at which the force is the puppet's weight [puppet sizes]
+    max_force: float = 0.5  # Largest force [weights of the puppet]
 
 
-_BAND = _Band()
+_RUBBER_BAND = _RubberBand()
 
 
 @dataclass
 class _Pull:
-    """Body in a viewer's hand.
+    """Pull of a viewer on a body.
 
     Attributes:
         viewer: the viewer.
@@ -71,7 +71,10 @@ class BodyPulls:
         self._performance, self._act, self._release = performance, act, release
         marionette = performance.marionette
         weight, size = marionette.weight or 1.0, nodes.geometry.size
-        self._stiffness, self._max_force = weight / (_BAND.length * size), _BAND.max_force * weight
+        self._stiffness, self._max_force = (
+            weight / (_RUBBER_BAND.length * size),
+            _RUBBER_BAND.max_force * weight,
+        )
         self._links = {
             link.name: k
             for k, link in enumerate(marionette.tree.links)
@@ -80,7 +83,7 @@ class BodyPulls:
         self._pulls: dict[str, _Pull] = {}
         for name, k in self._links.items():
             for mesh in nodes.bodies[k]:
-                mesh.on_drag("left")(self._dragged(name))
+                mesh.on_drag("left")(self._drag_handler(name))
         self._line = server.scene.add_line_segments(
             "/pull",
             np.zeros((1, 2, 3)),
@@ -121,8 +124,8 @@ class BodyPulls:
             self._performance.push(name, None)
             self._release(pull.viewer)
 
-    def _dragged(self, name: str) -> Callable[[Any], Any]:
-        async def dragged(event: Any) -> None:
+    def _drag_handler(self, name: str) -> Callable[[Any], Any]:
+        async def handle_drag(event: Any) -> None:
             pull, viewer = self._pulls.get(name), event.client_id
             if event.phase == "end":
                 if pull is not None and pull.viewer == viewer:
@@ -139,10 +142,10 @@ class BodyPulls:
             if pull.viewer != viewer:
                 return
 
-            def take() -> None:
+            def apply() -> None:
                 pull.mouse = mouse
                 self._pulls[name] = pull
 
-            self._act(viewer, take)
+            self._act(viewer, apply)
 
-        return dragged
+        return handle_drag

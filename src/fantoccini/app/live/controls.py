@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import viser
 
 
-class _Changes(NamedTuple):
+class _Thresholds(NamedTuple):
     """Thresholds for changes on the page."""
 
     lag: float = 0.02
@@ -28,9 +28,10 @@ class _Changes(NamedTuple):
     """Smallest change of a length that moves its slider, just over half its step [m]."""
 
 
-_CHANGES = _Changes()
+_THRESHOLDS = _Thresholds()
 
 WARNING = rgb("#d64545")
+"""Colour of handles that lag behind their targets."""
 
 Act = Callable[[Viewer | None, Callable[[], object]], bool]
 """Performs an action for a viewer, if permitted; returns whether it was performed."""
@@ -40,7 +41,7 @@ DragHandler = Callable[[Any], Coroutine[Any, Any, None]]
 
 @dataclass
 class _Grab:
-    """A bead in a viewer's hand.
+    """A viewer's grip on a bead.
 
     Attributes:
         anchor: (3,) point at which the bead was grabbed [m].
@@ -60,8 +61,8 @@ class Controls:
         selected: name of the handle that keys and gamepad move, or None where there is none.
         labels, rings: labels and rings by handle.
         sliders: sliders by string.
-        grabs: beads in viewers' hands.
-        turned: handle -> viewer who turns it.
+        grabs: viewer and handle -> grip on its bead.
+        turning_viewers: handle -> viewer who turns it.
 
     Args:
         server: server of viser.
@@ -70,7 +71,7 @@ class Controls:
         size: size of the puppet [m].
         view: initial point of view.
         act: performs an action for a viewer, if permitted.
-        winds: returns whether dragging a bead winds its string, without Shift.
+        winds: returns whether dragging a bead winds its string even without Shift.
         release: called when a viewer releases a control.
         folder: folder for the sliders.
     """
@@ -93,7 +94,7 @@ class Controls:
         self._beads: dict[str, viser.IcosphereHandle] = {}
         self.labels: dict[str, viser.LabelHandle] = {}
         self.rings: dict[str, viser.TransformControlsHandle] = {}
-        self.turned: dict[str, Viewer] = {}
+        self.turning_viewers: dict[str, Viewer] = {}
         self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         self._shown_lengths: dict[str, float] = {}
         self.grabs: dict[tuple[Viewer, str], _Grab] = {}
@@ -117,8 +118,8 @@ class Controls:
             *self.labels.values(),
             *self.rings.values(),
             *self.sliders.values(),
-            self._ghosts,
-            self._leads,
+            self._target_dots,
+            self._lag_lines,
         ):
             node.remove()
 
@@ -154,31 +155,34 @@ class Controls:
     def update(self, poses: np.ndarray) -> None:
         """Moves beads to their handles, by link poses (n_links, 3, 4)."""
         places = poses[[handle.link for handle in self._handles.values()], :, 3]
-        changed = ~(np.abs(places - self._last).max(axis=1, initial=0.0) < _CHANGES.position)
+        changed = ~(np.abs(places - self._last).max(axis=1, initial=0.0) < _THRESHOLDS.position)
         for n, name in enumerate(self._handles):
             if changed[n]:
                 move(self._beads[name], places[n])
                 move(self.labels[name], places[n] + [0.0, 0.0, self._label_heights[n]])
         self._last = places
 
-    def mark(self, lagging: dict[str, str]) -> None:
+    def mark_lag(self, lagging: dict[str, str]) -> None:
         """Marks targets that handles have not reached, and handles that cannot follow.
 
         Args:
             lagging: handles and strings that cannot follow -> reason.
         """
         targets: list[np.ndarray] = []
-        leads: list[tuple[np.ndarray, np.ndarray]] = []
+        lag_lines: list[tuple[np.ndarray, np.ndarray]] = []
         for (name, handle), position in zip(self._handles.items(), self._last, strict=True):
             target, wxyz = self._performance.aim(name)
             self._beads[name].color = self._colour(name, name in lagging)
-            if len(handle.axes) and np.linalg.norm(target - position) > _CHANGES.lag * self._size:
+            if (
+                len(handle.axes)
+                and np.linalg.norm(target - position) > _THRESHOLDS.lag * self._size
+            ):
                 targets.append(target)
-                leads.append((position, target))
+                lag_lines.append((position, target))
             ring = self.rings.get(name)
-            if ring is not None and name not in self.turned:
+            if ring is not None and name not in self.turning_viewers:
                 ring.position, ring.wxyz = target, wxyz
-        self._show_marks(targets, leads)
+        self._show_marks(targets, lag_lines)
 
     def update_sliders(self) -> None:
         """Sets the sliders of target lengths that have changed.
@@ -187,10 +191,10 @@ class Controls:
         """
         for name, slider in self.sliders.items():
             length = round(self._performance.wanted_length(name), 4)
-            if abs(self._shown_lengths[name] - length) > _CHANGES.length:
+            if abs(self._shown_lengths[name] - length) > _THRESHOLDS.length:
                 slider.value = self._shown_lengths[name] = length
 
-    # -- inside --------------------------------------------------------------------------------
+    # -- nodes --------------------------------------------------------------------------------
 
     def _add_handle(self, n: int, handle: Handle) -> None:
         position, wxyz = self._performance.place(handle.name)
@@ -205,7 +209,7 @@ class Controls:
         bead.on_click(lambda event, name=handle.name: self.select(name))
         if len(handle.axes):
             for modifier in (None, "shift"):
-                bead.on_drag("left", modifier=modifier)(self._dragged(handle))
+                bead.on_drag("left", modifier=modifier)(self._drag_handler(handle))
         self._beads[handle.name] = bead
         self.labels[handle.name] = self._server.scene.add_label(
             f"/names/{n}",
@@ -225,7 +229,7 @@ class Controls:
                 position=position,
                 wxyz=wxyz,
             )
-            ring.on_update(self._turned_ring(handle))
+            ring.on_update(self._ring_handler(handle))
             self.rings[handle.name] = ring
 
     def _add_slider(self, name: str, low: float, high: float) -> None:
@@ -235,24 +239,24 @@ class Controls:
         )
         self._shown_lengths[name] = slider.value
 
-        async def moved(event: Any) -> None:
+        async def handle_slider(event: Any) -> None:
             if event.client_id is None:
                 return
             value = slider.value
             if not self._act(event.client_id, lambda: self._performance.wind(name, value)):
                 slider.value = round(self._performance.wanted_length(name), 3)
 
-        slider.on_update(moved)
+        slider.on_update(handle_slider)
         self.sliders[name] = slider
 
     def _add_marks(self) -> None:
         zero = np.zeros((1, 2, 3))
         api = self._server.scene
         colour = to_bytes(WARNING)
-        self._leads = api.add_line_segments(
+        self._lag_lines = api.add_line_segments(
             "/lag/leads", zero, colour, thickness=1.5, thickness_units="screen", visible=False
         )
-        self._ghosts = api.add_point_cloud(
+        self._target_dots = api.add_point_cloud(
             "/lag/wanted",
             np.zeros((1, 3), dtype=np.float32),
             colour,
@@ -269,14 +273,14 @@ class Controls:
             label.font_screen_scale = 1.0 if name == self.selected else 0.85
 
     def _show_marks(
-        self, targets: list[np.ndarray], leads: list[tuple[np.ndarray, np.ndarray]]
+        self, targets: list[np.ndarray], lag_lines: list[tuple[np.ndarray, np.ndarray]]
     ) -> None:
-        for node in (self._ghosts, self._leads):
+        for node in (self._target_dots, self._lag_lines):
             if node.visible != bool(targets):
                 node.visible = bool(targets)
         if targets:
-            self._ghosts.points = np.array(targets, dtype=np.float32)
-            self._leads.points = np.array(leads, dtype=np.float32)
+            self._target_dots.points = np.array(targets, dtype=np.float32)
+            self._lag_lines.points = np.array(lag_lines, dtype=np.float32)
 
     def _colour(self, name: str, lags: bool) -> tuple[int, int, int]:
         if lags:
@@ -285,10 +289,10 @@ class Controls:
             return to_bytes(rgb(self._theme.cycle[0]))
         return to_bytes(mix(self._theme.handle, np.ones(3), 0.15))
 
-    def _dragged(self, handle: Handle) -> DragHandler:
+    def _drag_handler(self, handle: Handle) -> DragHandler:
         name = handle.name
 
-        async def dragged(event: Any) -> None:
+        async def handle_drag(event: Any) -> None:
             key = (event.client_id, name)
             if event.phase == "end":
                 self.grabs.pop(key, None)
@@ -317,24 +321,24 @@ class Controls:
                 event.client_id, lambda: self._performance.move(name, grab.position + displacement)
             )
 
-        return dragged
+        return handle_drag
 
-    def _turned_ring(self, handle: Handle) -> DragHandler:
+    def _ring_handler(self, handle: Handle) -> DragHandler:
         name = handle.name
 
-        async def turned(event: Any) -> None:
+        async def handle_ring(event: Any) -> None:
             position, wxyz = np.array(event.target.position), np.array(event.target.wxyz)
             viewer = event.client_id
             moved = self._act(viewer, lambda: self._performance.move(name, position, wxyz))
             # While a viewer turns the ring, nothing else moves it.
             if moved and event.phase != "end":
-                self.turned[name] = viewer
-            elif self.turned.get(name) == viewer:
-                del self.turned[name]
+                self.turning_viewers[name] = viewer
+            elif self.turning_viewers.get(name) == viewer:
+                del self.turning_viewers[name]
             if event.phase == "end":
                 self._release(viewer)
 
-        return turned
+        return handle_ring
 
 
 def line_of_sight(camera: viser.CameraHandle) -> np.ndarray:

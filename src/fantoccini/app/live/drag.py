@@ -7,20 +7,20 @@ from typing import NamedTuple
 import numpy as np
 
 
-class _Following(NamedTuple):
-    """Parameters of following the mouse."""
+class _MouseFollowing(NamedTuple):
+    """Constants of :func:`follow`."""
 
-    grazing: float = 0.15
-    """Foreshortening (1 across the line of sight) below which a handle lags behind the mouse:
-    otherwise a handle on an axis that points into the picture would run away."""
+    min_foreshortening: float = 0.15
+    """Foreshortening (1 across the line of sight) below which a handle lags behind the mouse.
+    Without the lag a handle on an axis that points into the picture would move without bound."""
     steps: int = 8  # Integration steps along the mouse's path
 
 
-_FOLLOWING = _Following()
+_FOLLOWING = _MouseFollowing()
 
 
 def follow(
-    axes: np.ndarray, eye: np.ndarray, place: np.ndarray, start: np.ndarray, end: np.ndarray
+    axes: np.ndarray, eye: np.ndarray, grab: np.ndarray, start: np.ndarray, end: np.ndarray
 ) -> np.ndarray:
     """(3,) displacement of a handle that stays under the mouse [m].
 
@@ -30,26 +30,26 @@ def follow(
       dp = |p - e| A g(P A) dr,   P = 1 - u u^T,
 
     along the mouse's path. g inverts the singular values s of P A, the foreshortening of the axes:
-    1 / s, and s / grazing^2 below ``grazing``. A handle stays under the mouse unless its axes are
-    strongly foreshortened, and never moves against the mouse. (A plane above the eye is seen from
-    below: there, down in the picture is away.) A handle with three axes moves in the plane of the
-    picture.
+    1 / s, and s / f^2 below f = ``min_foreshortening``. A handle stays under the mouse unless its
+    axes are strongly foreshortened, and never moves against the mouse. (A plane above the eye is
+    seen from below: there, down in the picture is away.) A handle with three axes moves in the
+    plane of the picture.
 
     Args:
         axes: (k, 3) unit vectors along which the handle can move.
         eye: (3,) e, the camera's position [m].
-        place: (3,) point at which the handle was grabbed [m].
+        grab: (3,) point at which the handle was grabbed [m].
         start, end: (3,) positions of the mouse then and now, in a plane normal to the camera's axis
             [m].
     """
     if len(axes) == 3:
         return end - start
-    p, m, step = place, start, (end - start) / _FOLLOWING.steps
+    p, m, step = grab, start, (end - start) / _FOLLOWING.steps
     for _ in range(_FOLLOWING.steps if len(axes) else 0):
         half = p + 0.5 * _increment(axes, eye, p, m, step)
         p = p + _increment(axes, eye, half, m + 0.5 * step, step)
         m = m + step
-    return p - place
+    return p - grab
 
 
 def _increment(
@@ -61,11 +61,11 @@ def _increment(
     u, r = offset / distance, ray / mouse_distance
     ray_change = (step - (r @ step) * r) / mouse_distance
     left, foreshortening, right = np.linalg.svd(axes.T - np.outer(u, axes @ u), full_matrices=False)
-    grazing = _FOLLOWING.grazing
+    min_foreshortening = _FOLLOWING.min_foreshortening
     share = np.where(
-        foreshortening > grazing,
-        1.0 / np.maximum(foreshortening, grazing),
-        foreshortening / grazing**2,
+        foreshortening > min_foreshortening,
+        1.0 / np.maximum(foreshortening, min_foreshortening),
+        foreshortening / min_foreshortening**2,
     )
     return distance * axes.T @ (right.T @ (share * (left.T @ ray_change)))
 

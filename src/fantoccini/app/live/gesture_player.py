@@ -1,4 +1,4 @@
-"""Playing of gestures by buttons and keys, and the beat."""
+"""Player of gestures for buttons and keys, with a beat."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class GestureOptions:
 
     Attributes:
         mirrored: whether left and right are exchanged.
-        size, speed: factors.
+        size, speed: factors on the gesture's size and speed.
         again: whether they repeat until their button is pressed again.
         on_beat: whether they begin on the next beat.
     """
@@ -67,7 +67,7 @@ class GesturePlayer:
                 if name != HOME:
                     self.gestures[name] = load_gesture(marionette, name)
             except FantocciniError:
-                continue  # for other strings
+                continue  # it needs other strings
         problems = []
         for path in self._files():
             try:
@@ -123,7 +123,7 @@ class GesturePlayer:
         return int(self.tempo.beats(self._performance.t) // 1)
 
     def tap(self) -> None:
-        """Taps the beat now."""
+        """Sets the beat by a tap at the current time."""
         self.tempo.tap(self._performance.t, time.monotonic())
 
     def set_tempo(self, bpm: float) -> None:

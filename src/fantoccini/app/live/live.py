@@ -265,7 +265,7 @@ class Live(PageLoop):
             self.controls.update(scene.poses)
             if now >= self._due["marks"]:
                 self._due["marks"] = now + REFRESH.marks
-                self.controls.mark(self.performance.lagging)
+                self.controls.mark_lag(self.performance.lagging)
             if now >= self._due["numbers"]:
                 self._due["numbers"] = now + REFRESH.numbers
                 self.controls.update_sliders()

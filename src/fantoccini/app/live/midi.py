@@ -18,7 +18,7 @@ MIDI_SCRIPT = """
   const open = () => {
     socket = new WebSocket(location.origin.replace(/^http/, "ws") + "/midi");
   };
-  const heard = (event) => {
+  const on_message = (event) => {
     const [status, , velocity] = event.data, kind = status & 0xf0;
     if (!(kind === 0xc0 || (kind === 0x90 && velocity > 0))) return;
     if (socket === null || socket.readyState > 1) open();
@@ -27,7 +27,7 @@ MIDI_SCRIPT = """
   };
   navigator.requestMIDIAccess().then((access) => {
     open();
-    const listen = () => access.inputs.forEach((input) => { input.onmidimessage = heard; });
+    const listen = () => access.inputs.forEach((input) => { input.onmidimessage = on_message; });
     access.onstatechange = listen;
     listen();
   }, () => {});

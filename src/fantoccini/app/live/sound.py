@@ -24,8 +24,8 @@ SOUND_SCRIPT = """
   const AHEAD = 0.15;  // time by which sounds are scheduled in advance [s]
   const APART = 0.06;  // error of a sound's time above which it restarts [s]
   let context = null, beat = null, score = null, loading = null, last = -1;
-  const sounds = [], said = document.documentElement.dataset;
-  said.clicks = said.sounds = "0";
+  const sounds = [], counts = document.documentElement.dataset;
+  counts.clicks = counts.sounds = "0";
   const wake = () => {
     if (context === null) context = new AudioContext();
     if (context.state === "suspended") context.resume();
@@ -39,7 +39,7 @@ SOUND_SCRIPT = """
     tone.connect(level).connect(context.destination);
     tone.start(at);
     tone.stop(at + 0.06);
-    said.clicks = String(Number(said.clicks) + 1);
+    counts.clicks = String(Number(counts.clicks) + 1);
   };
   const silence = (one) => {
     if (one.source !== null) one.source.stop();
@@ -56,7 +56,7 @@ SOUND_SCRIPT = """
     source.start(Math.max(now, begins), Math.max(0, now - begins));
     one.source = source;
     one.zero = zero;
-    said.sounds = String(Number(said.sounds) + 1);
+    counts.sounds = String(Number(counts.sounds) + 1);
   };
   const hear = () => {
     if (context === null || context.state !== "running") return;
@@ -156,11 +156,11 @@ class Sounds:
         version: number of sudden changes, which are sent at once.
 
     Args:
-        heard: returns the current state; called from any thread.
+        get_state: returns the current state; called from any thread.
     """
 
-    def __init__(self, heard: Callable[[], SoundState]):
-        self._heard = heard
+    def __init__(self, get_state: Callable[[], SoundState]):
+        self._get_state = get_state
         self._clips: tuple[tuple[Clip, bytes], ...] = ()
         self.version = 0
 
@@ -191,7 +191,7 @@ class Sounds:
             now = asyncio.get_running_loop().time()
             if version != self.version or now - last_sent > _TIMING.repeat:
                 version, last_sent = self.version, now
-                state = self._heard()
+                state = self._get_state()
                 if state != SILENCE or not silent:
                     await connection.send(_state_json(state))
                 silent = state == SILENCE

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fantoccini.dynamics.marionette import Marionette
     from fantoccini.motion import Trajectory
 
-_QUANTUM = 1e-4
+_ROUNDING_STEP = 1e-4
 """Step to which positions are rounded, relative to the puppet's size: 0.1 mm for 1 m."""
 _SCRIPT = """
 (() => {
@@ -101,7 +101,7 @@ def _recorded(
     forces: bool,
 ) -> str:
     geometry, frames = motion.geometry, len(motion.geometry.t)
-    nodes = SceneNodes(server.viser, geometry, theme, quantum=_QUANTUM * geometry.size)
+    nodes = SceneNodes(server.viser, geometry, theme, rounding_step=_ROUNDING_STEP * geometry.size)
     if tree is not None:
         tree.add_to(server.viser, theme, geometry.size)
     nodes.aim_camera(server.viser.initial_camera, "three-quarter")

@@ -38,6 +38,7 @@ Viewpoint: TypeAlias = str | tuple[float, float]
 """One of :data:`VIEWS`, or azimuth and elevation [deg]."""
 
 _FIELD_OF_VIEW = np.radians(30.0)
+"""Vertical field of view of the camera [rad]."""
 _ASPECT = 1.25
 """Ratio of width to height that the puppet must fit: the panel covers the rest of wider windows."""
 _ELEVATIONS = {"three-quarter": 22.0, "top": 78.0}
@@ -71,7 +72,7 @@ class SceneNodes:
         geometry: puppet, strings, floor, obstacles.
         theme: colours.
         top: upper end of the tension scale [N]; by default from the motion.
-        quantum: step to which positions are rounded, for smaller files [m]; 0 for none.
+        rounding_step: step to which positions are rounded, for smaller files [m]; 0 for none.
     """
 
     def __init__(
@@ -80,18 +81,18 @@ class SceneNodes:
         geometry: Geometry,
         theme: Theme,
         top: float | None = None,
-        quantum: float = 0.0,
+        rounding_step: float = 0.0,
     ):
         self.server, self.geometry, self.theme = server, geometry, theme
         self.colours = Colours(geometry, theme, geometry.tension_top() if top is None else top)
-        self._quantum = quantum
+        self._rounding_step = rounding_step
         self._nodes: list[viser.SceneNodeHandle] = []
         self._links: dict[int, viser.FrameHandle] = {}
         self.bodies: dict[int, list[viser.MeshHandle]] = {}
         with server.atomic():
             self._set_up_world()
             self._set_up_links()
-            self._strings = Strings(server, geometry, theme, self.colours, quantum)
+            self._strings = Strings(server, geometry, theme, self.colours, rounding_step)
             self._nodes += self._strings.nodes
             self.forces = Forces(server, geometry, theme)
             self._nodes.append(self.forces.node)
@@ -157,7 +158,7 @@ class SceneNodes:
         Args:
             camera: camera of a client, or the initial one.
             viewpoint: see :meth:`view`.
-            covered: share of the window's width, at its right, in which nothing is to be seen.
+            covered: share of the window's width that the panel covers, at the right.
         """
         aspect = getattr(camera, "aspect", _ASPECT)
         free = aspect * (1.0 - covered)
@@ -245,9 +246,9 @@ class SceneNodes:
 
     def _move_links(self, poses: np.ndarray) -> None:
         values = np.concatenate([rotation.quaternion(poses[:, :, :3]), poses[:, :, 3]], axis=1)
-        if self._quantum:
+        if self._rounding_step:
             values[:, :4] = np.round(values[:, :4], 4)
-            values[:, 4:] = np.round(values[:, 4:] / self._quantum) * self._quantum
+            values[:, 4:] = np.round(values[:, 4:] / self._rounding_step) * self._rounding_step
         changed = ~(np.abs(values - self._last).max(axis=1) <= _MIN_CHANGE)
         for k, node in self._links.items():
             if changed[k] and np.isfinite(values[k]).all():

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from fantoccini.dynamics.marionette import Marionette
     from fantoccini.motion import EventRecord, Trajectory
 
-SPEEDS = {"1/8": 0.125, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
+_SPEEDS = {"1/8": 0.125, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
 
 
-class _Sizes(NamedTuple):
+class _Limits(NamedTuple):
     """Limits of the frames, points and events that are kept and shown."""
 
     max_rate: float = 240.0  # Resampled frames per second: enough for slow motion at 1/4
@@ -38,7 +38,7 @@ class _Sizes(NamedTuple):
     max_marks: int = 30  # Marks on the slider; more are not legible
 
 
-_SIZES = _Sizes()
+_LIMITS = _Limits()
 
 EVENT_TEXTS = {
     "catch": "catches",
@@ -77,12 +77,12 @@ class ResampledRun:
         rate: float | None = None,
         forces: bool | None = None,
     ) -> ResampledRun:
-        """The motion at ``rate`` frames per second; by default as many as are useful.
+        """The motion at ``rate`` frames per second, by default up to 240.
 
-        ``forces``: with the forces of contacts; by default if there are contacts.
+        ``forces``: whether to compute contact forces; by default if the puppet has contacts.
         """
         if rate is None:
-            rate = min(_SIZES.max_rate, _SIZES.max_frames / max(run.duration, 1e-9))
+            rate = min(_LIMITS.max_rate, _LIMITS.max_frames / max(run.duration, 1e-9))
         frames = max(1, round(run.duration * rate))
         times = np.linspace(run.t[0], run.t[-1], frames + 1)
         events = tuple(e for e in run.events if e.kind != "breakpoint")
@@ -113,7 +113,7 @@ class Replay(PageLoop):
         t: shown time [s].
         playing: whether the motion is playing.
         shown: index of the shown frame; -1 before the first.
-        views: boxes for the parts of the world to show.
+        views: buttons for the camera, and checkboxes for the parts of the world to show.
 
     Args:
         server: server of the page.
@@ -133,7 +133,7 @@ class Replay(PageLoop):
         self.nodes.aim_camera(server.viser.initial_camera, "three-quarter")
         self.t, self.playing, self.speed = motion.start, True, 1.0
         self.shown = -1
-        self._due = {"plot": 0.0, "numbers": 0.0}
+        self._next_update = {"plot": 0.0, "numbers": 0.0}
         self._lock = threading.Lock()
         self._set_up_panel()
 
@@ -146,7 +146,7 @@ class Replay(PageLoop):
 
     def _set_up_panel(self) -> None:
         gui, motion = self.server.viser.gui, self.motion
-        gui.add_html(note(_about(motion)))
+        gui.add_html(note(_summary(motion)))
         span = motion.start, motion.end
         self._slider = gui.add_slider(
             "Time",
@@ -156,17 +156,17 @@ class Replay(PageLoop):
             span[0],
             marks=_marks(motion),
         )
-        self._slider.on_update(self._slid)
+        self._slider.on_update(self._slider_moved)
         self._play = gui.add_button("Pause", icon="player-pause")
         self._play.on_click(lambda _: self._toggle())
         steps = gui.add_button_group("Step", ("|<", "<", ">", ">|"), hint="Events and frames")
         steps.on_click(lambda event: self._step(event.target.value))
-        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
-        self._speed.on_update(lambda _: setattr(self, "speed", SPEEDS[self._speed.value]))
+        self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1")
+        self._speed.on_update(lambda _: setattr(self, "speed", _SPEEDS[self._speed.value]))
         self._loop = gui.add_checkbox("Loop", True)
         self.views = Views(gui, lambda: self.nodes, lambda: motion.run.contact is not None)
         self.views.apply()
-        self._plot_t = np.linspace(*span, _SIZES.plot_points)
+        self._plot_t = np.linspace(*span, _LIMITS.plot_points)
         coarse = motion.run.resample(self._plot_t)
         self._tensions = np.minimum(coarse.tension.values, 10.0 * self.nodes.colours.top).T
         stored = [coarse.ledger["kinetic"], coarse.ledger["potential"]]
@@ -196,10 +196,10 @@ class Replay(PageLoop):
                 height=140,
             )
             gui.add_html(_legend(("kinetic", "potential", "sum"), self.theme.cycle))
-        self._listing = None
+        self._event_list = None
         if motion.events:
             with gui.add_folder("Events"):
-                self._listing = gui.add_html("")
+                self._event_list = gui.add_html("")
         gui.add_command("Play or pause", hotkey="P").on_trigger(lambda _: self._toggle())
         for label, key, step in (
             ("Step back", "A", "<"),
@@ -209,7 +209,7 @@ class Replay(PageLoop):
         ):
             gui.add_command(label, hotkey=key).on_trigger(lambda _, step=step: self._step(step))
 
-    def _slid(self, event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:
+    def _slider_moved(self, event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:
         if event.client is not None:  # a viewer, not this program
             self._pause()
             self.seek(self._slider.value)
@@ -269,15 +269,15 @@ class Replay(PageLoop):
         scene = scene_at_sample(self.motion.geometry, k)
         with self.server.viser.atomic():
             self.nodes.show(scene)
-            if now >= self._due["numbers"]:
-                self._due["numbers"] = now + REFRESH.numbers
+            if now >= self._next_update["numbers"]:
+                self._next_update["numbers"] = now + REFRESH.numbers
                 self._slider.value = round(self.t, 3)
                 if self.motion.geometry.names:
                     self._bars.content = bars(self.motion.geometry.names, scene, self.nodes)
-                if self._listing is not None:
-                    self._listing.content = listed(self.motion.events, self.t)
-            if now >= self._due["plot"]:
-                self._due["plot"] = now + REFRESH.numbers
+                if self._event_list is not None:
+                    self._event_list.content = event_list(self.motion.events, self.t)
+            if now >= self._next_update["plot"]:
+                self._next_update["plot"] = now + REFRESH.numbers
                 if self.motion.geometry.names:
                     self._tension.draw(self._plot_t, self._tensions, self.t)
                 self._energy.draw(self._plot_t, self._energies, self.t)
@@ -291,7 +291,7 @@ def _scale(values: np.ndarray) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _about(motion: ResampledRun) -> str:
+def _summary(motion: ResampledRun) -> str:
     run = motion.run
     ended = "" if run.status.name == "DONE" else f"; {run.status.message}"
     events = f"{len(motion.events)} events" if run.events_recorded else "events not recorded"
@@ -300,21 +300,21 @@ def _about(motion: ResampledRun) -> str:
 
 def _marks(motion: ResampledRun) -> tuple[float, ...] | None:
     times = [e.t for e in motion.events if e.kind in ("catch", "slip", "accumulation")]
-    return tuple(round(t, 3) for t in times) if 0 < len(times) <= _SIZES.max_marks else None
+    return tuple(round(t, 3) for t in times) if 0 < len(times) <= _LIMITS.max_marks else None
 
 
-def listed(events: Sequence[EventRecord], t: float) -> str:
+def event_list(events: Sequence[EventRecord], t: float) -> str:
     """The last events before a time, and the next one, as HTML."""
     past = sum(e.t <= t + 1e-9 for e in events)
-    first = max(0, min(past - _SIZES.listed_events + 2, len(events) - _SIZES.listed_events))
+    first = max(0, min(past - _LIMITS.listed_events + 2, len(events) - _LIMITS.listed_events))
     rows = []
-    for n, event in enumerate(events[first : first + _SIZES.listed_events], start=first):
-        words = f"{event.name} {EVENT_TEXTS.get(event.kind, event.kind)}"
+    for n, event in enumerate(events[first : first + _LIMITS.listed_events], start=first):
+        text = f"{event.name} {EVENT_TEXTS.get(event.kind, event.kind)}"
         if event.impulse > 0.0:
-            words += f", {event.impulse:.3g} N s"
+            text += f", {event.impulse:.3g} N s"
         weight = "font-weight:600" if n == past - 1 else ""
         shade = "" if n < past else "opacity:0.45;"
-        rows.append(element("div", f"{event.t:.3f} s \N{EN SPACE}{words}", style=shade + weight))
+        rows.append(element("div", f"{event.t:.3f} s \N{EN SPACE}{text}", style=shade + weight))
     return to_html(element("div", *rows, style="padding:0 0.5em;font-size:0.82em;line-height:1.5"))
 
 

@@ -23,8 +23,8 @@ from fantoccini.base import FantocciniError
 from fantoccini.output.html import element, to_html
 from fantoccini.output.view import Theme, rgb, to_bytes
 
-HOST = "127.0.0.1"
-PORT = 8080
+HOST, PORT = "127.0.0.1", 8080
+"""Default address and port of a page."""
 MAX_PORTS = 100
 """Number of further ports to try if the first one is in use."""
 
@@ -43,7 +43,7 @@ class Server:
     Attributes:
         viser: the server of viser.
         port: port on which it listens.
-        moved: whether the requested port was in use.
+        port_changed: whether the requested port was in use.
 
     Args:
         title: title of the page, as plain text.
@@ -76,7 +76,7 @@ class Server:
         self._handlers = handlers or {}
         self.viser = viser_private.start(host, self.port, title, self._dispatch, self._filter)
         self.port = self.viser.get_port()
-        self.moved = port not in (0, self.port)
+        self.port_changed = port not in (0, self.port)
         self.viser.gui.configure_theme(
             dark_mode=theme.name == "dark",
             show_logo=False,
@@ -110,7 +110,7 @@ class Server:
     def _dispatch(self, default: Handler) -> Handler:
         async def handle(connection: Any) -> None:
             path = connection.request.path.partition("?")[0]
-            with contextlib.suppress(ConnectionClosed):  # a tab that vanishes
+            with contextlib.suppress(ConnectionClosed):  # a closed tab
                 await self._handlers.get(path, default)(connection)
 
         return handle
@@ -119,7 +119,9 @@ class Server:
         try:
             response = self._answer(request)
         except (LookupError, ValueError):  # repeated headers, or a host that is no address
-            response = _plain(400, "Bad Request", "the headers of the request are not valid")
+            response = _text_response(
+                400, "Bad Request", "the headers of the request are not valid"
+            )
         if response is not None and connection.headers_only:
             response.body = b""  # its length remains in the headers
         return response
@@ -131,14 +133,14 @@ class Server:
             LookupError, ValueError: the request has headers that are not valid.
         """
         if not self._accepts(request):
-            return _plain(403, "Forbidden", "this page is served to its own address only")
+            return _text_response(403, "Forbidden", "this page is served to its own address only")
         if request.headers.get("Upgrade", "").lower() == "websocket":
             return None
-        # Parses paths as viser does: every spelling of the page's address gives the page.
+        # Parses paths as viser does: every spelling of the page's address returns the page.
         path = unquote(request.path.partition("?")[0]).replace("\\", "/")
         if [part for part in path.split("/") if part not in ("", ".")] in ([], ["index.html"]):
             return self._page(request)
-        return _plain(404, "Not Found", "there is only the page at /")
+        return _text_response(404, "Not Found", "there is only the page at /")
 
     def _accepts(self, request: Request) -> bool:
         host = request.headers.get("Host", "")
@@ -155,15 +157,15 @@ class Server:
             content = gzip.compress(content, 6)
             headers["Content-Encoding"] = "gzip"
         headers["Content-Type"] = "text/html; charset=utf-8"
-        return _safe(200, "OK", headers, content, policy(f"'self' ws://{host} wss://{host}"))
+        return _response(200, "OK", headers, content, policy(f"'self' ws://{host} wss://{host}"))
 
 
-def _plain(code: int, reason: str, words: str) -> Response:
+def _text_response(code: int, reason: str, text: str) -> Response:
     headers = Headers({"Content-Type": "text/plain; charset=utf-8"})
-    return _safe(code, reason, headers, f"{words}\n".encode(), policy())
+    return _response(code, reason, headers, f"{text}\n".encode(), policy())
 
 
-def _safe(code: int, reason: str, headers: Headers, content: bytes, rules: str) -> Response:
+def _response(code: int, reason: str, headers: Headers, content: bytes, rules: str) -> Response:
     """Response with the headers that all our responses have."""
     headers["Content-Length"] = str(len(content))
     headers["Cache-Control"] = "no-store"

@@ -41,26 +41,26 @@ class Colours:
     def __init__(self, geometry: Geometry, theme: Theme, top: float):
         self.top = top
         self._ramp = theme.tension_colours(_RESOLUTION.colours)
-        self._chains, self._own = geometry.chain_colours, geometry.colours
+        self._chain_colours, self._string_colours = geometry.chain_colours, geometry.colours
 
     def of(self, string: int, tension: float | None) -> tuple[int, int, int]:
         """Colour of a taut string, from 0 to 255."""
         if tension is None or not np.isfinite(tension):
-            return self._own_colour(self._own[string])
-        return to_bytes(self._ramp[self._step(tension)])
+            return self._own_colour(self._string_colours[string])
+        return to_bytes(self._ramp[self._ramp_index(tension)])
 
     def of_chain(self, chain: int) -> tuple[int, int, int]:
         """Colour of a chain, from 0 to 255."""
-        return self._own_colour(self._chains[chain])
+        return self._own_colour(self._chain_colours[chain])
 
     def hexadecimal(self, tension: float) -> str:
         """Colour of a tension as ``#rrggbb``."""
-        return to_hex(self._ramp[self._step(tension)])
+        return to_hex(self._ramp[self._ramp_index(tension)])
 
     def _own_colour(self, colour: np.ndarray | None) -> tuple[int, int, int]:
         return to_bytes(self._ramp[0] if colour is None else colour)
 
-    def _step(self, tension: float) -> int:
+    def _ramp_index(self, tension: float) -> int:
         share = min(abs(tension) / self.top, 1.0) if self.top > 0.0 else 0.0
         return round(share * (len(self._ramp) - 1))
 
@@ -76,7 +76,7 @@ class Strings:
         geometry: geometry with the strings.
         theme: theme, for the colours of springs.
         colours: colours of the strings.
-        quantum: step to which positions are rounded [m]; 0 for none.
+        rounding_step: step to which positions are rounded [m]; 0 for none.
     """
 
     def __init__(
@@ -85,10 +85,10 @@ class Strings:
         geometry: Geometry,
         theme: Theme,
         colours: Colours,
-        quantum: float,
+        rounding_step: float,
     ):
-        self._geometry, self._colours, self._quantum = geometry, colours, quantum
-        self._owner = np.array(
+        self._geometry, self._colours, self._rounding_step = geometry, colours, rounding_step
+        self._string_of_span = np.array(
             [s for s, p in enumerate(geometry.points) for _ in range(p.shape[1] - 1)], dtype=int
         )
 
@@ -106,10 +106,10 @@ class Strings:
 
         self._spans = [
             add(f"/strings/{geometry.names[s]}/{n}", 1, (0, 0, 0), 3.0, False)
-            for n, s in enumerate(self._owner)
+            for n, s in enumerate(self._string_of_span)
         ]
-        self._drawn = np.zeros(len(self._owner))
-        self._coloured: list[tuple[int, int, int] | None] = [None] * len(self._owner)
+        self._drawn_lengths = np.zeros(len(self._string_of_span))
+        self._drawn_colours: list[tuple[int, int, int] | None] = [None] * len(self._string_of_span)
         slack = to_bytes(theme.slack)
         self._curves = [
             add(f"/strings/{name}/slack", 1, slack, 1.8, False) for name in geometry.names
@@ -145,11 +145,11 @@ class Strings:
         starts = np.concatenate([p[:-1] for p in scene.points])
         offsets = np.concatenate([p[1:] for p in scene.points]) - starts
         lengths = np.linalg.norm(offsets, axis=1)
-        visible = is_taut[self._owner] & np.isfinite(lengths) & (lengths > 0.0)
+        visible = is_taut[self._string_of_span] & np.isfinite(lengths) & (lengths > 0.0)
         directions = offsets / np.where(visible, lengths, 1.0)[:, None]
         x = np.array([1.0, 0.0, 0.0])
         wxyz = rotation.shortest(x, np.where(visible[:, None], directions, x))
-        if self._quantum:
+        if self._rounding_step:
             wxyz = np.round(wxyz, 4)
         starts = self._rounded(starts)
         for n, node in enumerate(self._spans):
@@ -158,14 +158,14 @@ class Strings:
             if not visible[n]:
                 continue
             move(node, starts[n], wxyz[n])
-            if abs(lengths[n] - self._drawn[n]) > _RESOLUTION.stretch * self._geometry.size:
-                self._drawn[n] = lengths[n]
+            if abs(lengths[n] - self._drawn_lengths[n]) > _RESOLUTION.stretch * self._geometry.size:
+                self._drawn_lengths[n] = lengths[n]
                 node.points = np.array([[[0, 0, 0], [lengths[n], 0, 0]]], dtype=np.float32)
-            s = self._owner[n]
+            s = self._string_of_span[n]
             tension = None if scene.tension is None else float(scene.tension[s])
             colour = self._colours.of(s, tension)
-            if colour != self._coloured[n]:
-                self._coloured[n] = colour
+            if colour != self._drawn_colours[n]:
+                self._drawn_colours[n] = colour
                 node.colors = np.array(colour, dtype=np.uint8)
 
     def _show_curves(self, scene: SceneState, is_taut: np.ndarray) -> None:
@@ -185,4 +185,8 @@ class Strings:
             node.points = np.stack([offsets[:-1], offsets[1:]], axis=1)
 
     def _rounded(self, places: np.ndarray) -> np.ndarray:
-        return np.round(places / self._quantum) * self._quantum if self._quantum else places
+        return (
+            np.round(places / self._rounding_step) * self._rounding_step
+            if self._rounding_step
+            else places
+        )

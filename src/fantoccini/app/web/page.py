@@ -114,7 +114,7 @@ class Page:
 def _exit_on_signals() -> Iterator[None]:
     """Context in which SIGTERM and SIGHUP raise SystemExit, unless handled elsewhere."""
 
-    def end(number: int, frame: FrameType | None) -> None:
+    def raise_exit(number: int, frame: FrameType | None) -> None:
         raise SystemExit(128 + number)
 
     in_main_thread = threading.current_thread() is threading.main_thread()
@@ -123,7 +123,7 @@ def _exit_on_signals() -> Iterator[None]:
         s for s in signals if in_main_thread and s and signal.getsignal(s) is signal.SIG_DFL
     ]
     for number in replaced:
-        signal.signal(number, end)
+        signal.signal(number, raise_exit)
     try:
         yield
     finally:
@@ -146,7 +146,7 @@ def subject_of(
         ValueError: ``what`` cannot be shown.
     """
     if isinstance(what, str | os.PathLike):
-        return _of_file(os.fspath(what), problem, progress)
+        return _subject_of_file(os.fspath(what), problem, progress)
     if isinstance(what, Puppet | Scene):
         return Subject(Marionette(what, progress))
     if isinstance(what, Marionette):
@@ -172,14 +172,14 @@ def _puppet_of(run: Trajectory, progress: OnProgress | None) -> Marionette:
     return Marionette(run.puppet, progress)
 
 
-def _of_file(name: str, problem: str | Path | None, progress: OnProgress | None) -> Subject:
+def _subject_of_file(name: str, problem: str | Path | None, progress: OnProgress | None) -> Subject:
     path = Path(name)
     if path.suffix.lower() == ".npz":
-        form, about = format_of(path)
-        if form.startswith("fantoccini.plan."):
-            return subject_of(_plan(path, about, problem, progress), progress=progress)
+        file_format, about = format_of(path)
+        if file_format.startswith("fantoccini.plan."):
+            return subject_of(_load_plan(path, about, problem, progress), progress=progress)
         _check_no_problem(path, problem)
-        if form.startswith("fantoccini.recording."):
+        if file_format.startswith("fantoccini.recording."):
             return subject_of(Recording.load(path), progress=progress)
         try:
             return subject_of(Trajectory.load(path), progress=progress)
@@ -207,7 +207,7 @@ def format_of(path: Path) -> tuple[str, dict[str, Any]]:
         return "", {}
 
 
-def _plan(
+def _load_plan(
     path: Path, about: dict[str, Any], problem: str | Path | None, progress: OnProgress | None
 ) -> PlanResult:
     if problem is None:
@@ -301,16 +301,16 @@ def open_show(
     host: str,
     port: int,
     record_to: Path = Path("."),
-    hear: Address | None = None,
-    send: Address | None = None,
+    receive_at: Address | None = None,
+    send_to: Address | None = None,
 ) -> Page:
     """Serves a page on which a play is performed.
 
     Args:
         show: the play.
         theme, host, port, record_to: see :func:`open_page`.
-        hear: address that receives OSC messages, or None.
-        send: address to send OSC messages to, or None.
+        receive_at: address that receives OSC messages, or None.
+        send_to: address to which OSC messages are sent, or None.
 
     Raises:
         FileError: there is no such folder for recordings.
@@ -322,12 +322,14 @@ def open_show(
     _check_folder(record_to)
     live = Live(show.performance, page_theme, record_to.absolute(), show=show)
 
-    def heard(do: Callable[[], None]) -> None:
+    def run_and_send_state(do: Callable[[], None]) -> None:
         do()
         live.stage.sounds.changed()
 
-    if hear is not None or send is not None:
-        live.stage.osc = Osc(show, hear, send, lambda do: live.later(None, partial(heard, do)))
+    if receive_at is not None or send_to is not None:
+        live.stage.osc = Osc(
+            show, receive_at, send_to, lambda do: live.later(None, partial(run_and_send_state, do))
+        )
     script = PAD_SCRIPT + SOUND_SCRIPT + MIDI_SCRIPT
     try:
         server = Server(show.play.name, page_theme, host, port, script, live.handlers)
@@ -341,5 +343,5 @@ def open_show(
 
 
 def is_script() -> bool:
-    """Whether Python runs a script, at whose end a page closes, not a prompt or a notebook."""
+    """Whether Python runs a script, at whose end pages close, and not a prompt or a notebook."""
     return not (hasattr(sys, "ps1") or sys.flags.interactive or "ipykernel" in sys.modules)

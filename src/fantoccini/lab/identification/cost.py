@@ -101,7 +101,7 @@ class Cost:
             _huber(jumps) if self.weights.joined else _cauchy(jumps, OUTLIER), axis=1
         )
         parts[0] += 0.5 * np.sum(self._first_state_residual(point) ** 2)
-        parts[S] = 0.5 * np.sum(((point.theta - fit.begin) / fit.prior) ** 2)
+        parts[S] = 0.5 * np.sum(((point.theta - fit.theta_0) / fit.prior_std) ** 2)
         return parts
 
     def _loss(self, r: Array) -> Array:
@@ -201,9 +201,9 @@ class Cost:
         g[0] += guess[:, :m].T @ first_residual
         # Moves that taut strings prevent have no effect; a small weight keeps them bounded.
         H += FORBIDDEN_MOVE_WEIGHT * np.diag(scale**2)
-        T = matrices[:, m:, m:].sum(axis=0) + np.diag(1.0 / fit.prior**2)
+        T = matrices[:, m:, m:].sum(axis=0) + np.diag(1.0 / fit.prior_std**2)
         T += guess[:, m:].T @ guess[:, m:]
-        h = gradients[:, m:].sum(axis=0) + (point.theta - fit.begin) / fit.prior**2
+        h = gradients[:, m:].sum(axis=0) + (point.theta - fit.theta_0) / fit.prior_std**2
         h += guess[:, m:].T @ first_residual
         chain = J_before[..., :m].swapaxes(1, 2) @ J_after
         return NormalEquations(H, chain, border, T, g, h)

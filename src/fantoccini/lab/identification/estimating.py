@@ -13,8 +13,8 @@ from fantoccini.base import Array, OnProgress, Progress, StateError, check_posit
 from fantoccini.dynamics.compiled import bind_input
 from fantoccini.kernel.runtime import default_threads
 from fantoccini.lab.identification.cost import Cost
-from fantoccini.lab.identification.fit import Fit, chained
-from fantoccini.lab.identification.reattaching import reattached
+from fantoccini.lab.identification.fit import Fit, continuous_point
+from fantoccini.lab.identification.reattaching import reattach
 from fantoccini.lab.identification.record import Record
 from fantoccini.lab.identification.result import Identified
 from fantoccini.lab.identification.search_point import Layout, Weights
@@ -104,7 +104,9 @@ def identify(
         positive = np.zeros(len(record.labels), dtype=bool)
         positive[: len(record.unknowns)] = [unknown.positive for unknown in record.unknowns]
         noise = NoiseLevels.of(record)
-        first_point = point = chained(fit, record.start_state(fit.inputs, float(fit.starts[0])))
+        first_point = point = continuous_point(
+            fit, record.start_state(fit.inputs, float(fit.starts[0]))
+        )
         levels, result, saved = noise.guess, None, None
         thinned = _thin(fit)
         for stage in STAGES:
@@ -117,7 +119,7 @@ def identify(
             cost = Cost(stage_fit, first_point, weights)
             if stage.drift == 1.0 and result is not None:
                 loose_cost = replace(cost, weights=replace(weights, drift=loose_drift))
-                point = reattached(replace(loose_cost, fit=thinned), result.point)
+                point = reattach(replace(loose_cost, fit=thinned), result.point)
                 saved = replace(
                     result.saved, stale=result.saved.stale | result.point.differs(point)
                 )
@@ -174,7 +176,7 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
     marionette, table = record.marionette, record.marionette.coordinates
     p = marionette.p.copy()
     indices = [marionette.parameter_index[unknown.name] for unknown in record.unknowns]
-    p[indices] = record.begin[: len(indices)]
+    p[indices] = record.initial_values[: len(indices)]
     marionette = marionette.with_p(p)
     x0 = record.start_state()
     commanded = record.inputs
@@ -191,7 +193,7 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
             prior[i] = unknown.known
     present = np.any(np.isfinite(record.values), axis=1)
     t, y = record.t[present], record.values[present]
-    begin = record.begin
+    begin = record.initial_values
     ends = (t[0] - record.delay, t[-1] - record.delay)
     return Fit(
         marionette,

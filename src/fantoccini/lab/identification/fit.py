@@ -19,7 +19,7 @@ MARGIN = 0.2513
 """Time simulated beyond both ends of the record, where a delay may move samples [s]. It is not a
 round number, so that samples do not fall on nodes, where predictions have kinks."""
 DELAY_RANGE = 0.25
-"""Largest change of a delay from its initial value [s]."""
+"""Largest change of an unknown delay from its initial value [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +33,16 @@ class Fit:
         t: (N,) times of the samples, by the record's clock [s].
         y: (N, n_c) samples; NaN in gaps.
         layout: order of the unknowns.
-        begin: (P,) initial value of theta.
+        theta_0: (P,) initial value of theta.
         delay: delay of the record's clock, if it is known [s].
-        prior: (P,) standard deviations of theta about ``begin`` that are known beforehand.
+        prior_std: (P,) standard deviations of theta about ``theta_0`` that are known beforehand.
         segment: duration of a segment [s].
         dt: step of the time-stepper [s].
         threads: number of threads.
-        ends: first and last time of the record by the inputs' clock, with the initial delay [s].
-        moves_channels: whether an unknown parameter changes a channel at a fixed configuration.
-        drives: step length -> commanded motion of the driven coordinates, as computed so far.
+        record_span: first and last time by the inputs' clock, with the initial delay [s].
+        channels_depend: whether a channel depends on an unknown parameter at a
+            fixed configuration.
+        driven_steps: cache: step length -> commanded motion of the driven coordinates.
     """
 
     marionette: Marionette
@@ -50,15 +51,15 @@ class Fit:
     t: Array
     y: Array
     layout: Layout
-    begin: Array
+    theta_0: Array
     delay: float
-    prior: Array
+    prior_std: Array
     segment: float
     dt: float
     threads: int
-    ends: tuple[float, float]
-    moves_channels: bool
-    drives: dict[float, DrivenSteps] = field(default_factory=dict)
+    record_span: tuple[float, float]
+    channels_depend: bool
+    driven_steps: dict[float, DrivenSteps] = field(default_factory=dict)
 
     @property
     def steps(self) -> int:
@@ -69,8 +70,8 @@ class Fit:
     def starts(self) -> Array:
         """(S,) start times of the segments, by the inputs' clock [s]."""
         span = self.segment
-        begin = self.ends[0] - MARGIN
-        n = int(np.ceil((self.ends[1] + MARGIN - begin) / span))
+        begin = self.record_span[0] - MARGIN
+        n = int(np.ceil((self.record_span[1] + MARGIN - begin) / span))
         return np.asarray(begin + span * np.arange(n))
 
     def delay_of(self, theta: Array) -> float:
@@ -89,7 +90,7 @@ class Fit:
         offsets[list(self.layout.offsets)] = theta[n : self.layout.n_motion]
         return offsets
 
-    def places(self, theta: Array) -> Array:
+    def marker_positions(self, theta: Array) -> Array:
         """(n_markers, 3) positions of the markers in their bodies' frames."""
         positions = np.array([marker.at for marker in self.channels.markers], dtype=float).reshape(
             -1, 3
@@ -109,10 +110,10 @@ class Fit:
 
     def driven(self, theta: Array, dt: float) -> DrivenSteps:
         """Motion of the driven coordinates in steps of dt [s]."""
-        if dt not in self.drives:
+        if dt not in self.driven_steps:
             n = round(self.segment / dt)
-            self.drives[dt] = DrivenSteps.of(self.marionette, self.inputs, self.starts, n, dt)
-        return self.drives[dt].moved(self.marionette, self.offsets(theta))
+            self.driven_steps[dt] = DrivenSteps.of(self.marionette, self.inputs, self.starts, n, dt)
+        return self.driven_steps[dt].moved(self.marionette, self.offsets(theta))
 
     def segments(self, theta: Array) -> Indices:
         """(N,) segment of every sample."""
@@ -160,7 +161,7 @@ class Fit:
         if not rollouts.arrived:
             return Predicted(np.full(self.y.shape, np.nan), point.q_D, point.v_D, False)
         steps, segments, fraction, samples = self._samples_in(point.theta, dt, chosen)
-        p, places = self.p(point.theta), self.places(point.theta)
+        p, places = self.p(point.theta), self.marker_positions(point.theta)
         q_D, q_K, _, _ = self._at_samples(driven, rollouts, steps, segments, fraction)
         y = self.channels.evaluate(q_D, q_K, p, places)
         tension = rollouts.tension[steps, segments][:, self.channels.rows]
@@ -234,7 +235,7 @@ class Fit:
         if not rollouts.arrived:
             raise StateError(
                 f"a segment of the record cannot be simulated in steps of {dt:g} s; "
-                "take a smaller dt"
+                "use a smaller dt"
             )
         steps, segments, fraction, samples = self._samples_in(point.theta, dt, chosen)
         p = self.p(point.theta)
@@ -260,7 +261,9 @@ class Fit:
         m, n_places = 2 * marionette.coordinates.n_vD, channels.n_places
         first, n_motion = m + len(layout.parameters), m + layout.n_motion
         q_D, q_K, move_D, move_K = self._at_samples(driven, rollouts, steps, segments, fraction)
-        values = channels.derivatives(q_D, q_K, p, self.places(point.theta), self.moves_channels)
+        values = channels.derivatives(
+            q_D, q_K, p, self.marker_positions(point.theta), self.channels_depend
+        )
         J = np.zeros((len(samples), len(channels), m + len(layout)))
         np.matmul(values.by_D, derivatives.between, out=J[:, :n_places, :n_motion])
         J[:, :n_places, first:n_motion] += values.by_K[..., list(layout.offsets)]
@@ -292,9 +295,9 @@ class Fit:
     def projected(
         self, q_D: Array, v_D: Array, theta: Array, held: MaskRows, only: MaskRows | None = None
     ) -> Point:
-        """The point with states projected onto what strings and limits allow.
+        """The point with states projected onto the rows of strings and limits.
 
-        Active rows without a force are released. With ``only`` (S,), other segments stay.
+        Active rows without a force are released. With ``only`` (S,), other segments are unchanged.
         """
         chosen = _chosen(len(q_D), only)
         projection = self.row_projection(theta, chosen)
@@ -319,12 +322,12 @@ class Fit:
     def moved(
         self, point: Point, move: Array, theta_move: Array, only: MaskRows | None = None
     ) -> Point:
-        """A point moved by tangent vectors (S, 2 n_vD) and theta (P,); only states in ``only``."""
+        """A point moved by tangent vectors (S, 2 n_vD), in ``only``, and ``theta_move`` (P,)."""
         n = move.shape[1] // 2
         q_D = integrate(self.marionette, point.q_D, move[:, :n])
         moved_theta = point.theta + theta_move
         if self.layout.delay:
-            low, high = self.begin[-1] - DELAY_RANGE, self.begin[-1] + DELAY_RANGE
+            low, high = self.theta_0[-1] - DELAY_RANGE, self.theta_0[-1] + DELAY_RANGE
             moved_theta[-1] = np.clip(moved_theta[-1], low, high)
         return self.projected(q_D, point.v_D + move[:, n:], moved_theta, point.held, only)
 
@@ -333,9 +336,9 @@ def _chosen(S: int, only: MaskRows | None) -> Indices:
     return np.arange(S) if only is None else np.flatnonzero(only)
 
 
-def chained(fit: Fit, start: State) -> Point:
-    """The point without jumps: one simulation from a state, with the initial values of theta."""
-    theta = fit.begin
+def continuous_point(fit: Fit, start: State) -> Point:
+    """Point without jumps between segments: one simulation from a state with ``fit.theta_0``."""
+    theta = fit.theta_0
     driven = fit.driven(theta, fit.dt)
     q_D, v_D = [start.q_D], [start.v_D]
     for s in range(len(fit.starts) - 1):

@@ -206,7 +206,7 @@ def _doubts(result: Identified) -> Iterator[str]:
     for name, x, unknown in zip(
         result.names, result.values.tolist(), result.record.unknowns, strict=False
     ):
-        begin = result.record.begin[result.names.index(name)]
+        begin = result.record.initial_values[result.names.index(name)]
         if unknown.known is not None and abs(x - begin) > MAX_PRIOR_DEVIATIONS * unknown.known:
             yield (
                 f"{name} is {abs(x - begin) / unknown.known:.1f} standard deviations from the "

@@ -23,7 +23,7 @@ AXIS_INDEX = {"x": 0, "y": 1, "z": 2}
 SIGNED_KEYS = {"at", "com", "world", "gravity", "rest"}
 """Keys of numbers that may be negative."""
 OPTIONAL_KEYS = {"mass", "damping", "linear", "quadratic", "angular", "stiffness"}
-"""Keys that a file may leave out, and whose numbers can be estimated nevertheless."""
+"""Optional keys whose numbers can be estimated even if a file omits them."""
 
 
 @dataclass(frozen=True)
@@ -33,20 +33,20 @@ class Mark:
     Attributes:
         label: the name of a parameter or the path by which it was requested.
         parameter: the name of its parameter.
-        places: its paths in the file.
+        paths: its paths in the file.
         value: its value; None if the file leaves it out.
         positive: whether it is never negative.
     """
 
     label: str
     parameter: str
-    places: tuple[Path, ...]
+    paths: tuple[Path, ...]
     value: float | None
     positive: bool
 
 
-def find(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
-    """The number with a label.
+def find_number(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
+    """The number that a label denotes.
 
     Args:
         data: plain data of a puppet file.
@@ -58,8 +58,8 @@ def find(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
     """
     entries = [(path, value) for path, value in parameters(data) if value["parameter"] == label]
     if entries:
-        places = tuple(path for path, _ in entries)
-        return Mark(label, label, places, float(entries[0][1]["value"]), _positive(places))
+        paths = tuple(path for path, _ in entries)
+        return Mark(label, label, paths, float(entries[0][1]["value"]), _positive(paths))
     prefixes = list(_named_prefixes(data, label))
     if not prefixes:
         names = [name for name, _ in _named_items(data)]
@@ -73,17 +73,17 @@ def find(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
             f"found {label}: there is no parameter of this name, and no item with the name "
             f"before its first dot{hint}"
         )
-    refused = ""
+    first_error = ""
     for path, keys in prefixes:
         try:
             place, value = _follow_keys(data, path, keys)
         except StateError as error:
-            refused = refused or str(error)
+            first_error = first_error or str(error)
             continue
         if isinstance(value, dict):
             name = value.get("parameter")
             if isinstance(name, str):
-                mark = find(data, name)
+                mark = find_number(data, name)
                 return replace(mark, label=label)
             raise StateError(f"{label} is not a number; it has {', '.join(map(str, value))}")
         if value is not None and not is_number(value):
@@ -91,7 +91,7 @@ def find(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
         number = None if value is None else float(value)
         name = re.sub(r"[^A-Za-z0-9_]", "_", label)[:50]
         return Mark(label, _unused_name(name, data, taken), (place,), number, _positive((place,)))
-    raise StateError(refused)
+    raise StateError(first_error)
 
 
 def _unused_name(name: str, data: Any, taken: Collection[str]) -> str:
@@ -118,12 +118,12 @@ def _mirrored_original(data: Any, label: str, names: list[str]) -> str | None:
     )
 
 
-def _positive(places: tuple[Path, ...]) -> bool:
-    return not any(set(path) & SIGNED_KEYS for path in places)
+def _positive(paths: tuple[Path, ...]) -> bool:
+    return not any(set(path) & SIGNED_KEYS for path in paths)
 
 
 def _named_items(data: Any) -> Iterator[tuple[str, Path]]:
-    """Names with which a path may begin, and the items."""
+    """Names with which a label may begin, and the paths of their items."""
     for i, body in items(data, "bodies"):
         joint = body.get("joint")
         if (name := word(body, "name")) is not None:
@@ -149,7 +149,7 @@ def _named_prefixes(data: Any, label: str) -> Iterator[tuple[Path, list[str]]]:
 
 
 def _follow_keys(data: Any, path: Path, keys: list[str]) -> tuple[Path, Any]:
-    """The path that keys extend, and the value there; None if the file leaves it out."""
+    """A path extended by keys, and the value there; None if the file omits it."""
     node = data
     for key in path:
         node = node[key]
@@ -171,11 +171,11 @@ def _follow_keys(data: Any, path: Path, keys: list[str]) -> tuple[Path, Any]:
     return path, node
 
 
-def marked(located: Located, marks: Mapping[Mark, float]) -> Puppet:
+def puppet_with_parameters(located: Located, marks: Mapping[Mark, float]) -> Puppet:
     """The puppet of a file, with numbers turned into parameters with given values."""
     data = copy.deepcopy(located.data)
     for mark, value in marks.items():
-        for place in mark.places:
+        for place in mark.paths:
             _set_value(data, place, {"parameter": mark.parameter, "value": value})
     return Puppet.model_validate(data, context=replace(located, data=data))
 
@@ -199,13 +199,13 @@ def write_numbers(text: str, numbers: Mapping[Mark, float], path: str | FilePath
         StateError: a number is written as an alias or with an anchor.
         FileNotFoundError: the folder does not exist.
     """
-    new = with_numbers(text, {place: x for mark, x in numbers.items() for place in mark.places})
+    new_text = with_numbers(text, {place: x for mark, x in numbers.items() for place in mark.paths})
     with replacing(path) as temporary:
-        temporary.write_bytes(new.encode("utf-8"))
+        temporary.write_bytes(new_text.encode("utf-8"))
 
 
 def missing_files(data: Any, folder: FilePath) -> tuple[str, ...]:
-    """Files that a puppet names and a folder lacks."""
+    """Files that a puppet names and that are not in a folder."""
     missing, stack = [], [data]
     while stack:
         node = stack.pop()

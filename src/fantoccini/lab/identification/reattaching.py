@@ -1,8 +1,8 @@
-"""Detached segments, whose simulation has another order of events than the puppet had, reattached.
+"""Reattachment of detached segments, whose simulation has another order of events than the record.
 
-Such a segment begins far from the end of the previous one, and no small move brings it back,
-because Cauchy's loss hardly grows with a large jump. It is started again at the end of the previous
-segment, and fitted together with its neighbours while the drift is narrowed step by step.
+Such a segment begins far from the end of the previous one. No small move brings it back, because
+Cauchy's loss hardly grows with a large jump. It is started again at the end of the previous
+segment, and fitted together with its neighbours while the drift is reduced in steps.
 """
 
 from __future__ import annotations
@@ -20,16 +20,19 @@ from fantoccini.lab.identification.search_point import Jacobians, Point, Predict
 from fantoccini.lab.identification.windows import cheaper, spread
 
 N_NEIGHBOURS = 3
-"""Number of segments on each side that are fitted, too."""
+"""Number of neighbours on each side that are fitted with a detached segment."""
 DRIFT_FACTORS = (15.0, 4.0, 1.0)
-"""Factors of the drift, in order."""
+"""Factors on the drift, in the order of use."""
 MOVES_PER_DRIFT = 3
-"""Number of moves with each factor."""
-FIRST_DAMPING, MIN_DAMPING, FREEZING_DAMPING = 1e-3, 1e-4, 1e12
+"""Number of moves for each factor on the drift."""
+FIRST_DAMPING, MIN_DAMPING = 1e-3, 1e-4
+"""First and smallest damping of a window."""
+FREEZING_DAMPING = 1e12
+"""Damping of segments that are not to move."""
 
 
-def reattached(cost: Cost, point: Point) -> Point:
-    """The point with detached segments replaced where that costs less; the unknowns stay fixed."""
+def reattach(cost: Cost, point: Point) -> Point:
+    """Point in which detached segments are replaced where that reduces the cost; theta is fixed."""
     fit = cost.fit
     first = fit.predict(point, extrapolated=True)
     if not first.arrived:
@@ -50,7 +53,7 @@ def reattached(cost: Cost, point: Point) -> Point:
         trial, trial_predicted = _fit_free(
             replace(cost, weights=wider), trial, trial_predicted, jacobians, free
         )
-    return point.mixed(
+    return point.with_segments(
         trial, cheaper(free, cost.parts(point, first), cost.parts(trial, trial_predicted))
     )
 
@@ -80,15 +83,15 @@ def _fit_free(
         damping = np.where(better, np.maximum(damping / 4.0, MIN_DAMPING), 16.0 * damping)
         damping[~free] = FREEZING_DAMPING
         if np.any(better):
-            point = point.mixed(trial, better)
-            predicted = predicted.mixed(trial_predicted, better, fit.segments(point.theta))
+            point = point.with_segments(trial, better)
+            predicted = predicted.with_segments(trial_predicted, better, fit.segments(point.theta))
             parts = cost.parts(point, predicted)
             fit.jacobians(point, only=better, others=jacobians)
     return point, predicted
 
 
 def _chain_detached(fit: Fit, point: Point, predicted: Predicted, detached: MaskRows) -> Point:
-    """The point whose detached segments begin where the previous ones end, in order."""
+    """Point whose detached segments begin where the previous ones end."""
     q_D, v_D, held = point.q_D.copy(), point.v_D.copy(), point.held.copy()
     driven, p = fit.driven(point.theta, 0.5 * fit.dt), fit.p(point.theta)
     for s in np.flatnonzero(detached):

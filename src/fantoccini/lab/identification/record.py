@@ -21,14 +21,17 @@ from fantoccini.model.tree import measure, path_lengths
 from fantoccini.motion import Input, State
 
 MIN_SAMPLES = 8
+"""Smallest number of samples of a record."""
 POSITION_SCALE = 0.01
-"""Size of an unknown position or offset, against which errors are judged [m or rad]."""
+"""Scale of unknown positions and offsets, to which their errors are compared [m or rad]."""
 DELAY_SCALE = 0.01
-"""Size of an unknown delay, for the same purpose [s]."""
-MAX_STILL_RANGE, N_INSTANTS = 1e-9, 500
-"""Largest range of an input that stands still [m or rad], and instants at which it is evaluated."""
+"""Scale of an unknown delay, to which its error is compared [s]."""
+MAX_CONSTANT_RANGE = 1e-9
+"""Largest range of an input that counts as constant [m or rad]."""
+N_INSTANTS = 500
+"""Number of times at which the range of an input is evaluated."""
 MAX_BEYOND_SHARE = 0.5
-"""Largest share of samples beyond the inputs, which are constant there."""
+"""Largest share of samples outside the time of the inputs, which are constant there."""
 
 
 @dataclass(frozen=True)
@@ -62,19 +65,25 @@ def driven_scalars(marionette: Marionette) -> list[str]:
     return [table.v_K[v] for _, v in table.scalars_K]
 
 
-def check_span(t: Array, inputs: Input, share: float) -> None:
-    """Raises if more than a share of the samples lie beyond the inputs; t by the inputs' clock."""
+def check_overlap(t: Array, inputs: Input, share: float) -> None:
+    """Raises if more than a share of the samples lie outside the time of the inputs.
+
+    Args:
+        t: (N,) times of the samples by the inputs' clock [s].
+        inputs: the inputs.
+        share: largest allowed share, 0 to 1.
+    """
     beyond = (t < inputs.start - MARGIN) | (t > inputs.end + MARGIN)
     if np.mean(beyond) > share:
         raise StateError(
-            f"the samples, less the delay, go from {t[0]:.6g} s to {t[-1]:.6g} s, the inputs from "
-            f"{inputs.start:.6g} s to {inputs.end:.6g} s; samples may lie at most {MARGIN:.2g} s "
-            "beyond. Correct the clock, leave samples out, or extend the inputs"
+            f"the samples, less the delay, last from {t[0]:.6g} s to {t[-1]:.6g} s, the inputs "
+            f"from {inputs.start:.6g} s to {inputs.end:.6g} s; samples may lie at most "
+            f"{MARGIN:.2g} s outside. Correct the clock, leave samples out, or extend the inputs"
         )
 
 
 MAX_MARKER_DISTANCE = 20.0
-"""Typical coordinate of markers over the puppet's reach, above which their unit is doubted."""
+"""Largest ratio of the markers' median coordinate to the puppet's reach; above, units differ."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -160,11 +169,11 @@ class Record(ShortRepr):
             raise StateError(
                 "nothing is unknown; name parameters, offsets, markers with `find`, or the delay"
             )
-        for unknown, begin in zip(self.unknowns, self.begin, strict=False):
+        for unknown, begin in zip(self.unknowns, self.initial_values, strict=False):
             if unknown.positive and not begin > 0.0:
                 raise StateError(
-                    f"{unknown.name} begins at {begin:g} and must stay positive; let it begin "
-                    "above 0 (about), or let it be negative (positive: false)"
+                    f"{unknown.name} has the initial value {begin:g} and must stay positive; give "
+                    "one above 0 (about), or allow negative values (positive: false)"
                 )
         if not marionette.coordinates.n_vD:
             raise StateError(
@@ -174,7 +183,7 @@ class Record(ShortRepr):
         self._check_units()
 
     def _check_units(self) -> None:
-        """Refuses markers so far from the puppet that only another unit explains it."""
+        """Raises if the markers are so far from the puppet that their unit must be another one."""
         places = np.abs(self.values[:, : 3 * len(self.markers)])
         if not np.any(np.isfinite(places)):
             return
@@ -194,7 +203,7 @@ class Record(ShortRepr):
 
     def _check_times(self) -> None:
         times = self.t[np.any(np.isfinite(self.values), axis=1)]
-        check_span(times - self.delay, self.inputs, MAX_BEYOND_SHARE)
+        check_overlap(times - self.delay, self.inputs, MAX_BEYOND_SHARE)
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -243,7 +252,7 @@ class Record(ShortRepr):
         )
 
     @cached_property
-    def begin(self) -> Array:
+    def initial_values(self) -> Array:
         """(P,) initial values of the unknowns."""
         marionette = self.marionette
         values = [
@@ -258,15 +267,15 @@ class Record(ShortRepr):
 
     @cached_property
     def scales(self) -> Array:
-        """(P,) sizes of the unknowns at their initial values, against which errors are judged."""
-        return self.sizes(self.begin)
+        """(P,) scales of the unknowns at their initial values, to which errors are compared."""
+        return self.sizes(self.initial_values)
 
     def sizes(self, values: Array) -> Array:
-        """(P,) the same at values (P,); for positive numbers, the larger of value and first value.
+        """(P,) scales at values (P,): for positive unknowns, the larger of initial value and value.
 
-        So an estimate of 0 can count as determined.
+        The initial value is included so that an estimate of 0 can count as determined.
         """
-        magnitudes = np.maximum(np.abs(self.begin), np.abs(values))
+        magnitudes = np.maximum(np.abs(self.initial_values), np.abs(values))
         sizes = [
             value if unknown.positive and value else POSITION_SCALE
             for unknown, value in zip(self.unknowns, magnitudes, strict=False)
@@ -282,30 +291,30 @@ class Record(ShortRepr):
             return
         if missing := missing_files(read_file(self.puppet_file).data, folder):
             raise StateError(
-                f"the puppet names {', '.join(missing)}, which {folder} does not have; write its "
+                f"the puppet names {', '.join(missing)}, which are not in {folder}; write its "
                 f"file beside {self.puppet_file}, or copy them"
             )
 
     @property
-    def still(self) -> tuple[str, ...]:
-        """Scalar driven coordinates that the inputs do not move."""
+    def constant_inputs(self) -> tuple[str, ...]:
+        """Names of scalar driven coordinates that the inputs do not move."""
         table, n = self.marionette.coordinates, N_INSTANTS
         q_K = self.inputs.evaluate(np.linspace(self.inputs.start, self.inputs.end, n))[0]
         return tuple(
-            table.q_K[q] for q, _ in table.scalars_K if np.ptp(q_K[:, q]) < MAX_STILL_RANGE
+            table.q_K[q] for q, _ in table.scalars_K if np.ptp(q_K[:, q]) < MAX_CONSTANT_RANGE
         )
 
     @cached_property
-    def guessed(self) -> Marionette:
-        """The puppet with the initial values of the unknowns."""
-        values = zip(self.unknowns, self.begin, strict=False)
+    def initial_puppet(self) -> Marionette:
+        """The puppet with the initial values of its unknown parameters."""
+        values = zip(self.unknowns, self.initial_values, strict=False)
         return self.marionette.with_parameters({unknown.name: float(x) for unknown, x in values})
 
     def start_state(self, inputs: Input | None = None, t: float = 0.0) -> State:
         """The hanging pose at the inputs' first values, or at those of other inputs at time t."""
-        x0 = self.guessed.rest({**self.inputs.first_values(), **self.start})
+        x0 = self.initial_puppet.rest({**self.inputs.first_values(), **self.start})
         if inputs is None:
             return x0
         q_K = inputs.evaluate(t)[0]
         same = np.allclose(q_K, x0.q_K, rtol=0.0, atol=1e-9)
-        return x0 if same else self.guessed.rest(x0.replace(q_K=q_K))
+        return x0 if same else self.initial_puppet.rest(x0.replace(q_K=q_K))

@@ -23,8 +23,8 @@ from fantoccini.base.documents import (
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Marker
-from fantoccini.lab.identification.marking import Mark, find, marked
-from fantoccini.lab.identification.record import Record, Unknown, check_span, driven_scalars
+from fantoccini.lab.identification.marking import Mark, find_number, puppet_with_parameters
+from fantoccini.lab.identification.record import Record, Unknown, check_overlap, driven_scalars
 from fantoccini.lab.identification.schema import ColumnFile, DelayFile, RecordFile
 from fantoccini.model.puppet import named_file
 from fantoccini.motion import Input, csv_columns
@@ -58,10 +58,10 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     for label, entry in file.unknown.items():
         spot = ("unknown", label)
         taken = [m.parameter for m in marks]
-        mark = check(spot, lambda label=label, taken=taken: find(puppet.data, label, taken))
+        mark = check(spot, lambda label=label, taken=taken: find_number(puppet.data, label, taken))
         if mark is None:
             continue
-        duplicate = next((m for m in marks if set(m.places) & set(mark.places)), None)
+        duplicate = next((m for m in marks if set(m.paths) & set(mark.paths)), None)
         if duplicate is not None:
             text = f"the same number as {duplicate.label}; leave one out"
             check(spot, lambda text=text: _raise_error(text))
@@ -75,7 +75,9 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
         known = None if entry is None else entry.known
         unknown.append(Unknown(mark.parameter, about, known, mark.label, mark.positive))
     check.refuse()
-    marionette = check.need(("puppet",), lambda: Marionette(marked(puppet, marks), progress))
+    marionette = check.need(
+        ("puppet",), lambda: Marionette(puppet_with_parameters(puppet, marks), progress)
+    )
     for name, marker in file.markers.items():
         check(("markers", name, "body"), lambda marker=marker: marionette.link_index(marker.body))
     scalars = driven_scalars(marionette)
@@ -103,7 +105,7 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     if values:
         measured_t = t[np.any(np.isfinite(list(values.values())), axis=0)]
         if len(measured_t):
-            check(played, lambda: check_span(measured_t - delay, inputs, 0.0))
+            check(played, lambda: check_overlap(measured_t - delay, inputs, 0.0))
             check.refuse()
     record = check.need(
         (),

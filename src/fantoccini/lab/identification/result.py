@@ -213,7 +213,7 @@ class Identified:
     def marionette(self) -> Marionette:
         """The puppet with the estimates; numbers not determined keep their initial values."""
         unknowns = self.record.unknowns
-        begin = self.record.begin
+        begin = self.record.initial_values
         return self.record.marionette.with_parameters(
             {
                 unknown.name: float(x if np.isfinite(deviation) else b)

@@ -54,7 +54,7 @@ class Point:
         moved = np.any(self.q_D != other.q_D, axis=1) | np.any(self.v_D != other.v_D, axis=1)
         return np.asarray(moved | np.any(self.held != other.held, axis=1))
 
-    def mixed(self, other: Point, chosen: MaskRows) -> Point:
+    def with_segments(self, other: Point, chosen: MaskRows) -> Point:
         """This point, with the states of the chosen segments (S,) taken from another."""
         mask = chosen[:, None]
         return Point(
@@ -80,7 +80,7 @@ class Predicted:
     v_D: Array
     arrived: bool
 
-    def mixed(self, other: Predicted, chosen: MaskRows, segments: Indices) -> Predicted:
+    def with_segments(self, other: Predicted, chosen: MaskRows, segments: Indices) -> Predicted:
         """These predictions, with those of the chosen segments (S,) taken from other predictions.
 
         ``segments`` (N,) is the index of each sample's segment.

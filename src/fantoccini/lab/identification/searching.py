@@ -13,8 +13,8 @@ from fantoccini.lab.identification.fit import Fit
 from fantoccini.lab.identification.search_point import Jacobians, Point, Predicted
 from fantoccini.lab.identification.windows import cheaper, spread
 
-FIRST_DAMPING = 1e-3
-MIN_DAMPING, MAX_DAMPING = 1e-4, 1e8
+FIRST_DAMPING, MIN_DAMPING, MAX_DAMPING = 1e-3, 1e-4, 1e8
+"""First, smallest and largest damping."""
 MIN_FALL = 0.01
 """Fall of the cost below which a search ends; a move by one standard deviation costs 0.5."""
 STEEP_FALL = 0.1
@@ -23,7 +23,7 @@ of moves."""
 MAX_THETA_CHANGE = 0.1
 """Relative change of a positive number after which all derivatives are computed again."""
 MAX_COST_CHANGE = 3.0
-"""Sum of the segments' cost changes, over the fall that ends a search, up to which it may end."""
+"""Largest sum of the segments' cost changes at which a search may end, relative to its fall."""
 MAX_FACTOR = 4.0
 """Largest factor by which a positive number may grow or shrink in one move."""
 
@@ -108,19 +108,19 @@ def search(
         progress: called with the cost, as ``best``, after every move.
     """
     damping, n_moves, settled = np.full(len(point.q_D), FIRST_DAMPING), 0, False
-    shared = FIRST_DAMPING
+    shared_damping = FIRST_DAMPING
     fit = cost.fit
     predicted = fit.predict(point, extrapolated=extrapolated)
     if not predicted.arrived:
         raise StateError(
             "the puppet cannot be simulated with the numbers that the search has reached; give "
-            "better initial values, or take a smaller dt"
+            "better initial values, or use a smaller dt"
         )
-    freed = fit.released(point, predicted)
+    released = fit.released(point, predicted)
     if saved is None:
-        saved = SavedJacobians.at(fit, freed)
-    saved = replace(saved, stale=saved.stale | cost.regrouped(point, freed))
-    point = freed
+        saved = SavedJacobians.at(fit, released)
+    saved = replace(saved, stale=saved.stale | cost.regrouped(point, released))
+    point = released
     normal: NormalEquations | None = None
     parts = cost.parts(point, predicted)
     n_tries = n_failed = 0
@@ -132,9 +132,12 @@ def search(
             saved = saved.renewed(fit, point, positive)
             normal = cost.normal(point, predicted, saved.jacobians)
         if states_only:
-            move, theta_move = _step(normal.of_states(), damping, shared)[0], 0.0 * point.theta
+            move, theta_move = (
+                _step(normal.of_states(), damping, shared_damping)[0],
+                0.0 * point.theta,
+            )
         else:
-            move, theta_move = _step(normal, damping, shared)
+            move, theta_move = _step(normal, damping, shared_damping)
         trial = fit.moved(point, move, _bounded(point.theta, theta_move, positive) - point.theta)
         trial_predicted = fit.predict(trial, extrapolated=extrapolated)
         trial_parts = cost.parts(trial, trial_predicted)
@@ -147,23 +150,23 @@ def search(
             damping = np.where(worsened, np.minimum(16.0 * damping, MAX_DAMPING), damping)
             n_failed += 1
             if n_failed > 2 or not np.any(worsened):
-                shared *= 8.0
-            settled = shared > MAX_DAMPING
+                shared_damping *= 8.0
+            settled = shared_damping > MAX_DAMPING
             continue
         damping = np.where(worsened, 4.0 * damping, np.maximum(damping / 4.0, MIN_DAMPING))
         n_failed = 0
-        # The costs of segments may still change while their sum does not: the search then goes on.
+        # The costs of segments may change while their sum does not: the search then continues.
         change = np.abs(parts - trial_parts)
         min_fall = max(tolerance * float(np.sum(parts)), MIN_FALL)
         fall = float(np.sum(parts - trial_parts))
         settled = fall <= min_fall and bool(np.sum(change) <= MAX_COST_CHANGE * min_fall)
         steep = fall > STEEP_FALL * float(np.sum(parts))
-        shared, n_moves = max(MIN_DAMPING, shared / 8.0), n_moves + 1
+        shared_damping, n_moves = max(MIN_DAMPING, shared_damping / 8.0), n_moves + 1
         before, stale = stale, cost.stale(point, trial, predicted, trial_predicted, saved.jacobians)
-        freed = fit.released(trial, trial_predicted)
+        released = fit.released(trial, trial_predicted)
         poorly_predicted = before & stale
-        saved = replace(saved, stale=stale | cost.regrouped(point, freed))
-        point, parts, predicted, normal = freed, trial_parts, trial_predicted, None
+        saved = replace(saved, stale=stale | cost.regrouped(point, released))
+        point, parts, predicted, normal = released, trial_parts, trial_predicted, None
         if progress is not None:
             progress(Progress(best=float(np.sum(parts))))
     return SearchResult(
@@ -187,23 +190,23 @@ def _restore_worsened(
 ) -> tuple[Point, Predicted, Array]:
     """The trial with the old first states of worsened segments, where that costs less."""
     fit = cost.fit
-    restored = trial.mixed(point, bad)
+    restored = trial.with_segments(point, bad)
     restored = fit.projected(restored.q_D, restored.v_D, restored.theta, restored.held, bad)
     restored_predicted = fit.predict(
         restored, extrapolated=extrapolated, only=bad, others=predicted
     )
     if not restored_predicted.arrived:
         return trial, predicted, parts
-    cheaper_ones = cheaper(bad, parts, cost.parts(restored, restored_predicted))
-    trial = trial.mixed(restored, cheaper_ones)
-    predicted = predicted.mixed(restored_predicted, cheaper_ones, fit.segments(trial.theta))
+    is_cheaper = cheaper(bad, parts, cost.parts(restored, restored_predicted))
+    trial = trial.with_segments(restored, is_cheaper)
+    predicted = predicted.with_segments(restored_predicted, is_cheaper, fit.segments(trial.theta))
     return trial, predicted, cost.parts(trial, predicted)
 
 
-def _step(normal: NormalEquations, damping: Array, shared: float) -> tuple[Array, Array]:
+def _step(normal: NormalEquations, damping: Array, shared_damping: float) -> tuple[Array, Array]:
     """A move within the bounds of ``MAX_MOVE``; raises the damping of states that exceed them."""
     while True:
-        move, theta = normal.step(damping, shared)
+        move, theta = normal.step(damping, shared_damping)
         n = move.shape[1] // 2
         excess = np.maximum(
             np.max(np.abs(move[:, :n]), axis=1) / MAX_MOVE[0],

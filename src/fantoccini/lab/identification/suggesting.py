@@ -1,7 +1,7 @@
 """``suggest_motion``: the motion whose record would determine the unknowns best.
 
-For every candidate the Fisher information F of the unknowns is predicted, with the states unknown
-as well, and scaled by the sizes of the numbers. The best candidate has the largest
+For every candidate the Fisher information F of the unknowns is predicted, with unknown
+states, and scaled by the sizes of the numbers. The best candidate has the largest
 
     gain = 1/2 log2 det(1 + F),
 
@@ -29,7 +29,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import whole
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.estimating import DRIFT, NoiseLevels, fit_of, one_blas_thread
-from fantoccini.lab.identification.fit import chained
+from fantoccini.lab.identification.fit import continuous_point
 from fantoccini.lab.identification.record import Record
 from fantoccini.lab.identification.result import Combination, determined
 from fantoccini.lab.identification.search_point import Weights
@@ -40,7 +40,9 @@ WAYPOINT_INTERVALS = (0.4, 0.8, 1.6)
 REACH_FACTORS = (1.0, 0.4)
 """Amplitudes of random motions, relative to the reach."""
 ANGLE_PER_LENGTH = 3.0
-"""Reach of a driven angle over that of a length [rad/m]."""
+"""Ratio of the reach of an angle to that of a length [rad/m]."""
+STRING_LENGTH_FACTOR = 0.6
+"""Ratio of the reach of a string's length to that of another length."""
 SAVE_RATE = 100.0
 """Rate of the samples that are written [Hz]."""
 
@@ -57,7 +59,7 @@ class Candidate:
         combinations: combinations of numbers that it would not determine.
         worst: largest deviation relative to the number's size (E-optimality's measure is its
             square); infinite if a number is not determined.
-        refused: reason why it cannot be done; empty if it can.
+        refused: reason why the motion cannot be simulated; empty if it can.
     """
 
     name: str
@@ -113,8 +115,8 @@ def suggest_motion(
         candidates: name -> inputs, such as gestures; random smooth motions by default.
         duration: duration of random motions [s].
         rate: samples per second.
-        reach: largest displacement of random motions from the start [m]; string lengths go 0.6 as
-            far, angles 3 rad per metre.
+        reach: largest displacement of random motions from the start [m]; 0.6 of it for
+            string lengths, 3 rad per metre for angles.
         ranges: driven coordinate -> (low, high), within which random motions stay.
         draws: number of random motions for every interval and amplitude.
         seed: seed of random motions.
@@ -156,7 +158,7 @@ def _candidate(
     try:
         planned = replace(record, inputs=inputs, t=t + record.delay, columns=columns)
         fit = fit_of(planned, segment, dt, threads)
-        point = chained(fit, planned.start_state(fit.inputs, float(fit.starts[0])))
+        point = continuous_point(fit, planned.start_state(fit.inputs, float(fit.starts[0])))
         noise = NoiseLevels.of(planned)
         levels = np.where(np.isfinite(noise.given), noise.given, noise.guess)
         predicted = fit.predict(point)
@@ -202,7 +204,7 @@ def _random_motions(
                     amplitude = (
                         reach * size * (ANGLE_PER_LENGTH if kinds.get(name) == "rad" else 1.0)
                     )
-                    amplitude *= 0.6 if name.endswith(".length") else 1.0
+                    amplitude *= STRING_LENGTH_FACTOR if name.endswith(".length") else 1.0
                     values = start + amplitude * rng.uniform(-1.0, 1.0, len(times))
                     values[[0, -1]] = start
                     values = _clip_to_range(name, values, start, ranges)

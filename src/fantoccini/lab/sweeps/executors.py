@@ -42,7 +42,7 @@ class Executor(Protocol):
 
 
 class ThreadExecutor:
-    """A pool of threads in this process: least overhead, and parallel while compiled code runs.
+    """A pool of threads in this process: smallest overhead, and parallel while compiled code runs.
 
     Args:
         job: function to run, with its arguments.

@@ -1,4 +1,4 @@
-"""Running of one case, and its outcome."""
+"""Run of one case, and its outcome."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from fantoccini.lab.sweeps.case import PUPPET, Case
 Study = Callable[[Case], Mapping[str, Any]]
 
 MAX_TRACE_LENGTH = 20_000
-"""Length to which a traceback is cut, from its end [characters]."""
+"""Largest length of a traceback, of which the end is kept [characters]."""
 _compile_lock = threading.Lock()
-"""Lock so that only one thread at a time compiles puppets."""
+"""Lock with which only one thread at a time compiles puppets."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Failure:
 
     @classmethod
     def of(cls, error: BaseException) -> Failure:
-        """The failure of an exception just caught, without the frame that caught it."""
+        """Failure for a caught exception; its traceback is without the frame that caught it."""
         inner = error.__traceback__ and error.__traceback__.tb_next
         lines = traceback.format_exception(type(error), error, inner)
         return cls(type(error).__name__, str(error), "".join(lines)[-MAX_TRACE_LENGTH:])
@@ -77,15 +77,15 @@ class Job:
     puppets: dict[str, Marionette]
     names: tuple[str, ...]
     _compiled: set[str] = field(default_factory=set)
-    _broken: dict[str, FantocciniError] = field(default_factory=dict)
+    _errors: dict[str, FantocciniError] = field(default_factory=dict)
 
     def run(self, case: Case) -> Outcome:
         """Runs one case. An exception becomes its outcome."""
         start = time.perf_counter()
         try:
             label = case.values.get(PUPPET)
-            ready = case.with_marionette(None if label is None else self._marionette(label))
-            figures = as_figures(self.study(ready), self.names)
+            prepared = case.with_marionette(None if label is None else self._marionette(label))
+            figures = as_figures(self.study(prepared), self.names)
         except BaseException as error:
             return Outcome({}, time.perf_counter() - start, Failure.of(error))
         return Outcome(figures, time.perf_counter() - start)
@@ -95,12 +95,12 @@ class Job:
         if label in self._compiled:
             return self.puppets[label]
         with _compile_lock:
-            if label in self._broken:
-                raise self._broken[label].with_traceback(None)
+            if label in self._errors:
+                raise self._errors[label].with_traceback(None)
             try:
                 self.puppets[label].compile()
             except FantocciniError as error:
-                self._broken[label] = error
+                self._errors[label] = error
                 raise
             self._compiled.add(label)
             return self.puppets[label]

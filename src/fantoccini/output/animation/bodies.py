@@ -59,7 +59,7 @@ class Track:
 
     def finer(self, at: Indices) -> Track:
         """The track with another key in the middle of each span that contains a sample of `at`."""
-        return self if self.keys is None else Track(self.curve, self.keys.halved(self.curve, at))
+        return self if self.keys is None else Track(self.curve, self.keys.refined(self.curve, at))
 
 
 @dataclass(frozen=True, eq=False)

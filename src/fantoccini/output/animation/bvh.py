@@ -18,7 +18,7 @@ import numpy as np
 from fantoccini.base import Array, Quaternion, Vec3, rotation
 from fantoccini.model.tree import WORLD
 from fantoccini.motion import Trajectory
-from fantoccini.output.animation.euler import USUAL, euler
+from fantoccini.output.animation.euler import DEFAULT_ORDER, euler
 from fantoccini.output.animation.joints import LocalMotion
 from fantoccini.output.animation.scene import AnimatedScene
 
@@ -94,7 +94,7 @@ def joints_of(scene: AnimatedScene, run: Trajectory) -> list[Joint]:
         still, name = np.zeros((len(run), 3)), tree.name
         while name in (tree.links[k].name for k in scene.links):
             name += "_"
-        joints.append(Joint(name, -1, np.zeros(3), still, USUAL, still, np.zeros(3)))
+        joints.append(Joint(name, -1, np.zeros(3), still, DEFAULT_ORDER, still, np.zeros(3)))
         index[WORLD] = 0
     for k in scene.links:
         motion, above = scene.motion(k, run), turned[scene.parents[k]]

@@ -15,7 +15,7 @@ import numpy as np
 
 from fantoccini.base import Array, Quaternion, rotation
 
-USUAL = "ZXY"
+DEFAULT_ORDER = "ZXY"
 """Order of the axes that programs with y up expect."""
 
 _ORDERS = tuple("".join(order) for order in permutations("XYZ"))
@@ -31,7 +31,7 @@ _MAX_STEP = 1e-3
 def euler(q: Quaternion) -> tuple[str, Array]:
     """Order of axes, and the angles about them at all frames.
 
-    The order is :data:`USUAL`. If its angles change much more from frame to frame than the
+    The order is :data:`DEFAULT_ORDER`. If its angles change much more from frame to frame than the
     orientation, because the motion passes close to gimbal lock, it is the order with the smallest
     steps.
 
@@ -42,14 +42,14 @@ def euler(q: Quaternion) -> tuple[str, Array]:
         The order, and (T, 3) angles in that order [rad].
     """
     turns = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=1)
-    angles = {USUAL: angles_of(q, USUAL)}
-    if _largest_step(angles[USUAL]) > _MAX_STEP + _MAX_STEP_RATIO * turns.max(initial=0.0):
-        angles |= {order: angles_of(q, order) for order in _ORDERS if order != USUAL}
+    angles = {DEFAULT_ORDER: euler_angles(q, DEFAULT_ORDER)}
+    if _largest_step(angles[DEFAULT_ORDER]) > _MAX_STEP + _MAX_STEP_RATIO * turns.max(initial=0.0):
+        angles |= {order: euler_angles(q, order) for order in _ORDERS if order != DEFAULT_ORDER}
     best = min(angles, key=lambda order: _largest_step(angles[order]))
     return best, angles[best]
 
 
-def angles_of(q: Quaternion, order: str) -> Array:
+def euler_angles(q: Quaternion, order: str) -> Array:
     """(T, 3) angles of unit quaternions (T, 4), in an order of axes such as ``ZXY`` [rad]."""
     i, j, k = (_AXES[axis] for axis in order)
     sign = 1.0 if (j - i) % 3 == 1 else -1.0

@@ -1,9 +1,9 @@
-"""MCAP (.mcap): messages for Foxglove, and those of them that Rerun supports; z up, metres.
+"""Writer of MCAP (.mcap) for Foxglove, and in part for Rerun; z up, metres.
 
 Each frame has the poses of the bodies relative to their parents (``/tf``), the strings
 (``/strings``), the coordinates (``/joints``), the tensions [N] (``/tension``), and 1 where the
-motion does not determine a tension or effort (``/undetermined``). Shapes of the bodies come once,
-in the bodies' frames (``/bodies``). Messages are in Protocol Buffers, with their schemas.
+motion does not determine a tension or effort (``/undetermined``). Shapes are written once,
+in the bodies' frames (``/bodies``). FrameMessage are in Protocol Buffers, with their schemas.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.Point3_pb2 import Point3
 from foxglove_schemas_protobuf.Pose_pb2 import Pose
-from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion as TurnMessage
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion as QuaternionMessage
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
@@ -37,13 +37,13 @@ from fantoccini.motion import Trajectory
 from fantoccini.output.animation.pieces import Piece, floor_of, named_solids, piece_of
 from fantoccini.output.animation.scene import AnimatedScene, Line
 from fantoccini.output.animation.spans import Spans, StringSamples
-from fantoccini.output.animation.strands import COLOUR, RINGS, THICKNESS
+from fantoccini.output.animation.strands import COLOUR, RINGS, STRING_RADIUS
 from fantoccini.output.view import LIGHT
 
 ROOT = "world"
 """Name of the fixed frame."""
 
-Messages = Callable[[int, Timestamp], Any]
+FrameMessage = Callable[[int, Timestamp], Any]
 """Function that returns the message of a frame, given its number and time."""
 
 
@@ -69,7 +69,7 @@ def write(scene: AnimatedScene, path: Path) -> None:
                 writer.write_message(topic, message(k, stamp), now, now)
 
 
-def _topics(scene: AnimatedScene, run: Trajectory) -> Iterator[tuple[str, Messages]]:
+def _topics(scene: AnimatedScene, run: Trajectory) -> Iterator[tuple[str, FrameMessage]]:
     yield "/tf", _transforms(scene, run)
     if scene.lines:
         yield "/strings", _strings(scene, run)
@@ -79,16 +79,16 @@ def _topics(scene: AnimatedScene, run: Trajectory) -> Iterator[tuple[str, Messag
     names = [line.name for line in scene.lines if line.string is not None]
     if names:
         columns = dict(run.tension.items())
-        yield "/tension", _numbers("Tension", {name: columns[name] for name in names})
+        yield "/tension", _number_message("Tension", {name: columns[name] for name in names})
         flags = run.undetermined
         if flags is not None and np.any(flags.values):
             listed = [n for n in flags.names if n in names or n not in columns]
             undetermined = {name: flags[name].astype(float) for name in listed}
-            yield "/undetermined", _numbers("Undetermined", undetermined)
+            yield "/undetermined", _number_message("Undetermined", undetermined)
 
 
-def _transforms(scene: AnimatedScene, run: Trajectory) -> Messages:
-    """Frames of all links, each relative to its parent's."""
+def _transforms(scene: AnimatedScene, run: Trajectory) -> FrameMessage:
+    """Message with the frames of all links, each relative to its parent's."""
     frames = []
     for k in scene.links:
         motion, parent = scene.motion(k, run), scene.parents[k]
@@ -105,7 +105,7 @@ def _transforms(scene: AnimatedScene, run: Trajectory) -> Messages:
                     parent_frame_id=parent_name,
                     child_frame_id=name,
                     translation=_vector(r[i]),
-                    rotation=_turn(q[i]),
+                    rotation=_quaternion(q[i]),
                 )
                 for name, parent_name, r, q in frames
             ]
@@ -115,7 +115,7 @@ def _transforms(scene: AnimatedScene, run: Trajectory) -> Messages:
 
 
 def _bodies(scene: AnimatedScene, stamp: Timestamp) -> Any:
-    """All shapes, each fixed in a link's frame."""
+    """Message with all shapes, each fixed in a link's frame."""
     shapes: dict[int, list[Any]] = {}
     for _, solid in named_solids(scene):
         shapes.setdefault(solid.link, []).append(_triangles(piece_of(solid), solid.colour))
@@ -134,18 +134,18 @@ def _bodies(scene: AnimatedScene, stamp: Timestamp) -> Any:
 
 def _triangles(piece: Piece, colour: Array) -> Any:
     return TriangleListPrimitive(
-        pose=Pose(position=_vector(piece.r), orientation=_turn(piece.q)),
+        pose=Pose(position=_vector(piece.r), orientation=_quaternion(piece.q)),
         points=_points(piece.surface.vertices * piece.scale),
         indices=piece.surface.faces.ravel().tolist(),
         color=_colour(colour),
     )
 
 
-def _strings(scene: AnimatedScene, run: Trajectory) -> Messages:
-    """Strings as curves in the world frame."""
+def _strings(scene: AnimatedScene, run: Trajectory) -> FrameMessage:
+    """Message with the strings as curves in the world frame."""
     samples = StringSamples.of(scene, run, run.t, np.arange(len(run)))
     curves = [(line, _curve(Spans.of(scene, line, samples))) for line in scene.lines]
-    width = 2.0 * THICKNESS * scene.geometry.size
+    width = 2.0 * STRING_RADIUS * scene.geometry.size
 
     def strip(line: Line, points: Array) -> Any:
         return LinePrimitive(
@@ -153,7 +153,7 @@ def _strings(scene: AnimatedScene, run: Trajectory) -> Messages:
             thickness=width,
             points=_points(points),
             color=_colour(COLOUR if line.colour is None else line.colour),
-            pose=Pose(position=_vector(np.zeros(3)), orientation=_turn(np.eye(4)[0])),
+            pose=Pose(position=_vector(np.zeros(3)), orientation=_quaternion(np.eye(4)[0])),
         )
 
     def message(i: int, stamp: Timestamp) -> Any:
@@ -174,8 +174,8 @@ def _curve(spans: Spans) -> Array:
     return np.concatenate([first, rest.reshape(len(points), -1, 3)], axis=1)
 
 
-def _joints(run: Trajectory) -> Messages | None:
-    """Coordinates with velocity and acceleration; driven ones also with their effort."""
+def _joints(run: Trajectory) -> FrameMessage | None:
+    """Message with coordinates, velocities and accelerations, and efforts of driven coordinates."""
     table = run.coordinates
     efforts = {} if run.effort is None else dict(run.effort.items())
     columns = [
@@ -209,8 +209,8 @@ def _joints(run: Trajectory) -> Messages | None:
     return message
 
 
-def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
-    """Messages with the time and a field for each column."""
+def _number_message(kind: str, columns: dict[str, Array]) -> FrameMessage:
+    """FrameMessage with the time and a field for each column."""
     proto = descriptor_pb2.FileDescriptorProto(
         name=f"puppet/{kind}.proto",
         package="puppet",
@@ -265,8 +265,8 @@ def _points(points: Array) -> list[Any]:
     return [Point3(x=x, y=y, z=z) for x, y, z in points.tolist()]
 
 
-def _turn(q: Quaternion) -> Any:
-    return TurnMessage(w=q[0], x=q[1], y=q[2], z=q[3])
+def _quaternion(q: Quaternion) -> Any:
+    return QuaternionMessage(w=q[0], x=q[1], y=q[2], z=q[3])
 
 
 def _colour(colour: Array) -> Any:

@@ -62,7 +62,7 @@ class Keys:
         a, b = self.after[k], self.before[k + 1]
         return _evaluate_cubics(curve, a, b, t)
 
-    def halved(self, curve: Curve, at: Indices) -> Keys:
+    def refined(self, curve: Curve, at: Indices) -> Keys:
         """The keys with another one in the middle of each span that contains a sample of `at`."""
         k = np.unique(np.searchsorted(self.before, at, side="right") - 1)
         k = k[(k >= 0) & (k < len(self.before) - 1)]
@@ -122,22 +122,22 @@ def _jumps(curve: Curve) -> Indices:
 def _farthest(error: Callable[[int], float], at: int, end: int, stride: int, power: int) -> int:
     """Approximately the last sample to which the error is at most 1; at least the next one.
 
-    The error is assumed to grow with the distance to the given power, which predicts the next try
-    from the error of the last one.
+    The error is assumed to grow as the given power of the distance, from which the next trial
+    is predicted.
     """
-    good, bad = at + 1, end + 1
+    reached, failed = at + 1, end + 1
     to = min(at + max(stride, 2), end)
-    while good < to < bad:
+    while reached < to < failed:
         value = error(to)
         if value <= 1.0:
-            good = to
+            reached = to
         else:
-            bad = to
+            failed = to
         guess = at + int((to - at) * min(0.97 * max(value, 1e-9) ** (-1.0 / power), 4.0))
-        if bad - good <= 1 + (good - at) // 32:
+        if failed - reached <= 1 + (reached - at) // 32:
             break
-        to = min(max(guess, good + 1), bad - 1)
-    return good
+        to = min(max(guess, reached + 1), failed - 1)
+    return reached
 
 
 def _error(curve: Curve, at: int, to: int) -> float:

@@ -23,16 +23,19 @@ from fantoccini.output.animation.spans import Spans
 from fantoccini.output.view import rgb
 
 _TUBE_SIDES = 3
+"""Number of sides of a string's tube."""
 RINGS = 17
 """Number of rings on each span of a string that is slack at times."""
-THICKNESS = 0.0008
+STRING_RADIUS = 0.0008
 """Radius of a string, relative to the size of the scene."""
 _TURN_TOLERANCE = 0.01
 """Tolerance of a joint's orientation, as a difference of quaternions."""
 _SAG_TOLERANCE = 1e-3
 """Tolerance of a slack string's curve, relative to the size of the scene."""
 _MAX_SHAPES = 8
+"""Largest number of morph targets of a string."""
 COLOUR = rgb("#6e6a62")
+"""Default colour of strings."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +134,7 @@ class Strands:
             for offset in (corner, next_corner, _TUBE_SIDES + corner, _TUBE_SIDES + next_corner)
         )
         faces = np.stack([a, b, c, b, d, c], axis=1).reshape(-1)
-        radius = THICKNESS * self.scene.geometry.size
+        radius = STRING_RADIUS * self.scene.geometry.size
         add = self.document.numbers
         attributes = {
             "POSITION": add("vectors", (radius * normals).astype(np.float32), True),

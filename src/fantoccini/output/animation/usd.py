@@ -21,7 +21,7 @@ from fantoccini.output.animation.pieces import (
 )
 from fantoccini.output.animation.scene import AnimatedScene, Line
 from fantoccini.output.animation.spans import Spans, StringSamples
-from fantoccini.output.animation.strands import COLOUR, RINGS, THICKNESS
+from fantoccini.output.animation.strands import COLOUR, RINGS, STRING_RADIUS
 from fantoccini.output.view import LIGHT
 
 _MIN_CHANGE = 1e-8
@@ -141,7 +141,7 @@ class _Writer:
         points = np.concatenate(
             [points[:, :1, :1], *(points[:, s : s + 1, 1:] for s in range(points.shape[1]))], axis=2
         )[:, 0]
-        width = 2.0 * THICKNESS * self.scene.geometry.size
+        width = 2.0 * STRING_RADIUS * self.scene.geometry.size
         curve.CreateTypeAttr(UsdGeom.Tokens.linear)
         curve.CreateCurveVertexCountsAttr(Vt.IntArray([points.shape[1]]))
         curve.CreateWidthsAttr(Vt.FloatArray([width]))

@@ -81,7 +81,7 @@ class Draft:
         place = self.file.place(line)
         self.notes.append(ImportNote(*place, kind, short_name(name), printable(message), part))
 
-    def take(
+    def unique_name(
         self, kind: str, name: str, instead: str = "", line: int | None = None, end: str = ""
     ) -> str:
         """Unique name for a part; if it differs from the model's, the report says so.
@@ -109,7 +109,7 @@ class Draft:
         if not name or name == body:
             self.joints.append(body)
             return {}
-        unique = self.take("joint", name, line=line)
+        unique = self.unique_name("joint", name, line=line)
         self.joints.append(unique)
         return {"name": unique}
 

@@ -71,7 +71,7 @@ class Bodies:
         damping, armature: (n_v,) values of the joints, including those of actuators.
         names: (n_body,) names of the puppet's bodies; ``world`` for the world.
         wires: tendons whose constraint became a wire.
-        shift: (n_body, 3) origins of the puppet's bodies in the frames of MuJoCo's bodies.
+        origins: (n_body, 3) origins of the puppet's bodies in the frames of MuJoCo's bodies.
 
     Args:
         compiled: the compiled model.
@@ -94,10 +94,10 @@ class Bodies:
         self.damping, self.armature = m.dof_damping.copy(), m.dof_armature.copy()
         self._add_actuators()
         self.names, self.wires = ["world"], set[int]()
-        self.shift = np.zeros((m.nbody, 3))
+        self.origins = np.zeros((m.nbody, 3))
         for b in range(1, m.nbody):
             line = line_of(self.bodies.get(b))
-            self.names.append(draft.take("body", m.body(b).name, line=line))
+            self.names.append(draft.unique_name("body", m.body(b).name, line=line))
         for b in range(1, m.nbody):
             self._body(b)
 
@@ -107,7 +107,7 @@ class Bodies:
 
     def fixed_point(self, body: int, at: Array) -> dict[str, Any]:
         """Point of a body of MuJoCo as a point of a string or spring."""
-        place = numbers(at - self.shift[body])
+        place = numbers(at - self.origins[body])
         return {"world": place} if body == 0 else {"body": self.names[body], "at": place}
 
     def _add_actuators(self) -> None:
@@ -118,7 +118,9 @@ class Bodies:
         # An actuator may have several controls and, for several coordinates, several gears.
         gears = m.actuator_outadr if hasattr(m, "actuator_outadr") else np.arange(m.nu)
         for a in range(len(m.actuator_trntype)):
-            armature, damping = (field(m, f"actuator_{x}", a) for x in ("armature", "damping"))
+            armature, damping = (
+                field_value(m, f"actuator_{x}", a) for x in ("armature", "damping")
+            )
             kind = kinds(int(m.actuator_trntype[a]))
             by_joint = kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT)
             joint = int(m.actuator_trnid[a, 0])
@@ -129,7 +131,7 @@ class Bodies:
             elif armature or damping:
                 line, text = line_of(elements.get(a)), "has armature or damping, left out"
                 self.draft.note("actuator", m.actuator(a).name, text, line)
-            if np.any(field(m, "actuator_dampingpoly", a)):
+            if np.any(field_value(m, "actuator_dampingpoly", a)):
                 line, text = line_of(elements.get(a)), "has nonlinear damping, left out"
                 self.draft.note("actuator", m.actuator(a).name, text, line)
 
@@ -138,15 +140,19 @@ class Bodies:
         joints = range(first, first + int(m.body_jntnum[b]))
         name, line = self.names[b], line_of(self.bodies.get(b))
         parent = int(m.body_parentid[b])
-        at, turn = m.body_pos[b] - self.shift[parent], rotation.normalised(m.body_quat[b])
+        at, turn = m.body_pos[b] - self.origins[parent], rotation.normalised(m.body_quat[b])
         parent_frame, anchor = self.names[parent], np.zeros(3)
         for k, j in enumerate(joints):
-            frame = name if k == len(joints) - 1 else self.draft.take("body", "", f"{name}_{k + 1}")
+            frame = (
+                name
+                if k == len(joints) - 1
+                else self.draft.unique_name("body", "", f"{name}_{k + 1}")
+            )
             joint, anchor = self._joint(j, frame, at, turn, anchor)
             data = body_data(frame, parent_frame, joint)
             self.draft.bodies.append(data)
             parent_frame, at, turn = frame, np.zeros(3), np.eye(1, 4)[0]
-        self.shift[b] = anchor
+        self.origins[b] = anchor
         if m.body_mocapid[b] >= 0:
             data = body_data(name, parent_frame, {"type": "free", "driven": True})
             self.draft.bodies.append(data)
@@ -176,31 +182,33 @@ class Bodies:
         ref = 0.0 if kind in (types.mjJNT_FREE, types.mjJNT_BALL) else float(m.qpos0[q])
         place = m.jnt_pos[j] if kind in (types.mjJNT_HINGE, types.mjJNT_BALL) else anchor
         at = at + rotation.matrix(turn) @ (place - anchor)
-        word = {
+        joint_type = {
             types.mjJNT_FREE: "free",
             types.mjJNT_BALL: "ball",
             types.mjJNT_HINGE: "revolute",
             types.mjJNT_SLIDE: "prismatic",
         }[kind]
         line, mujoco_name = line_of(self.joints.get(j)), m.joint(j).name
-        joint: dict[str, Any] = {"type": word} | self.draft.joint_name(body, mujoco_name, line)
+        joint: dict[str, Any] = {"type": joint_type} | self.draft.joint_name(
+            body, mujoco_name, line
+        )
         name = joint.get("name", body)
-        if word == "free":
+        if joint_type == "free":
             self._pose_free(name, self.compiled.qpos[q : q + 3], self.compiled.qpos[q + 3 : q + 7])
         else:
-            if word == "revolute":
+            if joint_type == "revolute":
                 turn = rotation.multiply(turn, rotation.exp(-ref * axis))
-            elif word == "prismatic":
+            elif joint_type == "prismatic":
                 at = at - rotation.matrix(turn) @ (ref * axis)
-            if word != "ball":
+            if joint_type != "ball":
                 joint["axis"] = numbers(axis)
             joint |= pose_keys(at, turn)
-            self._pose(name, word, self.compiled.qpos[q:])
-        joint |= dict(self._passive(j, word, q, line, name))
+            self._pose(name, joint_type, self.compiled.qpos[q:])
+        joint |= dict(self._passive(j, joint_type, q, line, name))
         return joint, place
 
     def _passive(
-        self, j: int, word: str, q: int, line: int | None, name: str
+        self, j: int, joint_type: str, q: int, line: int | None, name: str
     ) -> Iterator[tuple[str, Any]]:
         """Damping, armature, spring and limits of a joint; the report notes the rest."""
         m, v = self.m, int(self.m.jnt_dofadr[j])
@@ -214,9 +222,9 @@ class Bodies:
             yield "armature", armature
         if self.springs and (stiffness := sized(m.jnt_stiffness[j], "stiffness")):
             spring = {"stiffness": stiffness}
-            if word == "free":
+            if joint_type == "free":
                 note("has a spring, left out: springs of free joints have no counterpart")
-            elif word == "ball":
+            elif joint_type == "ball":
                 yield "spring", spring
                 note("has a spring with the same stiffness for small angles only")
                 if not np.allclose(m.qpos_spring[q : q + 4], [1, 0, 0, 0]):
@@ -225,7 +233,7 @@ class Bodies:
                 rest = number(m.qpos_spring[q])
                 yield "spring", spring | ({"rest": rest} if rest else {})
         if m.jnt_limited[j] and self.limits:
-            if word in ("free", "ball"):
+            if joint_type in ("free", "ball"):
                 note(f"is limited to {m.jnt_range[j][1]:g} rad, left out: `cone` limits the swing")
             else:
                 low, high = map(float, m.jnt_range[j])
@@ -237,9 +245,9 @@ class Bodies:
                     note(f"has the range {low:g} to {high:g}, left out")
         for quantity, values in (
             ("frictionloss", m.dof_frictionloss[v]),
-            ("nonlinear stiffness", field(m, "jnt_stiffnesspoly", j)),
-            ("nonlinear damping", field(m, "dof_dampingpoly", v)),
-            ("springyield", field(m, "jnt_springyield", j)),
+            ("nonlinear stiffness", field_value(m, "jnt_stiffnesspoly", j)),
+            ("nonlinear damping", field_value(m, "dof_dampingpoly", v)),
+            ("springyield", field_value(m, "jnt_springyield", j)),
         ):
             if np.any(values):
                 note(f"has {quantity}, left out")
@@ -251,13 +259,13 @@ class Bodies:
         R = rotation.matrix(rotation.normalised(m.body_iquat[b]))
         if mass := sized(m.body_mass[b], "mass"):
             data["mass"] = mass
-        com = numbers(m.body_ipos[b] - self.shift[b])
+        com = numbers(m.body_ipos[b] - self.origins[b])
         if any(com):
             data["com"] = com
         data["inertia"] = inertia_data(R @ np.diag(m.body_inertia[b]) @ R.T)
 
-    def _pose(self, name: str, word: str, q: Array) -> None:
-        if word == "ball":
+    def _pose(self, name: str, joint_type: str, q: Array) -> None:
+        if joint_type == "ball":
             if orientation_keys(q[:4]):
                 self.draft.pose[f"{name}.rotation"] = numbers(q[:4])
         elif number(q[0]):
@@ -271,7 +279,7 @@ class Bodies:
             self.draft.pose[f"{name}.rotation"] = numbers(turn)
 
 
-def field(m: Any, name: str, k: int) -> Any:
+def field_value(m: Any, name: str, k: int) -> Any:
     """Entry of a field of MuJoCo's model; 0 if this version of MuJoCo has no such field."""
     return getattr(m, name)[k] if hasattr(m, name) else 0.0
 

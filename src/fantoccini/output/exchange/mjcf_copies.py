@@ -17,9 +17,9 @@ from fantoccini.output.exchange.model_file import Element, ModelFile, read_model
 _MAX_COPIES = 10_000
 """Largest number of copies of one element, including nested copying."""
 _MAX_WORK = 200_000_000
-"""Largest work of copying, in copied elements: about ten seconds of MuJoCo."""
+"""Largest work of copying, in element copies: about ten seconds in MuJoCo."""
 _WORK_PER_COPYING = 20
-"""Work of an element that copies, in copies."""
+"""Work of a copying element, in copies with the same work."""
 _MAX_MODEL_DEPTH = 20
 """Largest number of levels of models within models."""
 _MAX_DIGITS = 9
@@ -29,9 +29,9 @@ _ELEMENTS_PER_POINT = 4
 _POINT_BYTES = 40
 """Approximate size of a point in a file of a flexcomp, with its share of the triangles [bytes]."""
 
-_COPYING = ("replicate", "composite", "flexcomp")
-_LISTED = ("direct", "mesh", "gmsh")
-"""Types of flexcomps whose points are listed, not given by a count."""
+_COPYING_TAGS = ("replicate", "composite", "flexcomp")
+_TYPES_WITH_LISTED_POINTS = ("direct", "mesh", "gmsh")
+"""Types of flexcomps that list their points, without a count."""
 
 
 class _Size(NamedTuple):
@@ -39,7 +39,7 @@ class _Size(NamedTuple):
 
     Attributes:
         copies: number of copies.
-        copying: number of elements that copy.
+        copying: number of elements that copy others.
         elements: number of elements, including copies.
     """
 
@@ -69,7 +69,7 @@ def attached_models(file: ModelFile) -> tuple[ModelFile, ...]:
     """
     sizes = _Sizes()
     sizes.of(file)
-    counts = (sizes.known[os.path.realpath(model.name)].elements for model in sizes.files)
+    counts = (sizes.sizes[os.path.realpath(model.name)].elements for model in sizes.files)
     refuse_large(zip(sizes.files, counts, strict=True))
     return tuple(sizes.files[:-1])
 
@@ -79,30 +79,32 @@ class _Sizes:
 
     Attributes:
         files: files that have been read.
+        sizes: real path -> size.
+        open_files: real paths of the files that are being read, outermost first.
     """
 
     def __init__(self) -> None:
         self.files: list[ModelFile] = []
-        self.known: dict[str, _Size] = {}
-        self.open: list[str] = []
+        self.sizes: dict[str, _Size] = {}
+        self.open_files: list[str] = []
 
     def of(self, file: ModelFile) -> _Size:
         """Size of a file, including the models that it names."""
         real_path = os.path.realpath(file.name)
-        if real_path in self.known:
-            return self.known[real_path]
-        self.open.append(real_path)
+        if real_path in self.sizes:
+            return self.sizes[real_path]
+        self.open_files.append(real_path)
         models = self._models(file)
         largest = max(models.values(), default=_Size(), key=lambda size: size.elements)
-        size, copies_of_ancestors, parts = _Size(), list[int](), _Parts()
+        size, copies_of_ancestors, parts = _Size(), list[int](), _NamedParts()
         for element in file.elements:
             del copies_of_ancestors[element.depth :]
             times, tag, attributes = math.prod(copies_of_ancestors), element.tag, element.attributes
             parts.add(element, times, size.elements)
-            count = _copies(file, element) if tag in _COPYING else 1
+            count = _copy_count(file, element) if tag in _COPYING_TAGS else 1
             copies_of_ancestors.append(count)
             size = size.plus(times, 0, 0, 1)
-            if tag in _COPYING:
+            if tag in _COPYING_TAGS:
                 if times * count > _MAX_COPIES:
                     text = f"copies its content {times * count} times; allowed: up to"
                     raise file.mistake(f"{text} {_MAX_COPIES}", element.line, tag)
@@ -124,8 +126,8 @@ class _Sizes:
                     f"({size.copies} copies, {size.elements} elements); reduce them"
                 )
                 raise file.mistake(text, element.line, tag)
-        self.open.pop()
-        self.known[real_path] = size
+        self.open_files.pop()
+        self.sizes[real_path] = size
         self.files.append(file)
         return size
 
@@ -138,39 +140,39 @@ class _Sizes:
             name = find_file(file_name, *folders) if file_name else None
             if name is None:
                 continue  # MuJoCo reports it
-            if os.path.realpath(name) in self.open or len(self.open) > _MAX_MODEL_DEPTH:
+            if os.path.realpath(name) in self.open_files or len(self.open_files) > _MAX_MODEL_DEPTH:
                 text = f"{file_name[:100]!r} contains itself, or models are nested too deeply"
                 raise file.mistake(text, element.line, "model")
             sizes[element.attributes.get("name", "")] = self.of(_read(file, name, element.line))
         return sizes
 
 
-class _Parts:
-    """Numbers of elements in the named bodies and frames of a file, which it may copy."""
+class _NamedParts:
+    """Numbers of elements in the named bodies and frames of a file, which `attach` may copy."""
 
     def __init__(self) -> None:
-        self.known: dict[tuple[str, str], int] = {}
-        self.open: list[tuple[Element, int, int]] = []
+        self.sizes: dict[tuple[str, str], int] = {}
+        self.open_parts: list[tuple[Element, int, int]] = []
 
     def add(self, element: Element, times: int, before: int) -> None:
-        """Begins an element, after ending those that do not contain it.
+        """Adds an element, after closing the open parts that do not contain it.
 
         Args:
             element: the element.
             times: number of its copies.
             before: number of elements before it.
         """
-        while self.open and self.open[-1][0].depth >= element.depth:
-            part, copies, first = self.open.pop()
-            self.known[part.tag, part.attributes["name"]] = (before - first) // copies
+        while self.open_parts and self.open_parts[-1][0].depth >= element.depth:
+            part, copies, first = self.open_parts.pop()
+            self.sizes[part.tag, part.attributes["name"]] = (before - first) // copies
         if element.tag in ("body", "frame") and "name" in element.attributes:
-            self.open.append((element, times, before))
+            self.open_parts.append((element, times, before))
 
     def elements(self, attributes: dict[str, str], before: int) -> int:
         """Number of elements of the part that an element copies; if unknown, of all before it."""
         for kind in ("body", "frame"):
             if kind in attributes:
-                return self.known.get((kind, attributes[kind]), before)
+                return self.sizes.get((kind, attributes[kind]), before)
         return 0  # MuJoCo reports it
 
 
@@ -181,14 +183,14 @@ def _read(file: ModelFile, name: str, line: int) -> ModelFile:
         raise file.mistake(f"names a model that cannot be read: {error}", line, "model") from None
 
 
-def _copies(file: ModelFile, element: Element) -> int:
+def _copy_count(file: ModelFile, element: Element) -> int:
     """Number of copies of an element's content, or of points of a grid or cable."""
     attributes, tag = element.attributes, element.tag
     listed = max(len(attributes.get(key, "").split()) // 3 for key in ("point", "vertex"))
-    if tag == "flexcomp" and attributes.get("type") in _LISTED:
+    if tag == "flexcomp" and attributes.get("type") in _TYPES_WITH_LISTED_POINTS:
         return max(listed, _file_points(file, element), 1)
     default = "10 10 10" if tag == "flexcomp" else ""
-    return max(_count(attributes.get("count", default)), listed)
+    return max(_product(attributes.get("count", default)), listed)
 
 
 def _file_points(file: ModelFile, element: Element) -> int:
@@ -198,7 +200,7 @@ def _file_points(file: ModelFile, element: Element) -> int:
     return os.path.getsize(path) // _POINT_BYTES if path else 0
 
 
-def _count(text: str) -> int:
+def _product(text: str) -> int:
     """Product of a count's numbers, which may have a plus sign."""
     counts = [word.removeprefix("+") for word in text.split()]
     counts = ["9" * _MAX_DIGITS if len(word) > _MAX_DIGITS else word for word in counts]

@@ -16,24 +16,24 @@ from fantoccini.output.exchange.model_file import Element, ModelFile
 
 _MAX_BYTES = 500_000_000
 """Largest memory for elements of a model that are given only by their number [bytes]."""
-_PIXEL, _HEIGHT = 6, 16
+_PIXEL_BYTES, _HEIGHT_BYTES = 6, 16
 """Memory per pixel of a texture, and per point of a height field [bytes]."""
-_NUMBER = 24
+_NUMBER_BYTES = 24
 """Memory per number of user data, an activation or a sensor [bytes]."""
-_KEY = 300
+_KEYFRAME_BYTES = 300
 """Memory per element of a model in a keyframe [bytes]."""
-_CORNER = 300
+_CORNER_BYTES = 300
 """Memory per corner of a generated mesh; there are up to the square of a parameter [bytes]."""
-_SAMPLE = 200
+_SAMPLE_BYTES = 200
 """Memory per sample kept by an actuator or sensor [bytes]."""
-_CELL = 2000
+_CELL_BYTES = 2000
 """Memory per cell of a flexcomp [bytes]."""
 _MAX_NUMBER = 10**12
 """Limit to which larger numbers are clamped, so that products stay finite."""
 
-_PNG = b"\x89PNG\r\n\x1a\n"
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 """Signature of a PNG; width and height follow after 8 more bytes."""
-_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
+_IMAGE_KEYS = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 
 
 def refuse_large(files: Iterable[tuple[ModelFile, int]]) -> None:
@@ -48,14 +48,14 @@ def refuse_large(files: Iterable[tuple[ModelFile, int]]) -> None:
         ranges = any(element.tag == "rangefinder" for element in file.elements)
         for element, is_default in _with_defaults(file):
             if is_default:
-                _widen(defaults.setdefault(element.tag, {}), element)
+                _merge_default(defaults.setdefault(element.tag, {}), element)
                 continue
             attributes = {**defaults.get(element.tag, {}), **element.attributes}
-            need = _bytes(file, element, attributes, elements, ranges)
+            need = _memory(file, element, attributes, elements, ranges)
             total += need
             if total > _MAX_BYTES:
                 text = (
-                    f"MuJoCo would take {need / 1e6:,.0f} MB for it, {total / 1e6:,.0f} MB up to "
+                    f"MuJoCo would need {need / 1e6:,.0f} MB for it, {total / 1e6:,.0f} MB up to "
                     f"this line; allowed: {_MAX_BYTES / 1e6:,.0f} MB. Make it smaller"
                 )
                 raise file.mistake(text, element.line, element.tag)
@@ -63,22 +63,22 @@ def refuse_large(files: Iterable[tuple[ModelFile, int]]) -> None:
 
 def _with_defaults(file: ModelFile) -> Iterator[tuple[Element, bool]]:
     """Elements, each with a flag for defaults, which come first."""
-    above, flagged = list[str](), list[tuple[Element, bool]]()
+    ancestors, flagged = list[str](), list[tuple[Element, bool]]()
     for element in file.elements:
-        del above[element.depth :]
-        flagged.append((element, "default" in above))
-        above.append(element.tag)
+        del ancestors[element.depth :]
+        flagged.append((element, "default" in ancestors))
+        ancestors.append(element.tag)
     yield from sorted(flagged, key=lambda pair: not pair[1])
 
 
-def _widen(widest: dict[str, str], element: Element) -> None:
+def _merge_default(widest: dict[str, str], element: Element) -> None:
     """Merges a default's attributes, keeping the largest number of each over all classes."""
     for key, text in element.attributes.items():
         if key not in widest or max(_numbers(text)) > max(_numbers(widest[key])):
             widest[key] = text
 
 
-def _bytes(
+def _memory(
     file: ModelFile, element: Element, attributes: dict[str, str], elements: int, ranges: bool
 ) -> float:
     """Memory for an element with its attributes [bytes]; `ranges`: the model has rangefinders."""
@@ -86,37 +86,37 @@ def _bytes(
     def values_of(key: str) -> list[float]:
         return _numbers(attributes.get(key, ""))
 
-    need = _SAMPLE * values_of("nsample")[0] + _NUMBER * values_of("actdim")[0]
+    need = _SAMPLE_BYTES * values_of("nsample")[0] + _NUMBER_BYTES * values_of("actdim")[0]
     match element.tag:
         case "size":
             user = sum(_numbers(x)[0] for key, x in attributes.items() if key.startswith("nuser_"))
-            need += _NUMBER * (values_of("nuserdata")[0] + user * elements)
-            need += _KEY * values_of("nkey")[0] * elements
+            need += _NUMBER_BYTES * (values_of("nuserdata")[0] + user * elements)
+            need += _KEYFRAME_BYTES * values_of("nkey")[0] * elements
         case "key":
-            need += _KEY * elements
+            need += _KEYFRAME_BYTES * elements
         case "texture":
             width, height = values_of("width")[0], values_of("height")[0]
             is_flat = element.attributes.get("type") == "2d"
             faces = 0.0 if is_flat else 6.0 * max(width, height / 6.0) ** 2
-            need += _PIXEL * (max(width * height, faces) + _pixels(file, attributes))
+            need += _PIXEL_BYTES * (max(width * height, faces) + _pixels(file, attributes))
         case "hfield":
-            need += _HEIGHT * (
+            need += _HEIGHT_BYTES * (
                 values_of("nrow")[0] * values_of("ncol")[0] + _pixels(file, attributes)
             )
         case "mesh" if "builtin" in attributes:
-            need += _CORNER * max(values_of("params")) ** 2
+            need += _CORNER_BYTES * max(values_of("params")) ** 2
         case "flexcomp":
-            need += _CELL * math.prod(max(n, 1.0) for n in values_of("cellcount"))
+            need += _CELL_BYTES * math.prod(max(n, 1.0) for n in values_of("cellcount"))
         case "camera":
-            need += _NUMBER * math.prod(values_of("resolution")) if ranges else 0.0
+            need += _NUMBER_BYTES * math.prod(values_of("resolution")) if ranges else 0.0
         case "user" | "contact":
-            need += _NUMBER * (values_of("dim")[0] + 10.0 * values_of("num")[0])
+            need += _NUMBER_BYTES * (values_of("dim")[0] + 10.0 * values_of("num")[0])
     return need
 
 
 def _pixels(file: ModelFile, attributes: dict[str, str]) -> float:
     """Number of pixels of the images that an element names, from their headers."""
-    names = [attributes[key] for key in _FILES if attributes.get(key)]
+    names = [attributes[key] for key in _IMAGE_KEYS if attributes.get(key)]
     if not names:
         return 0.0
     folders = asset_folders(file)
@@ -130,8 +130,8 @@ def _pixels(file: ModelFile, attributes: dict[str, str]) -> float:
     for name in names:
         path = find_file(name, *folders) or find_file(os.path.basename(name), *folders)
         with suppress(OSError), open(path or "", "rb") as image:
-            head = image.read(len(_PNG) + 16)
-            if head.startswith(_PNG) and len(head) == len(_PNG) + 16:
+            head = image.read(len(_PNG_SIGNATURE) + 16)
+            if head.startswith(_PNG_SIGNATURE) and len(head) == len(_PNG_SIGNATURE) + 16:
                 count += math.prod(struct.unpack(">II", head[-8:]))
     return count
 

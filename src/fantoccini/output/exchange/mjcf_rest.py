@@ -60,7 +60,7 @@ def add_shapes(bodies: Bodies) -> None:
             if b:
                 data_of[bodies.names[b]].setdefault("shapes", []).append(shape)
             else:
-                name = draft.take("geom", m.geom(g).name, "obstacle", line)
+                name = draft.unique_name("geom", m.geom(g).name, "obstacle", line)
                 draft.obstacles.append({"name": name, **shape})
 
 
@@ -102,7 +102,7 @@ def _shape(bodies: Bodies, g: int, element: Any) -> dict[str, Any] | None:
     """Geom as a shape; None, with a note, if it has no counterpart."""
     m, draft, kinds = bodies.m, bodies.draft, library().mjtGeom
     body, size = int(m.geom_bodyid[g]), m.geom_size[g]
-    at, turn = m.geom_pos[g] - bodies.shift[body], m.geom_quat[g]
+    at, turn = m.geom_pos[g] - bodies.origins[body], m.geom_quat[g]
     kind, line, name = kinds(int(m.geom_type[g])), line_of(element), m.geom(g).name
     axis = np.zeros(3)
     library().mju_rotVecQuat(axis, _UP, turn)
@@ -113,15 +113,15 @@ def _shape(bodies: Bodies, g: int, element: Any) -> dict[str, Any] | None:
             else:
                 draft.note("geom", name, "plane: left out; a puppet has one level floor", line)
             return None
-        case kinds.mjGEOM_SPHERE if solids.fits(size[0]):
+        case kinds.mjGEOM_SPHERE if solids.is_valid_size(size[0]):
             return solids.sphere(size[0], at)
-        case kinds.mjGEOM_CAPSULE if solids.fits(size[0]):
+        case kinds.mjGEOM_CAPSULE if solids.is_valid_size(size[0]):
             return solids.capsule(size[0], size[1], at, axis)
-        case kinds.mjGEOM_ELLIPSOID if solids.fits(*size):
+        case kinds.mjGEOM_ELLIPSOID if solids.is_valid_size(*size):
             return solids.ellipsoid(size, at, turn)
-        case kinds.mjGEOM_BOX if solids.fits(*size):
+        case kinds.mjGEOM_BOX if solids.is_valid_size(*size):
             return solids.box(2.0 * size, at, turn)
-        case kinds.mjGEOM_CYLINDER if solids.fits(*size[:2]):
+        case kinds.mjGEOM_CYLINDER if solids.is_valid_size(*size[:2]):
             return solids.cylinder(draft, size[0], 2.0 * size[1], at, turn)
         case kinds.mjGEOM_MESH | kinds.mjGEOM_SDF:
             return _mesh(bodies, int(m.geom_dataid[g]), at, turn)

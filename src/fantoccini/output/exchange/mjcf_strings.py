@@ -18,7 +18,7 @@ import numpy as np
 from fantoccini.base import Array, rotation as rotations
 from fantoccini.dynamics.mujoco import library
 from fantoccini.output.exchange.draft import number, sized
-from fantoccini.output.exchange.mjcf_bodies import Bodies, field, line_of
+from fantoccini.output.exchange.mjcf_bodies import Bodies, field_value, line_of
 
 _WIRE_RANGE = (1e-3, 1.0)
 """Range of lengths of a point's wires [m]."""
@@ -52,10 +52,10 @@ def add_tendons(bodies: Bodies) -> None:
         elastic = _stiffness_and_damping(bodies, t)
         for quantity, values in (
             ("frictionloss", m.tendon_frictionloss[t]),
-            ("armature", field(m, "tendon_armature", t)),
-            ("nonlinear stiffness", field(m, "tendon_stiffnesspoly", t)),
-            ("nonlinear damping", field(m, "tendon_dampingpoly", t)),
-            ("springyield", field(m, "tendon_springyield", t)),
+            ("armature", field_value(m, "tendon_armature", t)),
+            ("nonlinear stiffness", field_value(m, "tendon_stiffnesspoly", t)),
+            ("nonlinear damping", field_value(m, "tendon_dampingpoly", t)),
+            ("springyield", field_value(m, "tendon_springyield", t)),
         ):
             if np.any(values):
                 note(f"has {quantity}, left out")
@@ -72,13 +72,13 @@ def add_tendons(bodies: Bodies) -> None:
         if t in wires:
             length = number(m.tendon_length0[t] + wires[t])
             bodies.wires.add(t)
-            wire = draft.take("tendon", name, "wire", line)
+            wire = draft.unique_name("tendon", name, "wire", line)
             draft.strings.append({"name": wire, "path": path, "length": length, "wire": True})
         elif limited:
             if low > 0.0:
                 note(f"has the lower limit {low:g} m, left out: strings do not push")
             if high > 0.0:
-                string = draft.take("tendon", name, "string", line)
+                string = draft.unique_name("tendon", name, "string", line)
                 draft.strings.append({"name": string, "path": path, "length": number(high)})
             else:
                 note(f"left out: found the range {low:g} to {high:g}; a string has a length")
@@ -147,7 +147,7 @@ def _add_spring(
     if not stiffness and not damping:
         return
     has_string = draft.strings and draft.strings[-1]["path"] is path
-    spring = draft.take("tendon", name, "spring", line, "_spring" if has_string else "")
+    spring = draft.unique_name("tendon", name, "spring", line, "_spring" if has_string else "")
     data = {"name": spring, "between": path, "stiffness": stiffness, "rest": number(max(low, 0.0))}
     if damping:
         data["damping"] = damping
@@ -191,7 +191,7 @@ def _add_wires(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
             bodies.fixed_point(first, r + length * R @ np.array(end_1)),
             bodies.fixed_point(second, s + length * S @ np.array(end_2)),
         ]
-        wire = draft.take("equality", name, word, line, f"_{end}")
+        wire = draft.unique_name("equality", name, word, line, f"_{end}")
         data = {"name": wire, "path": path, "length": number(length), "wire": True}
         draft.strings.append(data)
     text = f"{word}: is {len(pairs)} wires of {length:g} m here"

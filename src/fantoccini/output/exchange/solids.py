@@ -25,7 +25,7 @@ def box(edges: Array, at: Array, turn: Quaternion) -> dict[str, Any]:
 
 
 def sphere(radius: float, at: Array) -> dict[str, Any]:
-    """Ball with given radius [m]."""
+    """Sphere with given radius [m]."""
     return {"type": "sphere", "radius": number(radius), **pose_keys(at)}
 
 
@@ -34,9 +34,9 @@ def ellipsoid(radii: Array, at: Array, turn: Quaternion) -> dict[str, Any]:
     return {"type": "ellipsoid", "radii": numbers(radii), **pose_keys(at, turn)}
 
 
-def capsule(radius: float, half: float, at: Array, along: Array) -> dict[str, Any]:
+def capsule(radius: float, half_length: float, at: Array, along: Array) -> dict[str, Any]:
     """Capsule centred at ``at``, with its axis along the unit vector ``along`` [m]."""
-    ends = {"from": numbers(at - half * along), "to": numbers(at + half * along)}
+    ends = {"from": numbers(at - half_length * along), "to": numbers(at + half_length * along)}
     return {"type": "capsule", **ends, "radius": number(radius)}
 
 
@@ -111,7 +111,7 @@ def is_visible(rgba: Array) -> bool:
     return bool(rgba[3] > _MIN_OPACITY)
 
 
-def fits(*lengths: float) -> bool:
+def is_valid_size(*lengths: float) -> bool:
     """Whether a puppet file allows these lengths [m]."""
     allowed = QUANTITIES["length"]
     return all(allowed.min_size <= x <= allowed.max_size for x in lengths)

@@ -151,7 +151,7 @@ class _Robot:
                 self.names["world"] = "world"
                 continue
             line = self.file.line_of("link", link.name)
-            self.names[link.name] = self.draft.take("link", link.name, line=line)
+            self.names[link.name] = self.draft.unique_name("link", link.name, line=line)
         for root in roots:
             if self.names[root.name] != "world":
                 self._body(root, {"name": self.names[root.name]})
@@ -195,7 +195,7 @@ class _Robot:
         axis = np.asarray(joint.axis, float)
         if joint.type == "planar":
             for k, direction in enumerate(_perpendicular(axis, self.file, line)):
-                frame = self.draft.take("link", "", f"{name}_{'xy'[k]}")
+                frame = self.draft.unique_name("link", "", f"{name}_{'xy'[k]}")
                 name_key = self.draft.joint_name(frame, f"{joint.name}_{'xy'[k]}", line)
                 slide = {
                     "type": "prismatic",

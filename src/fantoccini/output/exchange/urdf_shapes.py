@@ -14,7 +14,7 @@ from fantoccini.model import meshes
 from fantoccini.output.exchange import solids
 from fantoccini.output.exchange.draft import Draft, numbers
 
-_PLAIN = "each triangle has one opaque colour here"
+_ONE_COLOUR = "each triangle has one opaque colour here"
 
 
 def add_shapes(
@@ -66,7 +66,7 @@ def add_shapes(
             if mesh_file is None or mesh_file.colours is None:
                 shape = solids.coloured(shape, solids.GREY)
             if mesh_file is not None and mesh_file.lost:
-                note(f"has a mesh with {' and '.join(sorted(mesh_file.lost))}; {_PLAIN}")
+                note(f"has a mesh with {' and '.join(sorted(mesh_file.lost))}; {_ONE_COLOUR}")
         body.setdefault("shapes", []).append(shape)
 
 
@@ -75,17 +75,21 @@ def _shape(
 ) -> tuple[dict[str, Any], meshes.MeshFile | None] | None:
     """A solid as a shape, and its mesh file, if any; None if it is left out."""
     at, turn = origin[:3, 3], rotation.quaternion(origin[:3, :3])
-    box, ball, rod, mesh = geometry.box, geometry.sphere, geometry.cylinder, geometry.mesh
-    if box is not None and solids.fits(*box.size):
+    box, sphere, cylinder, mesh = geometry.box, geometry.sphere, geometry.cylinder, geometry.mesh
+    if box is not None and solids.is_valid_size(*box.size):
         return solids.box(box.size, at, turn), None
-    if ball is not None and solids.fits(ball.radius):
-        return solids.sphere(ball.radius, at), None
-    if rod is not None and round_ends and solids.fits(rod.radius):
-        return solids.capsule(rod.radius, 0.5 * rod.length, at, origin[:3, 2]), None
-    if rod is not None and not round_ends and solids.fits(rod.radius, rod.length):
-        return solids.cylinder(draft, rod.radius, rod.length, at, turn), None
+    if sphere is not None and solids.is_valid_size(sphere.radius):
+        return solids.sphere(sphere.radius, at), None
+    if cylinder is not None and round_ends and solids.is_valid_size(cylinder.radius):
+        return solids.capsule(cylinder.radius, 0.5 * cylinder.length, at, origin[:3, 2]), None
+    if (
+        cylinder is not None
+        and not round_ends
+        and solids.is_valid_size(cylinder.radius, cylinder.length)
+    ):
+        return solids.cylinder(draft, cylinder.radius, cylinder.length, at, turn), None
     if mesh is None:
-        note("has a solid of a size that is left out")
+        note("has a solid whose size a puppet file does not allow, left out")
         return None
     file = _find(mesh.filename, draft.file.path.resolve().parent)
     if file is not None:
@@ -114,12 +118,12 @@ def _find(name: str, folder: Path) -> Path | None:
     A package is an ancestor folder of the model with that name, or a folder beside one. If no
     file has the name as written, escapes such as ``%20`` are decoded.
     """
-    return _find_plain(name, folder) or _find_plain(unquote(name), folder)
+    return _find_exact(name, folder) or _find_exact(unquote(name), folder)
 
 
-def _find_plain(name: str, folder: Path) -> Path | None:
-    scheme, mark, rest = name.partition("://")
-    if not mark:
+def _find_exact(name: str, folder: Path) -> Path | None:
+    scheme, separator, rest = name.partition("://")
+    if not separator:
         candidates = [folder / name]
     elif scheme == "file":
         candidates = [Path(rest.removeprefix("localhost")), folder / rest]

@@ -16,7 +16,7 @@ class UrdfText:
     """Text with the links, joints and materials of a file.
 
     Attributes:
-        text: XML, with capsules written as cylinders, because yourdfpy reads no capsules.
+        text: XML, with capsules written as cylinders, because yourdfpy cannot read capsules.
         capsules: link, ``visual`` or ``collision``, and the index of each capsule among these.
         left_out: link, message and line of each element left out of the text.
     """
@@ -31,7 +31,7 @@ class _Node:
     element: Element
     children: list[_Node] = field(default_factory=list)
 
-    def named(self, *tags: str) -> list[_Node]:
+    def children_with(self, *tags: str) -> list[_Node]:
         return [child for child in self.children if child.element.tag in tags]
 
 
@@ -40,9 +40,9 @@ def plain_urdf(file: ModelFile) -> UrdfText:
     result, root = UrdfText(), _tree(file)
     root.children = [child for child in root.children if child.element.known]
     _drop_xacro(root, "", result)
-    for link in root.named("link"):
-        _solids(link, result)
-    result.text = "".join(_written(root)).encode()
+    for link in root.children_with("link"):
+        _drop_empty_solids(link, result)
+    result.text = "".join(_xml_texts(root)).encode()
     return result
 
 
@@ -70,13 +70,13 @@ def _drop_xacro(node: _Node, link: str, result: UrdfText) -> None:
     node.children = [c for c in node.children if not c.element.tag.startswith(XACRO)]
 
 
-def _solids(link: _Node, result: UrdfText) -> None:
+def _drop_empty_solids(link: _Node, result: UrdfText) -> None:
     """Removes visuals and collisions without a solid, and records capsules."""
     name, counts = link.element.attributes["name"], {"visual": 0, "collision": 0}
-    for solid in link.named("visual", "collision"):
+    for solid in link.children_with("visual", "collision"):
         kind = solid.element.tag
-        geometry = next(iter(solid.named("geometry")), None)
-        shapes = [] if geometry is None else geometry.named(*SOLIDS)
+        geometry = next(iter(solid.children_with("geometry")), None)
+        shapes = [] if geometry is None else geometry.children_with(*SOLIDS)
         if geometry is None or not shapes:
             link.children.remove(solid)
             result.left_out.append((name, f"has an empty {kind}, left out", solid.element.line))
@@ -87,9 +87,9 @@ def _solids(link: _Node, result: UrdfText) -> None:
         counts[kind] += 1
 
 
-def _written(node: _Node) -> list[str]:
+def _xml_texts(node: _Node) -> list[str]:
     tag = node.element.tag
     written_tag = "cylinder" if tag == "capsule" else tag
     attributes = "".join(f" {key}={quoteattr(x)}" for key, x in node.element.attributes.items())
-    inside = [text for child in node.children for text in _written(child)]
+    inside = [text for child in node.children for text in _xml_texts(child)]
     return [f"<{written_tag}{attributes}>", *inside, f"</{written_tag}>"]

@@ -44,7 +44,7 @@ def lines(texts: Iterable[str], tag: str = "div") -> list[Element]:
 def picture(
     figure: Figure,
     alt: str,
-    form: Literal["svg", "png"],
+    image_format: Literal["svg", "png"],
     dpi: float | None = None,
     **attributes: str,
 ) -> Element:
@@ -53,14 +53,16 @@ def picture(
     Args:
         figure: figure to draw.
         alt: alternative text.
-        form: format; PNG is smaller for many points.
+        image_format: format; PNG is smaller for many points.
         dpi: resolution of PNG; by default the figure's.
         attributes: attributes such as ``style``.
     """
     content = io.BytesIO()
-    figure.savefig(content, format=form, dpi=dpi or "figure", facecolor=figure.get_facecolor())
+    figure.savefig(
+        content, format=image_format, dpi=dpi or "figure", facecolor=figure.get_facecolor()
+    )
     data = base64.b64encode(content.getvalue()).decode("ascii")
-    kind = {"svg": "svg+xml", "png": "png"}[form]
+    kind = {"svg": "svg+xml", "png": "png"}[image_format]
     return element("img", alt=alt, src=f"data:image/{kind};base64,{data}", **attributes)
 
 

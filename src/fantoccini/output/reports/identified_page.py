@@ -113,8 +113,8 @@ def _held(result: Identified) -> str:
         if name not in unknowns
     ]
     text = f"Parameters not estimated: {', '.join(fixed)}. " if fixed else ""
-    if still := result.record.still:
-        text += f"The inputs do not move {', '.join(still)}."
+    if constant := result.record.constant_inputs:
+        text += f"The inputs do not move {', '.join(constant)}."
     return text
 
 
@@ -130,7 +130,7 @@ def number_table(result: Identified) -> Table:
             result.names,
             result.values.tolist(),
             result.deviations.tolist(),
-            result.record.begin.tolist(),
+            result.record.initial_values.tolist(),
             priors,
             strict=True,
         )
@@ -224,7 +224,7 @@ def _residuals(page: Page, result: Identified) -> None:
     page.table(residual_table(result))
     page.note(
         "In units of the noise, over the record's time. The band is two standard deviations; lines "
-        f"are means over {identified_plots.MEAN:g} s, which stay near 0 if the model is right. "
+        f"are means over {identified_plots.AVERAGING_TIME:g} s, near 0 if the model is right. "
         "Red circles: outliers; those beyond 5 are drawn at the edge. Red bands: rejected "
         "segments. Right: histogram, and the density of normal noise."
     )

@@ -13,14 +13,14 @@ from fantoccini.lab.identification import LISTED, channel_units
 from fantoccini.output.reports.panels import (
     COLUMNS,
     WIDTH,
+    chunks,
     colour_bar,
     grid,
-    labelled,
-    parts,
-    timed,
-    titled,
+    label_axes,
+    set_title,
+    style_time_axes,
 )
-from fantoccini.output.view import LIGHT, RED, Theme, blank_figure, dress, plain
+from fantoccini.output.view import LIGHT, RED, Theme, blank_figure, one_line, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
 
     from fantoccini.lab.identification import Identified
 
-_ROWS = 6
+_ROWS_OF_CHANNELS = 6
 """Rows of panels in a figure of channels."""
 _MAX_GROUPS = 8
 """Largest number of rows in a figure of residuals."""
 _MIN_GAP = 3.0
 """Interval between samples, relative to the median, above which a gap is shown."""
 _MAX_RESIDUAL = 5.0
-"""End of the axis, relative to the noise; larger residuals are drawn there."""
-MEAN = 0.5
+"""Largest drawn residual, relative to the noise; larger ones are drawn there."""
+AVERAGING_TIME = 0.5
 """Time over which residuals are averaged [s]."""
 _MAX_JUMP = 4.0
-"""End of the axis, relative to the drift; larger jumps are drawn there."""
+"""Largest drawn jump, relative to the drift; larger ones are drawn there."""
 _COLOUR_LIMIT = 2.0
 """Jump with the strongest colour, relative to the drift."""
 _MAX_LABELLED = 14
@@ -50,28 +50,28 @@ def channels(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure,
     """Figures with samples and predictions over time, and the names of their channels."""
     names, units = result.record.channels.names, channel_units(result.record)
     measured = [j for j in range(len(names)) if np.any(np.isfinite(result.residuals[:, j]))]
-    for part in parts(measured, COLUMNS * _ROWS):
+    for part in chunks(measured, COLUMNS * _ROWS_OF_CHANNELS):
         figure, panels = grid(len(part), 138, theme, share_x=True)
         for panel, j in zip(panels, part, strict=True):
-            _channel(panel, result, j, theme)
-            titled(panel, f"{plain(names[j], 34)} [{units[j]}]", theme)
+            _draw_channel(panel, result, j, theme)
+            set_title(panel, f"{one_line(names[j], 34)} [{units[j]}]", theme)
         for panel in panels[-COLUMNS:]:
-            labelled(panel, theme, "time [s]")
+            label_axes(panel, theme, "time [s]")
         yield figure, [names[j] for j in part]
 
 
-def _channel(axes: Axes, result: Identified, j: int, theme: Theme) -> None:
+def _draw_channel(axes: Axes, result: Identified, j: int, theme: Theme) -> None:
     t, r = result.t, result.residuals[:, j]
     samples = result.predicted[:, j] + r
-    _gaps(axes, t, np.isfinite(r), theme)
-    _lost(axes, result)
+    _shade_gaps(axes, t, np.isfinite(r), theme)
+    _shade_rejected(axes, result)
     axes.plot(t, samples, ".", markersize=1.8, color=theme.colour(0), alpha=0.55)
-    axes.plot(*broken(t, result.predicted[:, j]), color=theme.ink, linewidth=0.7)
+    axes.plot(*with_gaps(t, result.predicted[:, j]), color=theme.ink, linewidth=0.7)
     outliers = np.abs(r) > LISTED * result.noise[result.record.channels.names[j]]
     low, high = _range(np.concatenate([result.predicted[:, j], samples[~outliers]]))
-    _outliers(axes, t[outliers], np.clip(samples[outliers], low, high))
+    _draw_outliers(axes, t[outliers], np.clip(samples[outliers], low, high))
     axes.set_ylim(low, high)
-    timed(axes, t, theme)
+    style_time_axes(axes, t, theme)
 
 
 def _range(values: Array) -> tuple[float, float]:
@@ -83,7 +83,7 @@ def _range(values: Array) -> tuple[float, float]:
 
 def residuals(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
     """Figures with residuals relative to the noise, over time and as histograms, by group."""
-    for part in parts(_groups(result), _MAX_GROUPS):
+    for part in chunks(_groups(result), _MAX_GROUPS):
         figure = blank_figure((WIDTH, 50 + 122 * len(part)), facecolor=theme.top)
         figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.04)
         panels = figure.subplots(
@@ -95,11 +95,11 @@ def residuals(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure
             gridspec_kw={"width_ratios": (6.2, 1)},
         )
         for (left, right), (name, indices) in zip(panels, part, strict=True):
-            _residuals(left, result, indices, theme)
-            _histogram(right, result, indices, theme)
-            titled(left, name, theme)
-        labelled(panels[-1, 0], theme, "time [s]")
-        labelled(panels[-1, 1], theme, "density")
+            _draw_residuals(left, result, indices, theme)
+            _draw_histogram(right, result, indices, theme)
+            set_title(left, name, theme)
+        label_axes(panels[-1, 0], theme, "time [s]")
+        label_axes(panels[-1, 1], theme, "density")
         yield figure, [name for name, _ in part]
 
 
@@ -116,23 +116,23 @@ def _scaled(result: Identified, j: int) -> Array:
     return np.asarray(result.residuals[:, j] / result.noise[result.record.channels.names[j]])
 
 
-def _residuals(axes: Axes, result: Identified, indices: list[int], theme: Theme) -> None:
+def _draw_residuals(axes: Axes, result: Identified, indices: list[int], theme: Theme) -> None:
     t = result.t
-    _lost(axes, result)
+    _shade_rejected(axes, result)
     axes.axhspan(-2.0, 2.0, color=theme.faint, alpha=0.13, linewidth=0.0)
     names = result.record.channels.names
     for k, j in enumerate(indices):
         z = _scaled(result, j)
         axes.plot(t, z, ".", markersize=1.8, color=theme.colour(k), alpha=0.35)
         outliers = np.abs(z) > LISTED
-        _outliers(axes, t[outliers], np.clip(z[outliers], -_MAX_RESIDUAL, _MAX_RESIDUAL))
+        _draw_outliers(axes, t[outliers], np.clip(z[outliers], -_MAX_RESIDUAL, _MAX_RESIDUAL))
         label = names[j].rsplit(".", 1)[-1] if len(indices) > 1 else None
         axes.plot(
-            *broken(t, _running_mean(t, z)), color=theme.colour(k), linewidth=1.1, label=label
+            *with_gaps(t, _running_mean(t, z)), color=theme.colour(k), linewidth=1.1, label=label
         )
     axes.set_ylim(-_MAX_RESIDUAL, _MAX_RESIDUAL)
     axes.set_yticks((-4, -2, 0, 2, 4))
-    timed(axes, t, theme)
+    style_time_axes(axes, t, theme)
     if len(indices) > 1:
         axes.legend(
             loc="lower right",
@@ -147,7 +147,7 @@ def _residuals(axes: Axes, result: Identified, indices: list[int], theme: Theme)
         )
 
 
-def _histogram(axes: Axes, result: Identified, indices: list[int], theme: Theme) -> None:
+def _draw_histogram(axes: Axes, result: Identified, indices: list[int], theme: Theme) -> None:
     z = np.concatenate([_scaled(result, j) for j in indices])
     z = np.clip(z[np.isfinite(z)], -_MAX_RESIDUAL, _MAX_RESIDUAL)
     edges = np.linspace(-_MAX_RESIDUAL, _MAX_RESIDUAL, 41)
@@ -159,7 +159,7 @@ def _histogram(axes: Axes, result: Identified, indices: list[int], theme: Theme)
     axes.plot(np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi), x, color=theme.ink, linewidth=0.9)
     axes.set_xlim(0.0, 0.56)
     axes.set_xticks((0.0, 0.2, 0.4))
-    dress(axes, theme, "both")
+    style_axes(axes, theme, "both")
 
 
 def _running_mean(t: Array, z: Array) -> Array:
@@ -167,8 +167,8 @@ def _running_mean(t: Array, z: Array) -> Array:
     finite = np.isfinite(z)
     total = np.concatenate([[0.0], np.cumsum(np.where(finite, np.clip(z, -LISTED, LISTED), 0.0))])
     count = np.concatenate([[0], np.cumsum(finite)])
-    low = np.searchsorted(t, t - 0.5 * MEAN)
-    high = np.searchsorted(t, t + 0.5 * MEAN, side="right")
+    low = np.searchsorted(t, t - 0.5 * AVERAGING_TIME)
+    high = np.searchsorted(t, t + 0.5 * AVERAGING_TIME, side="right")
     n = count[high] - count[low]
     enough = n > max(2.0, 0.6 * float(np.median(n[finite])))
     return np.asarray(np.where(enough, (total[high] - total[low]) / np.maximum(n, 1), np.nan))
@@ -176,8 +176,8 @@ def _running_mean(t: Array, z: Array) -> Array:
 
 def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
     """Jumps between segments relative to the drift: the largest, and those of every coordinate."""
-    names = [plain(name, 30) for name in result.record.marionette.coordinates.v_D]
-    n, at = len(names), result.starts[1:] + result.delay
+    names = [one_line(name, 30) for name in result.record.marionette.coordinates.v_D]
+    n, jump_times = len(names), result.starts[1:] + result.delay
     size = max(60, min(17 * n, 460))
     height = 100 + 2 * size + 130
     figure = blank_figure((WIDTH, height), facecolor=theme.top)
@@ -195,20 +195,27 @@ def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
             "hspace": 31 / ((100 + 2 * size) / 3),
         },
     )
-    _lost(top, result)
+    _shade_rejected(top, result)
     largest = np.max(np.abs(result.jumps), axis=1)
     top.axhline(1.0, color=theme.faint, linewidth=0.9, linestyle=(0, (4, 2)))
-    top.vlines(at, 0.0, np.minimum(largest, _MAX_JUMP), color=theme.colour(0), linewidth=1.0)
+    top.vlines(
+        jump_times, 0.0, np.minimum(largest, _MAX_JUMP), color=theme.colour(0), linewidth=1.0
+    )
     beyond = largest > _MAX_JUMP
-    top.plot(at[~beyond], largest[~beyond], ".", markersize=4, color=theme.colour(0))
+    top.plot(jump_times[~beyond], largest[~beyond], ".", markersize=4, color=theme.colour(0))
     top.plot(
-        at[beyond], np.full(np.sum(beyond), _MAX_JUMP), "^", markersize=5, color=RED, clip_on=False
+        jump_times[beyond],
+        np.full(np.sum(beyond), _MAX_JUMP),
+        "^",
+        markersize=5,
+        color=RED,
+        clip_on=False,
     )
     top.set_ylim(0.0, _MAX_JUMP)
-    timed(top, result.t, theme)
-    titled(top, "largest jump", theme)
+    style_time_axes(top, result.t, theme)
+    set_title(top, "largest jump", theme)
     span = result.starts[1] - result.starts[0]
-    edges = np.append(at - 0.5 * span, at[-1] + 0.5 * span)
+    edges = np.append(jump_times - 0.5 * span, jump_times[-1] + 0.5 * span)
     for axes, values, title in zip(
         lower,
         (result.jumps[:, :n], result.jumps[:, n:]),
@@ -226,20 +233,20 @@ def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
         )
         axes.set_yticks(range(n), names, parse_math=False)
         axes.set_ylim(n - 0.5, -0.5)
-        timed(axes, result.t, theme)
+        style_time_axes(axes, result.t, theme)
         axes.grid(False)
         if 15 * n > size:
             axes.tick_params(axis="y", labelsize=min(8.0, 8.0 * size / (15 * n)))
-        titled(axes, title, theme)
-    labelled(lower[-1], theme, "time [s]")
+        set_title(axes, title, theme)
+    label_axes(lower[-1], theme, "time [s]")
     place = figure.add_axes((0.94, 44 / height, 0.012, (2 * size + 31) / height))
-    colour_bar(figure, image, theme, "jump over drift", cax=place, extend="both")
+    colour_bar(figure, image, theme, "jump / drift", cax=place, extend="both")
     return figure
 
 
 def correlations(result: Identified, theme: Theme = LIGHT) -> Figure:
     """Map of the correlations of the unknowns' errors; grey where one is undetermined."""
-    names, n = [plain(name, 26) for name in result.names], len(result.names)
+    names, n = [one_line(name, 26) for name in result.names], len(result.names)
     cell = 40 if n <= _MAX_LABELLED else 20
     label_width = 60 + 7 * max(len(name) for name in names)
     figure = blank_figure(
@@ -271,13 +278,13 @@ def correlations(result: Identified, theme: Theme = LIGHT) -> Figure:
     return figure
 
 
-def broken(t: Array, y: Array) -> tuple[Array, Array]:
-    """The points of a line, with NaN at gaps, so that it is interrupted there."""
+def with_gaps(t: Array, y: Array) -> tuple[Array, Array]:
+    """The points of a line, with NaN at gaps in time, where the line is interrupted."""
     gaps = np.flatnonzero(np.diff(t) > _MIN_GAP * np.median(np.diff(t))) + 1
     return np.insert(t, gaps, np.nan), np.insert(y, gaps, np.nan)
 
 
-def _gaps(axes: Axes, t: Array, finite: Array, theme: Theme) -> None:
+def _shade_gaps(axes: Axes, t: Array, finite: Array, theme: Theme) -> None:
     """Shades gaps of a channel, also before and after its samples."""
     times = t[finite]
     interval = np.median(np.diff(times)) if len(times) > 1 else t[-1] - t[0]
@@ -286,7 +293,7 @@ def _gaps(axes: Axes, t: Array, finite: Array, theme: Theme) -> None:
         axes.axvspan(ends[k], ends[k + 1], color=theme.faint, alpha=0.2, linewidth=0.0)
 
 
-def _lost(axes: Axes, result: Identified) -> None:
+def _shade_rejected(axes: Axes, result: Identified) -> None:
     """Shades the rejected segments."""
     delay = result.delay
     for begin, end in pairwise([*result.starts.tolist(), float(result.t[-1]) - delay]):
@@ -294,7 +301,7 @@ def _lost(axes: Axes, result: Identified) -> None:
             axes.axvspan(begin + delay, end + delay, color=RED, alpha=0.12, linewidth=0.0)
 
 
-def _outliers(axes: Axes, t: Array, y: Array) -> None:
+def _draw_outliers(axes: Axes, t: Array, y: Array) -> None:
     """Draws circles, also on the edges of the axes; the layout ignores them."""
     lines = axes.plot(t, y, "o", markersize=4, color=RED, fillstyle="none", clip_on=False)
     lines[0].set_in_layout(False)

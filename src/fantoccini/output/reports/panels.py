@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from fantoccini.base import Array
-from fantoccini.output.view import Theme, blank_figure, dress, plain
+from fantoccini.output.view import Theme, blank_figure, one_line, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +23,7 @@ COLUMNS = 3
 T = TypeVar("T")
 
 
-def parts(items: Sequence[T], size: int) -> Iterator[Sequence[T]]:
+def chunks(items: Sequence[T], size: int) -> Iterator[Sequence[T]]:
     """The items in order, in parts of at most ``size``, one for each figure."""
     return (items[begin : begin + size] for begin in range(0, len(items), size))
 
@@ -41,22 +41,24 @@ def grid(count: int, height: int, theme: Theme, share_x: bool) -> Panels:
     return figure, panels[:count]
 
 
-def titled(axes: Axes, text: str, theme: Theme) -> None:
+def set_title(axes: Axes, text: str, theme: Theme) -> None:
     """Writes plain text above axes, without parsing formulas."""
-    title = plain(text, 60)
+    title = one_line(text, 60)
     axes.set_title(title, fontsize=9, color=theme.ink, loc="left", parse_math=False, pad=4)
 
 
-def labelled(axes: Axes, theme: Theme, x: str = "", y: str = "") -> None:
+def label_axes(axes: Axes, theme: Theme, x: str = "", y: str = "") -> None:
     """Writes plain text beside the axes, without parsing formulas."""
     for axis, text in ((axes.xaxis, x), (axes.yaxis, y)):
         if text:
-            axis.set_label_text(plain(text, 40), fontsize=8, color=theme.ink).set_parse_math(False)
+            axis.set_label_text(one_line(text, 40), fontsize=8, color=theme.ink).set_parse_math(
+                False
+            )
 
 
-def timed(axes: Axes, t: Array, theme: Theme) -> None:
+def style_time_axes(axes: Axes, t: Array, theme: Theme) -> None:
     """Sets frame, grid and limits of axes over the given times."""
-    dress(axes, theme, "both")
+    style_axes(axes, theme, "both")
     axes.set_xlim(t[0], t[-1])
 
 

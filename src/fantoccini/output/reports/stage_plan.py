@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.output.view import LIGHT, STONE, blank_figure, dress, plain
+from fantoccini.output.view import LIGHT, STONE, blank_figure, one_line, style_axes
 from fantoccini.theatre.plays import Overhead, overhead
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def plan(play: Play, reached: Box) -> Figure:
     axes.set_aspect("equal")
     axes.set_xlim(low[1], high[1])
     axes.set_ylim(high[0], low[0])
-    dress(axes, LIGHT, "both")
+    style_axes(axes, LIGHT, "both")
     axes.set_xlabel("y, to stage left [m]   (the audience sits below)", color=LIGHT.ink, fontsize=9)
     axes.set_ylabel("x, towards the audience [m]", color=LIGHT.ink, fontsize=9)
     if stage.space is not None:
@@ -122,7 +122,7 @@ def _write(
     from matplotlib import patheffects
 
     annotation = axes.annotate(
-        plain(text, 30),
+        one_line(text, 30),
         (at[1], at[0]),
         offset,
         textcoords="offset points",

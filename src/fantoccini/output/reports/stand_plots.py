@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.output.reports.panels import COLUMNS, WIDTH, grid, labelled, parts, timed, titled
-from fantoccini.output.view import LIGHT, RED, Theme, blank_figure, dress, plain
+from fantoccini.output.reports.panels import (
+    COLUMNS,
+    WIDTH,
+    chunks,
+    grid,
+    label_axes,
+    set_title,
+    style_time_axes,
+)
+from fantoccini.output.view import LIGHT, RED, Theme, blank_figure, one_line, style_axes
 from fantoccini.stand import QUANTITIES
 
 if TYPE_CHECKING:
@@ -18,21 +26,21 @@ if TYPE_CHECKING:
 
     from fantoccini.stand import StandCheck
 
-_MARKS = dict(zip(QUANTITIES, "|os^Dv", strict=True))
-_ROWS = 7
-"""Number of axes in a figure over time."""
+_MARKERS = dict(zip(QUANTITIES, "|os^Dv", strict=True))
+_AXES_PER_FIGURE = 7
+"""Number of axes in a figure of :func:`over_time`."""
 _MIN_MARGIN = -100.0
-"""End of the axis; smaller margins are drawn there [%]."""
+"""Lower end of the plot; smaller margins are drawn there [%]."""
 _TURN = 2.0 * np.pi
 
 
 def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
-    """Margins of all axes, a line each."""
+    """Figure with the margins of all axes, one row for each axis."""
     names = [axis.name for axis in check.axes]
     figure = blank_figure((WIDTH - 200, 110 + 26 * len(names)), facecolor=theme.top)
     above, below = 34 / (110 + 26 * len(names)), 60 / (110 + 26 * len(names))
     axes = figure.add_axes((0.19, below, 0.64, 1.0 - above - below))
-    dress(axes, theme, "both")
+    style_axes(axes, theme, "both")
     axes.axvspan(_MIN_MARGIN, 0.0, color=RED, alpha=0.07, linewidth=0.0)
     axes.axvline(0.0, color=RED, linewidth=1.0)
     for n, quantity in enumerate(QUANTITIES):
@@ -45,7 +53,7 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
             x,
             y,
             linestyle="",
-            marker=_MARKS[quantity],
+            marker=_MARKERS[quantity],
             markersize=9 if n == 0 else 6,
             markeredgewidth=2.0 if n == 0 else 0.8,
             color=theme.colour(n),
@@ -54,11 +62,11 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
             clip_on=False,
             zorder=3 + n,
         )
-    axes.set_yticks(range(len(names)), [plain(name, 24) for name in names], parse_math=False)
+    axes.set_yticks(range(len(names)), [one_line(name, 24) for name in names], parse_math=False)
     axes.set_ylim(len(names) - 0.5, -0.5)
     smallest = min(limit.margin for limit in check.limits)
     axes.set_xlim(min(-10.0, max(smallest, _MIN_MARGIN) - 5.0), 103.0)
-    labelled(axes, theme, "margin [%]")
+    label_axes(axes, theme, "margin [%]")
     axes.legend(
         loc="upper left",
         bbox_to_anchor=(1.02, 1.0),
@@ -71,7 +79,7 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
 
 def torque_and_speed(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
     """Figures with torque against speed of the motors, and the names of their axes."""
-    for part in parts(range(len(check.axes)), 3 * COLUMNS):
+    for part in chunks(range(len(check.axes)), 3 * COLUMNS):
         figure, panels = grid(len(part), 250, theme, share_x=False)
         for panel, k in zip(panels, part, strict=True):
             _torque_panel(panel, check, k, theme)
@@ -80,28 +88,28 @@ def torque_and_speed(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[
 
 def _torque_panel(axes: Axes, check: StandCheck, k: int, theme: Theme) -> None:
     axis = check.axes[k]
-    dress(axes, theme, "both")
+    style_axes(axes, theme, "both")
     w = axis.ratio * np.abs(check.motion.velocity[:, k])
     torque, available = np.abs(check.torque[:, k]), check.available[:, k]
-    fast = max(1.25 * float(np.max(w)), 0.2 * _TURN)
-    curve = np.linspace(0.0, fast, 300)
-    curve_torque = axis.motor.largest(curve, np.ones_like(curve))
-    axes.fill_between(curve / _TURN, curve_torque, color=theme.faint, alpha=0.18, linewidth=0.0)
-    axes.plot(curve / _TURN, curve_torque, color=theme.faint, linewidth=1.2)
+    max_speed = max(1.25 * float(np.max(w)), 0.2 * _TURN)
+    speeds = np.linspace(0.0, max_speed, 300)
+    limit_torque = axis.motor.largest(speeds, np.ones_like(speeds))
+    axes.fill_between(speeds / _TURN, limit_torque, color=theme.faint, alpha=0.18, linewidth=0.0)
+    axes.plot(speeds / _TURN, limit_torque, color=theme.faint, linewidth=1.2)
     known = ~check.unknown[:, k]
     axes.plot(w / _TURN, np.where(known, torque, np.nan), color=theme.colour(0), linewidth=0.7)
     over = known & (torque > available)
     axes.plot(w[over] / _TURN, torque[over], linestyle="", marker=".", color=RED, markersize=4.0)
-    axes.set_xlim(0.0, fast / _TURN)
+    axes.set_xlim(0.0, max_speed / _TURN)
     largest = float(np.max(torque[known], initial=0.0))
-    axes.set_ylim(0.0, 1.12 * max(largest, float(np.max(curve_torque))))
-    titled(axes, axis.name, theme)
-    labelled(axes, theme, "turns/s", "N m")
+    axes.set_ylim(0.0, 1.12 * max(largest, float(np.max(limit_torque))))
+    set_title(axes, axis.name, theme)
+    label_axes(axes, theme, "turns/s", "N m")
 
 
 def over_time(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
     """Figures with position, speed, acceleration and torque, and the names of their axes."""
-    for part in parts(range(len(check.axes)), _ROWS):
+    for part in chunks(range(len(check.axes)), _AXES_PER_FIGURE):
         figure = blank_figure((WIDTH, 60 + 150 * len(part)), facecolor=theme.top)
         figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.06)
         panels = figure.subplots(len(part), 4, sharex=True, squeeze=False)
@@ -109,9 +117,9 @@ def over_time(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figure,
             _axis_row(row, check, k, theme)
         titles = ("position [m, rad]", "speed [1/s]", "acceleration [1/s^2]", "torque [N m]")
         for panel, title in zip(panels[0], titles, strict=True):
-            titled(panel, title, theme)
+            set_title(panel, title, theme)
         for panel in panels[-1]:
-            labelled(panel, theme, "time [s]")
+            label_axes(panel, theme, "time [s]")
         yield figure, [check.axes[k].name for k in part]
 
 
@@ -133,7 +141,7 @@ def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
         ),
     ]
     for panel, (values, below, above, symmetric) in zip(row, curves, strict=True):
-        timed(panel, t, theme)
+        style_time_axes(panel, t, theme)
         for bound in (below, above):
             panel.plot(t, bound, color=theme.faint, linewidth=0.9, linestyle=(0, (4, 2)))
         panel.plot(t, values, color=theme.colour(0), linewidth=0.9)
@@ -144,4 +152,4 @@ def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
             bound_size = 1.1 * float(np.max(above))
             limit = max(1.15 * size, min(bound_size, 4.0 * size), 0.1 * bound_size)
             panel.set_ylim(-limit, limit)
-    labelled(row[0], theme, y=plain(axis.name, 20))
+    label_axes(row[0], theme, y=one_line(axis.name, 20))

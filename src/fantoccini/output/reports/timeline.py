@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.output.reports.panels import WIDTH
-from fantoccini.output.view import LIGHT, RED, blank_figure, dress, plain
+from fantoccini.output.view import LIGHT, RED, blank_figure, one_line, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
     from fantoccini.theatre.plays import CueOfPlay, Play
 
-_LANE = 21
+_LANE_HEIGHT = 21
 """Height of a lane [px]."""
 _MAX_ROW_TIME = 60.0
-"""Longest time that a row shows [s]."""
+"""Longest duration of a row [s]."""
 _CROSS_WIDTH = 0.025
-"""Width of a cross with its number, relative to the row."""
+"""Width of the cross of a refused cue, with its number, relative to the row."""
 _LETTER_WIDTH = 5.6
 """Mean width of a letter [px]."""
 
@@ -30,39 +30,39 @@ Bar = tuple[float, float, str]
 
 
 def timeline(play: Play) -> Figure:
-    """Figure of the timeline, in rows of at most a minute."""
+    """Figure of a play's timeline, in rows of at most a minute."""
     end = play.duration
     rows = max(1, int(np.ceil(end / _MAX_ROW_TIME - 1e-9)))
     row_time = end / rows
     lanes = _lanes(play, _CROSS_WIDTH * row_time)
-    captions = _stacked(
+    captions = _stack_bars(
         [(caption.start, caption.end, str(caption)) for caption in play.score.captions]
     )
     n = sum(len(player_lanes) for player_lanes in lanes.values()) + len(captions)
-    left = 20.0 + 7.0 * max(len(plain(name, 18)) for name in (*lanes, "captions"))
-    height = rows * (_LANE * n + 74)
+    left = 20.0 + 7.0 * max(len(one_line(name, 18)) for name in (*lanes, "captions"))
+    height = rows * (_LANE_HEIGHT * n + 74)
     figure = blank_figure((WIDTH, height), facecolor=LIGHT.top)
     for row, axes in enumerate(figure.subplots(rows, 1, squeeze=False)[:, 0]):
-        low = height - (row + 1) * (_LANE * n + 74) + 40
+        low = height - (row + 1) * (_LANE_HEIGHT * n + 74) + 40
         axes.set_position(
-            (left / WIDTH, low / height, (WIDTH - left - 14) / WIDTH, _LANE * n / height)
+            (left / WIDTH, low / height, (WIDTH - left - 14) / WIDTH, _LANE_HEIGHT * n / height)
         )
         begin = row * row_time
         axes.set_xlim(begin, begin + row_time)
         axes.set_ylim(n, 0.0)
-        dress(axes, LIGHT, "x")
+        style_axes(axes, LIGHT, "x")
         axes.set_xlabel("time [s]", color=LIGHT.ink, fontsize=8, labelpad=1.0)
         scale = (WIDTH - left - 14) / row_time
-        _acts(axes, play, begin, begin + row_time, scale)
-        _players(axes, play, lanes, scale)
-        _captions(axes, captions, n - len(captions), scale)
+        _draw_acts(axes, play, begin, begin + row_time, scale)
+        _draw_players(axes, play, lanes, scale)
+        _draw_captions(axes, captions, n - len(captions), scale)
         ticks, labels, y = list[float](), list[str](), 0
         for name, count in (
             *((k, len(player_lanes)) for k, player_lanes in lanes.items()),
             *([("captions", len(captions))] if captions else []),
         ):
             ticks.append(y + 0.5 * count)
-            labels.append(plain(name, 18))
+            labels.append(one_line(name, 18))
             y += count
             axes.axhline(y, color=LIGHT.grid, linewidth=0.5)
         axes.set_yticks(ticks, labels)
@@ -72,12 +72,12 @@ def timeline(play: Play) -> Figure:
     return figure
 
 
-def _lanes(play: Play, cross: float) -> dict[str, list[list[tuple[CueOfPlay, Bar]]]]:
+def _lanes(play: Play, cross_width: float) -> dict[str, list[list[tuple[CueOfPlay, Bar]]]]:
     """Player -> lanes of its cues; cues in one lane do not overlap.
 
     Args:
         play: the compiled play.
-        cross: width of the cross of a refused cue, with the number before it [s].
+        cross_width: width of the cross of a refused cue, with the number before it [s].
     """
     lanes: dict[str, list[list[tuple[CueOfPlay, Bar]]]] = {}
     for name in play.cast.players:
@@ -87,7 +87,7 @@ def _lanes(play: Play, cross: float) -> dict[str, list[list[tuple[CueOfPlay, Bar
                 continue
             marks = cue.marks.get(name)
             if cue.refused or marks is None:
-                bar = cue.wanted - cross, cue.wanted + 0.4 * cross, f"{cue.number}"
+                bar = cue.wanted - cross_width, cue.wanted + 0.4 * cross_width, f"{cue.number}"
             else:
                 bar = marks["start"], marks["end"], f"{cue.number} {cue.words}"
             free = [lane for lane in player_lanes if not lane or lane[-1][1][1] <= bar[0] + 1e-9]
@@ -99,7 +99,7 @@ def _lanes(play: Play, cross: float) -> dict[str, list[list[tuple[CueOfPlay, Bar
     return lanes
 
 
-def _stacked(bars: Sequence[Bar]) -> list[list[Bar]]:
+def _stack_bars(bars: Sequence[Bar]) -> list[list[Bar]]:
     """The bars in lanes in which they do not overlap."""
     lanes: list[list[Bar]] = []
     for bar in sorted(bars):
@@ -112,8 +112,8 @@ def _stacked(bars: Sequence[Bar]) -> list[list[Bar]]:
     return lanes
 
 
-def _acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -> None:
-    """Draws acts as lines with their names above."""
+def _draw_acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -> None:
+    """Draws acts as lines with their names above; ``scale`` in px/s, as below."""
     starts = [*play.acts.values(), play.duration]
     for k, (name, start) in enumerate(play.acts.items()):
         stop = starts[k + 1]
@@ -122,7 +122,7 @@ def _acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -> Non
         axes.axvspan(start, stop, color=LIGHT.grid, alpha=0.25 * (k % 2), linewidth=0.0, zorder=0.2)
         axes.axvline(start, color=LIGHT.faint, linewidth=0.8, zorder=1.0)
         visible = max(start, begin)
-        text = fitted(name, (min(stop, end) - visible) * scale - 6.0)
+        text = shortened(name, (min(stop, end) - visible) * scale - 6.0)
         annotation = axes.annotate(
             text,
             (visible, 0.0),
@@ -138,7 +138,7 @@ def _acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -> Non
         annotation.set_parse_math(False)
 
 
-def _players(
+def _draw_players(
     axes: Axes, play: Play, lanes: dict[str, list[list[tuple[CueOfPlay, Bar]]]], scale: float
 ) -> None:
     y = 0
@@ -146,23 +146,23 @@ def _players(
         for lane in player_lanes:
             for cue, bar in lane:
                 if cue.refused:
-                    _refused(axes, cue, y)
+                    _draw_refused(axes, cue, y)
                 else:
-                    _bar(axes, bar, y, LIGHT.colour(k), scale)
+                    _draw_bar(axes, bar, y, LIGHT.colour(k), scale)
                     if cue.go:
                         axes.plot(bar[0], y + 0.5, "|", color=LIGHT.ink, markersize=14.0)
             y += 1
 
 
-def _captions(axes: Axes, lanes: list[list[Bar]], y: int, scale: float) -> None:
+def _draw_captions(axes: Axes, lanes: list[list[Bar]], y: int, scale: float) -> None:
     for lane in lanes:
         for bar in lane:
-            _bar(axes, bar, y, "#8a857a", scale)
+            _draw_bar(axes, bar, y, "#8a857a", scale)
         y += 1
 
 
-def _bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
-    begin, end, words = bar
+def _draw_bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
+    begin, end, label = bar
     low, high = axes.get_xlim()
     if end <= low or begin >= high:
         return
@@ -170,7 +170,7 @@ def _bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
         y + 0.5, end - begin, 0.8, begin, color=colour, alpha=0.28, edgecolor=colour, linewidth=0.8
     )
     visible = max(begin, low)
-    text = fitted(words, (min(end, high) - visible) * scale - 5.0)
+    text = shortened(label, (min(end, high) - visible) * scale - 5.0)
     annotation = axes.annotate(
         text,
         (visible, y + 0.5),
@@ -185,7 +185,7 @@ def _bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
     annotation.set_parse_math(False)
 
 
-def _refused(axes: Axes, cue: CueOfPlay, y: int) -> None:
+def _draw_refused(axes: Axes, cue: CueOfPlay, y: int) -> None:
     low, high = axes.get_xlim()
     if not low <= cue.wanted <= high:
         return
@@ -203,15 +203,15 @@ def _refused(axes: Axes, cue: CueOfPlay, y: int) -> None:
     )
 
 
-def fitted(words: str, width: float) -> str:
-    """The words, cut to a width [px]; a cue keeps at least its number, if that fits."""
+def shortened(label: str, width: float) -> str:
+    """The text, shortened to a width [px]; of a cue at least the number is kept, if it fits."""
     max_letters = int(width / _LETTER_WIDTH)
-    text = plain(words, 80)
+    text = one_line(label, 80)
     if len(text) <= max_letters:
         return text
     number = text.split(" ")[0]
     return (
-        plain(text, max_letters)
+        one_line(text, max_letters)
         if max_letters > len(number) + 3
         else number
         if max_letters >= len(number)

@@ -10,7 +10,7 @@ for ``renderer="pyvista"``.
 from fantoccini.output.view import rope
 from fantoccini.output.view.body_maps import body_map_picture
 from fantoccini.output.view.camera import Camera, fit, point_of_view
-from fantoccini.output.view.drawing import DPI, blank_figure, dress, plain
+from fantoccini.output.view.drawing import DPI, blank_figure, one_line, style_axes
 from fantoccini.output.view.films import MAX_GIF_FPS, FilmError, film
 from fantoccini.output.view.geometry import (
     Geometry,
@@ -76,7 +76,6 @@ __all__ = [
     "chain_points",
     "coloured",
     "draw",
-    "dress",
     "film",
     "fit",
     "force_arrows",
@@ -85,8 +84,8 @@ __all__ = [
     "geometry_of",
     "handles",
     "mix",
+    "one_line",
     "optimum_picture",
-    "plain",
     "plan_picture",
     "plot",
     "point_of_view",
@@ -100,6 +99,7 @@ __all__ = [
     "spread",
     "spring_ends",
     "strip",
+    "style_axes",
     "theme_of",
     "to_bytes",
     "to_hex",

@@ -16,7 +16,7 @@ from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.compose import Layout, compose
 from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of
 from fantoccini.output.view.geometry import Geometry, geometry_at
-from fantoccini.output.view.pictures import checked, save
+from fantoccini.output.view.pictures import check_path, save
 from fantoccini.output.view.theme import STONE, mix, rgb
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def body_map_picture(
     Returns:
         The path of the picture.
     """
-    path = checked(path)
+    path = check_path(path)
     part_of = _parts_of_bodies(body_map)
     geometry = _coloured(geometry_at(marionette, state), body_map, part_of)
     size = float(np.ptp(geometry.balls(strings=False)[0], axis=0).max())

@@ -17,7 +17,7 @@ MIN_DEPTH = 1e-6
 """Distance from the eye below which nothing is drawn [m]."""
 
 _SHADOW_LAYERS = (9.0, 6.0, 3.5, 1.2, 0.0)
-"""Widths of the nested outlines that soften a shadow's edge, in pen widths."""
+"""Widths of the nested outlines that soften a shadow's edge, in line widths."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Layout:
     Attributes:
         camera, viewport: the view, and the rectangle of the picture that it fills.
         theme: colours.
-        pen: width of an outline [px].
+        line_width: width of an outline [px].
         top: upper end of the tension scale [N].
         colours: (256, 3) colours of the tension scale.
         handles: beads and hooks on held string ends.
@@ -36,7 +36,7 @@ class Layout:
     camera: Camera
     viewport: Viewport
     theme: Theme
-    pen: float
+    line_width: float
     top: float
     colours: np.ndarray
     handles: tuple[Solid, ...]
@@ -60,7 +60,7 @@ def compose(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
         pose = _pose_of(solid, geometry.poses[k])
         if not np.isfinite(pose).all():
             continue
-        if polygons := paint(solid, pose, camera, viewport, layout.theme, layout.pen):
+        if polygons := paint(solid, pose, camera, viewport, layout.theme, layout.line_width):
             painted.append(polygons)
             occluders.append(occluder(solid, pose, polygons))
     strings = lines(geometry, k, layout)
@@ -80,7 +80,7 @@ def guides(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     for line in geometry.guides:
         points = line[k]
         if np.isfinite(points).all() and np.all(layout.camera.to_camera(points)[:, 2] > MIN_DEPTH):
-            strokes.append(_stroke(Line(points, 2.6 * layout.pen, colour), points, layout))
+            strokes.append(_stroke(Line(points, 2.6 * layout.line_width, colour), points, layout))
     return strokes
 
 
@@ -90,12 +90,12 @@ def arrows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     for arrow in geometry.arrows[k] if geometry.arrows else ():
         if np.any(layout.camera.to_camera(arrow)[:, 2] <= MIN_DEPTH):
             continue
-        polygons.append(_stroke(Line(arrow, 2.2 * layout.pen, colour), arrow, layout))
+        polygons.append(_stroke(Line(arrow, 2.2 * layout.line_width, colour), arrow, layout))
         (x0, y0), (x1, y1) = layout.camera.project(arrow, layout.viewport)[:, :2]
         length = np.hypot(x1 - x0, y1 - y0)
         if length > 0.0:
             along = np.array([x1 - x0, y1 - y0]) / length
-            head = min(7.0 * layout.pen, length)
+            head = min(7.0 * layout.line_width, length)
             side = 0.4 * head * np.array([-along[1], along[0]])
             tip, base = np.array([x1, y1]) + 0.3 * head * along, np.array([x1, y1]) - head * along
             corners = np.array([tip, base + side, base - side])
@@ -152,7 +152,9 @@ def shadows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
         spread = 0.6 + 1.6 * min(1.0, height / geometry.size)
         colour = (*layout.theme.shadow, strength)
         polygons += [
-            Polygon(outline[:, :2], colour, colour if w else CLEAR, 2.0 * w * spread * layout.pen)
+            Polygon(
+                outline[:, :2], colour, colour if w else CLEAR, 2.0 * w * spread * layout.line_width
+            )
             for w in _SHADOW_LAYERS
         ]
     return polygons
@@ -176,7 +178,7 @@ def lines(geometry: Geometry, k: int, layout: Layout) -> list[Line]:
     steel = mix(layout.theme.faint, layout.theme.ink, 0.4)
     curves += [(_coil(ends[k], layout), 1.0, steel) for ends in geometry.springs]
     return [
-        Line(_refined(points), width * layout.pen, colour)
+        Line(_refined(points), width * layout.line_width, colour)
         for points, width, colour in curves
         if np.isfinite(points).all() and np.all(layout.camera.to_camera(points)[:, 2] > MIN_DEPTH)
     ]
@@ -217,7 +219,7 @@ def _coil(ends: np.ndarray, layout: Layout, turns: int = 9) -> np.ndarray:
     if size < 1e-9:
         return ends
     depth = max(float(layout.camera.to_camera(ends)[:, 2].mean()), 1e-6)
-    across *= 4.0 * layout.pen / layout.camera.scale(depth, layout.viewport) / size
+    across *= 4.0 * layout.line_width / layout.camera.scale(depth, layout.viewport) / size
     steps = np.linspace(0.12, 0.88, 2 * turns + 1)
     swing = np.where(np.arange(2 * turns + 1) % 2, 1.0, -1.0)
     swing[[0, -1]] = 0.0

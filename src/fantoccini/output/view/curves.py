@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.output.view.drawing import blank_figure, dress, plain
-from fantoccini.output.view.pictures import checked, save
+from fantoccini.output.view.drawing import blank_figure, one_line, style_axes
+from fantoccini.output.view.pictures import check_path, save
 from fantoccini.output.view.theme import Theme, theme_of
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def curves(
     Returns:
         The path of the picture.
     """
-    path, theme = checked(path), theme_of(theme)
+    path, theme = check_path(path), theme_of(theme)
     shape = (len(panels) * size[0], size[1])
     figure = blank_figure(shape, facecolor=theme.top)
     figure.set_layout_engine("constrained", w_pad=0.15, h_pad=0.1)
@@ -110,7 +110,7 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
             style |= {"marker": "o", "markersize": 4.0, "markeredgecolor": theme.top}
         if not np.any(positive):
             positive = np.isfinite(y)
-        axes.plot(x[positive], y[positive], label=plain(curve.label, 40), **style)
+        axes.plot(x[positive], y[positive], label=one_line(curve.label, 40), **style)
     if any(np.any(np.asarray(curve.y) > 0.0) for curve in panel.curves):
         axes.set_yscale("log")
     if panel.log_x:
@@ -120,11 +120,11 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
             axes.set_xticks(ticks, [f"{x:g}" for x in ticks])
             axes.minorticks_off()
     axes.set_title(
-        plain(panel.title, 80), color=theme.ink, fontsize=10, loc="left", parse_math=False
+        one_line(panel.title, 80), color=theme.ink, fontsize=10, loc="left", parse_math=False
     )
     axes.set_xlabel(panel.x, color=theme.ink, fontsize=9)
     axes.set_ylabel(panel.y, color=theme.ink, fontsize=9)
-    dress(axes, theme, "both", "both")
+    style_axes(axes, theme, "both", "both")
     if any(curve.label for curve in panel.curves):
         legend = axes.legend(frameon=False, fontsize=8, labelcolor=theme.ink, handlelength=1.6)
         for text in legend.get_texts():

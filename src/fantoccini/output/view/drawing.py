@@ -62,7 +62,7 @@ class PictureOptions:
         return cls(view, focus, theme_of(theme), size)
 
 
-def plain(text: str, max_length: int = 60) -> str:
+def one_line(text: str, max_length: int = 60) -> str:
     """The text on one line, without control characters, shortened to ``max_length``."""
     text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     return text if len(text) <= max_length else text[: max_length - 1] + "\N{HORIZONTAL ELLIPSIS}"
@@ -78,7 +78,7 @@ def blank_figure(size: tuple[int, int], **options: Any) -> Figure:
     return figure
 
 
-def dress(
+def style_axes(
     axes: Axes, theme: Theme, grid: Literal["x", "both"], which: Literal["major", "both"] = "major"
 ) -> None:
     """Styles the frame, ticks (``which``) and grid lines (along ``grid``) of axes."""
@@ -119,10 +119,10 @@ def layout_of(
         elevation,
         viewport.width / viewport.height,
     )
-    pen = max(0.6, 1.9 * (min(viewport.height, 1.6 * viewport.width) / 720.0) ** 0.7)
+    line_width = max(0.6, 1.9 * (min(viewport.height, 1.6 * viewport.width) / 720.0) ** 0.7)
     top, theme = geometry.tension_top() if top is None else top, options.theme
     beads = tuple(handles(geometry.tree, theme, geometry.size))
-    return Layout(camera, viewport, theme, pen, top, theme.tension_colours(), beads)
+    return Layout(camera, viewport, theme, line_width, top, theme.tension_colours(), beads)
 
 
 class Sheet:
@@ -253,7 +253,7 @@ class Sheet:
         return self.axes.text(
             x,
             y,
-            plain(text),
+            one_line(text),
             fontsize=size * _POINTS,
             color=colour,
             parse_math=False,
@@ -263,7 +263,7 @@ class Sheet:
         )
 
     def title(self, text: str, unit: float, y: float, animated: bool = False) -> Text:
-        """Adds the title at the left, with its top at height y; ``unit`` is the font size [px]."""
+        """Adds the title at the left, with its top at height y, in multiples of ``unit`` [px]."""
         return self.write(
             1.6 * unit,
             y,
@@ -285,7 +285,7 @@ class Sheet:
             geometry: geometry to show; without tensions nothing is drawn.
             layout: colours and top of the scale.
             y: vertical position of the bar [px].
-            unit: font size [px].
+            unit: unit of font sizes and gaps [px].
             right: right end of the bar [px]; by default near the sheet's edge.
         """
         if geometry.tension is None or not (geometry.names or geometry.chains):
@@ -309,7 +309,7 @@ class Sheet:
             [left - 4.4 * unit, left - 2.0 * unit],
             [y + 0.5 * thickness] * 2,
             color=theme.slack,
-            linewidth=0.95 * layout.pen * _POINTS,
+            linewidth=0.95 * layout.line_width * _POINTS,
             zorder=4.0,
         )
 
@@ -350,7 +350,7 @@ def _grid(geometry: Geometry, layout: Layout, middle: np.ndarray, reach: float) 
     return LineCollection(
         lines[visible][..., :2],
         colors=colours,
-        linewidths=0.55 * layout.pen * _POINTS,
+        linewidths=0.55 * layout.line_width * _POINTS,
         zorder=1.5,
         capstyle="butt",
     )

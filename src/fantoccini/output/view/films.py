@@ -17,7 +17,7 @@ from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.compose import Layout, compose, shadows
 from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of, set_polygons
 from fantoccini.output.view.geometry import Geometry, Guides, geometry_of
-from fantoccini.output.view.pan import camera_path, pays_off
+from fantoccini.output.view.pan import camera_path, should_follow
 from fantoccini.output.view.soundtrack import soundtrack
 from fantoccini.output.view.still import Drawable
 from fantoccini.output.view.studio import Studio, checked_renderer
@@ -57,11 +57,11 @@ CODECS = {
 }
 """Arguments of ffmpeg, by file ending."""
 _MAX_CAPTION_SHARE = 0.2
-"""Largest share of the picture's height that captions take."""
+"""Largest height of the captions, relative to the picture."""
 
 MAX_GIF_FPS = 50.0
-"""Largest frame rate of a GIF [1/s]: frame times are in hundredths of a second, and browsers show
-frames of one hundredth for ten."""
+"""Largest frame rate of a GIF [1/s]: frames last whole hundredths of a second, and browsers show
+a frame of 0.01 s for 0.1 s."""
 
 
 class FilmError(FantocciniError):
@@ -214,10 +214,10 @@ class Frames:
         self._canvas.restore_region(self._backdrop)
         layout = self.layout if self.pan is None else self._follow(self.pan[k])
         self._clock.set_text(f"{self.geometry.t[k]:.2f} s")
-        painted = compose if self._studio is None else shadows
-        set_polygons(self._polygons, painted(self.geometry, k, layout))
-        words = self._subtitles.at(float(self.geometry.t[k]))
-        artists: list[Artist] = [self._polygons, self._title, self._clock, *words]
+        draw_scene = compose if self._studio is None else shadows
+        set_polygons(self._polygons, draw_scene(self.geometry, k, layout))
+        captions = self._subtitles.at(float(self.geometry.t[k]))
+        artists: list[Artist] = [self._polygons, self._title, self._clock, *captions]
         if self._studio is not None:
             self._photograph.set_data(self._studio.photograph(k)[::-1])
             artists.insert(1, self._photograph)
@@ -261,14 +261,14 @@ def _framing(
             camera = layout_of(geometry, viewport, replace(options, focus="all"), pan=pan).camera
             centre = geometry.balls(pan=pan)[0].mean(axis=0)
             distances.append(float((centre - camera.eye) @ -camera.axes[2]))
-        follow = pays_off(*distances)
+        follow = should_follow(*distances)
     return (following, path) if follow else (fixed, None)
 
 
 def _encode(
     frames: Frames,
     n: int,
-    part: Path,
+    temporary: Path,
     arguments: tuple[Sequence[str], Sequence[str], Sequence[str]],
     fps: float,
     progress: OnProgress | None,
@@ -299,7 +299,7 @@ def _encode(
         *sounds,
         *mix,
         *codec,
-        str(part.absolute()),
+        str(temporary.absolute()),
     ]
     with tempfile.TemporaryFile() as log:
         encoder = subprocess.Popen(

@@ -11,14 +11,14 @@ from scipy.sparse.csgraph import connected_components
 from fantoccini.base import perpendicular
 from fantoccini.output.view.silhouettes import Solid
 
-AROUND = 20
+EQUATOR_VERTICES = 20
 """Number of vertices on the equator of a capsule or an ellipsoid."""
 
 _CREASE = np.radians(40.0)
 """Angle between faces of a mesh above which their edge is sharp [rad]."""
 
-_POLE_TO_RIM = 6
-"""Number of rings of triangles on a half-sphere."""
+_RINGS_PER_HALF = 6
+"""Number of rings of triangles on a hemisphere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,19 +107,19 @@ def _creased(points: np.ndarray, faces: np.ndarray) -> TriangleMesh:
     flat = _unit(face_normals)
     sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort(sides.T)
-    same = np.all(sides[order[1:]] == sides[order[:-1]], axis=1)
-    first, second = order[:-1][same] // 3, order[1:][same] // 3
+    is_shared = np.all(sides[order[1:]] == sides[order[:-1]], axis=1)
+    first, second = order[:-1][is_shared] // 3, order[1:][is_shared] // 3
     smooth = np.sum(flat[first] * flat[second], axis=1) > np.cos(_CREASE)
     n = len(faces)
     links = coo_array((np.ones(int(smooth.sum())), (first[smooth], second[smooth])), shape=(n, n))
     _, part = connected_components(links, directed=False)
     corners = np.stack([faces.ravel(), np.repeat(part, 3)], axis=1)
-    split, renamed = np.unique(corners, axis=0, return_inverse=True)
-    renamed = renamed.reshape(-1, 3)
+    split, new_index = np.unique(corners, axis=0, return_inverse=True)
+    new_index = new_index.reshape(-1, 3)
     normals = np.zeros((len(split), 3))
     for k in range(3):
-        np.add.at(normals, renamed[:, k], face_normals)
-    return TriangleMesh(points[split[:, 0]], renamed, _unit(normals))
+        np.add.at(normals, new_index[:, k], face_normals)
+    return TriangleMesh(points[split[:, 0]], new_index, _unit(normals))
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
@@ -133,22 +133,22 @@ def _ball(rims: int) -> tuple[np.ndarray, np.ndarray]:
 
     With two ``rims`` of vertices at the equator, the halves can be pulled apart.
     """
-    polar = np.linspace(0.0, 0.5 * np.pi, _POLE_TO_RIM + 1)[1:]
+    polar = np.linspace(0.0, 0.5 * np.pi, _RINGS_PER_HALF + 1)[1:]
     polar = np.concatenate([polar, (np.pi - polar)[::-1][0 if rims == 2 else 1 :]])
-    angles = np.arange(AROUND) * (2.0 * np.pi / AROUND)
+    angles = np.arange(EQUATOR_VERTICES) * (2.0 * np.pi / EQUATOR_VERTICES)
     rings = np.stack(
         [
             np.sin(polar)[:, None] * np.cos(angles),
             np.sin(polar)[:, None] * np.sin(angles),
-            np.tile(np.cos(polar)[:, None], AROUND),
+            np.tile(np.cos(polar)[:, None], EQUATOR_VERTICES),
         ],
         axis=-1,
     )
     corners = np.concatenate([[[0.0, 0.0, 1.0]], rings.reshape(-1, 3), [[0.0, 0.0, -1.0]]])
 
-    column = np.arange(AROUND)
-    next_column = (column + 1) % AROUND
-    ring = 1 + AROUND * np.arange(len(polar))[:, None]
+    column = np.arange(EQUATOR_VERTICES)
+    next_column = (column + 1) % EQUATOR_VERTICES
+    ring = 1 + EQUATOR_VERTICES * np.arange(len(polar))[:, None]
     above, below = ring[:-1], ring[1:]
     bands = [
         np.stack(np.broadcast_arrays(above + column, below + column, below + next_column), axis=-1),

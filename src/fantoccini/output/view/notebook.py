@@ -15,7 +15,7 @@ import numpy as np
 from fantoccini.base.documents import Parameter
 from fantoccini.model.tree import WORLD, StringRow, grow
 from fantoccini.output.html import Element, element, picture, to_html
-from fantoccini.output.view.drawing import DPI, PictureOptions, plain
+from fantoccini.output.view.drawing import DPI, PictureOptions, one_line
 from fantoccini.output.view.geometry import geometry_at
 from fantoccini.output.view.pictures import figure_of, strip_figure
 from fantoccini.output.view.plots import plot
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from fantoccini.motion import Trajectory
 
 MAX_LENGTH = 270_000
-"""Length of a picture's text above which it is drawn again with fewer pixels."""
+"""Length of an embedded picture above which it is drawn again with fewer pixels [characters]."""
 MAX_LINES = 16
-"""Largest number of lines of a table; others are only counted."""
+"""Largest number of lines of a table; further lines are only counted."""
 POSES = 5
 """Number of poses in a run's strip."""
 
@@ -90,17 +90,17 @@ def _picture(figure: Callable[[], Figure], alt: str) -> Element | None:
         drawing = figure()
         width, style = f"{drawing.get_figwidth() * DPI:.0f}", "max-width:100%;height:auto"
         for scale in (2.0, 1.5, 1.0, 0.7):
-            image = picture(drawing, plain(alt), "png", DPI * scale, width=width, style=style)
+            image = picture(drawing, one_line(alt), "png", DPI * scale, width=width, style=style)
             if len(image.attrib["src"]) <= MAX_LENGTH:
                 break
-    except Exception:  # the tables are useful without it
+    except Exception:  # the tables are useful without a picture
         return None
     return image
 
 
 def _puppet_tables(m: Marionette) -> list[Element | None]:
     table = m.coordinates
-    facts = [
+    key_numbers = [
         ("degrees of freedom", table.n_vD),
         ("strings", len(m.tree.strings)),
         ("driven coordinates", table.n_vK),
@@ -108,7 +108,7 @@ def _puppet_tables(m: Marionette) -> list[Element | None]:
         ("moving mass", f"{m.mass:.4g} kg"),
     ]
     if m.puppet.obstacles:
-        facts.append(("obstacles", len(m.puppet.obstacles)))
+        key_numbers.append(("obstacles", len(m.puppet.obstacles)))
     strings = [
         (string.name, _end(m, string, 0), _end(m, string, -1), _length(m, string))
         for string in m.tree.strings
@@ -122,7 +122,7 @@ def _puppet_tables(m: Marionette) -> list[Element | None]:
     ]
     values = zip(m.tree.parameters, (f"{value:.6g}" for value in m.p), strict=True)
     return [
-        _table((), facts),
+        _table((), key_numbers),
         _table(("string", "from", "to", "length"), strings),
         _table(("driven", "start"), starts),
         _table(("parameter", "value"), list(values)),
@@ -153,7 +153,7 @@ def _run_tables(run: Trajectory) -> list[Element | None]:
     events = "not recorded"
     if summary["events"] is not None:
         events = ", ".join(f"{n} {kind}" for kind, n in summary["events"].items()) or "none"
-    facts = [
+    key_numbers = [
         ("duration", f"{run.duration:.6g} s"),
         ("method", run.method),
         ("status", run.status.message),
@@ -163,9 +163,9 @@ def _run_tables(run: Trajectory) -> list[Element | None]:
     if run.seconds is not None:
         slow = run.method == "event" and run.seconds > run.duration
         hint = ", slower than real time; method='timestepping' is faster" if slow else ""
-        facts.append(("computed in", f"{run.seconds:.3g} s{hint}"))
+        key_numbers.append(("computed in", f"{run.seconds:.3g} s{hint}"))
     if run.causes:
-        facts.insert(3, ("caused by", ", ".join(run.causes)))
+        key_numbers.insert(3, ("caused by", ", ".join(run.causes)))
     strings = [
         (
             name,
@@ -177,9 +177,13 @@ def _run_tables(run: Trajectory) -> list[Element | None]:
         )
         for name, row in summary["tension"].items()
     ]
-    heads = ("string", "min. [N]", "max. [N]", "slack [s]", "catches", "largest impulse [N s]")
+    headings = ("string", "min. [N]", "max. [N]", "slack [s]", "catches", "largest impulse [N s]")
     ledger = [(name, f"{value:.4g}") for name, value in summary["ledger"].items()]
-    return [_table((), facts), _table(heads, strings), _table(("energy at the end", "J"), ledger)]
+    return [
+        _table((), key_numbers),
+        _table(headings, strings),
+        _table(("energy at the end", "J"), ledger),
+    ]
 
 
 def _page(
@@ -189,7 +193,7 @@ def _page(
 
     The image contains the title; without an image the title is above the tables.
     """
-    head = [element("div", plain(title), style="font-weight:bold")] if image is None else []
+    head = [element("div", one_line(title), style="font-weight:bold")] if image is None else []
     margin, row = "margin:0 2em .8em 0", "display:flex;gap:1.2em;align-items:flex-start"
     cells = [element("div", table, style=margin) for table in tables if table is not None]
     inner = [] if image is None else [element("div", image, style="flex:none;max-width:100%")]
@@ -199,7 +203,7 @@ def _page(
     return to_html(element("div", *head, body, class_="fantoccini"))
 
 
-def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> Element | None:
+def _table(headings: Sequence[str], rows: Sequence[Iterable[object]]) -> Element | None:
     """Table; a long one ends with the number of lines left out."""
     if not rows:
         return None
@@ -207,10 +211,10 @@ def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> Element | 
     if len(rows) > len(lines):
         remainder = _cell("td", f"and {len(rows) - len(lines)} more", str(len(lines[0])))
         lines.append([remainder])
-    head = [[_cell("th", text) for text in heads]] if heads else []
+    head = [[_cell("th", text) for text in headings]] if headings else []
     return element("table", *(element("tr", *cells) for cells in head + lines))
 
 
 def _cell(tag: str, text: str, columns: str = "") -> Element:
     style = "text-align:left;padding:.1em .6em .1em 0"
-    return element(tag, plain(text), colspan=columns, style=style)
+    return element(tag, one_line(text), colspan=columns, style=style)

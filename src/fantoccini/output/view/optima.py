@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.drawing import PictureOptions, Sheet, dress, layout_of, plain
+from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of, one_line, style_axes
 from fantoccini.output.view.geometry import geometry_of
-from fantoccini.output.view.pictures import checked, pose_times, save
+from fantoccini.output.view.pictures import check_path, pose_times, save
 from fantoccini.output.view.plans import PATH_COLOUR, fading_poses
-from fantoccini.output.view.plots import fit_legends, legend, line_style, short_numbers
+from fantoccini.output.view.plots import fit_legends, legend, line_style, use_powers_of_ten
 from fantoccini.output.view.theme import Theme, rgb
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from fantoccini.control.optimal import Optimum
 
 TARGET_COLOUR = rgb("#d1495b")
+"""Colour of target paths and touched places."""
 
 _PUPPET_SHARE = 0.46
 """Share of the width for the puppet."""
@@ -31,7 +32,7 @@ _MAX_BOUND = 2.5
 
 
 def optimum_picture(
-    found: Optimum,
+    optimum: Optimum,
     path: str | os.PathLike[str],
     poses: int = 4,
     view: str | tuple[float, float] = "auto",
@@ -47,7 +48,7 @@ def optimum_picture(
     that are not held. Bounds are dashed.
 
     Args:
-        found: the motion.
+        optimum: the motion.
         path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
         poses: number of poses.
         view: preset, or (azimuth, elevation) in degrees.
@@ -58,11 +59,11 @@ def optimum_picture(
     Returns:
         The path of the picture.
     """
-    path, options = checked(path), PictureOptions.of(view, "all", theme, size)
+    path, options = check_path(path), PictureOptions.of(view, "all", theme, size)
     (width, height), unit = size, max(7.0, size[1] / 55.0)
     sheet = Sheet(size, options.theme)
-    _draw_poses(sheet, found, options, poses, unit)
-    panels = _panels(found, options.theme)
+    _draw_poses(sheet, optimum, options, poses, unit)
+    panels = _panels(optimum, options.theme)
     # Covers the floor's light and lines behind the panels.
     sheet.image(
         np.full((1, 1, 3), options.theme.top), (_PUPPET_SHARE * width, width, 0.0, height), 4.5
@@ -70,20 +71,20 @@ def optimum_picture(
     left, right, low, high = _PUPPET_SHARE + 0.055, 0.875, 0.07, 0.965
     gap = 0.025
     panel_height = (high - low - gap * (len(panels) - 1)) / len(panels)
-    stacked = []
-    for k, paint in enumerate(panels):
+    panel_axes = []
+    for k, draw in enumerate(panels):
         bottom = high - (k + 1) * panel_height - k * gap
         axes = sheet.figure.add_axes((left, bottom, right - left, panel_height))
-        paint(axes)
-        dress(axes, options.theme, "both")
+        draw(axes)
+        style_axes(axes, options.theme, "both")
         legend(axes, options.theme)
-        axes.set_xlim(found.t[0], found.t[-1])
+        axes.set_xlim(optimum.t[0], optimum.t[-1])
         if k + 1 < len(panels):
             axes.tick_params(labelbottom=False)
         else:
             axes.set_xlabel("time [s]", color=options.theme.ink)
-        stacked.append(axes)
-    fit_legends(stacked)
+        panel_axes.append(axes)
+    fit_legends(panel_axes)
     return save(sheet.figure, path, scale)
 
 
@@ -161,17 +162,17 @@ def _panels(optimum: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
 
 def _errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: Theme) -> None:
     for k, (name, error) in enumerate(errors.items()):
-        axes.plot(t, error, **line_style(theme, k), linewidth=1.2, label=plain(name, 24))
+        axes.plot(t, error, **line_style(theme, k), linewidth=1.2, label=one_line(name, 24))
     axes.set_ylim(bottom=0.0)
     axes.set_ylabel("error [m or rad]", color=theme.ink)
-    short_numbers(axes, theme)
+    use_powers_of_ten(axes, theme)
 
 
 def _tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
     run, bounds = optimum.run, optimum.task.bounds.tension
     for k, name in enumerate(run.tension.names):
         style = line_style(theme, k)
-        axes.plot(run.t, run.tension[name], **style, linewidth=1.2, label=plain(name, 24))
+        axes.plot(run.t, run.tension[name], **style, linewidth=1.2, label=one_line(name, 24))
         for bound in bounds.get(name, ()):
             if np.isfinite(bound):
                 _bound(axes, bound, style["color"])
@@ -181,7 +182,7 @@ def _tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
             target = optimum.target(track)[:, 0]
             axes.plot(optimum.t, target, ":", color=line_style(theme, k)["color"], linewidth=1.0)
     axes.set_ylabel("tension [N]", color=theme.ink)
-    short_numbers(axes, theme)
+    use_powers_of_ten(axes, theme)
 
 
 def _inputs(
@@ -206,7 +207,7 @@ def _inputs(
             **line,
             linewidth=1.2,
             drawstyle=style,
-            label=plain(table.v_K[k], 24),
+            label=one_line(table.v_K[k], 24),
         )
     same_limit = len(np.unique(limits[moving])) == 1
     max_drawn = _MAX_BOUND * np.max(np.abs(values[:, moving]), initial=0.0)
@@ -219,7 +220,7 @@ def _inputs(
     if any(row.unit != "m" for row in table.rows if row.name in table.q_K):
         unit = "(m, rad; s)"
     axes.set_ylabel(f"{quantity} {unit}", color=theme.ink)
-    short_numbers(axes, theme)
+    use_powers_of_ten(axes, theme)
 
 
 def _bound(axes: Axes, value: float, colour: object) -> None:

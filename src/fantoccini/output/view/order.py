@@ -29,10 +29,10 @@ class _Comparison(NamedTuple):
     )
     """Lines of sight through the overlap of two solids, as shares of its sides, off its edges."""
     face_thickness: float = 1e-6
-    """Distance behind a face up to which a point counts as in front: it may lie on the face [m]."""
+    """Distance behind a face up to which a point counts as in front of it [m]."""
     sunk: float = 0.15
-    """Depth below a solid's middle, relative to the girth, down to which a string counts as in
-    front: a string tied to the middle of a limb is drawn over it."""
+    """Depth behind a solid's middle, relative to the girth, up to which a string counts as in
+    front, so that a string tied to the middle of a limb is drawn over it."""
 
 
 _COMPARISON = _Comparison()
@@ -45,7 +45,7 @@ class BoxFaces:
     normals: np.ndarray
     centres: np.ndarray
 
-    def before(self, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
+    def is_in_front(self, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Mask of the points (..., 3) on the outer side of a face that the eye sees."""
         visible = np.sum((eye - self.centres) * self.normals, axis=1) > 0.0
         normals, centres = self.normals[visible], self.centres[visible]
@@ -96,7 +96,7 @@ def painting_order(
     view = _View(camera, viewport, solids)
     after = view.pairs()
     items: list[int | StringPiece] = list(range(len(solids)))
-    depths = [float(d) for d in view.placed[:, :, 2].mean(axis=1)]
+    depths = [float(d) for d in view.projected[:, :, 2].mean(axis=1)]
     for n, points in enumerate(strings):
         middles = 0.5 * (points[:-1] + points[1:])
         behind, before, projected = view.hits(middles)
@@ -126,7 +126,7 @@ class _View:
         self.along = self.axes[:, :1] + _COMPARISON.axis_points[:, None] * (
             self.axes[:, 1:] - self.axes[:, :1]
         )
-        self.placed = camera.project(self.along, viewport)
+        self.projected = camera.project(self.along, viewport)
 
     def pairs(self) -> list[tuple[int, int]]:
         """(farther, nearer) solids for all pairs that overlap in the picture."""
@@ -144,7 +144,7 @@ class _View:
         second, _, on_second = self.intersect(np.repeat(j, len(sights)), pixels)
         votes = np.where(on_first & on_second, np.sign(first - second), 0.0)
         votes = votes.reshape(len(i), -1).sum(axis=1)
-        middles = self.placed[:, :, 2].mean(axis=1)
+        middles = self.projected[:, :, 2].mean(axis=1)
         farther = np.where(votes == 0.0, middles[i] - middles[j], votes) > 0.0
         return [
             (a, b) if self.is_farther(a, b, first) else (b, a)
@@ -155,9 +155,9 @@ class _View:
         """Whether a is farther than b, judged by the faces of the larger box; else ``default``."""
         eye, half = self.camera.eye, len(_COMPARISON.axis_points) / 2.0
         if a in self.boxes and (b not in self.boxes or self.girths[a] >= self.girths[b]):
-            return bool(self.boxes[a].before(eye, self.along[b]).sum() > half)
+            return bool(self.boxes[a].is_in_front(eye, self.along[b]).sum() > half)
         if b in self.boxes:
-            return bool(self.boxes[b].before(eye, self.along[a]).sum() < half)
+            return bool(self.boxes[b].is_in_front(eye, self.along[a]).sum() < half)
         return default
 
     def hits(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -174,7 +174,7 @@ class _View:
             in_front = distance < middle + _COMPARISON.sunk * self.girths[solid]
             for k in self.boxes.keys() & set(solid.tolist()):
                 on_box = solid == k
-                in_front[on_box] = self.boxes[k].before(self.camera.eye, points[point[on_box]])
+                in_front[on_box] = self.boxes[k].is_in_front(self.camera.eye, points[point[on_box]])
                 hit[on_box] = True
             before[point, solid] = hit & in_front
             behind[point, solid] = hit & ~in_front
@@ -192,7 +192,7 @@ class _View:
         """
         ray = self.camera.rays(pixel, self.viewport)
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-        a, b = self.placed[solid, 0, :2], self.placed[solid, -1, :2]
+        a, b = self.projected[solid, 0, :2], self.projected[solid, -1, :2]
         along = b - a
         size = np.maximum(np.sum(along * along, axis=1), 1e-12)
         share = np.clip(np.sum((pixel - a) * along, axis=1) / size, 0.0, 1.0)
@@ -202,9 +202,9 @@ class _View:
         o = np.einsum("pij,pj->pi", unit, self.camera.eye - centre)
         e = np.einsum("pij,pj->pi", unit, ray)
         ee, oe, oo = (np.sum(x * y, axis=1) for x, y in ((e, e), (o, e), (o, o)))
-        inner = oe * oe - ee * (oo - 1.0)
+        discriminant = oe * oe - ee * (oo - 1.0)
         middle = -oe / ee
-        return middle - np.sqrt(np.maximum(inner, 0.0)) / ee, middle, inner > 0.0
+        return middle - np.sqrt(np.maximum(discriminant, 0.0)) / ee, middle, discriminant > 0.0
 
 
 def _sorted(depths: list[float], after: list[tuple[int, int]]) -> list[int]:

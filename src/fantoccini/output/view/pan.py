@@ -9,15 +9,15 @@ import numpy as np
 from fantoccini.output.view.geometry import Geometry
 
 
-class _Following(NamedTuple):
+class _CameraFollowing(NamedTuple):
     """Smoothing of the path, and threshold for following."""
 
     smoothing: float = 0.6  # Width of the moving average [s]
     distance_ratio: float = 1.25
-    """The camera follows if a fixed one would have to be more than this many times as far away."""
+    """Ratio of distances, fixed to following camera, above which the camera follows."""
 
 
-_FOLLOWING = _Following()
+_FOLLOWING = _CameraFollowing()
 
 
 def camera_path(geometry: Geometry) -> np.ndarray:
@@ -43,6 +43,6 @@ def camera_path(geometry: Geometry) -> np.ndarray:
     return path - path[0]
 
 
-def pays_off(fixed: float, following: float) -> bool:
+def should_follow(fixed: float, following: float) -> bool:
     """Whether a camera should follow, given the distances [m] of a fixed and a following camera."""
     return fixed > _FOLLOWING.distance_ratio * following

@@ -55,7 +55,7 @@ def strip(
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px]; by default adapted to the motion.
         scale: pixels of the file per pixel of ``size``.
-        forces: draw the forces of contacts as arrows to scale; those of impacts are cut.
+        forces: draw the forces of contacts as arrows to scale; those of impacts are shortened.
         guides: lines that the motion is compared with, as for :func:`film`.
 
     Returns:
@@ -64,7 +64,7 @@ def strip(
     Raises:
         ValueError: forces were requested for a run without contacts.
     """
-    path = checked(path)
+    path = check_path(path)
     options = PictureOptions.of(view, focus, theme, size)
     return save(strip_figure(marionette, run, n, times, options, forces, guides), path, scale)
 
@@ -145,7 +145,7 @@ def draw(
     Raises:
         MissingLibraryError: pyvista was chosen and is not installed.
     """
-    path = checked(path)
+    path = check_path(path)
     geometry = geometry_at(marionette, state, tension)
     studio_scale = scale if checked_renderer(renderer) == "pyvista" else None
     return save(
@@ -244,7 +244,7 @@ def _features(marionette: Drawable, run: Trajectory) -> np.ndarray:
 
 
 def panel_size(geometry: Geometry, options: PictureOptions) -> tuple[float, float]:
-    """Width and height [px] of one pose: height suited to a page, width to the motion."""
+    """Width and height [px] of a pose; the width is adapted to the motion."""
     layout = layout_of(geometry, Viewport(0.0, 0.0, 500.0, 500.0), options)
     centres, radii = geometry.balls(strings=options.focus == "all")
     projected = layout.camera.project(centres, layout.viewport)
@@ -258,7 +258,7 @@ def panel_size(geometry: Geometry, options: PictureOptions) -> tuple[float, floa
     return aspect * height * 1.06, height
 
 
-def checked(path: str | os.PathLike[str]) -> Path:
+def check_path(path: str | os.PathLike[str]) -> Path:
     """Returns the path of a picture, if its ending is known and its folder exists."""
     path = Path(path)
     if path.suffix.lower() not in FORMATS:

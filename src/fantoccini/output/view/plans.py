@@ -13,7 +13,7 @@ from fantoccini.model.tree import WORLD
 from fantoccini.output.view.compose import Layout, compose
 from fantoccini.output.view.drawing import PictureOptions, Sheet
 from fantoccini.output.view.geometry import Geometry, geometry_of, spread
-from fantoccini.output.view.pictures import add_captions, checked, framed_sheet, pose_times, save
+from fantoccini.output.view.pictures import add_captions, check_path, framed_sheet, pose_times, save
 from fantoccini.output.view.still import Drawable
 from fantoccini.output.view.theme import Theme, rgb
 
@@ -58,7 +58,7 @@ def plan_picture(
     Returns:
         The path of the picture.
     """
-    path, options = checked(path), PictureOptions.of(view, "all", theme, size)
+    path, options = check_path(path), PictureOptions.of(view, "all", theme, size)
     times = pose_times(marionette, run, poses)
     geometry = geometry_of(marionette, run.resample(times))
     sheet, layout, unit = framed_sheet(geometry, options)

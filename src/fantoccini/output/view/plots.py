@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fantoccini.base import rotation
-from fantoccini.output.view.drawing import blank_figure, dress, plain
-from fantoccini.output.view.pictures import checked, save
+from fantoccini.output.view.drawing import blank_figure, one_line, style_axes
+from fantoccini.output.view.pictures import check_path, save
 from fantoccini.output.view.theme import Theme, theme_of
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ _ROW_GAP = 0.3
 _MARGIN = 14.0
 """Distance of legends from the panels and the figure's edge, together [px]."""
 _MIN_PANEL_WIDTH = 0.25
-"""Least width of a panel, relative to the figure."""
+"""Smallest width of a panel, relative to the figure."""
 
 
 def plot(
@@ -58,11 +58,11 @@ def plot(
     Returns:
         The figure, which a notebook displays.
     """
-    target = None if path is None else checked(path)
+    target = None if path is None else check_path(path)
     theme = theme_of(theme)
     strings = run.tension.names
     figure = blank_figure(size, facecolor=theme.top)
-    left = (60.0 + 6.3 * max((len(plain(n, 24)) for n in strings), default=4)) / size[0]
+    left = (60.0 + 6.3 * max((len(one_line(n, 24)) for n in strings), default=4)) / size[0]
     styles = {name: line_style(theme, k) for k, name in enumerate(strings)}
     panels: list[tuple[float, Callable[[Axes], None]]] = []
     if strings:
@@ -75,7 +75,7 @@ def plot(
     if run.coordinates.quaternions_K:
         panels.append((2.0, lambda axes: _rotations(axes, run, theme)))
     ratios = [share for share, _ in panels]
-    stacked = figure.subplots(
+    panel_axes = figure.subplots(
         len(panels),
         1,
         sharex=True,
@@ -89,16 +89,16 @@ def plot(
             "hspace": 0.16,
         },
     )[:, 0]
-    for axes, (_, paint) in zip(stacked, panels, strict=True):
-        paint(axes)
-        dress(axes, theme, "x")
+    for axes, (_, draw) in zip(panel_axes, panels, strict=True):
+        draw(axes)
+        style_axes(axes, theme, "x")
         for text in (*axes.get_yticklabels(), *axes.get_xticklabels()):
             text.set_parse_math(False)
-    fit_legends(list(stacked))
-    stacked[-1].set_xlabel("time [s]", color=theme.ink)
+    fit_legends(list(panel_axes))
+    panel_axes[-1].set_xlabel("time [s]", color=theme.ink)
     start, stop = float(run.t[0]), float(run.t[-1])
-    stacked[-1].set_xlim(start, stop if stop > start else start + 1.0)
-    title = plain(run.puppet.name if run.puppet else "")
+    panel_axes[-1].set_xlim(start, stop if stop > start else start + 1.0)
+    title = one_line(run.puppet.name if run.puppet else "")
     figure.text(
         left,
         0.962,
@@ -139,10 +139,10 @@ def _tension(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
         )
         label += "\ngrey: some undetermined"
     axes.set_ylabel(label, color=theme.ink)
-    short_numbers(axes, theme)
+    use_powers_of_ten(axes, theme)
     finite = np.abs(values[np.isfinite(values)])
     if finite.size and finite.max() > 0.0:
-        # A short peak may exceed the limit, so that the rest is not flattened.
+        # Short peaks may exceed the limit, so that the other values remain legible.
         high = min(finite.max(), 2.5 * max(np.percentile(finite, 99.5), 1e-12))
         low = min(0.0, float(values[np.isfinite(values)].min()))
         axes.set_ylim(1.06 * low, 1.06 * high)
@@ -173,7 +173,7 @@ def _active_set(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> No
             markeredgewidth=0.5,
             clip_on=False,
         )
-    axes.set_yticks(range(len(names)), [plain(n, 24) for n in names])
+    axes.set_yticks(range(len(names)), [one_line(n, 24) for n in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.text(
         1.012,
@@ -199,7 +199,7 @@ def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
             n_lines += 1
     axes.axhline(0.0, color=theme.faint, linewidth=0.6)
     axes.set_ylabel("energy [J]", color=theme.ink)
-    short_numbers(axes, theme)
+    use_powers_of_ten(axes, theme)
     legend(axes, theme)
 
 
@@ -231,7 +231,7 @@ def _driven(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
             label=f"{owner}, command",
         )
     axes.set_ylabel(label, color=theme.ink)
-    short_numbers(axes, theme)
+    use_powers_of_ten(axes, theme)
     legend(axes, theme)
 
 
@@ -247,11 +247,11 @@ def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
             style = line_style(theme, 3 * n + i)
             axes.plot(run.t, vector[:, i], **style, linewidth=1.2, label=label)
     axes.set_ylabel("driven rotation [rad]", color=theme.ink)
-    short_numbers(axes, theme)
+    use_powers_of_ten(axes, theme)
     legend(axes, theme)
 
 
-def short_numbers(axes: Axes, theme: Theme) -> None:
+def use_powers_of_ten(axes: Axes, theme: Theme) -> None:
     """Writes the power of ten of very small and large numbers above the axis, to save width."""
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4))
     axes.yaxis.get_offset_text().set(color=theme.ink, fontsize=8)
@@ -273,7 +273,7 @@ def legend(axes: Axes, theme: Theme) -> None:
     rows = max(1, int(axes.get_window_extent().height / row_height))
     box = axes.legend(
         handles,
-        [plain(x, 24) for x in labels],
+        [one_line(x, 24) for x in labels],
         loc="upper left",
         bbox_to_anchor=(1.005, 1.03),
         frameon=False,
@@ -298,8 +298,8 @@ def fit_legends(panels: Sequence[Axes]) -> None:
     boxes = [box for axes in panels if (box := axes.get_legend()) is not None]
     if not boxes:
         return
-    whole = panels[0].figure.bbox.width
-    right = 1.0 - (max(box.get_window_extent().width for box in boxes) + _MARGIN) / whole
+    figure_width = panels[0].figure.bbox.width
+    right = 1.0 - (max(box.get_window_extent().width for box in boxes) + _MARGIN) / figure_width
     for axes in panels:
         place = axes.get_position()
         width = max(min(place.width, right - place.x0), _MIN_PANEL_WIDTH)

@@ -16,12 +16,14 @@ from fantoccini.output.view.camera import Camera, Viewport
 from fantoccini.output.view.theme import Theme, mix
 
 _LIGHT_ON_PICTURE = np.array([-0.53, 0.85])
+"""Direction towards the light in the picture, right and up."""
 _LIGHT = np.array([-0.42, 0.72, 0.55])
 """Direction towards the light, in camera axes right, up, back."""
 
 _WHITE = np.ones(3)
 
 CLEAR = (0.0, 0.0, 0.0, 0.0)
+"""Colour without opacity."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,12 @@ def _long_axis(centre: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, float]
 
 
 def paint(
-    solid: Solid, pose: np.ndarray, camera: Camera, viewport: Viewport, theme: Theme, pen: float
+    solid: Solid,
+    pose: np.ndarray,
+    camera: Camera,
+    viewport: Viewport,
+    theme: Theme,
+    line_width: float,
 ) -> list[Polygon]:
     """Polygons of one solid, in painting order.
 
@@ -157,31 +164,31 @@ def paint(
         pose: (3, 4) pose of its link in the world frame.
         camera, viewport: the view.
         theme: colours.
-        pen: width of outlines [px].
+        line_width: width of outlines [px].
     """
     ink = (*(solid.colour * theme.outline), 1.0)
     points = camera.to_camera(solid.points @ pose[:, :3].T + pose[:, 3])
     if np.any(points[:, 2] <= 1e-6):
         return []
     if solid.kind == "faces":
-        return _paint_faces(solid, points, camera, viewport, ink, pen)
+        return _paint_faces(solid, points, camera, viewport, ink, line_width)
     if solid.kind == "capsule":
         centres = camera.to_pixels(points, viewport)
         radii = solid.radius * camera.scale(points[:, 2], viewport)
         size = float(radii.max())
-        stack = _capsule_stack(centres, radii, _tones(size))
+        stack = _capsule_stack(centres, radii, _shade_count(size))
     else:
-        rim = _rim(solid.points[0], solid.half, pose, camera.eye)
+        rim = _visible_contour(solid.points[0], solid.half, pose, camera.eye)
         outline = camera.project(rim, viewport)[:, :2]
         middle = outline.mean(axis=0)
         brightest = outline[np.argmax((outline - middle) @ _LIGHT_ON_PICTURE)]
         highlight = middle + 0.42 * (brightest - middle)
         size = 0.5 * float(np.ptp(outline, axis=0).min())
-        shrink = np.linspace(1.0, 0.1, _tones(size))[:, None, None]
+        shrink = np.linspace(1.0, 0.1, _shade_count(size))[:, None, None]
         stack = highlight + shrink * (outline - highlight)
-    tones = _ramp(solid.colour, len(stack))
+    tones = _shades(solid.colour, len(stack))
     return [
-        Polygon(outline, (*tone, 1.0), *((CLEAR, 0.0) if k else (ink, pen)))
+        Polygon(outline, (*tone, 1.0), *((CLEAR, 0.0) if k else (ink, line_width)))
         for k, (outline, tone) in enumerate(zip(stack, tones, strict=True))
     ]
 
@@ -206,7 +213,7 @@ def _paint_faces(
     camera: Camera,
     viewport: Viewport,
     ink: tuple[float, ...],
-    pen: float,
+    line_width: float,
 ) -> list[Polygon]:
     pixels = camera.to_pixels(points, viewport)
     polygons, depths = [], []
@@ -220,22 +227,22 @@ def _paint_faces(
             continue
         shade = max(0.0, float(normal @ _LIGHT) / float(size))
         tone = mix(colour * 0.55, mix(colour, _WHITE, 0.22), shade)
-        edge, width = ((*tone, 1.0), 0.4) if solid.smooth else (ink, 0.8 * pen)
+        edge, width = ((*tone, 1.0), 0.4) if solid.smooth else (ink, 0.8 * line_width)
         polygons.append(Polygon(pixels[face], (*tone, 1.0), edge, width))
         depths.append(points[face, 2].mean())
     polygons = [polygons[k] for k in np.argsort(depths)[::-1]]
     if solid.smooth:
-        # The outline: the same triangles underneath, wider by one pen width.
-        underlay = [Polygon(p.outline, ink, ink, 2.0 * pen) for p in polygons]
+        # The outline: the same triangles underneath, wider by one line width.
+        underlay = [Polygon(p.outline, ink, ink, 2.0 * line_width) for p in polygons]
         return underlay + polygons
     return polygons
 
 
-def _tones(size: float) -> int:
+def _shade_count(size: float) -> int:
     return int(np.clip(size / 1.5, 4, 28))
 
 
-def _ramp(colour: np.ndarray, n: int) -> np.ndarray:
+def _shades(colour: np.ndarray, n: int) -> np.ndarray:
     light = np.linspace(0.0, 1.0, n)[:, None]
     dark, bright = colour * 0.66, mix(colour, _WHITE, 0.30)
     return np.where(
@@ -249,9 +256,9 @@ def _capsule_stack(centres: np.ndarray, radii: np.ndarray, tones: int) -> np.nda
     distance = float(np.hypot(*offset))
     count = int(np.clip(radii.max() * 0.9, 9, 26)) if tones > 1 else 12
     if distance <= abs(radii[0] - radii[1]) + 1e-9:
-        big = int(np.argmax(radii))
+        larger = int(np.argmax(radii))
         angles = np.linspace(0.0, 2.0 * np.pi, 2 * count, endpoint=False)
-        middle, radius = np.tile(centres[big], (2 * count, 1)), np.full(2 * count, radii[big])
+        middle, radius = np.tile(centres[larger], (2 * count, 1)), np.full(2 * count, radii[larger])
     else:
         direction = np.arctan2(offset[1], offset[0])
         half_opening = np.arccos((radii[0] - radii[1]) / distance)
@@ -269,7 +276,9 @@ def _capsule_stack(centres: np.ndarray, radii: np.ndarray, tones: int) -> np.nda
     return middle + radius[:, None] * (shrink * circle + 0.52 * (1.0 - shrink) * _LIGHT_ON_PICTURE)
 
 
-def _rim(centre: np.ndarray, half: np.ndarray, pose: np.ndarray, eye: np.ndarray) -> np.ndarray:
+def _visible_contour(
+    centre: np.ndarray, half: np.ndarray, pose: np.ndarray, eye: np.ndarray
+) -> np.ndarray:
     """Points (n, 3) of an ellipsoid at which lines from the eye are tangent.
 
     With x = c + H u and |u| = 1 these points satisfy u . H^-1 (eye - c) = 1: a circle.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 AUDIENCE = (0.0, 10.0)
 """Point of view of the audience: azimuth and elevation [deg]."""
 
-ACROSS = 4
+STILLS_PER_ROW = 4
 """Number of stills in a row."""
 _FONT_SIZE = 0.05
 """Font size, relative to the width of a still."""
@@ -40,14 +40,14 @@ class Stills:
     def __init__(self, play: Play, run: Trajectory):
         self._play, self._run = play, run
         times = np.linspace(run.t[0], run.t[-1], 400)
-        self._whole = geometry_of(play.marionette, run.resample(times))
+        self._run_geometry = geometry_of(play.marionette, run.resample(times))
         self._options = PictureOptions.of(AUDIENCE, "all", LIGHT)
-        inner = Viewport(0.0, 0.0, *panel_size(self._whole, self._options))
-        self._layout = layout_of(self._whole, inner, self._options)
+        inner = Viewport(0.0, 0.0, *panel_size(self._run_geometry, self._options))
+        self._layout = layout_of(self._run_geometry, inner, self._options)
         self._font_size = _FONT_SIZE * inner.width
 
     def of_act(self, name: str, n: int = 8) -> Figure:
-        """Stills of an act at the most different poses, in rows of four.
+        """Figure of an act's most different poses, in rows of four.
 
         Args:
             name: name of the act.
@@ -61,7 +61,7 @@ class Stills:
         geometry = geometry_of(self._play.marionette, self._run.resample(times))
         width, font_size = self._layout.viewport.width, self._font_size
         height = self._layout.viewport.height + 3.8 * font_size
-        columns = min(ACROSS, len(times))
+        columns = min(STILLS_PER_ROW, len(times))
         rows = -(-len(times) // columns)
         sheet = Sheet((round(columns * width), round(rows * height)), LIGHT)
         for k, t in enumerate(times):
@@ -69,9 +69,9 @@ class Stills:
             left, low = column * width, (rows - 1 - row) * height
             viewport = replace(self._layout.viewport, x=left, y=low + 3.3 * font_size)
             layout = replace(self._layout, viewport=viewport)
-            sheet.floor(self._whole, layout, grid=False)
+            sheet.floor(self._run_geometry, layout, grid=False)
             sheet.polygons(compose(geometry, k, layout))
-            self._names(sheet, geometry, k, layout)
+            self._write_names(sheet, geometry, k, layout)
             sheet.write(
                 left + 0.5 * width,
                 low + 0.6 * font_size,
@@ -81,16 +81,16 @@ class Stills:
                 ha="center",
                 va="bottom",
             )
-        for line, step, count in (
+        for draw_line, step, count in (
             (sheet.axes.axvline, width, columns),
             (sheet.axes.axhline, height, rows),
         ):
             for k in range(1, count):
-                line(k * step, color=LIGHT.grid, linewidth=0.8, zorder=4.0)
+                draw_line(k * step, color=LIGHT.grid, linewidth=0.8, zorder=4.0)
         return sheet.figure
 
-    def _names(self, sheet: Sheet, geometry: Geometry, k: int, layout: Layout) -> None:
-        """Writes each player's name on the floor: puppets of one file look alike."""
+    def _write_names(self, sheet: Sheet, geometry: Geometry, k: int, layout: Layout) -> None:
+        """Writes each player's name on the floor, because puppets of the same file look alike."""
         cast, font_size = self._play.cast, self._font_size
         for name in cast.players if len(cast.players) > 1 else ():
             first_points = [

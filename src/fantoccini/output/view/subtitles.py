@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fantoccini.base import replacing
-from fantoccini.output.view.drawing import Sheet, plain
+from fantoccini.output.view.drawing import Sheet, one_line
 
 if TYPE_CHECKING:
     from matplotlib.text import Text
@@ -43,7 +43,7 @@ def save_captions(
     entries = []
     for k, caption in enumerate(shown, 1):
         begin, until = max(caption.start, start) - start, min(caption.end, end) - start
-        words = plain(str(caption), len(str(caption)))  # an empty line would end the entry
+        words = one_line(str(caption), len(str(caption)))  # an empty line would end the entry
         entries.append(f"{k}\n{_time(begin)} --> {_time(until)}\n{words}\n")
     path = Path(path)
     with replacing(path) as temporary:
@@ -82,7 +82,7 @@ class Subtitles:
                 (
                     caption.start,
                     caption.end,
-                    textwrap.wrap(plain(str(caption), _MAX_LETTERS), letters) or [""],
+                    textwrap.wrap(one_line(str(caption), _MAX_LETTERS), letters) or [""],
                 )
                 for caption in in_order
             ]
