@@ -36,7 +36,8 @@ from fantoccini.base.documents import (
 from fantoccini.control.optimal import ReachedPose, What, reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.motion import SAME_TIME, Input, Points, State, Table, pieces, reading
+from fantoccini.model.tree import CoordinateTable
+from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import To
 from fantoccini.theatre.gestures.gesture import Gesture
@@ -107,8 +108,9 @@ class GestureFile(Document):
     """Kind of part -> its size for these offsets [m]; those of a puppet of another size are
     multiplied by the ratio. `whole` is for trunk and head."""
     moves: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
-    """Moved name -> list of [time s, offset]: a driven coordinate, or a string and a direction
-    (`hand_right.up`); offsets in m or rad, or with a unit (`12 cm`, `30 deg`)."""
+    """Moved name -> list of [time s, offset]: a driven coordinate, or a string or driven body and
+    a direction (`hand_right.up`, `bar.tip_forward`); offsets in m or rad, or with a unit (`12 cm`,
+    `30 deg`)."""
     poses: KeyPoses | None = None
     """Key poses, in addition to the moves."""
     marks: dict[Name, NotNegative] = Field(default_factory=dict)
@@ -224,7 +226,15 @@ def _of_strings(puppet: Table, file: GestureFile, start: State | None, prefix: s
                 mistakes.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
     mistakes.refuse()
-    return Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+    return _travelling(file, table, offsets)
+
+
+def _travelling(file: GestureFile, table: CoordinateTable, offsets: dict[str, Points]) -> Gesture:
+    """Gesture of a file through offsets."""
+    try:
+        return Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+    except StateError as error:
+        raise file.located.error([(("travels",), str(error))], FileError) from None
 
 
 def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
@@ -244,12 +254,11 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         parts = moves_of(roles, file.parts)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
-    own, known = Mistakes.of_inputs(), pieces.channel_names(table)
+    own, known = Mistakes.of_inputs(), moves.places(table)
     waypoints = {name: file.parts[part] for name, (part, _) in parts.items()}
     offsets = moves.read(table, waypoints, own, ("parts",))
     for name, (part, move) in parts.items():
-        channel = moves.meaning(name, known)[0]
-        channel = table.commands.get(channel, channel)
+        channel = moves.meaning(name, table)[0]
         if channel not in known:
             reason = f"its move {part} would move {channel}, which is not a driven coordinate"
             raise _not_for_this_puppet(file, reason)
@@ -259,7 +268,7 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     for (key, string, *rest), text in own.found:
         mistakes.add((key, parts[str(string)][0], *rest), text)
     mistakes.refuse()
-    gesture = Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+    gesture = _travelling(file, table, offsets)
     try:
         return gesture.turned(roles.heading) if roles.heading else gesture
     except StateError as error:
@@ -333,9 +342,9 @@ def _of_poses(
         offsets[prefix + body, at] = np.array(places)
     mistakes.refuse()
     pose_offsets = {
-        table.q_K[q]: (np.array(poses.at), np.empty(len(poses.at)))
-        for q, _ in table.scalars_K
-        if table.q_K[q] not in held
+        name: (np.array(poses.at), np.empty(len(poses.at)))
+        for name in moves.places(table)
+        if name.rpartition(".")[0] in strings or name in strings
     }
     q_K_of_moves = None
     if moved:
@@ -345,9 +354,7 @@ def _of_poses(
     for i in range(len(poses.at)):
         start_of_search = x0
         if q_K_of_moves is not None:
-            start_of_search = puppet.rest(
-                {table.q_K[q]: float(q_K_of_moves[i, q]) for q, _ in table.scalars_K}
-            )
+            start_of_search = puppet.rest(puppet.state().replace(q_K=q_K_of_moves[i]))
 
         def pose_at(share: float, i: int = i, start: State = start_of_search) -> ReachedPose:
             places = {what: home + share * offsets[what][i] for what, home in homes.items()}
@@ -360,9 +367,10 @@ def _of_poses(
                 mistakes.add(("poses", "at", i), f"at {poses.at[i]:g} s: {text}")
         except StateError as error:
             raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
-        for q, _ in table.scalars_K:
-            if table.q_K[q] in pose_offsets:
-                pose_offsets[table.q_K[q]][1][i] = reached.state.q_K[q] - x0.q_K[q]
+        away = puppet.difference(x0.q_K, reached.state.q_K, driven=True)
+        for name, v in moves.places(table).items():
+            if name in pose_offsets:
+                pose_offsets[name][1][i] = away[v]
     mistakes.refuse()
     return pose_offsets
 
