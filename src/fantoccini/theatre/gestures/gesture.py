@@ -338,8 +338,9 @@ class Gesture:
 
         Args:
             others: gestures of the same puppet.
-            speed, acceleration: bounds of the transitions, for all or by name [m/s, m/s^2, rad/s,
-                rad/s^2]. They do not apply to the gestures: see :attr:`peaks`.
+            speed, acceleration: bounds of the transitions, for all [m/s, m/s^2; of turns 0.4 m from
+                the axis], or by name [m/s, m/s^2, rad/s, rad/s^2]. They do not apply to the
+                gestures: see :attr:`peaks`.
 
         Raises:
             ValueError: they are of different puppets, or a bound is not greater than 0.

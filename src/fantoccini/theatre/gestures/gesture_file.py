@@ -104,6 +104,10 @@ class GestureFile(Document):
     parts: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
     """Part of the body and direction (`arm_right.up`, `head.left`, `legs.out`) -> list of
     [time s, offset]; all strings that move the part move so."""
+    on_control: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
+    """Moves in place of `parts` for a puppet whose strings hang from a control and keep their
+    lengths: bar and direction (`control.tip_forward`, `leg_bar.roll_left`) -> list of
+    [time s, offset]."""
     sizes: dict[SizeKind, Annotated[Length, Field(gt=0.0)]] = Field(default_factory=dict)
     """Kind of part -> its size for these offsets [m]; those of a puppet of another size are
     multiplied by the ratio. `whole` is for trunk and head."""
@@ -127,6 +131,8 @@ class GestureFile(Document):
                 "found parts with moves or poses; allowed: parts, which any puppet may have, or "
                 "moves and poses, which name strings and bodies"
             )
+        if self.on_control and not self.parts:
+            refuse([(("on_control",), "found without parts; needed: both, for all puppets")])
         return self
 
 
@@ -251,21 +257,24 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         raise _not_for_this_puppet(file, reason)
     try:
         roles = Roles.of(puppet, prefix.removesuffix("."))
-        parts = moves_of(roles, file.parts)
+        key = "on_control" if file.on_control and roles.on_control else "parts"
+        points: dict[str, Any] = getattr(file, key)
+        parts = moves_of(roles, points)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
     own, known = Mistakes.of_inputs(), moves.places(table)
-    waypoints = {name: file.parts[part] for name, (part, _) in parts.items()}
-    offsets = moves.read(table, waypoints, own, ("parts",))
+    waypoints = {name: points[part] for name, (part, _) in parts.items()}
+    offsets, units = moves.read(table, waypoints, own, (key,)), moves.names_and_units(table)
     for name, (part, move) in parts.items():
         channel = moves.meaning(name, table)[0]
         if channel not in known:
             reason = f"its move {part} would move {channel}, which is not a driven coordinate"
             raise _not_for_this_puppet(file, reason)
-        if channel in offsets and move.kind in file.sizes:
+        is_length = units[known[channel]][1] == "m"
+        if channel in offsets and move.kind in file.sizes and is_length:
             t, values = offsets[channel]
             offsets[channel] = t, move.size / file.sizes[move.kind] * values
-    for (key, string, *rest), text in own.found:
+    for (_, string, *rest), text in own.found:
         mistakes.add((key, parts[str(string)][0], *rest), text)
     mistakes.refuse()
     gesture = _travelling(file, table, offsets)
