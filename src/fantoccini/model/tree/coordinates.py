@@ -65,6 +65,7 @@ class CoordinateTable:
         commands: coordinate with a drive -> name of its command.
         axes: driven coordinate of a revolute or prismatic joint -> its axis, in the frame of the
             body that carries the joint.
+        carried: joints and strings with driven coordinates that a moving body carries.
     """
 
     rows: tuple[Coordinate, ...]
@@ -81,6 +82,7 @@ class CoordinateTable:
     start_K: np.ndarray
     commands: dict[str, str] = field(default_factory=dict)
     axes: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    carried: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         names = [*self.q_D, *self.q_K]

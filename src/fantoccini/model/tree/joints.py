@@ -51,6 +51,7 @@ class Table:
         self.rotations: dict[str, tuple[int, int]] = {}
         self.commands: dict[str, str] = {}
         self.axes: dict[str, tuple[float, ...]] = {}
+        self.carried: dict[str, None] = {}
 
     def add(
         self,
@@ -105,6 +106,7 @@ class Table:
             rotations=dict(self.rotations),
             commands=dict(self.commands),
             axes=dict(self.axes),
+            carried=tuple(self.carried),
             start_D=np.array(self.start[dynamic], dtype=float),
             start_K=np.array(self.start[driven], dtype=float),
         )
@@ -209,6 +211,8 @@ class Joints:
         axis = tuple((link.rotation @ link.axes).T.ravel().tolist())
         if kind in ("revolute", "prismatic") and link.role is Role.DRIVEN:
             self.table.axes[link.joint] = axis
+        if link.role is Role.DRIVEN and self._moves(link.parent, link.joint):
+            self.table.carried[link.joint] = None
         for name, own_q, own_v in _driveable(names):
             n_q, n_v = len(own_q), len(own_v)
             places = slice(at_q, at_q + n_q), slice(at_v, at_v + n_v)
@@ -228,6 +232,14 @@ class Joints:
             row = DriveRow(link.joint + name, index, *places, command_name, command, drive)
             self.drives.append(row)
         return index
+
+    def _moves(self, i: int, joint: str) -> bool:
+        """Whether a link moves other than by a joint."""
+        while i != WORLD:
+            if self.links[i].role is not Role.FIXED and self.links[i].joint != joint:
+                return True
+            i = self.links[i].parent
+        return False
 
     def _parts(
         self, name: str, kind: str, axes: tuple[str, ...], driven: bool

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.base import StateError
 from fantoccini.base.documents import Mistakes
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
-from fantoccini.theatre.gestures.roles import Roles
+from fantoccini.theatre.gestures.roles import Roles, moves_of
 from fantoccini.theatre.gestures.walking import walk_parameters
 
 _STEP_TIME = 0.8
 """Duration of a step [s]: a wrist rocks a bar more slowly than fingers wind strings."""
 _ROCK = np.radians(23.0)
 """Angle by which a leg bar rocks to each side [rad]."""
-_ROLL = np.radians(8.0)
-"""Angle by which a control without a leg bar rolls, which lifts the shoulders, too [rad]."""
 _EASE = 0.25
 """Part of a step that is walked in the first and in the last half of a step's time."""
 
@@ -34,34 +31,30 @@ def walk_on_control(
 
     Raises:
         InputError: the parameters have mistakes; all of them are listed.
-        StateError: all strings of the legs are not tied to one bar, or the bar does not move so.
+        StateError: the puppet has no leg bar, or bar and control do not move so.
     """
     n, step, angle = walk_parameters(roles, mistakes, count, length, turn)
     if angle != 0.0:
         text = f"found {np.degrees(angle):g} deg; needed: 0, since a control walks straight on"
         mistakes.add(("turn",), text)
     mistakes.refuse()
-    rocks, heights = _rocking(n), _ROCK
-    if "leg_bar" not in roles.bars:
-        raise StateError("it rocks the leg bar; the strings of the legs are not tied to one bar")
-    if roles.bars["leg_bar"] == roles.bars["control"]:
-        heights = _ROLL
     t = _STEP_TIME * np.array([0.0, 0.5, n - 0.5, n])
     way = step * np.array([0.0, _EASE, n - _EASE, n])
     if n == 1:
         t, way = t[[0, -1]], way[[0, -1]]
-    points = {
-        f"{roles.bars['leg_bar']}.roll_right": [(a, heights * b) for a, b in rocks],
-        f"{roles.bars['control']}.forward": list(zip(t.tolist(), way.tolist(), strict=True)),
+    offsets = {
+        "leg_bar.roll_right": _rocking(n),
+        "control.forward": list(zip(t.tolist(), way.tolist(), strict=True)),
     }
+    points = {name: offsets[part] for name, (part, _) in moves_of(roles, offsets).items()}
     marks: dict[str, float] = {}
     for k in range(n):
         marks[numbered(("left", "right")[k % 2], marks)] = (k + 0.5) * _STEP_TIME
     walk = Gesture.of(roles.marionette, points, travels=True, name="walk", marks=marks)
-    return walk.turned(roles.heading) if roles.heading else walk
+    return walk.turned(roles.heading, bodies=True) if roles.heading else walk
 
 
 def _rocking(n: int) -> list[tuple[float, float]]:
-    """Times [s] and sides of n steps: 1 where the left knee is highest, -1 for the right."""
-    peaks = [((k + 0.5) * _STEP_TIME, (-1.0) ** k) for k in range(n)]
+    """Times [s] and angles [rad] of n steps; the left knee is highest where they are positive."""
+    peaks = [((k + 0.5) * _STEP_TIME, (-1.0) ** k * _ROCK) for k in range(n)]
     return [(0.0, 0.0), *peaks, (n * _STEP_TIME, 0.0)]

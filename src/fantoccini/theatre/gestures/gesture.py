@@ -297,21 +297,26 @@ class Gesture:
             named[to], travel[to] = self.named[v], sign * self.travel[v]
         return replace(self, coef=coef, named=named, travel=travel)
 
-    def turned(self, angle: float) -> Gesture:
-        """Copy turned about the vertical by an angle, for a puppet that has turned [rad].
+    def turned(self, angle: float, *, bodies: bool = False) -> Gesture:
+        """Copy turned about the vertical by an angle [rad], for a puppet that has turned.
+
+        Args:
+            angle: angle to the left.
+            bodies: whether axes of driven bodies turn, too: for a puppet that looks elsewhere in
+                its file. A puppet that has turned has turned them with it.
 
         Raises:
             StateError: it moves an end along x or y that is not driven along both.
         """
         coef, travel, named = np.array(self.coef), np.array(self.travel), np.array(self.named)
         c, s = np.cos(angle), np.sin(angle)
-        for x, y in moves.planes(self.coordinates, self.named):
+        for x, y in moves.planes(self.coordinates, self.named, bodies):
             a, b = self.coef[:, x], self.coef[:, y]
             coef[:, x], coef[:, y] = c * a - s * b, s * a + c * b
             a, b = self.travel[x], self.travel[y]
             travel[x], travel[y] = c * a - s * b, s * a + c * b
             named[[x, y]] = True
-        for v, axes in turned_axes(self.coordinates, angle):
+        for v, axes in turned_axes(self.coordinates, angle) if bodies else ():
             coef[:, v] = np.einsum("ij,njk->nik", axes, coef[:, v])
         return replace(self, coef=coef, travel=travel, named=named)
 

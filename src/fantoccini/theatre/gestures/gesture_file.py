@@ -279,7 +279,7 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     mistakes.refuse()
     gesture = _travelling(file, table, offsets)
     try:
-        return gesture.turned(roles.heading) if roles.heading else gesture
+        return gesture.turned(roles.heading, bodies=True) if roles.heading else gesture
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
 
@@ -305,6 +305,8 @@ def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
     except StateError as error:
         raise FileError([Mistake(file or name, None, "", str(error))]) from None
     moves_at_all = gesture.named & np.any(np.abs(gesture.peaks) > _MAX_REST_PEAK, axis=0)
+    for _, v in gesture.coordinates.rotations.values():
+        moves_at_all[v : v + 3] = moves_at_all[v : v + 3].any()
     if not moves_at_all.any():
         raise FileError([Mistake(file or name, None, "", "nothing moves in this take")])
     return dataclasses.replace(

@@ -98,7 +98,7 @@ class Roles:
     def bars(self) -> dict[str, str]:
         """Bar -> its joint: ``control``, and ``leg_bar`` for the bar of all strings of the legs.
 
-        Other kinds of limbs have such bars, too. A bar may be the control itself.
+        Other kinds of limbs have such bars, too, unless their strings are tied to the control.
         """
         if not self.body_map.control:
             return {}
@@ -107,8 +107,8 @@ class Roles:
         for kind in KINDS:
             limbs = [limb for limb in self.body_map.limbs if limb.kind == kind]
             joints = {self._holding(string) for limb in limbs for string in limb.strings}
-            if len(joints) == 1 and (joint := joints.pop()):
-                bars[f"{kind}_bar"] = joint
+            if len(joints) == 1 and not joints & {"", bars["control"]}:
+                bars[f"{kind}_bar"] = joints.pop()
         return bars
 
     def _holding(self, string: str) -> str:
