@@ -14,6 +14,7 @@ import numpy as np
 import fantoccini as fan
 from fantoccini.motion import Trajectory
 from fantoccini.output import view
+from fantoccini.theatre.script import is_score
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
@@ -35,7 +36,7 @@ class Piece:
         inputs: name of the performance; None if nothing is driven.
         start: coordinates at the start that differ from the rest pose.
         duration: duration of the motion [s].
-        part: interval of the film [s].
+        part: interval of the film [s]; None for no film.
         times: times of the strip's poses [s].
         view: preset, or azimuth and elevation in degrees.
         focus: framing of the film; ``bodies`` may crop strings.
@@ -48,7 +49,7 @@ class Piece:
     puppet: str
     text: str
     duration: float
-    part: tuple[float, float]
+    part: tuple[float, float] | None
     times: tuple[float, ...]
     inputs: str | None = None
     start: dict[str, float] = field(default_factory=dict)
@@ -144,6 +145,18 @@ PIECES = (
         theme="light",
         size=(320, 440),
         speed=1.5,
+    ),
+    Piece(
+        "airplane",
+        "The same puppet on an airplane control. Tipped, the control lets the head nod; tipped "
+        "further, its back string makes the puppet bow. The leg bar rocks for a walk, and the hand "
+        "bar comes off for a wave. The motion is a score of bundled gestures.",
+        duration=15.0,
+        part=None,
+        times=(0.0, 1.35, 2.6, 3.4, 4.2, 5.0, 8.6, 9.3, 12.7),
+        inputs="parade",
+        dt=2e-3,
+        view=(-70.0, 8.0),
     ),
     Piece(
         "dachshund",
@@ -281,10 +294,12 @@ def perform(piece: Piece) -> tuple[fan.Marionette, Trajectory]:
         return marionette, fan.simulate(
             marionette, marionette.state(piece.start), None, piece.duration
         )
-    inputs = fan.Input.load(marionette, ROOT / PERFORMANCES / f"{piece.inputs}.yaml")
+    path, x0 = ROOT / PERFORMANCES / f"{piece.inputs}.yaml", marionette.rest()
+    score = fan.load_score(marionette, path) if is_score(path) else None
+    inputs = fan.Input.load(marionette, path) if score is None else score.inputs(x0)
     return marionette, fan.simulate(
         marionette,
-        marionette.rest(),
+        x0,
         inputs,
         piece.duration,
         method=method,
@@ -293,7 +308,7 @@ def perform(piece: Piece) -> tuple[fan.Marionette, Trajectory]:
 
 
 def draw(piece: Piece, marionette: fan.Marionette, run: Trajectory) -> None:
-    """Writes strip and film of a piece."""
+    """Writes strip of a piece, and its film if it has one."""
     other = {"dark": "light", "light": "dark"}[piece.theme]
     view.strip(
         marionette,
@@ -304,6 +319,8 @@ def draw(piece: Piece, marionette: fan.Marionette, run: Trajectory) -> None:
         theme=other,
         scale=0.6,
     )
+    if piece.part is None:
+        return
     start, stop = piece.part
     times = np.arange(start, stop, piece.speed / FPS)
     view.film(
@@ -381,12 +398,14 @@ def page() -> str:
     parts = [_HEAD]
     for piece in PIECES:
         pace = "" if piece.speed == 1.0 else f", {piece.speed:g} times as fast"
+        film = note = ""
+        if piece.part is not None:
+            film = f"![{piece.puppet}: film](pictures/gallery/{piece.puppet}.gif)\n\n"
+            note = f"Film: {piece.part[0]:g} to {piece.part[1]:g} s{pace}. "
         parts.append(
-            f"## {piece.puppet}\n\n{piece.text}\n\n"
-            f"![{piece.puppet}: film](pictures/gallery/{piece.puppet}.gif)\n\n"
+            f"## {piece.puppet}\n\n{piece.text}\n\n{film}"
             f"![{piece.puppet}: poses](pictures/gallery/{piece.puppet}.png)\n\n"
-            f"Film: {piece.part[0]:g} to {piece.part[1]:g} s{pace}. The motion:\n\n"
-            f"```\n{piece.command}\n```\n"
+            f"{note}The motion:\n\n```\n{piece.command}\n```\n"
         )
     plays = [
         f"## A play: {name}\n\n{text} It is written in "

@@ -31,6 +31,7 @@ ENUMERATIONS = ("AnswerStatus", "EventKind", "PolishStatus", "Status")
 """Enumerations whose members have no docstrings."""
 
 BUNDLED = (
+    "airplane",
     "arm2d",
     "arm3d",
     "crane",

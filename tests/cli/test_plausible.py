@@ -14,6 +14,7 @@ import fantoccini as fan
 from fantoccini.dynamics.equilibrium import input_warnings, warnings
 from fantoccini.dynamics.marionette import loads
 from fantoccini.model.tree import measure
+from fantoccini.theatre.script import is_score
 
 pytestmark = pytest.mark.medium
 
@@ -25,6 +26,7 @@ PERFORMANCES = {
     "greeting": "marionette",
     "hello": "hans",
     "hoist": "crane",
+    "parade": "airplane",
     "roar": "dragon",
     "stir": "arm3d",
     "stroll": "stroll",
@@ -251,6 +253,11 @@ def test_bundled_files_give_no_warning(name):
 def test_the_bundled_performances_give_no_warning(name):
     assert sorted(PERFORMANCES) == sorted(fan.puppets.performances())
     marionette = fan.load(fan.puppets.path(PERFORMANCES[name]))
-    assert (
-        input_warnings(marionette, fan.Input.load(marionette, fan.puppets.performance(name))) == []
-    )
+    path = fan.puppets.performance(name)
+    if is_score(path):
+        score = fan.load_score(marionette, path)
+        assert score.changes == ()
+        inputs = score.inputs(marionette.rest())
+    else:
+        inputs = fan.Input.load(marionette, path)
+    assert input_warnings(marionette, inputs) == []

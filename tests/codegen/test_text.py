@@ -22,6 +22,13 @@ pytestmark = pytest.mark.medium
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 
 OPERATIONS = {
+    "airplane": {
+        "dynamics": 6328,
+        "step_dynamics": 6973,
+        "effort": 1515,
+        "energy": 1440,
+        "rows": 760,
+    },
     "arm2d": {"dynamics": 140, "step_dynamics": 121, "effort": 26, "energy": 46, "rows": 24},
     "arm3d": {"dynamics": 331, "step_dynamics": 337, "effort": 56, "energy": 98, "rows": 54},
     "crane": {"dynamics": 261, "step_dynamics": 277, "effort": 32, "energy": 68, "rows": 29},

@@ -76,9 +76,9 @@ def test_lengths_may_have_units(twins):
     ("points", "message"),
     [
         ({"line_left.upp": [(0, 0)]}, "did you mean 'line_left.up'"),
-        ({"bar.rotation": [(0, 0)]}, "is a rotation"),
-        ({"left_bob.x": [(0, 0)]}, "neither a driven coordinate"),
-        ({"bar.up": [(0, 0)]}, "would move bar.length"),
+        ({"bar.rotation": [(0, 0)]}, "found 0; needed: a rotation vector of 3 angles"),
+        ({"left_bob.x": [(0, 0)]}, "is not a driven coordinate, or a string"),
+        ({"line_left.tip_back": [(0, 0)]}, "no direction of line_left, which can move up, down"),
         ({"line_left.up": [(0, 0)], "line_left.length": [(0, 0)]}, "as line_left.up does"),
         ({"line_left.up": [(0, "3 ft")]}, "needed: a length"),
         ({"line_left.up": [(1, 0), (0, 0)]}, "times must increase"),
@@ -143,14 +143,14 @@ puppet: levers
 bodies:
 - {name: arm_left, joint: {name: lever_left, type: revolute, axis: [1, 0, 0], driven: true}}
 - {name: arm_right, joint: {name: lever_right, type: revolute, axis: [-1, 0, 0], driven: true}}
-- {name: post, joint: {name: yaw, type: revolute, axis: [0, 0, 1], driven: true}}
+- {name: post, joint: {name: skew, type: revolute, axis: [0, 0.6, 0.8], driven: true}}
 - {name: bob, parent: post, joint: {name: pin, type: revolute, axis: [0, 1, 0]}, mass: 1.0,
    com: [0, 0, -0.5], inertia: [0.1, 0.1, 0.01]}
 """)
     lift = fan.theatre.Gesture.of(puppet, {"lever_left": [(0, 0), (1, "30 deg")]})
     assert offset(lift.mirrored(), "lever_right", 1.0) == pytest.approx(np.radians(30))
-    with pytest.raises(StateError, match="mirror image of the joint yaw"):
-        fan.theatre.Gesture.of(puppet, {"yaw": [(0, 0), (1, 0.1)]}).mirrored()
+    with pytest.raises(StateError, match="mirror image of the joint skew"):
+        fan.theatre.Gesture.of(puppet, {"skew": [(0, 0), (1, 0.1)]}).mirrored()
 
 
 def test_marks_of_repetitions_are_numbered(twins):

@@ -14,6 +14,7 @@ from fantoccini.model.tree import Tree, grow
 
 # name: n_qD, n_vD, n_qK, n_vK, strings
 SIZES = {
+    "airplane": (31, 25, 15, 13, 8),
     "arm2d": (2, 2, 2, 2, 1),
     "arm3d": (5, 4, 3, 3, 1),
     "crane": (7, 6, 2, 2, 1),
@@ -87,13 +88,11 @@ def test_the_marionette_has_the_size_of_a_wooden_one() -> None:
     assert strings == {"head", *sides}
 
 
-def test_the_three_marionettes_are_one_puppet() -> None:
-    plain, bar, stand = (
-        bundled(n)[0].expanded() for n in ("marionette", "marionette_bar", "stand6")
-    )
-    other_bodies = {b.name: b for b in bar.bodies}, {b.name: b for b in stand.bodies}
+def test_the_marionettes_are_one_puppet() -> None:
+    names = ("marionette", "marionette_bar", "stand6", "airplane")
+    plain, *others = (bundled(n)[0].expanded() for n in names)
     for body in plain.bodies:
-        assert other_bodies[0][body.name] == body
-        assert other_bodies[1][body.name] == body
+        for other in others:
+            assert {b.name: b for b in other.bodies}[body.name] == body
     for body in plain.bodies:
         assert all(shape_inertia(s)[0] > 0 for s in body.shapes)

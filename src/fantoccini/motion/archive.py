@@ -224,9 +224,17 @@ def table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> Coordi
         **(places | names),
         rotations=dict(zip(rotations, turns, strict=True)),
         commands=commands,
+        carried=npz.texts(data.get("carried", []), "coordinates.carried"),
+        axes={name: _axis(axis) for name, axis in data.get("axes", {}).items()},
         start_D=npz.checked(arrays, "start_D", (len(names["q_D"]),)),
         start_K=npz.checked(arrays, "start_K", (len(names["q_K"]),)),
     )
+
+
+def _axis(numbers: Any) -> tuple[float, ...]:
+    """An axis of three numbers."""
+    x, y, z = map(float, numbers)
+    return x, y, z
 
 
 def _places(

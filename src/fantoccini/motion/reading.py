@@ -111,14 +111,14 @@ def waypoints(
         if not _given_once(name, written, spelt, path, mistakes):
             continue
         if name in table.rotations:
-            series = _series(points, mistakes, path, _quaternion)
-            if series is not None and _turns(points, series[1], mistakes, path):
-                read[name] = series
+            rotations = series(points, mistakes, path, _quaternion)
+            if rotations is not None and _turns(points, rotations[1], mistakes, path):
+                read[name] = rotations
         else:
             scalar = partial(number, angle=units.get(name) == "rad")
-            series = _series(points, mistakes, path, scalar)
-            if series is not None:
-                read[name] = series
+            values = series(points, mistakes, path, scalar)
+            if values is not None:
+                read[name] = values
     return read
 
 
@@ -134,9 +134,9 @@ def forces(
                 path, f"is not the name of a dynamic velocity{nearest(str(name), table.v_D)}"
             )
             continue
-        series = _series(points, mistakes, path, number, steps=True)
-        if series is not None:
-            read[name] = series
+        values = series(points, mistakes, path, number, steps=True)
+        if values is not None:
+            read[name] = values
     return read
 
 
@@ -173,7 +173,7 @@ def _quaternion(value: Any) -> Array:
     return rotation.normalised(parts)
 
 
-def _series(
+def series(
     points: Any,
     mistakes: Mistakes,
     path: Path,

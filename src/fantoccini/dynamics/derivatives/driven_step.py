@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cached_property
 
 import numpy as np
 
@@ -38,26 +39,35 @@ class DrivenStep:
     """
 
     def __init__(self, quaternions: Iterable[tuple[int, int]], v_K: Array, acc_K: Array, dt: float):
-        self._quaternions, self.dt, k = tuple(quaternions), dt, len(v_K)
+        self._quaternions, self.dt = tuple(quaternions), dt
         self._move = dt * v_K + 0.5 * dt * dt * acc_K
-        end, by_v, by_a = v_K + dt * acc_K, np.eye(k), dt * np.eye(k)
+        self._end_rates = v_K + dt * acc_K
+        end = self._end_rates.copy()
         for _, v in self._quaternions:
             here = slice(v, v + 3)
-            phi, speed = self._move[here], end[here].copy()
+            end[here] = rotation.right_jacobian(self._move[here]) @ end[here]
+        self.rate = self._move / dt
+        self.mean = (end - v_K) / dt
+
+    @cached_property
+    def _end_by(self) -> tuple[Array, Array]:
+        """Derivatives (n_vK, n_vK) of v_K at the end by v_K and acc_K at the start."""
+        dt, k = self.dt, len(self.rate)
+        by_v, by_a = np.eye(k), dt * np.eye(k)
+        for _, v in self._quaternions:
+            here = slice(v, v + 3)
+            phi, speed = self._move[here], self._end_rates[here]
             J = rotation.right_jacobian(phi)
             bend = np.stack(
                 [rotation.right_jacobian_rate(phi, e) @ speed for e in np.eye(3)], axis=1
             )
-            end[here] = J @ speed
             by_v[here, here] = dt * bend + J
             by_a[here, here] = 0.5 * dt * dt * bend + dt * J
-        self.rate = self._move / dt
-        self.mean = (end - v_K) / dt
-        self._end_by_v, self._end_by_a = by_v, by_a
+        return by_v, by_a
 
     def mean_by(self, here: slice) -> tuple[Array, Array]:
         """Derivatives of a part of ``mean`` by the same part of v_K and acc_K."""
-        by_v, by_a = self._end_by_v[here, here], self._end_by_a[here, here]
+        by_v, by_a = (whole[here, here] for whole in self._end_by)
         return (by_v - np.eye(len(by_v))) / self.dt, by_a / self.dt
 
     def chain(self, n: int, n_p: int) -> Array:
@@ -75,6 +85,6 @@ class DrivenStep:
         move, speed = np.zeros((k, 3 * n + 3 * k + n_p)), np.zeros((k, 3 * n + 3 * k + n_p))
         v, a = slice(2 * n + k, 2 * n + 2 * k), slice(2 * n + 2 * k, 2 * n + 3 * k)
         move[:, v], move[:, a] = dt * np.eye(k), 0.5 * dt * dt * np.eye(k)
-        speed[:, v], speed[:, a] = self._end_by_v, self._end_by_a
+        speed[:, v], speed[:, a] = self._end_by
         moved = carried(self._quaternions, self._move, move[:, 2 * n :], k)
         return np.concatenate([np.concatenate([np.zeros((k, 2 * n)), moved], axis=1), speed])

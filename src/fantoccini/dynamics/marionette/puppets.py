@@ -17,6 +17,13 @@ from fantoccini.model.puppet import (
 )
 
 
+def airplane(
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """The full marionette on an airplane control: main bar, rocking leg bar and hand bar."""
+    return load(path("airplane"), progress, string_model=string_model)
+
+
 def arm2d(
     progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:

@@ -63,6 +63,9 @@ class CoordinateTable:
         rotations: name of the rotation channel (``bar.rotation``) -> (q, v), driven ones only.
         start_D, start_K: configuration in the file's pose; nan for driven lengths not in it.
         commands: coordinate with a drive -> name of its command.
+        axes: driven coordinate of a revolute or prismatic joint -> its axis, in the frame of the
+            body that carries the joint.
+        carried: joints and strings with driven coordinates that a moving body carries.
     """
 
     rows: tuple[Coordinate, ...]
@@ -78,6 +81,8 @@ class CoordinateTable:
     start_D: np.ndarray
     start_K: np.ndarray
     commands: dict[str, str] = field(default_factory=dict)
+    axes: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    carried: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         names = [*self.q_D, *self.q_K]

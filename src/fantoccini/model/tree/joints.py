@@ -50,6 +50,8 @@ class Table:
         self.scalars: dict[Role, list[tuple[int, int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
         self.rotations: dict[str, tuple[int, int]] = {}
         self.commands: dict[str, str] = {}
+        self.axes: dict[str, tuple[float, ...]] = {}
+        self.carried: dict[str, None] = {}
 
     def add(
         self,
@@ -103,6 +105,8 @@ class Table:
             scalars_K=tuple(self.scalars[driven]),
             rotations=dict(self.rotations),
             commands=dict(self.commands),
+            axes=dict(self.axes),
+            carried=tuple(self.carried),
             start_D=np.array(self.start[dynamic], dtype=float),
             start_K=np.array(self.start[driven], dtype=float),
         )
@@ -204,6 +208,11 @@ class Joints:
         q, v = self.table.add(link.joint, kind, link.role, *names, list(values.values()))
         self.links.append(replace(link, q=q, v=v))
         index, at_q, at_v = len(self.links) - 1, q.start, v.start
+        axis = tuple((link.rotation @ link.axes).T.ravel().tolist())
+        if kind in ("revolute", "prismatic") and link.role is Role.DRIVEN:
+            self.table.axes[link.joint] = axis
+        if link.role is Role.DRIVEN and self._moves(link.parent, link.joint):
+            self.table.carried[link.joint] = None
         for name, own_q, own_v in _driveable(names):
             n_q, n_v = len(own_q), len(own_v)
             places = slice(at_q, at_q + n_q), slice(at_v, at_v + n_v)
@@ -218,9 +227,19 @@ class Joints:
                 q_K, v_K = self.table.add(owner, kind, Role.DRIVEN, own_q, own_v, own_start)
                 command, command_name = (q_K.start, v_K.start), owner + name
                 self.table.commands[link.joint + name] = command_name
+                if kind in ("revolute", "prismatic"):
+                    self.table.axes[command_name] = axis
             row = DriveRow(link.joint + name, index, *places, command_name, command, drive)
             self.drives.append(row)
         return index
+
+    def _moves(self, i: int, joint: str) -> bool:
+        """Whether a link moves other than by a joint."""
+        while i != WORLD:
+            if self.links[i].role is not Role.FIXED and self.links[i].joint != joint:
+                return True
+            i = self.links[i].parent
+        return False
 
     def _parts(
         self, name: str, kind: str, axes: tuple[str, ...], driven: bool

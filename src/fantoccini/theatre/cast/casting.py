@@ -83,7 +83,7 @@ class Player:
         places = [
             complex(hangs[f"{owner}.x"], hangs[f"{owner}.y"])
             for owner in owners
-            if {f"{owner}.x", f"{owner}.y"} <= {*table.q_K}
+            if {f"{owner}.x", f"{owner}.y"} <= {*table.q_K} and owner not in table.carried
         ]
         poses = self.alone.poses(hangs.q_D[None], hangs.q_K[None])[0]
         places += [complex(x, y) for x, y in poses[:, :2, 3]]
@@ -344,12 +344,13 @@ def placed(alone: Marionette, hangs: State, there: Footing) -> State:
 
         z' = z_there + exp(i heading) (z - z_middle)
 
-    z = x + i y of the ends of strings and of free bodies.
+    z = x + i y of the ends of strings and of free bodies; what a moving body carries goes with it.
     """
     table, turn = alone.coordinates, np.exp(1j * there.heading)
     middle = _middle(alone, hangs)
     q = _values(alone, hangs)
-    for owner in dict.fromkeys(name.rpartition(".")[0] for name in q):
+    owners = dict.fromkeys(name.rpartition(".")[0] for name in q)
+    for owner in (owner for owner in owners if owner not in table.carried):
         x, y = f"{owner}.x", f"{owner}.y"
         if x in q and y in q:
             z = there.place + turn * (complex(q[x], q[y]) - middle)

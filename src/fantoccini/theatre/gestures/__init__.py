@@ -36,11 +36,19 @@ from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
 from fantoccini.theatre.gestures.styling import Style
 from fantoccini.theatre.gestures.timekeeping import Late, lateness
-from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, limits, transition
+from fantoccini.theatre.gestures.transitions import (
+    ACCELERATION,
+    ARM,
+    SAME,
+    SPEED,
+    limits,
+    transition,
+)
 from fantoccini.theatre.gestures.walking import SWAY, steps
 
 __all__ = [
     "ACCELERATION",
+    "ARM",
     "MADE",
     "SAME",
     "SPEED",

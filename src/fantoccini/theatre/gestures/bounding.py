@@ -9,6 +9,7 @@ import numpy as np
 from fantoccini.base import Array
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.joining import Motion
+from fantoccini.theatre.gestures.moves import names_and_units
 from fantoccini.theatre.gestures.score import Played
 from fantoccini.theatre.script import Cue, ScoreCue, ScriptLog
 
@@ -23,16 +24,18 @@ def note_passed(whole: Gesture, most: Array, cues: Cues, log: ScriptLog) -> None
     sizes, middle = whole.peaks_of_pieces, 0.5 * (whole.breaks[1:] + whole.breaks[:-1])
     over = sizes > most * (1.0 + _ROUNDING)
     worst: dict[tuple[int, int, int], int] = {}
+    driven = names_and_units(whole.coordinates)
     for piece, row, v in np.argwhere(over).tolist():
         for i in moving(cues, float(middle[piece]), v):
             before = worst.setdefault((i, row, v), piece)
             if sizes[piece, row, v] > sizes[before, row, v]:
                 worst[i, row, v] = piece
     for (i, row, v), piece in worst.items():
-        what, unit = (("moves at", "m/s"), ("changes by", "m/s^2"))[row]
+        what, per = (("moves at", "s"), ("changes by", "s^2"))[row]
+        name, unit = driven[v][0], f"{driven[v][1]}/{per}"
         log.change(
             cues[i][0].spot,
-            f"{whole.coordinates.v_K[v]} {what} {sizes[piece, row, v]:.4g} {unit} "
+            f"{name} {what} {sizes[piece, row, v]:.4g} {unit} "
             f"{log.in_words(whole.breaks[piece])}; the bound is {most[row, v]:.4g}: play it "
             "smaller or slower",
         )

@@ -7,30 +7,20 @@ d(t) is a piecewise quintic, C^1 at its breaks. Coordinates that a gesture does 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.base import (
-    Array,
-    MaskRows,
-    StateError,
-    Times,
-    UnknownNameError,
-    VecK,
-    check_positive,
-    frozen,
-)
+from fantoccini.base import Array, MaskRows, StateError, Times, VecK, check_positive, frozen
 from fantoccini.base.documents import Mistakes
 from fantoccini.motion import SAME_TIME, Input, State, Table, binding, pieces, reading
 from fantoccini.theatre.gestures import moves, piecewise
 from fantoccini.theatre.gestures.joining import Line, Motion
 from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, Most, limits
-from fantoccini.theatre.gestures.turns import from_start
+from fantoccini.theatre.gestures.turns import end_shift, from_start, turned_axes, with_rotations
 
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
@@ -151,11 +141,13 @@ class Gesture:
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
-            points: moved name -> list of (t [s], offset [m or rad]). A name is a driven coordinate
-                (``hand_right.length``), or a string and a direction: ``hand_right.up`` and
-                ``.down`` wind it, ``.forward``, ``.back``, ``.left`` and ``.right`` carry its end
-                along x and y, ``.out`` and ``.in`` away from the middle and towards it, for names
-                with left or right.
+            points: moved name -> list of (t [s], offset [m, rad, or rotation vector]). A name is a
+                driven coordinate (``hand_right.length``, ``bar.rotation``), or a string or driven
+                body and a direction: ``.up`` and ``.down`` wind a string or lift a body,
+                ``.forward``, ``.back``, ``.left`` and ``.right`` carry it along x and y, ``.out``
+                and ``.in`` away from the middle and towards it, for names with left or right.
+                ``.tip_forward``, ``.tip_back``, ``.roll_left``, ``.roll_right``, ``.turn_left`` and
+                ``.turn_right`` are parts of a body's rotation vector.
             travels: whether the puppet is at its new place afterwards, as after a walk.
             name, marks: see the class.
 
@@ -180,12 +172,16 @@ class Gesture:
         name: str = "",
         marks: Mapping[str, float] | None = None,
     ) -> Gesture:
-        """Gesture as in :meth:`of`, from arrays: driven scalar coordinate -> times and offsets."""
-        channels = pieces.through_waypoints(table, offsets)
+        """Gesture as in :meth:`of`, from arrays by the names of :func:`moves.places`.
+
+        Raises:
+            StateError: it travels, and a driven body ends turned.
+        """
+        channels = with_rotations(table, pieces.through_waypoints(table, offsets))
         breaks, coef, _, named = pieces.assembled(table, channels, (0.0,))
         coef[:, ~named] = 0.0
         gesture = cls(table, breaks, coef, named, np.zeros(table.n_vK), name, dict(marks or {}))
-        return dataclasses.replace(gesture, travel=gesture.ends[0][1]) if travels else gesture
+        return replace(gesture, travel=end_shift(table, gesture.ends[0][1])) if travels else gesture
 
     @classmethod
     def of_input(cls, inputs: Input, *, travels: bool = False, name: str = "") -> Gesture:
@@ -196,18 +192,16 @@ class Gesture:
             travels, name: see :meth:`of`.
 
         Raises:
-            StateError: a driven body turns by nearly 180 degrees, or it travels and turns a body.
+            StateError: a driven body turns by nearly 180 degrees, or it travels and a driven body
+                ends turned.
         """
         table, coef = inputs.coordinates, from_start(inputs, np.diff(inputs.breaks))
         for _, v in table.scalars_K:
             coef[:, v, 0] -= coef[0, v, 0]
-        turned = [v for _, v in table.rotations.values() if inputs.named[v]]
-        if travels and turned:
-            raise StateError("a gesture that turns a driven body cannot travel")
         coef[:, ~inputs.named] = 0.0
         breaks = inputs.breaks - inputs.breaks[0]
         gesture = cls(table, breaks, coef, inputs.named, np.zeros(table.n_vK), name or inputs.name)
-        return dataclasses.replace(gesture, travel=gesture.ends[0][1]) if travels else gesture
+        return replace(gesture, travel=end_shift(table, gesture.ends[0][1])) if travels else gesture
 
     @classmethod
     def rest(cls, table: Table, duration: float = 0.5, *, everything: bool = True) -> Gesture:
@@ -228,7 +222,7 @@ class Gesture:
 
     def called(self, name: str) -> Gesture:
         """Copy with another name."""
-        return dataclasses.replace(self, name=name)
+        return replace(self, name=name)
 
     def scaled(self, factor: float) -> Gesture:
         """Copy with all offsets multiplied by a factor.
@@ -239,12 +233,12 @@ class Gesture:
         check_positive(factor=factor)
         if self.turns and factor != 1.0:
             raise StateError(f"{self.name} turns, and cannot be scaled; give it another turn")
-        return dataclasses.replace(self, coef=factor * self.coef, travel=factor * self.travel)
+        return replace(self, coef=factor * self.coef, travel=factor * self.travel)
 
     def faster(self, factor: float) -> Gesture:
         """Copy that takes 1/factor of the time; below 1 it is slower."""
         check_positive(factor=factor)
-        return dataclasses.replace(
+        return replace(
             self,
             breaks=self.breaks / factor,
             coef=piecewise.faster(self.coef, factor),
@@ -260,7 +254,7 @@ class Gesture:
         """Copy after a pause at its first offsets [s]."""
         check_positive(by=by)
         clock = np.append(0.0, self.breaks + by)
-        return dataclasses.replace(
+        return replace(
             self,
             breaks=clock,
             coef=piecewise.on(self.breaks + by, self.coef, clock),
@@ -280,13 +274,11 @@ class Gesture:
         points = {name: [(0.0, offset)] for name, offset in by.items()}
         read = moves.read(self.coordinates, points, mistakes)
         mistakes.refuse()
-        coef, named = np.array(self.coef), np.array(self.named)
-        places = pieces.channel_names(self.coordinates)
+        coef, places = np.array(self.coef), moves.places(self.coordinates)
         for name, (_, offsets) in read.items():
-            v = places[name][1].start
-            coef[:, v, 0] += offsets[0]
-            named[v] = True
-        return dataclasses.replace(self, coef=coef, named=named)
+            coef[:, places[name], 0] += offsets[0]
+        named = self.named | Gesture.of_offsets(self.coordinates, read).named
+        return replace(self, coef=coef, named=named)
 
     def mirrored(self) -> Gesture:
         """Reflection in the x-z plane: names with left and right are exchanged.
@@ -296,39 +288,37 @@ class Gesture:
 
         Raises:
             UnknownNameError: a coordinate has no twin.
-            StateError: it moves a joint without a side.
+            StateError: it moves a joint in the middle whose axis is neither along y nor across it.
         """
         coef, travel = np.zeros_like(self.coef), np.zeros_like(self.travel)
         named = np.zeros_like(self.named)
-        places = pieces.channel_names(self.coordinates)
-        for name, (_, v) in places.items():
-            twin = moves.twin(name)
-            if not self.named[v.start]:
-                continue
-            if twin not in places:
-                raise UnknownNameError("driven coordinate", twin, list(places))
-            to, sign = places[twin][1], moves.reflection(name)
-            if sign is None:
-                raise StateError(f"the mirror image of the joint {name} is not known")
+        for v, to, sign in moves.images(self.coordinates, self.named):
             coef[:, to] = sign[:, None] * self.coef[:, v]
             named[to], travel[to] = self.named[v], sign * self.travel[v]
-        return dataclasses.replace(self, coef=coef, named=named, travel=travel)
+        return replace(self, coef=coef, named=named, travel=travel)
 
-    def turned(self, angle: float) -> Gesture:
-        """Copy turned about the vertical by an angle, for a puppet that has turned [rad].
+    def turned(self, angle: float, *, bodies: bool = False) -> Gesture:
+        """Copy turned about the vertical by an angle [rad], for a puppet that has turned.
+
+        Args:
+            angle: angle to the left.
+            bodies: whether axes of driven bodies turn, too: for a puppet that looks elsewhere in
+                its file. A puppet that has turned has turned them with it.
 
         Raises:
-            StateError: it moves an end along x or y that is not driven along both, or turns a body.
+            StateError: it moves an end along x or y that is not driven along both.
         """
         coef, travel, named = np.array(self.coef), np.array(self.travel), np.array(self.named)
         c, s = np.cos(angle), np.sin(angle)
-        for x, y in moves.planes(self.coordinates, self.named):
+        for x, y in moves.planes(self.coordinates, self.named, bodies):
             a, b = self.coef[:, x], self.coef[:, y]
             coef[:, x], coef[:, y] = c * a - s * b, s * a + c * b
             a, b = self.travel[x], self.travel[y]
             travel[x], travel[y] = c * a - s * b, s * a + c * b
             named[[x, y]] = True
-        return dataclasses.replace(self, coef=coef, travel=travel, named=named)
+        for v, axes in turned_axes(self.coordinates, angle) if bodies else ():
+            coef[:, v] = np.einsum("ij,njk->nik", axes, coef[:, v])
+        return replace(self, coef=coef, travel=travel, named=named)
 
     def repeated(self, times: int, **options: Any) -> Gesture:
         """Copy repeated several times in a row; options are those of :meth:`then`.
@@ -353,8 +343,9 @@ class Gesture:
 
         Args:
             others: gestures of the same puppet.
-            speed, acceleration: bounds of the transitions, for all or by name [m/s, m/s^2, rad/s,
-                rad/s^2]. They do not apply to the gestures: see :attr:`peaks`.
+            speed, acceleration: bounds of the transitions, for all [m/s, m/s^2; of turns 0.4 m from
+                the axis], or by name [m/s, m/s^2, rad/s, rad/s^2]. They do not apply to the
+                gestures: see :attr:`peaks`.
 
         Raises:
             ValueError: they are of different puppets, or a bound is not greater than 0.
@@ -373,9 +364,11 @@ class Gesture:
     def __add__(self, other: Gesture) -> Gesture:
         """Sum of two gestures from the same time on; the shorter one holds its end.
 
+        Turns of one body add as rotation vectors.
+
         Raises:
             ValueError: they are of different puppets.
-            StateError: the shorter one ends in motion, or both turn one driven body.
+            StateError: the shorter one ends in motion.
         """
         if not isinstance(other, Gesture):
             return NotImplemented
@@ -383,9 +376,6 @@ class Gesture:
         shorter = min(self, other, key=lambda one: one.duration)
         if self.duration != other.duration and np.max(np.abs(shorter.ends[1][1])) > _MAX_REST_SPEED:
             raise StateError(f"{shorter!r} ends in motion; what is added to it must end with it")
-        for label, (_, v) in self.coordinates.rotations.items():
-            if self.named[v] and other.named[v]:
-                raise StateError(f"both turn {label}; turns do not add up")
         marks = dict(self.marks)
         for name, t in other.marks.items():
             marks[numbered(name, marks)] = t

@@ -36,7 +36,8 @@ from fantoccini.base.documents import (
 from fantoccini.control.optimal import ReachedPose, What, reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.motion import SAME_TIME, Input, Points, State, Table, pieces, reading
+from fantoccini.model.tree import CoordinateTable
+from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import To
 from fantoccini.theatre.gestures.gesture import Gesture
@@ -103,12 +104,17 @@ class GestureFile(Document):
     parts: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
     """Part of the body and direction (`arm_right.up`, `head.left`, `legs.out`) -> list of
     [time s, offset]; all strings that move the part move so."""
+    on_control: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
+    """Moves in place of `parts` for a puppet whose strings hang from a control and keep their
+    lengths: bar and direction (`control.tip_forward`, `leg_bar.roll_left`) -> list of
+    [time s, offset]."""
     sizes: dict[SizeKind, Annotated[Length, Field(gt=0.0)]] = Field(default_factory=dict)
     """Kind of part -> its size for these offsets [m]; those of a puppet of another size are
     multiplied by the ratio. `whole` is for trunk and head."""
     moves: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
-    """Moved name -> list of [time s, offset]: a driven coordinate, or a string and a direction
-    (`hand_right.up`); offsets in m or rad, or with a unit (`12 cm`, `30 deg`)."""
+    """Moved name -> list of [time s, offset]: a driven coordinate, or a string or driven body and
+    a direction (`hand_right.up`, `bar.tip_forward`); offsets in m or rad, or with a unit (`12 cm`,
+    `30 deg`)."""
     poses: KeyPoses | None = None
     """Key poses, in addition to the moves."""
     marks: dict[Name, NotNegative] = Field(default_factory=dict)
@@ -125,6 +131,8 @@ class GestureFile(Document):
                 "found parts with moves or poses; allowed: parts, which any puppet may have, or "
                 "moves and poses, which name strings and bodies"
             )
+        if self.on_control and not self.parts:
+            refuse([(("on_control",), "found without parts; needed: both, for all puppets")])
         return self
 
 
@@ -224,7 +232,15 @@ def _of_strings(puppet: Table, file: GestureFile, start: State | None, prefix: s
                 mistakes.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
     mistakes.refuse()
-    return Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+    return _travelling(file, table, offsets)
+
+
+def _travelling(file: GestureFile, table: CoordinateTable, offsets: dict[str, Points]) -> Gesture:
+    """Gesture of a file through offsets."""
+    try:
+        return Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+    except StateError as error:
+        raise file.located.error([(("travels",), str(error))], FileError) from None
 
 
 def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
@@ -241,27 +257,29 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         raise _not_for_this_puppet(file, reason)
     try:
         roles = Roles.of(puppet, prefix.removesuffix("."))
-        parts = moves_of(roles, file.parts)
+        key = "on_control" if file.on_control and roles.on_control else "parts"
+        points: dict[str, Any] = getattr(file, key)
+        parts = moves_of(roles, points)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
-    own, known = Mistakes.of_inputs(), pieces.channel_names(table)
-    waypoints = {name: file.parts[part] for name, (part, _) in parts.items()}
-    offsets = moves.read(table, waypoints, own, ("parts",))
+    own, known = Mistakes.of_inputs(), moves.places(table)
+    waypoints = {name: points[part] for name, (part, _) in parts.items()}
+    offsets, units = moves.read(table, waypoints, own, (key,)), moves.names_and_units(table)
     for name, (part, move) in parts.items():
-        channel = moves.meaning(name, known)[0]
-        channel = table.commands.get(channel, channel)
+        channel = moves.meaning(name, table)[0]
         if channel not in known:
             reason = f"its move {part} would move {channel}, which is not a driven coordinate"
             raise _not_for_this_puppet(file, reason)
-        if channel in offsets and move.kind in file.sizes:
+        is_length = units[known[channel]][1] == "m"
+        if channel in offsets and move.kind in file.sizes and is_length:
             t, values = offsets[channel]
             offsets[channel] = t, move.size / file.sizes[move.kind] * values
-    for (key, string, *rest), text in own.found:
+    for (_, string, *rest), text in own.found:
         mistakes.add((key, parts[str(string)][0], *rest), text)
     mistakes.refuse()
-    gesture = Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+    gesture = _travelling(file, table, offsets)
     try:
-        return gesture.turned(roles.heading) if roles.heading else gesture
+        return gesture.turned(roles.heading, bodies=True) if roles.heading else gesture
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
 
@@ -287,6 +305,8 @@ def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
     except StateError as error:
         raise FileError([Mistake(file or name, None, "", str(error))]) from None
     moves_at_all = gesture.named & np.any(np.abs(gesture.peaks) > _MAX_REST_PEAK, axis=0)
+    for _, v in gesture.coordinates.rotations.values():
+        moves_at_all[v : v + 3] = moves_at_all[v : v + 3].any()
     if not moves_at_all.any():
         raise FileError([Mistake(file or name, None, "", "nothing moves in this take")])
     return dataclasses.replace(
@@ -333,9 +353,9 @@ def _of_poses(
         offsets[prefix + body, at] = np.array(places)
     mistakes.refuse()
     pose_offsets = {
-        table.q_K[q]: (np.array(poses.at), np.empty(len(poses.at)))
-        for q, _ in table.scalars_K
-        if table.q_K[q] not in held
+        name: (np.array(poses.at), np.empty(len(poses.at)))
+        for name in moves.places(table)
+        if name.rpartition(".")[0] in strings or name in strings
     }
     q_K_of_moves = None
     if moved:
@@ -345,9 +365,7 @@ def _of_poses(
     for i in range(len(poses.at)):
         start_of_search = x0
         if q_K_of_moves is not None:
-            start_of_search = puppet.rest(
-                {table.q_K[q]: float(q_K_of_moves[i, q]) for q, _ in table.scalars_K}
-            )
+            start_of_search = puppet.rest(puppet.state().replace(q_K=q_K_of_moves[i]))
 
         def pose_at(share: float, i: int = i, start: State = start_of_search) -> ReachedPose:
             places = {what: home + share * offsets[what][i] for what, home in homes.items()}
@@ -360,9 +378,10 @@ def _of_poses(
                 mistakes.add(("poses", "at", i), f"at {poses.at[i]:g} s: {text}")
         except StateError as error:
             raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
-        for q, _ in table.scalars_K:
-            if table.q_K[q] in pose_offsets:
-                pose_offsets[table.q_K[q]][1][i] = reached.state.q_K[q] - x0.q_K[q]
+        away = puppet.difference(x0.q_K, reached.state.q_K, driven=True)
+        for name, v in moves.places(table).items():
+            if name in pose_offsets:
+                pose_offsets[name][1][i] = away[v]
     mistakes.refuse()
     return pose_offsets
 

@@ -1,35 +1,48 @@
-"""Names in gestures: driven coordinates, or strings and directions; mirror images."""
+"""Names in gestures: driven coordinates, or strings, bodies and directions; mirror images."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.base import Array, MaskRows, StateError, nearest
-from fantoccini.base.documents import LENGTHS, Mistakes, Path, without_unit
+from fantoccini.base import Array, MaskRows, StateError, UnknownNameError, nearest
+from fantoccini.base.documents import LENGTHS, Mistakes, Path, shown, without_unit
 from fantoccini.motion import Points, pieces, reading
 
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
-DIRECTIONS = {
-    "up": ("length", -1.0),
-    "down": ("length", 1.0),
-    "forward": ("x", 1.0),
-    "back": ("x", -1.0),
-    "left": ("y", 1.0),
-    "right": ("y", -1.0),
-    "out": ("y", 0.0),
-    "in": ("y", 0.0),
+DIRECTIONS: dict[str, tuple[tuple[str, float], ...]] = {
+    "up": (("length", -1.0), ("z", 1.0)),
+    "down": (("length", 1.0), ("z", -1.0)),
+    "forward": (("x", 1.0),),
+    "back": (("x", -1.0),),
+    "left": (("y", 1.0),),
+    "right": (("y", -1.0),),
+    "out": (("y", 0.0),),
+    "in": (("y", 0.0),),
+    "tip_forward": (("wy", 1.0),),
+    "tip_back": (("wy", -1.0),),
+    "roll_left": (("wx", -1.0),),
+    "roll_right": (("wx", 1.0),),
+    "turn_left": (("wz", 1.0),),
+    "turn_right": (("wz", -1.0),),
 }
-"""Direction -> coordinate of a string, and its sign; 0 if it depends on the string's side."""
+"""Direction -> coordinates of a string or a driven body, the first that it has counts, and their
+signs; 0 if the sign depends on the side. ``wx``, ``wy`` and ``wz`` are the parts of a rotation
+vector."""
+MAX_TURN = np.pi - 0.05
+"""Largest turn of a driven body from its place at rest [rad]: from pi on the way is ambiguous."""
 
 _SUFFIXES = ("length", "x", "y", "z", "rotation")
 _SIDE = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
 _TWIN = {"left": "right", "right": "left"}
+_STRAIGHT = 1e-6
+"""Tolerance of the numbers of an axis that lies along x, y or z."""
 
 
 def owner_of(name: str) -> tuple[str, str, str]:
@@ -49,33 +62,79 @@ def twin(name: str) -> str:
     return before + _SIDE.sub(lambda side: _TWIN[side[1]], owner) + after
 
 
-def reflection(name: str) -> Array | None:
+def places(table: CoordinateTable) -> dict[str, int]:
+    """Name of a driven scalar coordinate, or of a part of a rotation vector -> index in v_K."""
+    scalars = {table.q_K[q]: v for q, v in table.scalars_K}
+    turns = (v + i for _, v in table.rotations.values() for i in range(3))
+    return scalars | {table.v_K[v]: v for v in turns}
+
+
+def names_and_units(table: CoordinateTable) -> list[tuple[str, str]]:
+    """Name of the input that drives each velocity of v_K, and its unit: ``m`` or ``rad``."""
+    units = {row.name: row.unit for row in table.rows}
+    known = [("", "")] * table.n_vK
+    for name, (_, v) in pieces.channel_names(table).items():
+        known[v] = [(name, units.get(name, "rad"))] * (v.stop - v.start)
+    return known
+
+
+def reflection(name: str, table: CoordinateTable) -> Array | None:
     """Signs of a coordinate's components under reflection in the x-z plane; None if unknown.
 
-    Equal angles of joints on both sides are mirror images, as in puppet files. For a joint in the
-    middle the name does not determine the sign.
+    Equal angles of joints on both sides are mirror images, as in puppet files. In the middle the
+    axis decides: an axis along y and one across it have mirror images of opposite signs.
     """
     if name.endswith(".rotation"):
         return np.array([-1.0, 1.0, -1.0])
     if owner_of(name)[2]:
         return np.array([-1.0 if name.endswith(".y") else 1.0])
-    return None if twin(name) == name else np.array([1.0])
+    if twin(name) != name:
+        return np.array([1.0])
+    axis = table.axes.get(name)
+    if axis is None or _STRAIGHT < abs(axis[1]) < 1.0 - _STRAIGHT:
+        return None
+    turns, along_y = _units(table)[name] == "rad", abs(axis[1]) > _STRAIGHT
+    return np.array([1.0 if turns == along_y else -1.0])
 
 
-def planes(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]:
-    """Indices in v_K of x and y of every end that is moved along one of them.
+def images(table: CoordinateTable, named: MaskRows) -> list[tuple[slice, slice, Array]]:
+    """Places in v_K of moved coordinates and of their mirror images, and the images' signs.
 
     Raises:
-        StateError: an end is driven along only one of them, or a body is turned.
+        UnknownNameError: a coordinate has no twin.
+        StateError: a joint in the middle has an axis that is neither along y nor across it.
+    """
+    known = pieces.channel_names(table)
+    pairs = []
+    for name, (_, v) in known.items():
+        if not named[v.start]:
+            continue
+        if twin(name) not in known:
+            raise UnknownNameError("driven coordinate", twin(name), list(known))
+        sign = reflection(name, table)
+        if sign is None:
+            raise StateError(f"the mirror image of the joint {name} is not known")
+        pairs.append((v, known[twin(name)][1], sign))
+    return pairs
+
+
+def planes(table: CoordinateTable, named: MaskRows, carried: bool = True) -> list[tuple[int, int]]:
+    """Indices in v_K of x and y of every end or body that is moved along one of them.
+
+    Args:
+        table: names of the coordinates.
+        named: (n_vK,) bool, whether a coordinate is moved.
+        carried: whether to include those whose axes turn with a body that carries them.
+
+    Raises:
+        StateError: it is driven along only one of them.
     """
     known, ends = pieces.channel_names(table), dict[str, tuple[int, int]]()
     for name, (_, v) in known.items():
         owner, _, part = name.rpartition(".")
-        if not named[v.start]:
+        if not carried and owner in table.carried:
             continue
-        if name in table.rotations:
-            raise StateError(f"it turns {owner}; only motions of strings' ends turn with a puppet")
-        if owner and part in ("x", "y"):
+        if named[v.start] and owner and part in ("x", "y"):
             other = f"{owner}.{'y' if part == 'x' else 'x'}"
             if other not in known:
                 raise StateError(f"it moves {name}, and {other} is not driven")
@@ -86,86 +145,130 @@ def planes(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]:
 def read(
     table: CoordinateTable, given: Mapping[str, Any], mistakes: Mistakes, at: Path = ()
 ) -> dict[str, Points]:
-    """Driven scalar coordinate -> times and offsets, from names as in :meth:`Gesture.of`."""
-    known = pieces.channel_names(table)
-    places: dict[str, tuple[str, float]] = {}
-    for name in given:
-        channel, sign = meaning(name, known)
-        places[name] = table.commands.get(channel, channel), sign
-    written: dict[str, tuple[str, float, Any]] = {}
-    for name, points in given.items():
-        channel, sign = places[name]
-        if channel not in known or channel in table.rotations:
-            mistakes.add((*at, str(name)), _unknown(str(name), channel, table))
-            continue
-        if channel in written:
-            mistakes.add(
-                (*at, str(name)), f"moves {channel}, as {written[channel][0]} does; leave one out"
-            )
-            continue
-        written[channel] = (str(name), sign, points)
+    """Driven scalar coordinate or part of a rotation vector -> times and offsets.
+
+    Names are those of :meth:`Gesture.of`.
+    """
     read: dict[str, Points] = {}
-    for channel, (name, sign, points) in written.items():
-        own = Mistakes.of_inputs()
-        units = {row.name: row.unit for row in table.rows}
-        plain = points if units.get(channel) == "rad" else _in_metres(points, own)
-        waypoints = reading.waypoints(table, {channel: plain}, own)
-        mistakes.found += [
-            ((*at, name, *(k for k in path if k != channel)), text) for path, text in own.found
-        ]
-        if channel not in waypoints or own:
+    movers: dict[str, str] = {}
+    for name, points in given.items():
+        path = (*at, str(name))
+        channel, sign = meaning(str(name), table)
+        parts = _parts(channel, table)
+        if not parts:
+            mistakes.add(path, _unknown(str(name), channel, table))
             continue
-        t, values = waypoints[channel]
+        if others := [movers[part] for part in parts if part in movers]:
+            mistakes.add(path, f"moves {channel}, as {others[0]} does; leave one out")
+            continue
+        movers |= dict.fromkeys(parts, str(name))
+        series = reading.series(points, mistakes, path, _reader(channel, table))
+        if series is None:
+            continue
+        t, values = series
         if t[0] < 0.0:
-            mistakes.add((*at, name, 0), f"comes at {t[0]:g} s; a gesture begins at 0 s")
+            mistakes.add((*path, 0), f"comes at {t[0]:g} s; a gesture begins at 0 s")
             continue
-        read[channel] = t, sign * values
+        columns = values.reshape(len(t), len(parts)).T
+        read |= {part: (t, sign * column) for part, column in zip(parts, columns, strict=True)}
     return read
 
 
-def meaning(name: str, known: Mapping[str, Any]) -> tuple[str, float]:
-    """Coordinate that a name moves, and the sign of the motion."""
-    owner, dot, direction = str(name).rpartition(".")
-    if name in known or not dot or direction not in DIRECTIONS:
-        return str(name), 1.0
-    part, sign = DIRECTIONS[direction]
+def meaning(name: str, table: CoordinateTable) -> tuple[str, float]:
+    """Coordinate, or part of a rotation vector, that a name moves, and the sign of the motion."""
+    known, (owner, dot, direction) = places(table), name.rpartition(".")
+    if name in table.rotations or name in known or not dot or direction not in DIRECTIONS:
+        return table.commands.get(name, name), 1.0
+    hinge = table.commands.get(owner, owner)
+    for part, sign in DIRECTIONS[direction]:
+        axis = table.axes.get(hinge, (0.0, 0.0, 0.0))["xyz".find(part[-1])]
+        turns = _units(table).get(hinge) == "rad"
+        if abs(axis) > 1.0 - _STRAIGHT and sign and turns == part.startswith("w"):
+            return hinge, sign * np.sign(axis)
+        channel = _commanded(owner, part, table)
+        if channel in known:
+            break
+    else:
+        part, sign = DIRECTIONS[direction][0]
+        channel = f"{owner}.{part}"
     if not sign:
         side = _SIDE.findall(owner.rpartition(".")[2])
         if not side:
-            return str(name), 1.0
+            return name, 1.0
         sign = (1.0 if side[-1] == "left" else -1.0) * (1.0 if direction == "out" else -1.0)
-    return f"{owner}.{part}", sign
+    return channel, sign
 
 
-def _in_metres(points: Any, mistakes: Mistakes) -> Any:
-    """Waypoints with their lengths in metres."""
-    if not isinstance(points, list | tuple):
-        return points
-    converted = []
-    for i, point in enumerate(points):
-        if isinstance(point, list | tuple) and len(point) == 2:
-            value = without_unit(point[1], LENGTHS)
-            if isinstance(value, str):
-                text = f"found {value!r}; needed: a length, as 0.12, 12 cm or 120 mm"
-                mistakes.add((i,), text)
-                value = 0.0
-            point = (point[0], value)
-        converted.append(point)
-    return converted
+def _commanded(owner: str, part: str, table: CoordinateTable) -> str:
+    """Name of a coordinate, or of its command if a drive moves it."""
+    if part.startswith("w"):
+        whole = f"{owner}.rotation"
+        return table.commands.get(whole, whole).removesuffix("rotation") + part
+    return table.commands.get(f"{owner}.{part}", f"{owner}.{part}")
+
+
+def _parts(channel: str, table: CoordinateTable) -> list[str]:
+    """Scalars that a channel consists of; none if it is not driven."""
+    if channel in table.rotations:
+        v = table.rotations[channel][1]
+        return list(table.v_K[v : v + 3])
+    return [channel] if channel in places(table) else []
+
+
+def _units(table: CoordinateTable) -> dict[str, str]:
+    """Coordinate -> unit."""
+    return {row.name: row.unit for row in table.rows}
+
+
+def _reader(channel: str, table: CoordinateTable) -> Callable[[Any], float | Array]:
+    """Reads the offset of a waypoint."""
+    if channel in table.rotations:
+        return _turn_vector
+    unit = _units(table).get(channel, "")
+    return {"m": _length, "rad": partial(reading.number, angle=True)}.get(unit, _turn)
+
+
+def _length(value: Any) -> float:
+    value = without_unit(value, LENGTHS)
+    if isinstance(value, str):
+        raise ValueError(f"found {value!r}; needed: a length, as 0.12, 12 cm or 120 mm")
+    return reading.number(value)
+
+
+def _turn(value: Any) -> float:
+    return float(_small_turn(np.array([reading.number(value, angle=True)]))[0])
+
+
+def _turn_vector(value: Any) -> Array:
+    if not isinstance(value, list | tuple | np.ndarray) or len(value) != 3:
+        text = (
+            "a rotation vector of 3 angles, as [0, 15 deg, 0], or a direction, as bar.tip_forward"
+        )
+        raise ValueError(f"found {shown(value)}; needed: {text}")
+    return _small_turn(np.array([reading.number(x, angle=True) for x in value]))
+
+
+def _small_turn(vector: Array) -> Array:
+    """The vector, if it is a turn of less than half a circle."""
+    angle = float(np.linalg.norm(vector))
+    if angle > MAX_TURN:
+        raise ValueError(
+            f"found a turn by {np.degrees(angle):.0f} deg; a gesture turns a body by at most "
+            f"{np.degrees(MAX_TURN):.0f} deg"
+        )
+    return vector
 
 
 def _unknown(name: str, channel: str, table: CoordinateTable) -> str:
-    if channel in table.rotations:
-        return "is a rotation; gestures are written of lengths, places and angles"
-    known = pieces.channel_names(table)
+    known = {**pieces.channel_names(table), **places(table)}
     owner, _, direction = name.rpartition(".")
-    owners = {n.rsplit(".", 1)[0] for n in known}
+    owners = {n if n in table.axes else n.rsplit(".", 1)[0] for n in known}
     if owner in owners and direction in DIRECTIONS:
-        if channel != name:
-            return f"would move {channel}, which is not a driven coordinate"
-        return "needs left or right in its name"
-    ways = [
-        (f"{name}.{way}", f"{name}.{DIRECTIONS[way][0]}") for name in owners for way in DIRECTIONS
-    ]
-    names = [*known, *(way for way, moved in ways if moved in known)]
-    return f"is neither a driven coordinate nor a string and a direction{nearest(name, names)}"
+        if direction in ("out", "in") and channel == name:
+            return "needs left or right in its name"
+        own = [way for way in DIRECTIONS if meaning(f"{owner}.{way}", table)[0] in known]
+        return f"is no direction of {owner}, which can move {', '.join(own)}"
+    ways = [f"{own}.{way}" for own in owners for way in DIRECTIONS]
+    names = [*pieces.channel_names(table), *(w for w in ways if meaning(w, table)[0] in known)]
+    needed = "a driven coordinate, or a string or a driven body and a direction"
+    return f"is not {needed}{nearest(name, names)}"

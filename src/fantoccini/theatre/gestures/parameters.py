@@ -10,6 +10,7 @@ from fantoccini.base.documents import Mistakes
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, Table
 from fantoccini.theatre.gestures.aiming import Aim, To, look, point
+from fantoccini.theatre.gestures.control_walk import walk_on_control
 from fantoccini.theatre.gestures.ends import Ends
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.roles import Roles
@@ -73,7 +74,10 @@ def made_gesture(
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{name} begins where the puppet hangs; it takes a Marionette")
     start, mistakes = puppet.rest() if start is None else start, Mistakes.of_inputs()
-    ends = Ends(Roles.of(puppet, prefix.removesuffix(".")), start)
+    roles = Roles.of(puppet, prefix.removesuffix("."))
+    if name == "walk" and roles.on_control:
+        return walk_on_control(roles, mistakes, given.steps, given.step, given.turn)
+    ends = Ends(roles, start)
     if given.to is None:
         return walk(ends, mistakes, given.steps, given.step, given.turn)
     aim = Aim(puppet, start, prefix, given.to, mistakes)

@@ -1,13 +1,15 @@
 """Parts of a body, such as a hand or the head, as strings of a puppet and directions of their ends.
 
-A gesture moves parts by offsets for a body of certain sizes; for another body they are multiplied
-by the ratio of the sizes.
+A puppet on a control has bars as parts, too: the control, and for each kind of limb the bar to
+which all its strings are tied. A gesture moves parts by offsets for a body of certain sizes; for
+another body they are multiplied by the ratio of the sizes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -15,7 +17,7 @@ import numpy as np
 from fantoccini.base import Array, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap
-from fantoccini.model.tree import WORLD, measure
+from fantoccini.model.tree import WORLD, Role, measure
 
 KINDS = ("arm", "leg", "wing", "tail", "neck")
 """Kinds of limbs; a plural means all limbs of the kind, and none if the puppet has none."""
@@ -27,10 +29,10 @@ _TURN_DIGITS = 9
 
 @dataclass(frozen=True)
 class Move:
-    """A string and a direction that a part's name means.
+    """A string or a bar, and a direction, that a part's name means.
 
     Attributes:
-        string: name of the string.
+        string: name of the string, or of the bar's joint.
         way: direction, in which the puppet looks along x.
         kind: kind of limb, or ``whole``.
         size: length of the limb, or size of the body [m].
@@ -85,6 +87,40 @@ class Roles:
         """Prefix of the names of a scene's member."""
         return f"{self.member}." if self.marionette.puppet.members else ""
 
+    @property
+    def on_control(self) -> bool:
+        """Whether it hangs from its control on strings that keep their lengths."""
+        known = self.marionette.coordinates.q_K
+        winds = any(f"{string}.length" in known for string in self.body_map.carrying)
+        return bool(self.body_map.control) and not winds
+
+    @cached_property
+    def bars(self) -> dict[str, str]:
+        """Bar -> its joint: ``control``, and ``leg_bar`` for the bar of all strings of the legs.
+
+        Other kinds of limbs have such bars, too, unless their strings are tied to the control.
+        """
+        if not self.body_map.control:
+            return {}
+        links, index = self.marionette.tree.links, self.marionette.link_index
+        bars = {"control": links[index(self.body_map.control)].joint}
+        for kind in KINDS:
+            limbs = [limb for limb in self.body_map.limbs if limb.kind == kind]
+            joints = {self._holding(string) for limb in limbs for string in limb.strings}
+            if len(joints) == 1 and not joints & {"", bars["control"]}:
+                bars[f"{kind}_bar"] = joints.pop()
+        return bars
+
+    def _holding(self, string: str) -> str:
+        """Joint of the driven body to which a string is tied; "" if there is none."""
+        tree = self.marionette.tree
+        (row,) = (row for row in tree.strings if row.name == string)
+        for point in (row.points[0], row.points[-1]):
+            for i in tree.ancestors(point.link):
+                if tree.links[i].role is Role.DRIVEN:
+                    return tree.links[i].joint
+        return ""
+
     def strings(self, *parts: str) -> tuple[str, ...]:
         """Names of the strings that move parts, without the prefix of a scene's member.
 
@@ -97,11 +133,16 @@ class Roles:
     def moves(self, name: str) -> list[Move]:
         """Strings and directions of a name such as ``arm_right.up``, ``head.left`` or ``legs.out``.
 
+        ``control.tip_forward`` and ``leg_bar.roll_left`` are moves of a bar.
+
         Raises:
             StateError: the puppet has no such part, or no string moves it.
         """
         part, _, way = name.rpartition(".")
         body = self.body_map
+        if part in self.bars:
+            lengths = {f"{limb.kind}_bar": (limb.kind, limb.length) for limb in body.limbs}
+            return [Move(self.bars[part], way, *lengths.get(part, ("whole", body.size)))]
         parts: list[tuple[str, SizeKind, float, str]] = [
             (own, limb.kind, limb.length, limb.side)
             for own, limb in body.parts.items()
@@ -111,7 +152,7 @@ class Roles:
             parts = [(part, "whole", body.size, "middle")]
         is_plural = part.removesuffix("s") in KINDS
         if (not parts and not is_plural) or (part == "head" and body.head is None):
-            have = ("trunk", *(("head",) if body.head else ()), *body.parts)
+            have = ("trunk", *(("head",) if body.head else ()), *body.parts, *self.bars)
             raise StateError(f"it moves {part}; {self._name} has {', '.join(have)}")
         moves = []
         for own, kind, size, side in parts:
@@ -149,7 +190,6 @@ def moves_of(roles: Roles, names: Iterable[str]) -> dict[str, tuple[str, Move]]:
         for move in roles.moves(name):
             key = f"{move.string}.{move.way}"
             if key in moves:
-                text = f"it moves {name} and {moves[key][0]}, which hang on the same string"
-                raise StateError(f"{text}, {move.string}")
+                raise StateError(f"it moves {name} and {moves[key][0]}, which both move {key}")
             moves[key] = name, move
     return moves

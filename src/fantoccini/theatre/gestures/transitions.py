@@ -10,17 +10,20 @@ import numpy as np
 from fantoccini.base import Array, StateError, UnknownNameError, check_positive, polynomial
 from fantoccini.motion import pieces
 from fantoccini.theatre.gestures import piecewise
+from fantoccini.theatre.gestures.moves import names_and_units
 
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
 SPEED = 1.0
-"""Default bound on the speed of driven coordinates [m/s or rad/s]."""
+"""Default bound on the speed of driven coordinates [m/s]."""
 ACCELERATION = 6.0
-"""Default bound on the acceleration of driven coordinates [m/s^2 or rad/s^2]."""
+"""Default bound on the acceleration of driven coordinates [m/s^2]."""
+ARM = 0.4
+"""Distance from the axis at which a bound for all coordinates applies to a turn [m]."""
 
 Most = float | Mapping[str, float]
-"""A bound for all driven coordinates, or by name."""
+"""A bound for all driven coordinates [m/s or m/s^2], or by name in the coordinate's own unit."""
 
 _MIN_BOUND = 1e-6
 """Least bound of a speed or an acceleration [m/s, m/s^2]."""
@@ -35,7 +38,9 @@ _MAX_DURATIONS = 200
 
 
 def limits(table: CoordinateTable, speed: Most, acceleration: Most) -> Array:
-    """(2, n_vK) bounds of speeds and accelerations.
+    """(2, n_vK) bounds of speeds and accelerations, each in its coordinate's unit.
+
+    A bound for all coordinates is divided by :data:`ARM` for turns.
 
     Raises:
         UnknownNameError: a name is not that of a driven coordinate.
@@ -43,14 +48,15 @@ def limits(table: CoordinateTable, speed: Most, acceleration: Most) -> Array:
     """
     places = pieces.channel_names(table)
     bounds = np.empty((2, table.n_vK))
+    arms = np.array([ARM if unit == "rad" else 1.0 for _, unit in names_and_units(table)])
     for row, (what, bound, usual) in enumerate(
         (("speed", speed, SPEED), ("acceleration", acceleration, ACCELERATION))
     ):
         if not isinstance(bound, Mapping):
             check_positive(**{what: bound})
-            bounds[row] = bound
+            bounds[row] = bound / arms
             continue
-        bounds[row] = usual
+        bounds[row] = usual / arms
         for name, value in bound.items():
             channel = table.commands.get(name, name)
             if channel not in places:

@@ -47,8 +47,17 @@ def walk(
     Raises:
         InputError: the parameters have mistakes; all of them are listed.
     """
+    n, step, angle = walk_parameters(ends.roles, mistakes, count, length, turn)
+    mistakes.refuse()
+    return steps(ends, [Step(step, angle / n)] * n).called("walk")
+
+
+def walk_parameters(
+    roles: Roles, mistakes: Mistakes, count: int | None, length: float | None, turn: float | None
+) -> tuple[int, float, float]:
+    """Number of steps, length of each [m] and total turn [rad]; collects mistakes."""
     n = STEPS if count is None else count
-    step = STEP * _scale(ends.roles) if length is None else float(length)
+    step = STEP * leg_scale(roles) if length is None else float(length)
     angle = 0.0 if turn is None else float(turn)
     if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= _MAX_STEPS:
         mistakes.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MAX_STEPS}")
@@ -57,8 +66,7 @@ def walk(
         mistakes.add(("turn",), text)
     if not abs(step) <= LONGEST:
         mistakes.add(("step",), f"found {step:g} m; needed: at most {LONGEST:g} m")
-    mistakes.refuse()
-    return steps(ends, [Step(step, angle / n)] * n).called("walk")
+    return n, step, angle
 
 
 def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Gesture:
@@ -81,7 +89,7 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
     legs = _groups(ends.roles)
     for string in (*legs["left"], *legs["right"]):
         ends.check_driven(string)
-    n, track, scale = len(given), Track(given, step_time), _scale(ends.roles)
+    n, track, scale = len(given), Track(given, step_time), leg_scale(ends.roles)
     clock = np.arange(n * _PARTS + 1) / _PARTS
     k = np.minimum(clock.astype(int), n - 1)
     up = _bump(clock - k, step_time)
@@ -127,7 +135,7 @@ def _groups(roles: Roles) -> dict[str, list[str]]:
     return groups
 
 
-def _scale(roles: Roles) -> float:
+def leg_scale(roles: Roles) -> float:
     """Length of the legs, relative to that for which the lengths of this module are."""
     return leg_length(roles.body_map) / _LEG
 

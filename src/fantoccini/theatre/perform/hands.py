@@ -23,6 +23,7 @@ from fantoccini.dynamics.compiled import check_step
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import ChainRow
 from fantoccini.motion import State
+from fantoccini.theatre.gestures import ARM
 from fantoccini.theatre.perform import reach
 from fantoccini.theatre.perform.handle import Handle, Place, handles_of, place_of, wanted
 from fantoccini.theatre.perform.player import Steps
@@ -31,7 +32,7 @@ from fantoccini.theatre.perform.player import Steps
 class Limits(NamedTuple):
     """Bounds of hands."""
 
-    arm: float = 0.4
+    arm: float = ARM
     """Distance from the axis at which the bounds of a translation apply to a rotation [m]."""
     min_length: float = 0.01
     """Shortest length of a driven string [m]."""

@@ -79,9 +79,11 @@ class ScoreFile(Document):
     waits: dict[Name, Annotated[WaitFile, _AS_WAIT]] = Field(default_factory=dict)
     """Name -> time at which a live performance waits for GO."""
     speed: Size | dict[str, Size] = 1.0
-    """Largest speed of driven coordinates, for all or by name [m/s or rad/s]."""
+    """Largest speed of driven coordinates, for all [m/s; of turns 0.4 m from the axis] or by name
+    [m/s or rad/s]."""
     acceleration: Size | dict[str, Size] = 6.0
-    """Largest acceleration of driven coordinates, for all or by name [m/s^2 or rad/s^2]."""
+    """Largest acceleration of driven coordinates, for all [m/s^2; of turns 0.4 m from the axis] or
+    by name [m/s^2 or rad/s^2]."""
     captions: tuple[CaptionFile, ...] = ()
     """Captions with their times."""
     sound: SoundsFile = ()

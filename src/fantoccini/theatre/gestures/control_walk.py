@@ -1,0 +1,60 @@
+"""Walking on a control: the leg bar rocks, and the hand carries the control on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.base.documents import Mistakes
+from fantoccini.theatre.gestures.gesture import Gesture, numbered
+from fantoccini.theatre.gestures.roles import Roles, moves_of
+from fantoccini.theatre.gestures.walking import walk_parameters
+
+_STEP_TIME = 0.8
+"""Duration of a step [s]: a wrist rocks a bar more slowly than fingers wind strings."""
+_ROCK = np.radians(23.0)
+"""Angle by which a leg bar rocks to each side [rad]."""
+_EASE = 0.25
+"""Part of a step that is walked in the first and in the last half of a step's time."""
+
+
+def walk_on_control(
+    roles: Roles, mistakes: Mistakes, count: int | None, length: float | None, turn: float | None
+) -> Gesture:
+    """Gesture of equal steps straight on; the left foot goes first.
+
+    Args:
+        roles: parts of a puppet on a control.
+        mistakes: collects mistakes.
+        count: number of steps; 4 by default.
+        length: length of a step; below 0 backward; 6 cm by default [m].
+        turn: total turn, which must be 0 [rad].
+
+    Raises:
+        InputError: the parameters have mistakes; all of them are listed.
+        StateError: the puppet has no leg bar, or bar and control do not move so.
+    """
+    n, step, angle = walk_parameters(roles, mistakes, count, length, turn)
+    if angle != 0.0:
+        text = f"found {np.degrees(angle):g} deg; needed: 0, since a control walks straight on"
+        mistakes.add(("turn",), text)
+    mistakes.refuse()
+    t = _STEP_TIME * np.array([0.0, 0.5, n - 0.5, n])
+    way = step * np.array([0.0, _EASE, n - _EASE, n])
+    if n == 1:
+        t, way = t[[0, -1]], way[[0, -1]]
+    offsets = {
+        "leg_bar.roll_right": _rocking(n),
+        "control.forward": list(zip(t.tolist(), way.tolist(), strict=True)),
+    }
+    points = {name: offsets[part] for name, (part, _) in moves_of(roles, offsets).items()}
+    marks: dict[str, float] = {}
+    for k in range(n):
+        marks[numbered(("left", "right")[k % 2], marks)] = (k + 0.5) * _STEP_TIME
+    walk = Gesture.of(roles.marionette, points, travels=True, name="walk", marks=marks)
+    return walk.turned(roles.heading, bodies=True) if roles.heading else walk
+
+
+def _rocking(n: int) -> list[tuple[float, float]]:
+    """Times [s] and angles [rad] of n steps; the left knee is highest where they are positive."""
+    peaks = [((k + 0.5) * _STEP_TIME, (-1.0) ** k * _ROCK) for k in range(n)]
+    return [(0.0, 0.0), *peaks, (n * _STEP_TIME, 0.0)]

@@ -1,0 +1,244 @@
+"""Gestures that move a control: turns of driven bodies, hinges of bars, and their bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import fantoccini as fan
+from fantoccini.base.errors import FileError, InputError, StateError
+from fantoccini.theatre import Gesture
+
+pytestmark = pytest.mark.medium
+
+CONTROL = """
+puppet: control
+bodies:
+- {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 1.0}
+- name: bar
+  joint: {type: free, driven: true}
+  shapes: [{type: box, size: [0.3, 0.02, 0.01], density: 600}]
+- name: leg_bar
+  parent: bar
+  joint: {name: rock, type: revolute, axis: [1, 0, 0], at: [0.1, 0, 0], driven: true}
+- name: slide
+  parent: bar
+  joint: {name: rail, type: prismatic, axis: [-1, 0, 0], driven: true}
+strings:
+- {name: line, path: [{body: bob}, {body: bar, at: [0.1, 0, 0]}], length: 0.5}
+pose: {bar.z: 1.0, bob.x: 0.1, bob.z: 0.5}
+"""
+SIGNS = {
+    "tip_forward": [0, 1, 0],
+    "tip_back": [0, -1, 0],
+    "roll_left": [-1, 0, 0],
+    "roll_right": [1, 0, 0],
+    "turn_left": [0, 0, 1],
+    "turn_right": [0, 0, -1],
+}
+"""Direction -> axis about which the body turns by the right-hand rule, with y to its left."""
+
+
+@pytest.fixture(scope="module")
+def control() -> fan.Marionette:
+    return fan.loads(CONTROL)
+
+
+def orientation(gesture: Gesture, puppet: fan.Marionette, t: float, **start: object) -> Rotation:
+    """Orientation of the bar at a time of the gesture."""
+    x0 = puppet.state({"bar.rotation": start.get("rotation", [0, 0, 0])})
+    q, _ = puppet.coordinates.rotations["bar.rotation"]
+    w, x, y, z = gesture.inputs(x0).evaluate(t)[0][q : q + 4]
+    return Rotation.from_quat([x, y, z, w])
+
+
+@pytest.mark.parametrize("way", SIGNS)
+def test_a_control_turns_in_each_direction(control, way):
+    gesture = Gesture.of(control, {f"bar.{way}": [(0, 0), (1, "30 deg"), (2, 0)]})
+    wanted = Rotation.from_rotvec(np.radians(30) * np.array(SIGNS[way]))
+    assert (orientation(gesture, control, 1.0) * wanted.inv()).magnitude() < 1e-12
+    assert orientation(gesture, control, 2.0).magnitude() < 1e-12
+    half = Rotation.from_rotvec(np.radians(15) * np.array(SIGNS[way]))
+    assert (orientation(gesture, control, 0.5) * half.inv()).magnitude() < 1e-12  # minimum jerk
+    assert gesture.uses == ("bar",)
+
+
+def test_the_front_goes_down_forward_and_the_left_side_down_to_the_left(control):
+    tip = orientation(Gesture.of(control, {"bar.tip_forward": [(0, 0), (1, 0.2)]}), control, 1.0)
+    assert tip.apply([1, 0, 0])[2] == pytest.approx(-np.sin(0.2))
+    roll = orientation(Gesture.of(control, {"bar.roll_left": [(0, 0), (1, 0.2)]}), control, 1.0)
+    assert roll.apply([0, 1, 0])[2] == pytest.approx(-np.sin(0.2))
+    turn = orientation(Gesture.of(control, {"bar.turn_left": [(0, 0), (1, 0.2)]}), control, 1.0)
+    assert turn.apply([1, 0, 0])[1] == pytest.approx(np.sin(0.2))
+
+
+def test_turns_are_relative_to_where_the_control_is(control):
+    gesture = Gesture.of(control, {"bar.tip_forward": [(0, 0), (1, 0.3)]})
+    first = [0.1, -0.2, 0.7]
+    wanted = Rotation.from_rotvec(first) * Rotation.from_rotvec([0, 0.3, 0])
+    turned = orientation(gesture, control, 1.0, rotation=first)
+    assert (turned * wanted.inv()).magnitude() < 1e-12
+
+
+def test_parts_of_a_turn_have_their_own_times_and_add(control):
+    tip = Gesture.of(control, {"bar.tip_forward": [(0, 0), (1.2, 0.3), (2, 0)]})
+    roll = Gesture.of(control, {"bar.roll_left": [(0, 0), (0.7, 0.2), (1.4, -0.1), (2.5, 0)]})
+    both = Gesture.of(
+        control,
+        {
+            "bar.tip_forward": [(0, 0), (1.2, 0.3), (2, 0)],
+            "bar.roll_left": [(0, 0), (0.7, 0.2), (1.4, -0.1), (2.5, 0)],
+        },
+    )
+    for t in np.linspace(0.0, 2.5, 11):
+        parts = [orientation(one, control, t).as_rotvec() for one in (tip, roll)]
+        for whole in (both, tip + roll):
+            apart = orientation(whole, control, t) * Rotation.from_rotvec(sum(parts)).inv()
+            assert apart.magnitude() < 1e-12
+
+
+def test_a_rotation_vector_is_its_parts(control):
+    whole = Gesture.of(control, {"bar.rotation": [(0, [0, 0, 0]), (1, [0.1, "20 deg", -0.3])]})
+    parts = Gesture.of(
+        control,
+        {
+            "bar.roll_right": [(0, 0), (1, 0.1)],
+            "bar.tip_forward": [(0, 0), (1, "20 deg")],
+            "bar.turn_right": [(0, 0), (1, 0.3)],
+        },
+    )
+    np.testing.assert_allclose(whole.coef, parts.coef, atol=1e-15)
+
+
+def test_bodies_and_joints_move_along_and_about_their_axes(control):
+    gesture = Gesture.of(
+        control,
+        {
+            "bar.up": [(0, 0), (1, "5 cm")],
+            "bar.left": [(0, 0), (1, 0.02)],
+            "rock.roll_left": [(0, 0), (1, "10 deg")],
+            "rail.forward": [(0, 0), (1, 0.03)],
+        },
+    )
+    moved = dict(zip(control.coordinates.v_K, gesture.offsets(1.0)[0], strict=True))
+    wanted = {"bar.z": 0.05, "bar.y": 0.02, "rock": -np.radians(10), "rail": -0.03}
+    assert {name: moved[name] for name in wanted} == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ({"bar.tip_forwards": [(0, 0)]}, "did you mean 'bar.tip_forward'"),
+        ({"bar.tip_forward": [(0, "200 deg")]}, "turn by 200 deg; .*at most 177 deg"),
+        ({"bar.tip_forward": [(0, "3 cm")]}, "3 cm"),
+        ({"bar.rotation": [(0, [0, 0])]}, "needed: a rotation vector of 3 angles"),
+        (
+            {"bar.rotation": [(0, [0, 0, 0])], "bar.tip_back": [(0, 0)]},
+            "moves bar.wy, as bar.rotation does",
+        ),
+        ({"bar.tip_forward": [(0, 0)], "bar.tip_back": [(0, 0)]}, "as bar.tip_forward does"),
+        ({"rock.tip_forward": [(0, 0)]}, "no direction of rock, which can move roll_left, roll_ri"),
+        ({"bob.up": [(0, 0)]}, "is not a driven coordinate, or a string"),
+    ],
+)
+def test_mistakes_are_named(control, points, message):
+    with pytest.raises(InputError, match=message):
+        Gesture.of(control, points)
+
+
+def test_the_mirror_image_of_a_turn_is_that_of_the_bar(control):
+    """S R S with S the reflection in the x-z plane."""
+    points = {"bar.rotation": [(0, [0, 0, 0]), (1, [0.3, 0.2, -0.4])]}
+    gesture = Gesture.of(control, points | {"rock": [(0, 0), (1, 0.1)], "rail": [(0, 0), (1, 0.1)]})
+    mirror = np.diag([1.0, -1.0, 1.0])
+    wanted = mirror @ orientation(gesture, control, 0.8).as_matrix() @ mirror
+    image = gesture.mirrored()
+    np.testing.assert_allclose(orientation(image, control, 0.8).as_matrix(), wanted, atol=1e-12)
+    moved = dict(zip(control.coordinates.v_K, image.offsets(1.0)[0], strict=True))
+    assert (moved["rock"], moved["rail"]) == (pytest.approx(-0.1), pytest.approx(0.1))
+
+
+def test_a_puppet_that_has_turned_took_its_control_with_it(control):
+    """x and y of the stage turn; the control and what it carries keep their own axes."""
+    points = {"bar.tip_forward": [(0, 0), (1, 0.3)], "bar.forward": [(0, 0), (1, 0.1)]}
+    gesture = Gesture.of(control, points | {"rail.forward": [(0, 0), (1, 0.02)]})
+    moved = gesture.turned(0.5).offsets(1.0)[0]
+    names = control.coordinates.v_K
+    wanted = {"bar.x": 0.1 * np.cos(0.5), "bar.y": 0.1 * np.sin(0.5), "bar.wy": 0.3, "rail": -0.02}
+    assert {n: moved[names.index(n)] for n in wanted} == pytest.approx(wanted)
+
+
+def test_a_gesture_for_another_direction_tips_towards_its_own_forward():
+    """A bar that stands askew in its file tips about the axis of the turned direction."""
+    puppet = fan.loads(CONTROL.replace("bar.z: 1.0,", "bar.z: 1.0, bar.rotation: [0.2, 0, 0.5],"))
+    first, heading = [0.2, 0, 0.5], 0.8
+    gesture = Gesture.of(puppet, {"bar.tip_forward": [(0, 0), (1, 0.3)]})
+
+    def axis(gesture: Gesture) -> np.ndarray:
+        turned = orientation(gesture, puppet, 1.0, rotation=first)
+        return (turned * Rotation.from_rotvec(first).inv()).as_rotvec()
+
+    wanted = Rotation.from_rotvec([0, 0, heading]).apply(axis(gesture))
+    np.testing.assert_allclose(axis(gesture.turned(heading, bodies=True)), wanted, atol=1e-12)
+
+
+def test_a_gesture_travels_with_turns_only_if_they_end(control):
+    on = {"bar.forward": [(0, 0), (2, 0.1)]}
+    rocks = Gesture.of(control, on | {"bar.roll_left": [(0, 0), (1, 0.2), (2, 0)]}, travels=True)
+    assert rocks.travel.sum() == pytest.approx(0.1)
+    with pytest.raises(StateError, match=r"ends with bar\.rotation turned"):
+        Gesture.of(control, on | {"bar.roll_left": [(0, 0), (1, 0.2)]}, travels=True)
+
+
+def test_a_file_that_travels_turned_is_a_mistake_of_its_line(control, tmp_path):
+    path = tmp_path / "lean.yaml"
+    path.write_text("gesture: lean\ntravels: true\nmoves: {bar.tip_back: [[0, 0], [1, 9 deg]]}\n")
+    with pytest.raises(FileError, match=r"lean.yaml:2: travels: .*bar.rotation turned"):
+        fan.theatre.load_gesture(control, path)
+
+
+def test_offsets_of_a_turn_can_be_added(control):
+    moved = Gesture.of(control, {"bar.up": [(0, 0), (1, 0.1)]}).moved({"bar.tip_back": 0.2})
+    np.testing.assert_allclose(orientation(moved, control, 1.0).as_rotvec(), [0, -0.2, 0])
+
+
+def test_a_score_tips_the_control_and_judges_turns_in_their_own_unit(control, tmp_path):
+    (tmp_path / "nod.yaml").write_text(
+        "gesture: nod\nmoves:\n  bar.tip_forward: [[0, 0], [0.2, 20 deg], [0.6, 0]]\n"
+        "marks: {low: 0.2}\n"
+    )
+    (tmp_path / "rock.yaml").write_text("gesture: rock\nmoves: {rock: [[0, 0], [1, 9 deg]]}\n")
+    text = (
+        "score: number\n{}lanes:\n  bar: [{{gesture: nod.yaml, on: {{low: 1}}}}]\n"
+        "  legs: [{{gesture: rock.yaml, at: 0, mirrored: true}}]\n"
+    )
+    path = tmp_path / "number.yaml"
+    path.write_text(text.format("speed: 1.2\nacceleration: 8\n"))
+    score = fan.load_score(control, path)
+    changes = [str(change) for change in score.changes]
+    assert any("bar.rotation moves at 3.27" in x and "the bound is 3:" in x for x in changes)
+    assert any("bar.rotation changes by 50.38 rad/s^2" in x and "is 20:" in x for x in changes)
+    assert not any("m/s" in change for change in changes)
+    path.write_text(text.format("speed: {bar.rotation: 4}\nacceleration: {bar.rotation: 60}\n"))
+    score = fan.load_score(control, path)
+    assert score.changes == ()
+    q, _ = control.coordinates.rotations["bar.rotation"]
+    q_K = score.inputs(control.rest()).evaluate(1.0)[0]
+    assert q_K[q + 2] == pytest.approx(np.sin(np.radians(10.0)))  # half of 20 deg
+    assert q_K[control.coordinates.q_K.index("rock")] == pytest.approx(-np.radians(9.0))
+
+
+def test_key_poses_tip_a_control(control, tmp_path):
+    """A bob on a string from the bar's front comes down as the bar is tipped, and only tipped."""
+    path = tmp_path / "dip.yaml"
+    path.write_text(
+        "gesture: dip\nposes:\n  strings: [bar]\n  at: [0, 1]\n"
+        "  points: {bob: [[0, 0, 0], [0, 0, -0.03]]}\n"
+    )
+    gesture = fan.theatre.load_gesture(control, path)
+    x0 = control.rest()
+    q_K = gesture.inputs(x0).evaluate(1.0)[0]
+    hangs = control.rest(x0.replace(q_K=q_K))
+    down = control.pose(hangs, "bob")[:3, 3] - control.pose(x0, "bob")[:3, 3]
+    np.testing.assert_allclose(down, [0, 0, -0.03], atol=1e-4)
