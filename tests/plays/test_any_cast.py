@@ -107,3 +107,70 @@ def test_a_puppet_without_a_part_says_so(hans):
         Build.of(hans).limb("wing_left")
     with pytest.raises(fan.errors.StateError, match="somebody has no arm_left"):
         cast.hanging(Bodies("somebody"), "left", "ball")
+
+
+RIG = """
+rig:
+  trunk: [torso]
+  facing: [1, 0, 0]
+  head: {body: skull, end: [0, 0, 0.137]}
+  carrying: [shoulder_left]
+  looking: [head]
+  limbs:
+    - {kind: arm, side: left, bodies: [upper_arm_left, ARM], end: [END], strings: [hand_left]}
+    - {kind: leg, side: left, bodies: [thigh_left, shin_left], end: [0.018, 0, -0.138],
+       strings: [knee_left]}
+"""
+ALONG_X = {
+    "capsule, from: [0, 0, 0], to: [0, 0, -0.075]": "capsule, from: [0, 0, 0], to: [0.075, 0, 0]",
+    "radii: [0.015, 0.009, 0.021], at: [0, 0, -0.102]": (
+        "radii: [0.021, 0.009, 0.015], at: [0.102, 0, 0]"
+    ),
+    "{lower: -2 deg, upper: 140 deg}": "{lower: -92 deg, upper: 50 deg}",
+    "{body: forearm_left, at: [0, 0, -0.09]}": "{body: forearm_left, at: [0.09, 0, 0]}",
+    "elbow_left: 70 deg": "elbow_left: -20 deg",
+}
+"""Changes after which a forearm points along x of its frame, in the same pose of the arm."""
+PALM = """\
+  - name: palm_left
+    parent: forearm_left
+    joint: {name: wrist_left, type: revolute, axis: [0, 1, 0], at: [0, 0, -0.09]}
+    shapes: [{type: sphere, radius: 0.01, mass: 0.01}]
+"""
+
+
+def changed(changes: dict[str, str], arm: str = "forearm_left", end: str = "0, 0, -0.09") -> str:
+    """Text of the bundled marionette after changes, with a rig, so that no rest is needed."""
+    text = bundled("marionette").read_text(encoding="utf-8")
+    for before, after in changes.items():
+        assert text.count(before) == 1, before
+        text = text.replace(before, after)
+    return text + RIG.replace("ARM", arm).replace("END", end)
+
+
+def holding(puppet: str, along: float) -> fan.Marionette:
+    """A puppet and a prop whose origin is on its left forearm, at a distance from the elbow [m]."""
+    elbow = fan.puppets.marionette()
+    pose = elbow.pose(elbow.state(), "forearm_left")
+    at = pose[:3, 3] - along * pose[:3, 2]
+    shape = {"type": "sphere", "radius": 0.01, "mass": 0.01}
+    ball = {"name": "ball", "at": at.tolist(), "shapes": [shape]}
+    puppets = [{"name": "pierrot", "puppet": scene.loads(puppet)}]
+    return fan.Marionette(fan.Scene(scene="holding", puppets=puppets, props=[ball]))
+
+
+@pytest.mark.parametrize(("changes", "end"), [({}, "0, 0, -0.09"), (ALONG_X, "0.09, 0, 0")])
+def test_the_distance_from_the_elbow_is_along_any_axis_of_the_forearm(changes, end):
+    stage = holding(changed(changes, end=end), 0.05)
+    away = prop_gestures.along_forearm(stage, stage.state(), "", "ball", 0.0, side="left")
+    assert away == pytest.approx(0.05, abs=1e-6)
+
+
+def test_a_prop_hangs_on_the_forearm_of_an_arm_with_a_hand_of_its_own():
+    arm = "forearm_left, palm_left"
+    text = changed({"  - name: thigh_left\n": PALM + "  - name: thigh_left\n"}, arm, "0.02, 0, 0")
+    puppet = fan.Marionette(scene.loads(text))
+    build = Build.of(puppet)
+    assert build.forearm("right") == "forearm_right"
+    np.testing.assert_allclose(build.along_forearm("right"), [0.0, 0.0, -1.0], atol=1e-12)
+    assert Bodies.of("she", puppet.body_map).forearms["left"] == "she.forearm_left"

@@ -11,6 +11,7 @@ from fantoccini.base import Array, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import Limb
 from fantoccini.motion import State, pieces
+from fantoccini.theatre.cast.contacts import forearm_of
 from fantoccini.theatre.gestures import Roles
 
 _ARM, _LEG = 0.19, 0.26417
@@ -82,8 +83,26 @@ class Build:
         return self.roles.strings(f"leg_{side}")[0]
 
     def forearm(self, side: str) -> str:
-        """Name in the scene of the last body of an arm."""
-        return self.limb(f"arm_{side}").bodies[-1]
+        """Name in the scene of the body of an arm on which props hang."""
+        return forearm_of(self.limb(f"arm_{side}"))
+
+    def along_forearm(self, side: str) -> Array:
+        """(3,) unit vector from the elbow towards the hand, in the forearm's frame.
+
+        Raises:
+            StateError: the puppet lacks the arm, or its end in the body map is the elbow.
+        """
+        part = f"arm_{side}"
+        limb, forearm = self.limb(part), self.forearm(side)
+        end = np.array(limb.end)
+        if (hand := limb.bodies[-1]) != forearm:
+            x = self.stage.state()
+            elbow, wrist = (self.stage.pose(x, body) for body in (forearm, hand))
+            end = elbow[:3, :3].T @ (wrist[:3, 3] - elbow[:3, 3])
+        length = float(np.linalg.norm(end))
+        if length == 0.0:
+            raise StateError(f"{part} ends at its elbow; needed: `end` of its limb in `rig`")
+        return np.asarray(end / length)
 
     @cached_property
     def strings(self) -> tuple[str, ...]:

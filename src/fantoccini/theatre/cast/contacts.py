@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from fantoccini.base import StateError
-from fantoccini.model import BodyMap
+from fantoccini.model import BodyMap, Limb
 from fantoccini.model.puppet import FLOOR, Contact, ContactPair
 from fantoccini.theatre.script import VERBS, PlayCue, PlayFile
 
@@ -17,6 +17,11 @@ OTHER_SIDE = {"left": "right", "right": "left"}
 """Side of a puppet -> the other side."""
 FRICTION = 0.6
 """Coefficient of friction of all contacts."""
+
+
+def forearm_of(arm: Limb) -> str:
+    """Body of an arm on which props hang: its last one, or the one before a hand with a joint."""
+    return arm.bodies[-1] if len(arm.bodies) <= 2 else arm.bodies[-2]
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ class Bodies:
     @classmethod
     def of(cls, player: str, body_map: BodyMap) -> Bodies:
         """Bodies of a player whose puppet has this body map."""
-        arms = {limb.side: limb.bodies[-1] for limb in body_map.limbs if limb.kind == "arm"}
+        arms = {limb.side: forearm_of(limb) for limb in body_map.limbs if limb.kind == "arm"}
         legs = [limb.bodies for limb in body_map.limbs if limb.kind == "leg"]
         head = () if body_map.head is None else (body_map.head.body,)
         seated = (*(body for leg in legs for body in leg[:-1]), *body_map.trunk, *head)

@@ -225,8 +225,10 @@ def along_forearm(
         height: height of its handle's bar above its origin [m].
         side: side of the forearm.
     """
-    thing, arm = stage.pose(state, prop), stage.pose(state, Build.of(stage, who).forearm(side))
-    return float(-arm[:3, 2] @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
+    build = Build.of(stage, who)
+    thing, arm = stage.pose(state, prop), stage.pose(state, build.forearm(side))
+    to_hand = arm[:3, :3] @ build.along_forearm(side)
+    return float(to_hand @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
 
 
 def aside_by(build: Build, side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
