@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini.base import polynomial
 from fantoccini.model import scene
 from fantoccini.model.puppet import bundled
 from fantoccini.motion import pieces
@@ -141,11 +142,11 @@ PALM = """\
 
 def changed(changes: dict[str, str], arm: str = "forearm_left", end: str = "0, 0, -0.09") -> str:
     """Text of the bundled marionette after changes, with a rig, so that no rest is needed."""
-    text = bundled("marionette").read_text(encoding="utf-8")
+    text = bundled("marionette").read_text(encoding="utf-8") + RIG
     for before, after in changes.items():
         assert text.count(before) == 1, before
         text = text.replace(before, after)
-    return text + RIG.replace("ARM", arm).replace("END", end)
+    return text.replace("ARM", arm).replace("END", end)
 
 
 def holding(puppet: str, along: float) -> fan.Marionette:
@@ -174,3 +175,65 @@ def test_a_prop_hangs_on_the_forearm_of_an_arm_with_a_hand_of_its_own():
     assert build.forearm("right") == "forearm_right"
     np.testing.assert_allclose(build.along_forearm("right"), [0.0, 0.0, -1.0], atol=1e-12)
     assert Bodies.of("she", puppet.body_map).forearms["left"] == "she.forearm_left"
+
+
+TAIL = """\
+  - name: tail
+    parent: torso
+    joint: {name: rump, type: revolute, axis: [0, 1, 0], at: [-0.03, 0, -0.05]}
+    shapes: [{type: capsule, from: [0, 0, 0], to: [-0.1, 0, 0], radius: 0.006, mass: 0.01}]
+"""
+FURTHER = """\
+  - {name: tip, path: [{body: tail, at: [-0.09, 0, 0]}, {driven: [x, y], at: [-0.15, 0, 1.2]}],
+     length: driven}
+  - {name: sleeve_left, path: [{body: upper_arm_left}, {driven: [x, y], at: [0, 0.2, 1.2]}],
+     length: driven}
+  - {name: wrist_left, path: [{body: forearm_left, at: [0, 0, -0.05]},
+     {driven: [x, y], at: [0.1, 0.14, 1.2]}], length: driven}
+  - {name: foot_left, path: [{body: shin_left, at: [0, 0, -0.1]},
+     {driven: [x, y], at: [0.1, 0.1, 1.2]}], length: driven}
+  - {name: thigh_string_left, path: [{body: thigh_left, at: [0, 0, -0.05]},
+     {driven: [x, y], at: [0.05, 0.05, 1.2]}], length: driven}
+"""
+
+
+def offsets_at(gesture: fan.theatre.Gesture, t: float) -> dict[str, float]:
+    """Offsets of all driven coordinates at a time [s]."""
+    i = min(int(np.searchsorted(gesture.breaks, t, side="right")), len(gesture.coef)) - 1
+    d, _, _ = polynomial.evaluate(gesture.coef[i], np.array([t - gesture.breaks[i]]))
+    names = pieces.channel_names(gesture.coordinates).items()
+    return {name: float(d[v.start]) for name, (_, v) in names}
+
+
+def test_further_strings_move_with_the_part_that_carries_them_when_a_puppet_sits_down():
+    changes = {
+        "  - name: thigh_left\n": TAIL + "  - name: thigh_left\n",
+        "\n# Start: standing": FURTHER + "\n# Start: standing",
+        "strings: [hand_left]": "strings: [hand_left, wrist_left, sleeve_left]",
+        "strings: [knee_left]}": "strings: [foot_left, knee_left, thigh_string_left]}\n"
+        "    - {kind: tail, bodies: [tail], end: [-0.1, 0, 0], strings: [tip]}",
+    }
+    puppet = fan.Marionette(scene.loads(changed(changes)))
+    build = Build.of(puppet)
+    assert {"tip", "sleeve_left", "head", "shoulder_left"} < set(build.body)
+    assert build.knee("left") == "knee_left"
+    down = offsets_at(sit(puppet, "", "chair", 0.14, start=puppet.state()).down, 3.0)
+    groups = ("shoulder_left", "tip", "sleeve_left"), ("hand_left", "wrist_left")
+    for leader, *followers in (*groups, ("knee_left", "thigh_string_left")):
+        for way in ("x", "y", "length"):
+            for name in followers:
+                assert down[f"{name}.{way}"] == down[f"{leader}.{way}"], (name, way)
+        assert down[f"{leader}.length"] > 0.02
+    # The foot stands where it stood.
+    assert all(down[f"foot_left.{way}"] == 0.0 for way in ("x", "y", "length"))
+
+
+def test_strings_of_the_pelvis_stay_above_it_while_a_puppet_sits(hans):
+    sitting = sit(hans, "", "chair", 0.15, start=hans.state())
+    build, seated = Build.of(hans), offsets_at(sitting.down, 4.0)
+    assert build.uprightness("crown") == build.uprightness("collar_left") == 1.0
+    # It is tied at the height of 0.035 m below the waist's joint, the hips at 0.06 m: [m].
+    assert build.uprightness("seat") == pytest.approx(0.025 / 0.21, abs=1e-3)
+    leans = build.legs * 0.075
+    assert seated["crown.x"] == pytest.approx(leans - sitting.back)
+    assert seated["seat.x"] == pytest.approx(build.uprightness("seat") * leans - sitting.back)

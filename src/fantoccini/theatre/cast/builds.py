@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -75,12 +76,14 @@ class Build:
         return self.roles.strings(f"arm_{side}")[0]
 
     def knee(self, side: str) -> str:
-        """Name of the string that lifts a leg.
+        """Name of the string that lifts a leg by its thigh; else the one nearest to its foot.
 
         Raises:
             StateError: no string lifts it.
         """
-        return self.roles.strings(f"leg_{side}")[0]
+        part = f"leg_{side}"
+        names = self.roles.strings(part)
+        return next((name for name in names if self._is_at_root(part, name)), names[0])
 
     def forearm(self, side: str) -> str:
         """Name in the scene of the body of an arm on which props hang."""
@@ -115,13 +118,68 @@ class Build:
 
     @cached_property
     def body(self) -> tuple[str, ...]:
-        """Names of the strings that carry trunk and head: all but those of limbs."""
-        limbs = {
-            name.removeprefix(self.roles.prefix)
-            for limb in self.roles.body_map.limbs
-            for name in limb.strings
+        """Names of the strings that move with the trunk.
+
+        They are tied to the trunk, or to what it carries: head, neck, wings, tail, upper arms.
+        """
+        own = {name: part for part, name in self._limb_strings}
+        return tuple(
+            name
+            for name in self.strings
+            if name not in own
+            or (own[name].startswith("arm") and self._is_at_root(own[name], name))
+        )
+
+    def uprightness(self, string: str) -> float:
+        """Height at which a string is tied, from 0 at the hips to 1 where the trunk is carried.
+
+        It is that in the pose of the file, and at most 1 for strings of the head.
+        """
+        points = self.stage.string_points(*self._file_pose)
+        low = self.place(self.limb("leg_left").bodies[0])[2]
+        ties = {
+            name: float(points[self.roles.prefix + name][:, 2].min()) - low
+            for name in (string, *self.roles.strings("trunk"))
         }
-        return tuple(name for name in self.strings if name not in limbs)
+        top = max(ties[name] for name in self.roles.strings("trunk"))
+        return float(np.clip(ties[string] / top, 0.0, 1.0)) if top > 0.0 else 1.0
+
+    @property
+    def _file_pose(self) -> tuple[Array, Array]:
+        x = self.stage.state()
+        return x.q_D, x.q_K
+
+    @cached_property
+    def followers(self) -> Mapping[str, str]:
+        """Further string of a limb -> the string that lifts the same body, and with which it moves.
+
+        Strings of forearms and hands follow :meth:`hand`, those of thighs :meth:`knee`.
+        """
+        leaders: dict[str, str] = {}
+        for part, name in self._limb_strings:
+            kind, _, side = part.partition("_")
+            leader = self.hand(side) if kind == "arm" else self.knee(side)
+            if name != leader and self._is_at_root(part, name) == (kind == "leg"):
+                leaders[name] = leader
+        return leaders
+
+    @cached_property
+    def _limb_strings(self) -> list[tuple[str, str]]:
+        """Arms and legs, each with the name of a string that is tied to it."""
+        return [
+            (part, name)
+            for part, limb in self.roles.body_map.parts.items()
+            if limb.kind in ("arm", "leg") and limb.strings
+            for name in self.roles.strings(part)
+        ]
+
+    def _is_at_root(self, part: str, string: str) -> bool:
+        """Whether a string is tied to the first body of a limb."""
+        tree = self.stage.tree
+        root = self.stage.link_index(self.limb(part).bodies[0])
+        rows = (*tree.strings, *tree.chains)
+        row = next(row for row in rows if row.name == self.roles.prefix + string)
+        return any(point.link == root for point in row.points)
 
     def end(self, start: State, string: str) -> complex:
         """End of a string relative to the middle between those that carry the trunk [m].

@@ -312,9 +312,17 @@ def gesture_of(
     name: str,
     marks: Mapping[str, float],
 ) -> Gesture:
-    points = {of_member(who, channel): offsets for channel, offsets in moves.items()}
+    """Gesture of a member; further strings of its limbs move with those that are named."""
+    build = Build.of(stage, who)
+    whole = dict(moves)
+    for follower, leader in build.followers.items():
+        for channel, offsets in moves.items():
+            string, _, way = channel.partition(".")
+            if string == leader:
+                whole[f"{follower}.{way}"] = offsets
+    points = {of_member(who, channel): offsets for channel, offsets in whole.items()}
     gesture = Gesture.of(stage, points, name=name, marks=marks)
-    heading = Roles.of(stage, who).heading
+    heading = build.roles.heading
     return gesture.turned(heading) if heading else gesture
 
 

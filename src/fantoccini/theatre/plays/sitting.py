@@ -130,11 +130,13 @@ def _trunk(
 ) -> tuple[dict[str, Waypoints], dict[str, Waypoints]]:
     """Waypoints of the strings of trunk and head: down, and up."""
     size = build.legs
-    first, seated, bent = (distance - size * x for x in (_SITS_BACK, _LEANS, _RISES))
-    sagged, rests = drop + size * _SAG, drop + size * _SLACK
+    first, sagged, rests = distance - size * _SITS_BACK, drop + size * _SAG, drop + size * _SLACK
     down: dict[str, Waypoints] = {}
     up: dict[str, Waypoints] = {}
     for string in build.body:
+        # Strings of the pelvis stay above it; those of shoulders and head set the trunk upright.
+        ahead = size * build.uprightness(string)
+        seated, bent = distance - ahead * _LEANS, distance - ahead * _RISES
         down[f"{string}.down"] = [
             (0, 0),
             (0.4, 0),
