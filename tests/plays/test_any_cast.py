@@ -5,10 +5,12 @@ from __future__ import annotations
 import ast
 import re
 from functools import cache
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 import fantoccini as fan
 from fantoccini.base import polynomial
@@ -17,7 +19,9 @@ from fantoccini.model.puppet import bundled
 from fantoccini.motion import pieces
 from fantoccini.theatre import cast
 from fantoccini.theatre.cast import Bodies, Build, prop_gestures
+from fantoccini.theatre.gestures import Step
 from fantoccini.theatre.plays import putting
+from fantoccini.theatre.plays.reading import read_play
 from fantoccini.theatre.plays.sitting import sit
 
 SOURCE = Path(fan.__file__).parent / "theatre"
@@ -237,3 +241,52 @@ def test_strings_of_the_pelvis_stay_above_it_while_a_puppet_sits(hans):
     leans = build.legs * 0.075
     assert seated["crown.x"] == pytest.approx(leans - sitting.back)
     assert seated["seat.x"] == pytest.approx(build.uprightness("seat") * leans - sitting.back)
+
+
+HOLDS = """\
+play: holds
+stage: {marks: {west: {at: [0.1, 0.6], facing: right}}}
+cast: {she: {puppet: she.yaml, at: west}}
+props: {ball: {held by: she, side: left}}
+acts: [{act: One, cues: [{who: she, walks to: [0.1, 0.2]}]}]
+"""
+
+
+def looking_left() -> str:
+    """Text of the bundled marionette that looks along y in its file."""
+    text = scene.loads(changed({})).expanded().to_yaml()
+    data = YAML(typ="safe").load(text)
+    for string in data["strings"]:
+        x, y, _ = string["path"][1]["at"]
+        string["path"][1]["at"][:2] = [-y, x]
+    half = float(np.sqrt(0.5))
+    data["pose"] |= {"torso.rotation": [half, 0.0, 0.0, half]}
+    stream = StringIO()
+    YAML(typ="safe").dump(data, stream)
+    return stream.getvalue()
+
+
+@pytest.mark.slow
+def test_a_puppet_whose_file_looks_along_y_faces_walks_and_holds_like_one_along_x(tmp_path):
+    (tmp_path / "holds.yaml").write_text(HOLDS, encoding="utf-8")
+    poses, props, walks, aims = [], [], [], []
+    for text in (changed({}), looking_left()):
+        (tmp_path / "she.yaml").write_text(text, encoding="utf-8")
+        script = read_play(tmp_path / "holds.yaml", cast.ResultCache())
+        she = script.cast.players["she"]
+        tree, state = she.alone.tree, she.x0
+        links = she.alone.poses(state.q_D[None], state.q_K[None])[0]
+        poses.append({link.name: links[k] for k, link in enumerate(tree.links)})
+        props.append(script.cast.props["ball"])
+        steps = she.turned(script.gestures.walk(she, (Step(0.06), Step(0.06, 0.3)), 0.7), 0.4)
+        walks.append(offsets_at(steps, 1.0))
+        aims.append(she.own(np.array([0.5, -0.2, 0.3]), she.start) - [she.middle.real, she.middle.imag, 0])
+    for body, pose in poses[0].items():
+        columns = slice(3, 4) if body.endswith(".end") else slice(None)
+        np.testing.assert_allclose(poses[1][body][:, columns], pose[:, columns], atol=1e-6)
+    np.testing.assert_allclose(props[1].prop.at, props[0].prop.at, atol=1e-6)
+    assert walks[1] == pytest.approx(walks[0], abs=1e-9)
+    np.testing.assert_allclose(aims[1][:2], [-aims[0][1], aims[0][0]], atol=1e-9)
+    # The audience is along x: she faces right, along -y, as the mark has it.
+    ahead = poses[1]["torso"][:, :3] @ [1.0, 0.0, 0.0]
+    np.testing.assert_allclose(ahead, [0.0, -1.0, 0.0], atol=0.05)

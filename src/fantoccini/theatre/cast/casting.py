@@ -21,7 +21,7 @@ from fantoccini.theatre.cast.contacts import Bodies, Pair, asked_pairs, rules_of
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
-from fantoccini.theatre.gestures import Ends, Roles
+from fantoccini.theatre.gestures import Ends, Gesture, Roles
 from fantoccini.theatre.script import (
     DIRECTIONS,
     VERBS,
@@ -71,6 +71,15 @@ class Player:
             return Bodies(self.name)
 
     @cached_property
+    def facing(self) -> float:
+        """Heading in the puppet's file, from which it and its gestures are turned [rad]."""
+        return _facing(self.alone)
+
+    def turned(self, gesture: Gesture, heading: float) -> Gesture:
+        """A gesture of the puppet's file for the puppet at a heading on the stage [rad]."""
+        return gesture.turned(heading - self.facing)
+
+    @cached_property
     def middle(self) -> complex:
         """Position of the player: the midpoint between the ends of its shoulders' strings [m]."""
         return _middle(self.alone, self.hangs)
@@ -100,8 +109,9 @@ class Player:
 
     def own(self, place: Array, stands: Footing) -> Array:
         """A point (3,) on the stage in the frame of a player with a footing there [m]."""
-        seen = stands.seen(complex(place[0], place[1])) + self.middle
-        return np.array([seen.real, seen.imag, place[2]])
+        seen = stands.seen(complex(place[0], place[1]))
+        there = self.middle + seen * np.exp(1j * self.facing)
+        return np.array([there.real, there.imag, place[2]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,14 +349,23 @@ def _middle(alone: Marionette, hangs: State) -> complex:
         return 0j
 
 
+def _facing(alone: Marionette) -> float:
+    """Heading of a puppet in its file; 0 without a body map [rad]."""
+    try:
+        return Roles.of(alone).heading
+    except StateError:
+        return 0.0
+
+
 def placed(alone: Marionette, hangs: State, there: Footing) -> State:
     """State moved rigidly from where the puppet hangs to a footing on the stage.
 
-        z' = z_there + exp(i heading) (z - z_middle)
+        z' = z_there + exp(i (heading - heading_file)) (z - z_middle)
 
     z = x + i y of the ends of strings and of free bodies.
     """
-    table, turn = alone.coordinates, np.exp(1j * there.heading)
+    angle = there.heading - _facing(alone)
+    table, turn = alone.coordinates, np.exp(1j * angle)
     middle = _middle(alone, hangs)
     q = _values(alone, hangs)
     for owner in dict.fromkeys(name.rpartition(".")[0] for name in q):
@@ -356,7 +375,7 @@ def placed(alone: Marionette, hangs: State, there: Footing) -> State:
             q[x], q[y] = float(z.real), float(z.imag)
         if x in q and f"{owner}.qw" in q:
             parts = [f"{owner}.{part}" for part in ("qw", "qx", "qy", "qz")]
-            c, s = np.cos(0.5 * there.heading), np.sin(0.5 * there.heading)
+            c, s = np.cos(0.5 * angle), np.sin(0.5 * angle)
             w, a, b, d = (q[part] for part in parts)
             turned = (c * w - s * d, c * a - s * b, c * b + s * a, c * d + s * w)
             q.update(zip(parts, map(float, turned), strict=True))

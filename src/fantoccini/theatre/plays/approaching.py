@@ -111,7 +111,7 @@ class Approaching:
     def do(self, stage: OnStage, who: str, gesture: Gesture, start: float) -> tuple[OnStage, float]:
         """Stage after a gesture that begins at a time or later, and its end [s]."""
         actor = stage.actors[who]
-        own = gesture.turned(actor.last.heading)
+        own = actor.player.turned(gesture, actor.last.heading)
         hands, begun = actor.hands.add_busy(0, own, start)
         stage = stage.part(replace(actor, hands=hands), 0, own, begun)
         return stage, begun + own.duration

@@ -174,7 +174,7 @@ def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) 
     if not side:
         return actor
     try:
-        pose = gestures.pose(actor.player, side).turned(actor.last.heading)
+        pose = actor.player.turned(gestures.pose(actor.player, side), actor.last.heading)
     except (StateError, UnknownNameError) as error:
         raise CannotBe(f"{actor.player.name} cannot carry it: {error}") from None
     there, now = pose.ends[0][1][pose.named], (line.d - line.carried)[pose.named]
@@ -206,6 +206,6 @@ def walked(
         steps = gestures.walk(actor.player, way.steps, way.step_time, carries)
     except (StateError, UnknownNameError) as error:
         raise CannotBe(f"{actor.player.name} cannot walk: {error}") from None
-    gesture = steps.turned(way.start.heading)
+    gesture = actor.player.turned(steps, way.start.heading)
     hands, _ = actor.hands.add(0, gesture, way.begin)
     return replace(actor, hands=hands, ways=(*actor.ways, way)), gesture
