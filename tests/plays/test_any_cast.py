@@ -18,7 +18,7 @@ from fantoccini.model import scene
 from fantoccini.model.puppet import bundled
 from fantoccini.motion import pieces
 from fantoccini.theatre import cast
-from fantoccini.theatre.cast import Bodies, Build, prop_gestures
+from fantoccini.theatre.cast import ContactBodies, Physique, prop_gestures
 from fantoccini.theatre.gestures import Step
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.reading import read_play
@@ -82,7 +82,7 @@ def moved(gesture: fan.theatre.Gesture) -> set[str]:
 
 
 def test_bodies_that_touch_are_those_of_the_body_map(hans):
-    bodies = Bodies.of("hans", hans.body_map)
+    bodies = ContactBodies.of("hans", hans.body_map)
     assert bodies.forearms["left"] == "hans.lower_arm_left"
     assert bodies.feet == ("hans.shin_left", "hans.shin_right")
     seated = {"thigh_left", "thigh_right", "chest", "pelvis", "head"}
@@ -90,13 +90,13 @@ def test_bodies_that_touch_are_those_of_the_body_map(hans):
 
 
 def test_a_puppet_of_other_names_and_sizes_has_the_gestures_with_props_and_seats(hans):
-    build = Build.of(hans)
+    physique = Physique.of(hans)
     # 0.25579 m and 0.25824 m of hans, 0.19 m and 0.26417 m of the bundled marionette
-    assert build.arm("left") == pytest.approx(0.25579 / 0.19, abs=1e-5)
-    assert build.legs == pytest.approx(0.25824 / 0.26417, abs=1e-5)
-    assert set(build.body) == {"crown", "collar_left", "collar_right", "seat"}
+    assert physique.arm_ratio("left") == pytest.approx(0.25579 / 0.19, abs=1e-5)
+    assert physique.leg_ratio == pytest.approx(0.25824 / 0.26417, abs=1e-5)
+    assert set(physique.trunk_strings) == {"crown", "collar_left", "collar_right", "seat"}
     assert moved(prop_gestures.carry(hans, "", side="left")) == {"wrist_left"}
-    assert moved(putting.putting(hans, "", "ball", 0.01).gesture) == set(build.strings)
+    assert moved(putting.putting(hans, "", "ball", 0.01).gesture) == set(physique.strings)
     handing = prop_gestures.give(hans, "", "", "ball", side="left")
     assert moved(handing.giver) == {"wrist_left"} and "leg_right" in moved(handing.receiver)
     assert handing.touching == (("lower_arm_left", "ball"), ("lower_arm_right", "ball"))
@@ -104,14 +104,14 @@ def test_a_puppet_of_other_names_and_sizes_has_the_gestures_with_props_and_seats
     place = np.array([1.34626 * 0.061, 0.106, 0.347])
     np.testing.assert_allclose(prop_gestures.handle_place(hans, side="left"), place, atol=1e-5)
     sitting = sit(hans, "", "chair", 0.15, start=hans.state())
-    assert moved(sitting.down) == set(build.strings) and ("pelvis", "chair") in sitting.touching
+    assert moved(sitting.down) == set(physique.strings) and ("pelvis", "chair") in sitting.touching
 
 
 def test_a_puppet_without_a_part_says_so(hans):
     with pytest.raises(fan.errors.StateError, match="no wing_left; its body map has arm_"):
-        Build.of(hans).limb("wing_left")
+        Physique.of(hans).limb("wing_left")
     with pytest.raises(fan.errors.StateError, match="somebody has no arm_left"):
-        cast.hanging(Bodies("somebody"), "left", "ball")
+        cast.hanging(ContactBodies("somebody"), "left", "ball")
 
 
 RIG = """
@@ -175,10 +175,10 @@ def test_a_prop_hangs_on_the_forearm_of_an_arm_with_a_hand_of_its_own():
     arm = "forearm_left, palm_left"
     text = changed({"  - name: thigh_left\n": PALM + "  - name: thigh_left\n"}, arm, "0.02, 0, 0")
     puppet = fan.Marionette(scene.loads(text))
-    build = Build.of(puppet)
-    assert build.forearm("right") == "forearm_right"
-    np.testing.assert_allclose(build.along_forearm("right"), [0.0, 0.0, -1.0], atol=1e-12)
-    assert Bodies.of("she", puppet.body_map).forearms["left"] == "she.forearm_left"
+    physique = Physique.of(puppet)
+    assert physique.forearm("right") == "forearm_right"
+    np.testing.assert_allclose(physique.forearm_direction("right"), [0.0, 0.0, -1.0], atol=1e-12)
+    assert ContactBodies.of("she", puppet.body_map).forearms["left"] == "she.forearm_left"
 
 
 TAIL = """\
@@ -218,9 +218,9 @@ def test_further_strings_move_with_the_part_that_carries_them_when_a_puppet_sits
         "    - {kind: tail, bodies: [tail], end: [-0.1, 0, 0], strings: [tip]}",
     }
     puppet = fan.Marionette(scene.loads(changed(changes)))
-    build = Build.of(puppet)
-    assert {"tip", "sleeve_left", "head", "shoulder_left"} < set(build.body)
-    assert build.knee("left") == "knee_left"
+    physique = Physique.of(puppet)
+    assert {"tip", "sleeve_left", "head", "shoulder_left"} < set(physique.trunk_strings)
+    assert physique.knee_string("left") == "knee_left"
     down = offsets_at(sit(puppet, "", "chair", 0.14, start=puppet.state()).down, 3.0)
     groups = ("shoulder_left", "tip", "sleeve_left"), ("hand_left", "wrist_left")
     for leader, *followers in (*groups, ("knee_left", "thigh_string_left")):
@@ -234,13 +234,15 @@ def test_further_strings_move_with_the_part_that_carries_them_when_a_puppet_sits
 
 def test_strings_of_the_pelvis_stay_above_it_while_a_puppet_sits(hans):
     sitting = sit(hans, "", "chair", 0.15, start=hans.state())
-    build, seated = Build.of(hans), offsets_at(sitting.down, 4.0)
-    assert build.uprightness("crown") == build.uprightness("collar_left") == 1.0
+    physique, seated = Physique.of(hans), offsets_at(sitting.down, 4.0)
+    assert physique.tie_height_ratio("crown") == physique.tie_height_ratio("collar_left") == 1.0
     # It is tied at the height of 0.035 m below the waist's joint, the hips at 0.06 m: [m].
-    assert build.uprightness("seat") == pytest.approx(0.025 / 0.21, abs=1e-3)
-    leans = build.legs * 0.075
+    assert physique.tie_height_ratio("seat") == pytest.approx(0.025 / 0.21, abs=1e-3)
+    leans = physique.leg_ratio * 0.075
     assert seated["crown.x"] == pytest.approx(leans - sitting.back)
-    assert seated["seat.x"] == pytest.approx(build.uprightness("seat") * leans - sitting.back)
+    assert seated["seat.x"] == pytest.approx(
+        physique.tie_height_ratio("seat") * leans - sitting.back
+    )
 
 
 HOLDS = """\
@@ -280,7 +282,9 @@ def test_a_puppet_whose_file_looks_along_y_faces_walks_and_holds_like_one_along_
         props.append(script.cast.props["ball"])
         steps = she.turned(script.gestures.walk(she, (Step(0.06), Step(0.06, 0.3)), 0.7), 0.4)
         walks.append(offsets_at(steps, 1.0))
-        aims.append(she.own(np.array([0.5, -0.2, 0.3]), she.start) - [she.middle.real, she.middle.imag, 0])
+        aims.append(
+            she.own(np.array([0.5, -0.2, 0.3]), she.start)[:2] - [she.middle.real, she.middle.imag]
+        )
     for body, pose in poses[0].items():
         columns = slice(3, 4) if body.endswith(".end") else slice(None)
         np.testing.assert_allclose(poses[1][body][:, columns], pose[:, columns], atol=1e-6)

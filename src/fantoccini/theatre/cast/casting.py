@@ -17,7 +17,7 @@ from fantoccini.model import scene as scenes
 from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
-from fantoccini.theatre.cast.contacts import Bodies, Pair, asked_pairs, rules_of
+from fantoccini.theatre.cast.contacts import ContactBodies, Pair, asked_pairs, rules_of
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
@@ -63,12 +63,12 @@ class Player:
         return hashlib.blake2b(self.alone.puppet.canonical().encode()).hexdigest()
 
     @cached_property
-    def bodies(self) -> Bodies:
+    def bodies(self) -> ContactBodies:
         """Bodies that touch props and seats; none without a body map."""
         try:
-            return Bodies.of(self.name, Roles.of(self.alone).body_map)
+            return ContactBodies.of(self.name, Roles.of(self.alone).body_map)
         except StateError:
-            return Bodies(self.name)
+            return ContactBodies(self.name)
 
     @cached_property
     def facing(self) -> float:

@@ -16,10 +16,10 @@ from fantoccini.model.puppet import FLOOR
 from fantoccini.theatre.cast import (
     OTHER_SIDE,
     Actor,
-    Build,
     Cast,
     Corrections,
     Footing,
+    Physique,
     hanging,
     prop_gestures,
     standing,
@@ -128,7 +128,7 @@ class Handling:
                 side=held.side,
                 along=self._along(turn),
                 posed=True,
-                taker=receiver.player.alone,
+                receiver_stage=receiver.player.alone,
             ),
             giver,
         )
@@ -280,8 +280,10 @@ class Handling:
         back: bool = False,
     ) -> putting.Putting:
         """Gesture that puts a prop down on something, or picks it up from there."""
-        build = Build.of(actor.player.alone)
-        lowest, highest = (hangs - build.arm(side) * drop for drop in reversed(putting.DROPS))
+        physique = Physique.of(actor.player.alone)
+        lowest, highest = (
+            hangs - physique.arm_ratio(side) * drop for drop in reversed(putting.DROPS)
+        )
         if not lowest <= top <= highest:
             off, near = ("low", lowest + 5e-4) if top < lowest else ("high", highest - 5e-4)
             raise CannotBe(
@@ -300,7 +302,7 @@ class Handling:
         handle = self._cast.props[prop].handle
         assert handle is not None
         alone = actor.player.alone
-        rise = Build.of(alone).arm(side) * putting.HIGHER
+        rise = Physique.of(alone).arm_ratio(side) * putting.HIGHER
         return prop_gestures.handle_place(alone, side=side)[2] + rise - handle
 
     def _along(self, turn: Turn[PlayCue]) -> float | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from fantoccini.base import StateError, UnknownNameError
 from fantoccini.model.puppet import FLOOR
-from fantoccini.theatre.cast import Actor, Bodies, Cast, Meeting, Pair, Way
+from fantoccini.theatre.cast import Actor, Cast, ContactBodies, Meeting, Pair, Way
 from fantoccini.theatre.gestures import CannotBe, Gesture, Part, Turn
 from fantoccini.theatre.plays.holdings import Hangs, Seated, Stands
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
@@ -91,7 +91,7 @@ class OnStage:
             seat = self.seated[who].seat
             raise CannotBe(f"{who} sits on {seat}; needed before: `stands up from`")
 
-    def bodies(self, who: str) -> Bodies:
+    def bodies(self, who: str) -> ContactBodies:
         """Bodies of a player that touch props and seats."""
         return self.actors[who].player.bodies
 

@@ -22,7 +22,7 @@ _SIZE_DIGITS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Build:
+class Physique:
     """Sizes and strings of a puppet or of a scene's member.
 
     Attributes:
@@ -32,8 +32,8 @@ class Build:
     roles: Roles
 
     @classmethod
-    def of(cls, stage: Marionette, who: str = "") -> Build:
-        """Build of a member of a scene.
+    def of(cls, stage: Marionette, who: str = "") -> Physique:
+        """Physique of a member of a scene.
 
         Raises:
             StateError: it has no body map.
@@ -58,16 +58,16 @@ class Build:
             )
         return parts[part]
 
-    def arm(self, side: str) -> float:
+    def arm_ratio(self, side: str) -> float:
         """Length of an arm relative to that for which gestures are written."""
         return round(self.limb(f"arm_{side}").length / _ARM, _SIZE_DIGITS)
 
     @property
-    def legs(self) -> float:
+    def leg_ratio(self) -> float:
         """Length of the legs relative to that for which gestures are written."""
         return round(self.limb("leg_left").length / _LEG, _SIZE_DIGITS)
 
-    def hand(self, side: str) -> str:
+    def hand_string(self, side: str) -> str:
         """Name of the string that lifts a hand.
 
         Raises:
@@ -75,7 +75,7 @@ class Build:
         """
         return self.roles.strings(f"arm_{side}")[0]
 
-    def knee(self, side: str) -> str:
+    def knee_string(self, side: str) -> str:
         """Name of the string that lifts a leg by its thigh; else the one nearest to its foot.
 
         Raises:
@@ -89,7 +89,7 @@ class Build:
         """Name in the scene of the body of an arm on which props hang."""
         return forearm_of(self.limb(f"arm_{side}"))
 
-    def along_forearm(self, side: str) -> Array:
+    def forearm_direction(self, side: str) -> Array:
         """(3,) unit vector from the elbow towards the hand, in the forearm's frame.
 
         Raises:
@@ -117,7 +117,7 @@ class Build:
         return tuple(name for name in ends if f"{name}.length" in own and f"{name}.y" in own)
 
     @cached_property
-    def body(self) -> tuple[str, ...]:
+    def trunk_strings(self) -> tuple[str, ...]:
         """Names of the strings that move with the trunk.
 
         They are tied to the trunk, or to what it carries: head, neck, wings, tail, upper arms.
@@ -130,7 +130,7 @@ class Build:
             or (own[name].startswith("arm") and self._is_at_root(own[name], name))
         )
 
-    def uprightness(self, string: str) -> float:
+    def tie_height_ratio(self, string: str) -> float:
         """Height at which a string is tied, from 0 at the hips to 1 where the trunk is carried.
 
         It is that in the pose of the file, and at most 1 for strings of the head.
@@ -153,12 +153,12 @@ class Build:
     def followers(self) -> Mapping[str, str]:
         """Further string of a limb -> the string that lifts the same body, and with which it moves.
 
-        Strings of forearms and hands follow :meth:`hand`, those of thighs :meth:`knee`.
+        Strings of forearms follow :meth:`hand_string`, those of thighs :meth:`knee_string`.
         """
         leaders: dict[str, str] = {}
         for part, name in self._limb_strings:
             kind, _, side = part.partition("_")
-            leader = self.hand(side) if kind == "arm" else self.knee(side)
+            leader = self.hand_string(side) if kind == "arm" else self.knee_string(side)
             if name != leader and self._is_at_root(part, name) == (kind == "leg"):
                 leaders[name] = leader
         return leaders
