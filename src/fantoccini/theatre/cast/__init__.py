@@ -2,7 +2,7 @@
 
 from fantoccini.theatre.cast import prop_gestures
 from fantoccini.theatre.cast.actors import Actor, Corrections
-from fantoccini.theatre.cast.casting import Cast, Player, read_cast
+from fantoccini.theatre.cast.casting import Cast, read_cast
 from fantoccini.theatre.cast.clips import Clip, is_clip, read_clip
 from fantoccini.theatre.cast.companies import (
     Company,
@@ -27,6 +27,7 @@ from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_time
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
 from fantoccini.theatre.cast.physique import Physique
+from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.cast.prop_gestures import (
     Waypoints,
     aside_by,

@@ -13,10 +13,10 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import Limb
 from fantoccini.motion import State, pieces
 from fantoccini.theatre.cast.contacts import forearm_of
-from fantoccini.theatre.gestures import Roles
+from fantoccini.theatre.gestures import Roles, leg_ratio
 
-_ARM, _LEG = 0.19, 0.26417
-"""Lengths of the limbs for which gestures with props and seats are written [m]."""
+_ARM = 0.19
+"""Length of an arm for which gestures with props are written [m]."""
 _SIZE_DIGITS = 6
 """Decimals of the ratio of sizes, so that it is exactly 1 for a body of these lengths."""
 
@@ -65,7 +65,7 @@ class Physique:
     @property
     def leg_ratio(self) -> float:
         """Length of the legs relative to that for which gestures are written."""
-        return round(self.limb("leg_left").length / _LEG, _SIZE_DIGITS)
+        return round(leg_ratio(self.roles), _SIZE_DIGITS)
 
     def hand_string(self, side: str) -> str:
         """Name of the string that lifts a hand.

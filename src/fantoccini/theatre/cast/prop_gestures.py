@@ -40,9 +40,11 @@ rest: forward, aside [m]."""
 _LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
 """Upward offsets: receiver's hand before and after it takes the prop; giver's after that [m]."""
 _BESIDE, _STEP = 0.051, 0.24
-"""Distance between the two forearms, and length of the receiver's step to the side [m]."""
+"""Distance between the two forearms, which the prop's bar determines, and length of the receiver's
+step to the side, for arms of 19 cm or shorter ones [m]."""
 _KNEE_CLEARANCE = 0.05
-"""Distance by which the receiver's knee string moves back to make way for the prop [m]."""
+"""Distance by which the receiver's knee string moves back to make way for the prop, for legs of
+26.4 cm [m]."""
 
 CARRIED = {"out": 0.1, "up": 0.035}
 """Offsets of the hand's string that hold a prop away from the knees [m]."""
@@ -148,7 +150,11 @@ def give(
     )
     giver_height = handles[0][2] - handles[1][2]
     arms = giver_physique.forearm(side), receiver_physique.forearm(other)
+    # The longer of their arms keep clear of both bodies; the prop is as wide for shorter ones.
+    longer = max(giver_physique.arm_ratio(side), receiver_physique.arm_ratio(other), 1.0)
+    step = longer * _STEP
     forward, left = _beside(giver_physique, receiver_physique, side, along)
+    left += sign_of(side) * step
     return Handing(
         gesture_of(
             stage,
@@ -160,7 +166,7 @@ def give(
         gesture_of(
             receiver_physique.stage,
             receiver,
-            _taking(receiver_physique, other, giver_height),
+            _taking(receiver_physique, other, giver_height, step),
             "take",
             {"under": 5.2, "taken": 7.2},
         ),
@@ -191,13 +197,16 @@ def _giving(physique: Physique, side: str, *, posed: bool) -> dict[str, Waypoint
     return {name: _scaled([*points, (13.8, 0)], scale) for name, points in moves.items()}
 
 
-def _taking(physique: Physique, side: str, giver_height: float) -> dict[str, Waypoints]:
+def _taking(
+    physique: Physique, side: str, giver_height: float, step: float
+) -> dict[str, Waypoints]:
     """Waypoints of a receiver that takes a prop with the arm on this side.
 
     Args:
         physique: physique of the receiver.
         side: side of its arm.
         giver_height: height of the giver's handle above that of the receiver, both at rest [m].
+        step: length of its step to the side [m].
     """
     scale, hand, knee = (
         physique.arm_ratio(side),
@@ -205,9 +214,13 @@ def _taking(physique: Physique, side: str, giver_height: float) -> dict[str, Way
         physique.knee_string(side),
     )
     low, lifted = (scale * offset + giver_height for offset in (_LOW, _LIFTED))
-    forward, inward, clear = scale * _HELD["forward"], scale * _TAKES, _KNEE_CLEARANCE
+    forward, inward, clear = (
+        scale * _HELD["forward"],
+        scale * _TAKES,
+        physique.leg_ratio * _KNEE_CLEARANCE,
+    )
     times: list[tuple[float, float]] = [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)]
-    moves = aside_by(physique, side, _STEP, times)
+    moves = aside_by(physique, side, step, times)
     moves[f"{hand}.up"] = [(0, 0), (2.0, low), (5.6, low), (7.2, lifted), (12.0, lifted), (13.8, 0)]
     moves[f"{hand}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
     inwards = [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
@@ -220,7 +233,7 @@ def _taking(physique: Physique, side: str, giver_height: float) -> dict[str, Way
 def _beside(
     giver_physique: Physique, receiver_physique: Physique, side: str, along: float | None
 ) -> tuple[float, float]:
-    """Place of the receiver before it steps aside to the giver: forward and left [m]."""
+    """Place of the receiver beside the giver while it takes the prop: forward and left [m]."""
     sign, other = sign_of(side), OTHER_SIDE[side]
     elbow, elbow_taking = (
         giver_physique.place(giver_physique.forearm(side)),
@@ -232,7 +245,7 @@ def _beside(
     held += (elbow[0], sign * elbow[1])
     forward, aside = scale_taking * _TAKEN[0] + elbow_taking[0], _TAKEN[1] * scale_taking
     aside += -sign * elbow_taking[1]
-    return float(held[0] - forward), sign * float(held[1] + aside + _BESIDE + _STEP)
+    return float(held[0] - forward), sign * float(held[1] + aside + _BESIDE)
 
 
 def along_forearm(

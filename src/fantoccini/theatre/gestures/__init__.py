@@ -37,7 +37,7 @@ from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
 from fantoccini.theatre.gestures.styling import Style
 from fantoccini.theatre.gestures.timekeeping import Late, lateness
 from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, limits, transition
-from fantoccini.theatre.gestures.walking import SWAY, steps
+from fantoccini.theatre.gestures.walking import SWAY, leg_ratio, steps
 
 __all__ = [
     "ACCELERATION",
@@ -83,6 +83,7 @@ __all__ = [
     "is_gesture",
     "lateness",
     "leg_length",
+    "leg_ratio",
     "leg_strings",
     "legs",
     "limits",
