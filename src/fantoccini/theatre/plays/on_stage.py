@@ -27,6 +27,7 @@ class OnStage:
         seated: player -> seat on which it sits.
         met: meetings of the cues placed so far.
         calmed: (cue, player) -> time at which it begins to damp its swing [s].
+        passes: cue -> who gives way, where two players pass one another.
         parts: parts of the players in the cue that is being placed.
     """
 
@@ -35,6 +36,7 @@ class OnStage:
     seated: Mapping[str, Seated] = field(default_factory=dict)
     met: tuple[Meeting, ...] = ()
     calmed: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
+    passes: Mapping[Spot, str] = field(default_factory=dict)
     parts: tuple[Part, ...] = ()
 
     @classmethod
@@ -129,6 +131,16 @@ class OnStage:
         part = Part(actor.player.name, lane, gesture, start, end, placed)
         actor = replace(actor, done=max(actor.done, end))
         return replace(self.acting(actor), parts=(*self.parts, part))
+
+    def passing(self, first: Spot, who: str, second: Spot, other: str) -> OnStage:
+        """Stage on which a player gives way to another, in their cues.
+
+        Args:
+            first, who: cue and player that walk as if the other were not there.
+            second, other: cue and player that give way.
+        """
+        own = {first: f"{other} gives way", second: f"gives way to {who}"}
+        return replace(self, passes={**self.passes, **own})
 
     def placing(self, prop: str, where: Hangs | Stands) -> OnStage:
         """Stage with a prop in another place."""
