@@ -17,6 +17,7 @@ from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
 from fantoccini.theatre.cast.contacts import Pair, asked_pairs, rules_of
+from fantoccini.theatre.cast.costumes import in_costume
 from fantoccini.theatre.cast.players import Player, placed, values_of
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
@@ -126,7 +127,9 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             continue
         x0 = placed(alone, hangs, starts[name])
         players[name] = Player(name, alone, hangs, x0, starts[name])
-        members.append(Member(name=name, puppet=puppet, pose=pose))
+        # Only the stage shows costumes: the player alone is compiled once for all of its file.
+        dressed = in_costume(puppet, spec.colours, ("cast", name, "colours"), log)
+        members.append(Member(name=name, puppet=dressed, pose=pose))
     log.mistakes.refuse()
     _check_bodies(file, players, log)
     log.mistakes.refuse()
