@@ -23,6 +23,7 @@ from fantoccini.theatre.gestures import Step
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.reading import read_play
 from fantoccini.theatre.plays.sitting import sit
+from fantoccini.theatre.plays.walks import Walks
 
 SOURCE = Path(fan.__file__).parent / "theatre"
 ROLES = {"head", "hand", "foot"}
@@ -294,3 +295,20 @@ def test_a_puppet_whose_file_looks_along_y_faces_walks_and_holds_like_one_along_
     # The audience is along x: she faces right, along -y, as the mark has it.
     ahead = poses[1]["torso"][:, :3] @ [1.0, 0.0, 0.0]
     np.testing.assert_allclose(ahead, [0.0, -1.0, 0.0], atol=0.05)
+
+
+@pytest.mark.slow
+def test_steps_and_clearances_are_those_of_the_player(tmp_path):
+    path = tmp_path / "holds.yaml"
+    path.write_text(HOLDS.replace("puppet: she.yaml", "puppet: hans"), encoding="utf-8")
+    script = read_play(path, cast.ResultCache())
+    she, walks = script.cast.players["she"], Walks(script.cast, script.log)
+    ratio = 0.25824 / 0.26417
+    assert she.leg_ratio == pytest.approx(ratio)
+    assert walks.clear(she) == pytest.approx(she.radius + ratio * 0.026)
+    # Chest, neck and crown of the file, lifted by 2.5 cm; the head leans a little at rest.
+    assert she.top == pytest.approx(0.388 + 0.122 + 0.181 + 0.025, abs=0.01)
+    goal = cast.Footing(0.1, 0.2, she.start.heading)
+    free = dict(begin=0.0, wait=0.0, others=(), near=0.0, arrives=None, free_from=0.0)
+    way, _ = walks.way(she, she.start, [goal], act_start=0.0, **free)
+    assert max(step.length for step in way.steps) == pytest.approx(0.4 / 5)
