@@ -385,7 +385,7 @@ def test_an_unsolvable_problem_is_reported(solve: Solve) -> None:
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200])
 def test_infinite_numbers_and_nan(solve: Solve, bad: float) -> None:
-    """With one in G, b or mu the problem is not solved, but x is finite. A guess with one is ignored."""
+    """With one in G, b or mu nothing is solved, but x is finite. A guess with one is ignored."""
     (p,) = stacks(7, 1)
     W, c, mu = p.W.copy(), p.c.copy(), p.mu.copy()
     W[0, 0], c[0], mu[0] = bad, bad, bad

@@ -122,6 +122,7 @@ def _print(verification: Verification) -> None:
             if cue.act != name:
                 continue
             action = f"{cue.words} ({cue.mark})" if cue.mark else cue.words
+            action += f", {cue.passes}" if cue.passes else ""
             planned = f"{cue.wanted:.2f}"
             refusal = "left out" if cue.optional else "cannot be done"
             refused = [(", ".join(cue.who), planned, refusal, "")] if cue.refused else []

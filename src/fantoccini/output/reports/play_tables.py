@@ -69,7 +69,8 @@ def cue_table(verification: Verification, act: str) -> Table:
                 (*first, ", ".join(cue.who), f"{cue.wanted:.2f}", "", "", "", _reason(cue))
             )
         for k, times in enumerate(times_of.get(cue.number, [])):
-            note = _pause(verification, cue) if k == 0 else ""
+            notes = (cue.passes, _pause(verification, cue)) if k == 0 else ()
+            note = "; ".join(filter(None, notes))
             lines.append((*(first if k == 0 else ("", "", "")), *times, note))
     header = (
         "cue>",

@@ -2,8 +2,7 @@
 
 from fantoccini.theatre.cast import prop_gestures
 from fantoccini.theatre.cast.actors import Actor, Corrections
-from fantoccini.theatre.cast.builds import Build
-from fantoccini.theatre.cast.casting import Cast, Player, read_cast
+from fantoccini.theatre.cast.casting import Cast, read_cast
 from fantoccini.theatre.cast.clips import Clip, is_clip, read_clip
 from fantoccini.theatre.cast.companies import (
     Company,
@@ -17,7 +16,7 @@ from fantoccini.theatre.cast.companies import (
 )
 from fantoccini.theatre.cast.contacts import (
     OTHER_SIDE,
-    Bodies,
+    ContactBodies,
     Pair,
     asked_pairs,
     hanging,
@@ -27,6 +26,8 @@ from fantoccini.theatre.cast.contacts import (
 from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_timeline
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
+from fantoccini.theatre.cast.physique import Physique
+from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.cast.prop_gestures import (
     Waypoints,
     aside_by,
@@ -54,12 +55,11 @@ __all__ = [
     "NUMBERS",
     "OTHER_SIDE",
     "Actor",
-    "Bodies",
-    "Build",
     "CannotBegin",
     "Cast",
     "Clip",
     "Company",
+    "ContactBodies",
     "Corrections",
     "Footing",
     "Hindrance",
@@ -67,6 +67,7 @@ __all__ = [
     "NoWay",
     "OutOfTime",
     "Pair",
+    "Physique",
     "Places",
     "PlayProp",
     "Player",

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fantoccini.base import Array, Times
-from fantoccini.theatre.cast.casting import Player
 from fantoccini.theatre.cast.cues import lane_name
 from fantoccini.theatre.cast.footing import Footing, Way
+from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.gestures import Gesture, Hands
 from fantoccini.theatre.script import Spot
 

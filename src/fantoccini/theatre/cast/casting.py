@@ -1,9 +1,8 @@
-"""The cast of a play: every player alone in its own frame, and all of them on the stage."""
+"""The cast of a play: all players on the stage, and the mistakes of its file."""
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,17 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, FileError, PuppetError, StateError, UnknownNameError
+from fantoccini.base import FileError, PuppetError, StateError, UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import scene as scenes
 from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
-from fantoccini.theatre.cast.contacts import Bodies, Pair, asked_pairs, rules_of
-from fantoccini.theatre.cast.footing import Footing
+from fantoccini.theatre.cast.contacts import Pair, asked_pairs, rules_of
+from fantoccini.theatre.cast.costumes import in_costume
+from fantoccini.theatre.cast.players import Player, placed, values_of
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
-from fantoccini.theatre.gestures import Ends, Roles
+from fantoccini.theatre.gestures import Roles
 from fantoccini.theatre.script import (
     DIRECTIONS,
     VERBS,
@@ -37,71 +37,6 @@ Pose = dict[str, Any]
 
 _OWN_SCENE = "player"
 """Name of a player's own scene: the same for all, so that equal puppets are compiled once."""
-
-
-@dataclass(frozen=True, eq=False)
-class Player:
-    """A puppet of the cast. Its own scene and the stage have the same frame.
-
-    Attributes:
-        name: name in the play.
-        alone: the puppet in a scene of its own.
-        hangs: rest at the origin, facing the audience; gestures begin there.
-        x0: state at the start of the play.
-        start: footing at the start of the play.
-    """
-
-    name: str
-    alone: Marionette
-    hangs: State
-    x0: State
-    start: Footing
-
-    @cached_property
-    def content(self) -> str:
-        """Hash of the puppet and its meshes, and of the floor."""
-        return hashlib.blake2b(self.alone.puppet.canonical().encode()).hexdigest()
-
-    @cached_property
-    def bodies(self) -> Bodies:
-        """Bodies that touch props and seats; none without a body map."""
-        try:
-            return Bodies.of(self.name, Roles.of(self.alone).body_map)
-        except StateError:
-            return Bodies(self.name)
-
-    @cached_property
-    def middle(self) -> complex:
-        """Position of the player: the midpoint between the ends of its shoulders' strings [m]."""
-        return _middle(self.alone, self.hangs)
-
-    @cached_property
-    def radius(self) -> float:
-        """Radius of the disk around its position that contains its strings' ends and joints [m]."""
-        table, hangs = self.alone.coordinates, self.hangs
-        owners = dict.fromkeys(name.rpartition(".")[0] for name in table.q_K)
-        places = [
-            complex(hangs[f"{owner}.x"], hangs[f"{owner}.y"])
-            for owner in owners
-            if {f"{owner}.x", f"{owner}.y"} <= {*table.q_K} and owner not in table.carried
-        ]
-        poses = self.alone.poses(hangs.q_D[None], hangs.q_K[None])[0]
-        places += [complex(x, y) for x, y in poses[:, :2, 3]]
-        return max((abs(xy - self.middle) for xy in places), default=0.0)
-
-    def ends(self) -> Ends:
-        """Ends of its strings, for a gesture.
-
-        Raises:
-            StateError: it has no body map.
-            UnknownNameError: an end or length of a string is not driven.
-        """
-        return Ends(Roles.of(self.alone), self.hangs)
-
-    def own(self, place: Array, stands: Footing) -> Array:
-        """A point (3,) on the stage in the frame of a player with a footing there [m]."""
-        seen = stands.seen(complex(place[0], place[1])) + self.middle
-        return np.array([seen.real, seen.imag, place[2]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +127,9 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             continue
         x0 = placed(alone, hangs, starts[name])
         players[name] = Player(name, alone, hangs, x0, starts[name])
-        members.append(Member(name=name, puppet=puppet, pose=pose))
+        # Only the stage shows costumes: the player alone is compiled once for all of its file.
+        dressed = in_costume(puppet, spec.colours, ("cast", name, "colours"), log)
+        members.append(Member(name=name, puppet=dressed, pose=pose))
     log.mistakes.refuse()
     _check_bodies(file, players, log)
     log.mistakes.refuse()
@@ -332,42 +269,6 @@ def _fixed(alone: Marionette) -> str:
     return ""
 
 
-def _middle(alone: Marionette, hangs: State) -> complex:
-    try:
-        return Ends(Roles.of(alone), hangs).middle
-    except (StateError, UnknownNameError):
-        return 0j
-
-
-def placed(alone: Marionette, hangs: State, there: Footing) -> State:
-    """State moved rigidly from where the puppet hangs to a footing on the stage.
-
-        z' = z_there + exp(i heading) (z - z_middle)
-
-    z = x + i y of the ends of strings and of free bodies; what a moving body carries goes with it.
-    """
-    table, turn = alone.coordinates, np.exp(1j * there.heading)
-    middle = _middle(alone, hangs)
-    q = _values(alone, hangs)
-    owners = dict.fromkeys(name.rpartition(".")[0] for name in q)
-    for owner in (owner for owner in owners if owner not in table.carried):
-        x, y = f"{owner}.x", f"{owner}.y"
-        if x in q and y in q:
-            z = there.place + turn * (complex(q[x], q[y]) - middle)
-            q[x], q[y] = float(z.real), float(z.imag)
-        if x in q and f"{owner}.qw" in q:
-            parts = [f"{owner}.{part}" for part in ("qw", "qx", "qy", "qz")]
-            c, s = np.cos(0.5 * there.heading), np.sin(0.5 * there.heading)
-            w, a, b, d = (q[part] for part in parts)
-            turned = (c * w - s * d, c * a - s * b, c * b + s * a, c * d + s * w)
-            q.update(zip(parts, map(float, turned), strict=True))
-    return dataclasses.replace(
-        hangs,
-        q_D=np.array([q[name] for name in table.q_D]),
-        q_K=np.array([q[name] for name in table.q_K]),
-    )
-
-
 def all_together(
     whole: Marionette, players: Mapping[str, Player], lie: Mapping[str, PropState]
 ) -> State:
@@ -376,7 +277,7 @@ def all_together(
     q_D, q_K = np.array(x.q_D), np.array(x.q_K)
     for player in players.values():
         prefix = f"{player.name}." if len(players) > 1 else ""
-        for name, value in _values(player.alone, player.x0).items():
+        for name, value in values_of(player.alone, player.x0).items():
             own = prefix + name
             if own in whole.coordinates.q_D:
                 q_D[whole.coordinates.q_D.index(own)] = value
@@ -386,8 +287,3 @@ def all_together(
         first = whole.coordinates.q_D.index(f"{name}.x")
         q_D[first : first + len(q)] = q
     return dataclasses.replace(x, q_D=q_D, q_K=q_K)
-
-
-def _values(alone: Marionette, x: State) -> dict[str, float]:
-    table = alone.coordinates
-    return dict(zip((*table.q_D, *table.q_K), (*x.q_D.tolist(), *x.q_K.tolist()), strict=True))

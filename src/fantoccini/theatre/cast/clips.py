@@ -13,7 +13,7 @@ from pathlib import Path
 from fantoccini.base import Array, FileError, Mistake, StateError, Status
 from fantoccini.base.documents import has_key
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.theatre.cast.casting import Player
+from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.cast.result_cache import (
     Form,
     ResultCache,

@@ -19,8 +19,9 @@ from fantoccini.model.puppet import FLOOR, Mesh
 from fantoccini.model.scene import Member, Scene
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pieces
-from fantoccini.theatre.cast.casting import Cast, all_together, placed
+from fantoccini.theatre.cast.casting import Cast, all_together
 from fantoccini.theatre.cast.contacts import Pair, hanging, rules_of
+from fantoccini.theatre.cast.players import placed
 from fantoccini.theatre.cast.props import PropState
 from fantoccini.theatre.cast.result_cache import ResultCache
 from fantoccini.theatre.gestures import Gesture

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from fantoccini.base import StateError
-from fantoccini.model import BodyMap
+from fantoccini.model import BodyMap, Limb
 from fantoccini.model.puppet import FLOOR, Contact, ContactPair
 from fantoccini.theatre.script import VERBS, PlayCue, PlayFile
 
@@ -19,8 +19,13 @@ FRICTION = 0.6
 """Coefficient of friction of all contacts."""
 
 
+def forearm_of(arm: Limb) -> str:
+    """Body of an arm on which props hang: its last one, or the one before a hand with a joint."""
+    return arm.bodies[-1] if len(arm.bodies) <= 2 else arm.bodies[-2]
+
+
 @dataclass(frozen=True)
-class Bodies:
+class ContactBodies:
     """Names on the stage of a player's bodies that touch props and seats.
 
     Attributes:
@@ -36,9 +41,9 @@ class Bodies:
     feet: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, player: str, body_map: BodyMap) -> Bodies:
+    def of(cls, player: str, body_map: BodyMap) -> ContactBodies:
         """Bodies of a player whose puppet has this body map."""
-        arms = {limb.side: limb.bodies[-1] for limb in body_map.limbs if limb.kind == "arm"}
+        arms = {limb.side: forearm_of(limb) for limb in body_map.limbs if limb.kind == "arm"}
         legs = [limb.bodies for limb in body_map.limbs if limb.kind == "leg"]
         head = () if body_map.head is None else (body_map.head.body,)
         seated = (*(body for leg in legs for body in leg[:-1]), *body_map.trunk, *head)
@@ -51,7 +56,7 @@ class Bodies:
         )
 
 
-def hanging(bodies: Bodies, side: str, prop: str) -> Pair:
+def hanging(bodies: ContactBodies, side: str, prop: str) -> Pair:
     """Pair of a prop and the forearm on which it hangs.
 
     Raises:
@@ -67,13 +72,13 @@ def standing(prop: str, on: str) -> frozenset[Pair]:
     return frozenset(frozenset((prop, surface)) for surface in (on, FLOOR))
 
 
-def sitting(bodies: Bodies, seat: str) -> frozenset[Pair]:
+def sitting(bodies: ContactBodies, seat: str) -> frozenset[Pair]:
     """Pairs of a player that sits: its bodies with the seat, its feet with the floor."""
     on_seat = {frozenset((body, seat)) for body in (*bodies.seated, *bodies.feet)}
     return frozenset(on_seat | {frozenset((foot, FLOOR)) for foot in bodies.feet})
 
 
-def asked_pairs(file: PlayFile, cast: Mapping[str, Bodies]) -> frozenset[Pair]:
+def asked_pairs(file: PlayFile, cast: Mapping[str, ContactBodies]) -> frozenset[Pair]:
     """All pairs that may touch at some time of a play.
 
     Args:
@@ -91,7 +96,7 @@ def asked_pairs(file: PlayFile, cast: Mapping[str, Bodies]) -> frozenset[Pair]:
     return frozenset(pairs)
 
 
-def cue_pairs(cue: PlayCue, cast: Mapping[str, Bodies]) -> frozenset[Pair]:
+def cue_pairs(cue: PlayCue, cast: Mapping[str, ContactBodies]) -> frozenset[Pair]:
     """All pairs that may touch in a cue.
 
     Args:

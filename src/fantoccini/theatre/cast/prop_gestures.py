@@ -18,8 +18,8 @@ import numpy as np
 
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, pieces
-from fantoccini.theatre.cast.builds import Build
 from fantoccini.theatre.cast.contacts import OTHER_SIDE
+from fantoccini.theatre.cast.physique import Physique
 from fantoccini.theatre.gestures import STEP_TIME, Ends, Gesture, Roles, Step, steps
 
 Waypoints = list[tuple[float, float]]
@@ -40,9 +40,11 @@ rest: forward, aside [m]."""
 _LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
 """Upward offsets: receiver's hand before and after it takes the prop; giver's after that [m]."""
 _BESIDE, _STEP = 0.051, 0.24
-"""Distance between the two forearms, and length of the receiver's step to the side [m]."""
+"""Distance between the two forearms, which the prop's bar determines, and length of the receiver's
+step to the side, for arms of 19 cm or shorter ones [m]."""
 _KNEE_CLEARANCE = 0.05
-"""Distance by which the receiver's knee string moves back to make way for the prop [m]."""
+"""Distance by which the receiver's knee string moves back to make way for the prop, for legs of
+26.4 cm [m]."""
 
 CARRIED = {"out": 0.1, "up": 0.035}
 """Offsets of the hand's string that hold a prop away from the knees [m]."""
@@ -93,9 +95,9 @@ def handle_place(
         StateError: the puppet has no such arm.
         ValueError: the side is neither left nor right.
     """
-    sign, build = sign_of(side), Build.of(stage, who)
-    forward, left, up = build.place(build.forearm(side)).tolist()
-    return forward + build.arm(side) * _ALONG, left + sign * _HANDLE_ASIDE, up + _HANDLE_UP
+    sign, physique = sign_of(side), Physique.of(stage, who)
+    forward, left, up = physique.place(physique.forearm(side)).tolist()
+    return forward + physique.arm_ratio(side) * _ALONG, left + sign * _HANDLE_ASIDE, up + _HANDLE_UP
 
 
 def _scaled(points: Waypoints, scale: float) -> Waypoints:
@@ -103,9 +105,9 @@ def _scaled(points: Waypoints, scale: float) -> Waypoints:
     return [(t, scale * offset) for t, offset in points]
 
 
-def carried(build: Build, side: str) -> dict[str, float]:
+def carried(physique: Physique, side: str) -> dict[str, float]:
     """Offsets of the hand's string in the pose of :func:`carry`: out and up [m]."""
-    return {way: build.arm(side) * offset for way, offset in CARRIED.items()}
+    return {way: physique.arm_ratio(side) * offset for way, offset in CARRIED.items()}
 
 
 def give(
@@ -117,7 +119,7 @@ def give(
     side: str = "right",
     along: float | None = None,
     posed: bool = False,
-    taker: Marionette | None = None,
+    receiver_stage: Marionette | None = None,
 ) -> Handing:
     """Gestures that pass a prop from one puppet's forearm to another's.
 
@@ -133,28 +135,40 @@ def give(
         side: side of the giver's forearm; the receiver uses the other.
         along: distance of the handle from the elbow, see :func:`along_forearm` [m].
         posed: whether the giver is in the pose of :func:`carry`.
-        taker: scene of the receiver, if it is another one.
+        receiver_stage: scene of the receiver, if it is another one.
 
     Raises:
         StateError: a member lacks an arm or a string that lifts a limb.
         ValueError: the side is neither left nor right.
     """
     other = OTHER_SIDE[side]
-    gives, gets = Build.of(stage, giver), Build.of(taker or stage, receiver)
-    handles = handle_place(stage, giver, side=side), handle_place(gets.stage, receiver, side=other)
-    higher = handles[0][2] - handles[1][2]
-    arms = gives.forearm(side), gets.forearm(other)
-    forward, left = _beside(gives, gets, side, along)
+    giver_physique = Physique.of(stage, giver)
+    receiver_physique = Physique.of(receiver_stage or stage, receiver)
+    handles = (
+        handle_place(stage, giver, side=side),
+        handle_place(receiver_physique.stage, receiver, side=other),
+    )
+    giver_height = handles[0][2] - handles[1][2]
+    arms = giver_physique.forearm(side), receiver_physique.forearm(other)
+    # The longer of their arms keep clear of both bodies; the prop is as wide for shorter ones.
+    longer = max(giver_physique.arm_ratio(side), receiver_physique.arm_ratio(other), 1.0)
+    step = longer * _STEP
+    forward, left = _beside(giver_physique, receiver_physique, side, along)
+    left += sign_of(side) * step
     return Handing(
         gesture_of(
             stage,
             giver,
-            _giving(gives, side, posed=posed),
+            _giving(giver_physique, side, posed=posed),
             "give",
             {"offered": 2.0, "released": 8.8},
         ),
         gesture_of(
-            gets.stage, receiver, _taking(gets, other, higher), "take", {"under": 5.2, "taken": 7.2}
+            receiver_physique.stage,
+            receiver,
+            _taking(receiver_physique, other, giver_height, step),
+            "take",
+            {"under": 5.2, "taken": 7.2},
         ),
         forward,
         left,
@@ -163,9 +177,9 @@ def give(
     )
 
 
-def _giving(build: Build, side: str, *, posed: bool) -> dict[str, Waypoints]:
+def _giving(physique: Physique, side: str, *, posed: bool) -> dict[str, Waypoints]:
     """Waypoints of a giver, whose arm is on this side."""
-    held, hand = _HELD, build.hand(side)
+    held, hand = _HELD, physique.hand_string(side)
     begins = CARRIED if posed else {"up": 0.0, "out": 0.0}
     up, sunk = held["up"], _SUNK
     moves: dict[str, Waypoints] = {
@@ -179,17 +193,34 @@ def _giving(build: Build, side: str, *, posed: bool) -> dict[str, Waypoints]:
         ],
         f"{hand}.{OTHER_SIDE[side]}": [(0, -begins["out"]), (2.0, held["in"]), (11.8, held["in"])],
     }
-    scale = build.arm(side)
+    scale = physique.arm_ratio(side)
     return {name: _scaled([*points, (13.8, 0)], scale) for name, points in moves.items()}
 
 
-def _taking(build: Build, side: str, higher: float) -> dict[str, Waypoints]:
-    """Waypoints of a receiver that takes a prop from a higher giver with the arm on this side."""
-    scale, hand, knee = build.arm(side), build.hand(side), build.knee(side)
-    low, lifted = scale * _LOW + higher, scale * _LIFTED + higher
-    forward, inward, clear = scale * _HELD["forward"], scale * _TAKES, _KNEE_CLEARANCE
+def _taking(
+    physique: Physique, side: str, giver_height: float, step: float
+) -> dict[str, Waypoints]:
+    """Waypoints of a receiver that takes a prop with the arm on this side.
+
+    Args:
+        physique: physique of the receiver.
+        side: side of its arm.
+        giver_height: height of the giver's handle above that of the receiver, both at rest [m].
+        step: length of its step to the side [m].
+    """
+    scale, hand, knee = (
+        physique.arm_ratio(side),
+        physique.hand_string(side),
+        physique.knee_string(side),
+    )
+    low, lifted = (scale * offset + giver_height for offset in (_LOW, _LIFTED))
+    forward, inward, clear = (
+        scale * _HELD["forward"],
+        scale * _TAKES,
+        physique.leg_ratio * _KNEE_CLEARANCE,
+    )
     times: list[tuple[float, float]] = [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)]
-    moves = aside_by(build, side, _STEP, times)
+    moves = aside_by(physique, side, step, times)
     moves[f"{hand}.up"] = [(0, 0), (2.0, low), (5.6, low), (7.2, lifted), (12.0, lifted), (13.8, 0)]
     moves[f"{hand}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
     inwards = [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
@@ -199,17 +230,22 @@ def _taking(build: Build, side: str, higher: float) -> dict[str, Waypoints]:
     return moves
 
 
-def _beside(gives: Build, gets: Build, side: str, along: float | None) -> tuple[float, float]:
-    """Place of the receiver before it steps aside to the giver: forward and left [m]."""
+def _beside(
+    giver_physique: Physique, receiver_physique: Physique, side: str, along: float | None
+) -> tuple[float, float]:
+    """Place of the receiver beside the giver while it takes the prop: forward and left [m]."""
     sign, other = sign_of(side), OTHER_SIDE[side]
-    elbow, elbow_taking = gives.place(gives.forearm(side)), gets.place(gets.forearm(other))
-    scale, scale_taking = gives.arm(side), gets.arm(other)
+    elbow, elbow_taking = (
+        giver_physique.place(giver_physique.forearm(side)),
+        receiver_physique.place(receiver_physique.forearm(other)),
+    )
+    scale, scale_taking = giver_physique.arm_ratio(side), receiver_physique.arm_ratio(other)
     along = scale * _ALONG if along is None else along
     held = scale * np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
     held += (elbow[0], sign * elbow[1])
     forward, aside = scale_taking * _TAKEN[0] + elbow_taking[0], _TAKEN[1] * scale_taking
     aside += -sign * elbow_taking[1]
-    return float(held[0] - forward), sign * float(held[1] + aside + _BESIDE + _STEP)
+    return float(held[0] - forward), sign * float(held[1] + aside + _BESIDE)
 
 
 def along_forearm(
@@ -225,13 +261,15 @@ def along_forearm(
         height: height of its handle's bar above its origin [m].
         side: side of the forearm.
     """
-    thing, arm = stage.pose(state, prop), stage.pose(state, Build.of(stage, who).forearm(side))
-    return float(-arm[:3, 2] @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
+    physique = Physique.of(stage, who)
+    thing, arm = stage.pose(state, prop), stage.pose(state, physique.forearm(side))
+    to_hand = arm[:3, :3] @ physique.forearm_direction(side)
+    return float(to_hand @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
 
 
-def aside_by(build: Build, side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
+def aside_by(physique: Physique, side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
     """Waypoints that carry a whole puppet a step to a side [m]."""
-    return {f"{string}.{side}": [(t, way * x) for t, x in share] for string in build.strings}
+    return {f"{string}.{side}": [(t, way * x) for t, x in share] for string in physique.strings}
 
 
 def summed(one: Waypoints, other: Waypoints) -> Waypoints:
@@ -256,11 +294,11 @@ def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
         ValueError: the side is neither left nor right.
     """
     sign = sign_of(side)
-    build = Build.of(stage, who)
+    physique = Physique.of(stage, who)
     names = {"out": "left" if sign > 0.0 else "right"}
     moves = {
-        f"{build.hand(side)}.{names.get(way, way)}": [(0.0, 0.0), (CARRY_TIME, offset)]
-        for way, offset in carried(build, side).items()
+        f"{physique.hand_string(side)}.{names.get(way, way)}": [(0.0, 0.0), (CARRY_TIME, offset)]
+        for way, offset in carried(physique, side).items()
     }
     return gesture_of(stage, who, moves, "carry", {"carried": CARRY_TIME})
 
@@ -310,9 +348,17 @@ def gesture_of(
     name: str,
     marks: Mapping[str, float],
 ) -> Gesture:
-    points = {of_member(who, channel): offsets for channel, offsets in moves.items()}
+    """Gesture of a member; further strings of its limbs move with those that are named."""
+    physique = Physique.of(stage, who)
+    whole = dict(moves)
+    for follower, leader in physique.followers.items():
+        for channel, offsets in moves.items():
+            string, _, way = channel.partition(".")
+            if string == leader:
+                whole[f"{follower}.{way}"] = offsets
+    points = {of_member(who, channel): offsets for channel, offsets in whole.items()}
     gesture = Gesture.of(stage, points, name=name, marks=marks)
-    heading = Roles.of(stage, who).heading
+    heading = physique.roles.heading
     return gesture.turned(heading) if heading else gesture
 
 

@@ -57,6 +57,13 @@ class PlayProp:
         return self.prop.name
 
     @property
+    def bottom_radius(self) -> float:
+        """Largest distance of the shapes on which it stands from its axis, along x or y [m]."""
+        ends = [np.array(extent(shape)) for shape in self.prop.shapes]
+        standing = [end for end in ends if end[0, 2] <= _BOTTOM]
+        return max((float(np.abs(end[:, :2]).max()) for end in standing), default=0.0)
+
+    @property
     def start(self) -> PropState:
         """Pose at the start, before a held prop has settled on the arm."""
         x, y, z = (float(coordinate) for coordinate in self.prop.at)

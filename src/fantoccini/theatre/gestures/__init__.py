@@ -44,7 +44,7 @@ from fantoccini.theatre.gestures.transitions import (
     limits,
     transition,
 )
-from fantoccini.theatre.gestures.walking import SWAY, steps
+from fantoccini.theatre.gestures.walking import SWAY, leg_ratio, steps
 
 __all__ = [
     "ACCELERATION",
@@ -91,6 +91,7 @@ __all__ = [
     "is_gesture",
     "lateness",
     "leg_length",
+    "leg_ratio",
     "leg_strings",
     "legs",
     "limits",

@@ -57,7 +57,7 @@ def walk_parameters(
 ) -> tuple[int, float, float]:
     """Number of steps, length of each [m] and total turn [rad]; collects mistakes."""
     n = STEPS if count is None else count
-    step = STEP * leg_scale(roles) if length is None else float(length)
+    step = STEP * leg_ratio(roles) if length is None else float(length)
     angle = 0.0 if turn is None else float(turn)
     if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= _MAX_STEPS:
         mistakes.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MAX_STEPS}")
@@ -89,7 +89,7 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
     legs = _groups(ends.roles)
     for string in (*legs["left"], *legs["right"]):
         ends.check_driven(string)
-    n, track, scale = len(given), Track(given, step_time), leg_scale(ends.roles)
+    n, track, scale = len(given), Track(given, step_time), leg_ratio(ends.roles)
     clock = np.arange(n * _PARTS + 1) / _PARTS
     k = np.minimum(clock.astype(int), n - 1)
     up = _bump(clock - k, step_time)
@@ -135,8 +135,8 @@ def _groups(roles: Roles) -> dict[str, list[str]]:
     return groups
 
 
-def leg_scale(roles: Roles) -> float:
-    """Length of the legs, relative to that for which the lengths of this module are."""
+def leg_ratio(roles: Roles) -> float:
+    """Length of the legs, relative to that for which gestures are written; 0 without legs."""
     return leg_length(roles.body_map) / _LEG
 
 

@@ -19,13 +19,14 @@ from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.script import PlayCue
 
 STEP, _STEP_TIME = 0.05, 1.0
-"""Longest step up to a thing or away from it [m], and its duration [s]."""
+"""Longest step up to a thing or away from it, for legs of 26.4 cm [m], and its duration [s]."""
 CALM = 0.3
 """Pause before a thing is handled [s]."""
 _MAX_DISTANCE = 1.0
 """Largest distance from a thing from which a player steps up to it [m]."""
 _GAP = 0.02
-"""Gap between two players, in addition to their radii, before one comes up to the other [m]."""
+"""Gap between two players, in addition to their radii, before one comes up to the other, for such
+legs [m]."""
 _SAME_PLACE = 1e-6
 """Distance below which a player is at a place [m]."""
 
@@ -90,10 +91,13 @@ class Approaching:
         beside: str = "",
         step: float = STEP,
     ) -> OnStage:
-        """Stage after straight steps, forward or backward, in which nobody is passed."""
+        """Stage after straight steps, forward or backward, in which nobody is passed.
+
+        The longest step is that for legs of 26.4 cm [m].
+        """
         actor = stage.actors[who]
         way_there = actor.last.seen(there.place).real
-        n = max(1, int(np.ceil(abs(way_there) / step)))
+        n = max(1, int(np.ceil(abs(way_there) / (step * actor.player.leg_ratio))))
         way = Way(actor.last, begin, (Step(way_there / n),) * n, _STEP_TIME)
         others = [(other.player, other.track()) for other in stage.others(who, beside)]
         blocking = self._walks.in_the_way(actor.player, way, others)
@@ -111,7 +115,7 @@ class Approaching:
     def do(self, stage: OnStage, who: str, gesture: Gesture, start: float) -> tuple[OnStage, float]:
         """Stage after a gesture that begins at a time or later, and its end [s]."""
         actor = stage.actors[who]
-        own = gesture.turned(actor.last.heading)
+        own = actor.player.turned(gesture, actor.last.heading)
         hands, begun = actor.hands.add_busy(0, own, start)
         stage = stage.part(replace(actor, hands=hands), 0, own, begun)
         return stage, begun + own.duration
@@ -141,7 +145,8 @@ class Approaching:
 
     def apart(self, one: Footing, actor: Actor, other: Footing, beside: Actor) -> Footing:
         """Nearest place behind a footing that keeps the distance of two players from another."""
-        away = self._walks.clear(actor.player) + self._walks.clear(beside.player) + _GAP
+        away = self._walks.clear(actor.player) + self._walks.clear(beside.player)
+        away += _GAP * max(actor.player.leg_ratio, beside.player.leg_ratio)
         ways = 0.01 * np.arange(int(100 * 2.0 * away) + 1)
         behind = one.place - ways * np.exp(1j * one.heading)
         z = behind[int(np.argmax(np.abs(behind - other.place) >= away))]

@@ -290,7 +290,7 @@ def _play(
     """Play of a round, with a list of deviations from the file."""
     script, placement = stage.script, this_round.placement
     cast, log, file = script.cast, script.log, script.cast.file
-    cues = tuple(_cue(stage, cue) for cue in placement.cues)
+    cues = tuple(_cue(stage, cue, placement.passes.get(cue.spot, "")) for cue in placement.cues)
     for cue, placed in zip(cues, placement.cues, strict=True):
         if cue.refused:
             log.change(placed.spot, cue.change)
@@ -331,7 +331,7 @@ def _play(
     )
 
 
-def _cue(stage: Stage, placed: Placed[PlayCue]) -> CueOfPlay:
+def _cue(stage: Stage, placed: Placed[PlayCue], passes: str) -> CueOfPlay:
     cue, entry, parts = placed.cue, placed.given, placed.parts
     return CueOfPlay(
         cue.index + 1,
@@ -348,6 +348,7 @@ def _cue(stage: Stage, placed: Placed[PlayCue]) -> CueOfPlay:
         entry.go,
         entry.says or "",
         placed.refused,
+        "" if placed.refused else passes,
         entry.optional,
         isinstance(entry, PropCue),
         {who: _marks_of(parts, who) for who in dict.fromkeys(part.who for part in parts)},

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Times
-from fantoccini.theatre.cast import Build, Cast, Footing, Meeting, top_of
+from fantoccini.theatre.cast import Cast, Footing, Meeting, Physique, top_of
 from fantoccini.theatre.plays.runs import Run, Runs
 from fantoccini.theatre.script import MeetingKind, Spot
 
@@ -65,9 +65,11 @@ def handle_seen(cast: Cast, runs: Runs, meeting: Meeting, t: float) -> tuple[flo
     run, handle = runs.with_prop(prop, t), cast.props[prop].handle
     if run is None or handle is None:
         return None
-    pose, arm = (_poses(run, x, np.array([t - run.begin]))[0] for x in (prop, _arm(meeting, who)))
+    forearm, physique, side = _arm(cast, meeting, who)
+    pose, arm = (_poses(run, x, np.array([t - run.begin]))[0] for x in (prop, forearm))
     place = pose[:, 3] + handle * pose[:, 2]
-    return float(-arm[:, 2] @ (place - arm[:, 3])), float(place[2])
+    to_hand = arm[:, :3] @ physique.forearm_direction(side)
+    return float(to_hand @ (place - arm[:, 3])), float(place[2])
 
 
 def stands_seen(cast: Cast, runs: Runs, prop: str, t: float) -> Footing | None:
@@ -92,18 +94,16 @@ def _runs(meeting: Meeting, runs: Runs) -> Iterator[tuple[Run, float, float]]:
 
 def _hangs(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     (prop,), (who,) = meeting.props, meeting.players
-    forearm = _arm(meeting, who)
+    forearm, physique, side = _arm(cast, meeting, who)
     handle = cast.props[prop].handle
     assert handle is not None
     thing, arm = (_poses(run, name, t) for name in (prop, forearm))
     place = thing[:, :, 3] + handle * thing[:, :, 2] - arm[:, :, 3]
-    own = np.einsum("tij,ti->tj", arm[:, :, :3], place)
-    side = next(s for s, name in cast.players[who].bodies.forearms.items() if name == forearm)
-    scale = Build.of(cast.players[who].alone).arm(side)
-    along, off_axis = -own[:, 2], np.hypot(own[:, 0], own[:, 1])
-    is_off = (
-        (off_axis > _MAX_OFF_AXIS) | (along < _ALONG_RANGE[0]) | (along > scale * _ALONG_RANGE[1])
-    )
+    own, to_hand = np.einsum("tij,ti->tj", arm[:, :, :3], place), physique.forearm_direction(side)
+    along = own @ to_hand
+    off_axis = np.linalg.norm(own - along[:, None] * to_hand, axis=1)
+    nearest, farthest = (physique.arm_ratio(side) * bound for bound in _ALONG_RANGE)
+    is_off = (off_axis > _MAX_OFF_AXIS) | (along < nearest) | (along > farthest)
     if not np.any(is_off):
         return None
     then = run.begin + float(t[int(np.argmax(is_off))])
@@ -156,10 +156,11 @@ _CHECKS: dict[MeetingKind, Callable[[Cast, Meeting, Run, Times], Failure | None]
 """Kind of meeting -> check of its run."""
 
 
-def _arm(meeting: Meeting, who: str) -> str:
-    """Forearm of a player on which something hangs."""
-    names = {name for pair in meeting.pairs for name in pair}
-    return next(name for name in sorted(names) if name.startswith(f"{who}."))
+def _arm(cast: Cast, meeting: Meeting, who: str) -> tuple[str, Physique, str]:
+    """Forearm of a player on which something hangs, the player's physique, and side of the arm."""
+    names, player = {name for pair in meeting.pairs for name in pair}, cast.players[who]
+    side, forearm = next(arm for arm in player.bodies.forearms.items() if arm[1] in names)
+    return forearm, Physique.of(player.alone), side
 
 
 def _poses(run: Run, name: str, t: Times) -> Array:

@@ -16,10 +16,10 @@ from fantoccini.model.puppet import FLOOR
 from fantoccini.theatre.cast import (
     OTHER_SIDE,
     Actor,
-    Build,
     Cast,
     Corrections,
     Footing,
+    Physique,
     hanging,
     prop_gestures,
     standing,
@@ -48,14 +48,16 @@ from fantoccini.theatre.script import (
 T = TypeVar("T")
 
 _MAX_TABLE_STEP = 0.025
-"""Longest step at a table, which swinging shins must not touch [m]."""
+"""Longest step at a table, which swinging shins must not touch, for legs of 26.4 cm [m]."""
 _MIN_STEP_UP = 0.1
-"""Least distance between the end of a walk to a table and the place of handling [m]."""
+"""Least distance between the end of a walk to a table and the place of handling, for such legs
+[m]."""
 APPROACHES = ((0.04, 0.06), (0.06, 0.05), (0.08, 0.06))
 """Approaches to a seat, tried in turn: additional distance before it at which a player stops, since
-shins swing on, and the longest step back [m]."""
-_INSET = 0.03
-"""Distance of a prop from the border of its obstacle, if that is large enough [m]."""
+shins swing on, and the longest step back; both for such legs [m]."""
+_INSET, _EDGE = 0.03, 0.005
+"""Least distance of a prop's axis from the border of its obstacle, and of its bottom's edge, if it
+is large enough [m]."""
 
 
 class Handling:
@@ -128,7 +130,7 @@ class Handling:
                 side=held.side,
                 along=self._along(turn),
                 posed=True,
-                taker=receiver.player.alone,
+                receiver_stage=receiver.player.alone,
             ),
             giver,
         )
@@ -172,7 +174,8 @@ class Handling:
         there = Footing(*along(Footing(middle.real, middle.imag, heading), sits.back), heading)
         clear = self._steps.clear_of(there, 1.0, actor)
         clearance, step = APPROACHES[self._corrections.approaches.get(turn.spot, 0)]
-        before = self._steps.clear_of(there, 1.0, actor, abs(clear.place - there.place) + clearance)
+        away = abs(clear.place - there.place) + actor.player.leg_ratio * clearance
+        before = self._steps.clear_of(there, 1.0, actor, away)
         stage = self._steps.come(
             stage, who, before, there, begin, wait, act_start=turn.start, step=step
         )
@@ -209,8 +212,8 @@ class Handling:
         assert top is not None  # otherwise it is a mistake of the file
         hangs = self._hangs_at(turn, actor, prop, held)
         puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(turn))
-        there = self._put_place(onto, puts, actor)
-        before = self._steps.clear_of(there, -1.0, actor, _MIN_STEP_UP)
+        there = self._put_place(onto, prop, puts, actor)
+        before = self._steps.clear_of(there, -1.0, actor, actor.player.leg_ratio * _MIN_STEP_UP)
         stage = self._steps.come(
             stage, who, before, there, begin, wait, act_start=turn.start, step=_MAX_TABLE_STEP
         )
@@ -243,7 +246,7 @@ class Handling:
         stands = self._corrections.stands.get(turn.spot, thing.place)
         z = stands.place - np.exp(1j * stands.heading) * complex(puts.forward, puts.left)
         there = Footing(z.real, z.imag, stands.heading)
-        before = self._steps.clear_of(there, -1.0, actor, _MIN_STEP_UP)
+        before = self._steps.clear_of(there, -1.0, actor, actor.player.leg_ratio * _MIN_STEP_UP)
         stage = self._steps.come(
             stage, who, before, there, begin, wait, act_start=turn.start, step=_MAX_TABLE_STEP
         )
@@ -280,8 +283,10 @@ class Handling:
         back: bool = False,
     ) -> putting.Putting:
         """Gesture that puts a prop down on something, or picks it up from there."""
-        build = Build.of(actor.player.alone)
-        lowest, highest = (hangs - build.arm(side) * drop for drop in reversed(putting.DROPS))
+        physique = Physique.of(actor.player.alone)
+        lowest, highest = (
+            hangs - physique.arm_ratio(side) * drop for drop in reversed(putting.DROPS)
+        )
         if not lowest <= top <= highest:
             off, near = ("low", lowest + 5e-4) if top < lowest else ("high", highest - 5e-4)
             raise CannotBe(
@@ -300,7 +305,7 @@ class Handling:
         handle = self._cast.props[prop].handle
         assert handle is not None
         alone = actor.player.alone
-        rise = Build.of(alone).arm(side) * putting.HIGHER
+        rise = Physique.of(alone).arm_ratio(side) * putting.HIGHER
         return prop_gestures.handle_place(alone, side=side)[2] + rise - handle
 
     def _along(self, turn: Turn[PlayCue]) -> float | None:
@@ -333,10 +338,11 @@ class Handling:
         middle = known
         return middle, Footing(middle.real, middle.imag).towards(actor.last.place), top
 
-    def _put_place(self, onto: str, puts: putting.Putting, actor: Actor) -> Footing:
+    def _put_place(self, onto: str, prop: str, puts: putting.Putting, actor: Actor) -> Footing:
         """Footing for putting something on an obstacle, at the nearest side."""
         way, footings = complex(puts.forward, puts.left), []
-        for heading, inside in self._walks.sides(onto, actor.last.place, _INSET):
+        inset = max(_INSET, self._cast.props[prop].bottom_radius + _EDGE)
+        for heading, inside in self._walks.sides(onto, actor.last.place, inset):
             z = inside - np.exp(1j * heading) * way
             footings.append(Footing(z.real, z.imag, heading))
         return min(footings, key=lambda footing: abs(footing.place - actor.last.place))

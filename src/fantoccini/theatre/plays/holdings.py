@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fantoccini.model.puppet import FLOOR
-from fantoccini.theatre.cast import Bodies, Footing, Meeting, Pair, hanging, sitting, standing
+from fantoccini.theatre.cast import (
+    ContactBodies,
+    Footing,
+    Meeting,
+    Pair,
+    hanging,
+    sitting,
+    standing,
+)
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.script import Spot
 
@@ -25,7 +33,7 @@ class Hangs:
     since: float
     cue: Spot | None = None
 
-    def meeting(self, bodies: Bodies, prop: str, until: float) -> Meeting:
+    def meeting(self, bodies: ContactBodies, prop: str, until: float) -> Meeting:
         """Meeting of the player with these bodies and the prop until a time [s]."""
         pairs: frozenset[Pair] = standing(prop, FLOOR) | {hanging(bodies, self.side, prop)}
         return Meeting(self.since, until, (self.player,), (prop,), pairs, "hangs", self.cue)
@@ -68,7 +76,7 @@ class Seated:
     up: Gesture
     ahead: Footing
 
-    def meeting(self, bodies: Bodies, up: float, until: float) -> Meeting:
+    def meeting(self, bodies: ContactBodies, up: float, until: float) -> Meeting:
         """Meeting of the player with these bodies and the seat.
 
         Args:

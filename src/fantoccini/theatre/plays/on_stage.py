@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from fantoccini.base import StateError, UnknownNameError
 from fantoccini.model.puppet import FLOOR
-from fantoccini.theatre.cast import Actor, Bodies, Cast, Meeting, Pair, Way
+from fantoccini.theatre.cast import Actor, Cast, ContactBodies, Meeting, Pair, Way
 from fantoccini.theatre.gestures import CannotBe, Gesture, Part, Turn
 from fantoccini.theatre.plays.holdings import Hangs, Seated, Stands
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
@@ -27,6 +27,7 @@ class OnStage:
         seated: player -> seat on which it sits.
         met: meetings of the cues placed so far.
         calmed: (cue, player) -> time at which it begins to damp its swing [s].
+        passes: cue -> who gives way, where two players pass one another.
         parts: parts of the players in the cue that is being placed.
     """
 
@@ -35,6 +36,7 @@ class OnStage:
     seated: Mapping[str, Seated] = field(default_factory=dict)
     met: tuple[Meeting, ...] = ()
     calmed: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
+    passes: Mapping[Spot, str] = field(default_factory=dict)
     parts: tuple[Part, ...] = ()
 
     @classmethod
@@ -91,7 +93,7 @@ class OnStage:
             seat = self.seated[who].seat
             raise CannotBe(f"{who} sits on {seat}; needed before: `stands up from`")
 
-    def bodies(self, who: str) -> Bodies:
+    def bodies(self, who: str) -> ContactBodies:
         """Bodies of a player that touch props and seats."""
         return self.actors[who].player.bodies
 
@@ -129,6 +131,16 @@ class OnStage:
         part = Part(actor.player.name, lane, gesture, start, end, placed)
         actor = replace(actor, done=max(actor.done, end))
         return replace(self.acting(actor), parts=(*self.parts, part))
+
+    def passing(self, first: Spot, who: str, second: Spot, other: str) -> OnStage:
+        """Stage on which a player gives way to another, in their cues.
+
+        Args:
+            first, who: cue and player that walk as if the other were not there.
+            second, other: cue and player that give way.
+        """
+        own = {first: f"{other} gives way", second: f"gives way to {who}"}
+        return replace(self, passes={**self.passes, **own})
 
     def placing(self, prop: str, where: Hangs | Stands) -> OnStage:
         """Stage with a prop in another place."""
@@ -174,7 +186,7 @@ def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) 
     if not side:
         return actor
     try:
-        pose = gestures.pose(actor.player, side).turned(actor.last.heading)
+        pose = actor.player.turned(gestures.pose(actor.player, side), actor.last.heading)
     except (StateError, UnknownNameError) as error:
         raise CannotBe(f"{actor.player.name} cannot carry it: {error}") from None
     there, now = pose.ends[0][1][pose.named], (line.d - line.carried)[pose.named]
@@ -206,6 +218,6 @@ def walked(
         steps = gestures.walk(actor.player, way.steps, way.step_time, carries)
     except (StateError, UnknownNameError) as error:
         raise CannotBe(f"{actor.player.name} cannot walk: {error}") from None
-    gesture = steps.turned(way.start.heading)
+    gesture = actor.player.turned(steps, way.start.heading)
     hands, _ = actor.hands.add(0, gesture, way.begin)
     return replace(actor, hands=hands, ways=(*actor.ways, way)), gesture

@@ -5,7 +5,7 @@ A walk is planned past all walks that are placed before it; later walks are plan
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
@@ -83,6 +83,7 @@ class Placement:
         starts: player -> times at which its cues begin [s].
         ways: player -> its walks.
         meetings: players and props that may touch, with times.
+        passes: cue -> who gives way, where two players pass one another.
         calmed: (cue, player) -> time from which the player's swing is damped [s].
     """
 
@@ -93,6 +94,7 @@ class Placement:
     starts: Mapping[str, tuple[float, ...]]
     ways: Mapping[str, tuple[Way, ...]]
     meetings: tuple[Meeting, ...]
+    passes: Mapping[Spot, str]
     calmed: Mapping[tuple[Spot, str], float]
 
 
@@ -144,6 +146,7 @@ def place_cues(
         },
         {name: actor.ways for name, actor in actors.items()},
         stage.meetings(end),
+        stage.passes,
         stage.calmed,
     )
 
@@ -189,15 +192,50 @@ class _Verbs:
         entry, t = turn.given, turn.wanted
         if stage.actors[name].away and not isinstance(entry, EntersToCue):
             raise CannotBe(f"{name} is off the stage")
-        early = self._corrections.earlier.get((turn.spot, name), 0.0)
-        pause = self._corrections.pauses.get(turn.spot, 0.0)
         if walks(entry):
-            stage.check_stands(name)
-            asked = t - early
-            return self._walk(stage, turn, name, asked, asked + pause)
+            return self._walk_or_pass(stage, turn, name)
         mark_time = self._gesture(stage, turn, name, t).marks[entry.mark] if entry.mark else 0.0
-        asked = t - mark_time - early
-        return self._act(stage, turn, name, asked, asked + pause)
+        asked, begin = self._beginning(turn, name)
+        return self._act(stage, turn, name, asked - mark_time, begin - mark_time)
+
+    def _beginning(self, turn: Turn[PlayCue], name: str) -> tuple[float, float]:
+        """Wanted beginning of a player's part, and the earliest one after its pause [s]."""
+        asked = turn.wanted - self._corrections.earlier.get((turn.spot, name), 0.0)
+        return asked, asked + self._corrections.pauses.get(turn.spot, 0.0)
+
+    def _walk_or_pass(self, stage: OnStage, turn: Turn[PlayCue], name: str) -> OnStage:
+        """Stage after a walk.
+
+        A player in its way that walks too, before it ends, gives way if it can: its cue is placed
+        later, past this walk.
+        """
+        try:
+            return self._walk(stage, turn, name)
+        except CannotBe as error:
+            reason = error
+        for later in self._next_walks(turn):
+            (other,) = later.who
+            try:
+                after = self._walk(stage, turn, name, absent=other)
+                if later.wanted <= after.actors[name].done:
+                    self._walk(after, later, other)
+                    return after.passing(turn.spot, name, later.spot, other)
+            except CannotBe:
+                continue
+        raise reason
+
+    def _next_walks(self, turn: Turn[PlayCue]) -> Iterator[Turn[PlayCue]]:
+        """Turns of the other players whose next cue in the act is a walk at a known time."""
+        seen = {*turn.who}
+        for cue in self._timeline.of_act(turn.cue.act):
+            if cue.spot in turn.moments or seen & {*cue.who}:
+                continue
+            seen |= {*cue.who}
+            is_known = all(need in turn.moments for need in self._timeline.needs(cue))
+            if is_known and len(cue.who) == 1 and walks(cue.given):
+                t = self._timeline.wanted(cue, turn.start, turn.moments)
+                if cue.spot not in self._corrections.refused:
+                    yield replace(turn, cue=cue, wanted=t)
 
     def _do_with_prop(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
         """Stage after a cue with a prop, and its moments."""
@@ -250,9 +288,27 @@ class _Verbs:
         return stage.part(replace(actor, hands=hands), lane, gesture, start)
 
     def _walk(
-        self, stage: OnStage, turn: Turn[PlayCue], name: str, asked: float, begin: float
+        self,
+        stage: OnStage,
+        turn: Turn[PlayCue],
+        name: str,
+        *,
+        absent: str = "",
+        not_before: float = -np.inf,
     ) -> OnStage:
-        """Stage after a walk; its wanted beginning is ``asked``, its earliest is ``begin`` [s]."""
+        """Stage after a walk.
+
+        Args:
+            stage, turn, name: stage before it, its cue and its player.
+            absent: another player, which the walk does not consider.
+            not_before: earliest beginning [s].
+
+        Raises:
+            CannotBe: there is no way in time.
+        """
+        stage.check_stands(name)
+        asked, begin = self._beginning(turn, name)
+        begin = max(begin, not_before)
         entry, actor = turn.given, stage.actors[name]
         actor = replace(actor, hands=actor.hands.rested(0))
         arrival = begin if entry.mark else None
@@ -268,7 +324,7 @@ class _Verbs:
             self._aims.goals(stage, turn, name),
             begin,
             wait,
-            [(other.player, other.track()) for other in stage.others(name)],
+            [(other.player, other.track()) for other in stage.others(name, absent)],
             near=entry.near if isinstance(entry, WalkCue) else 0.0,
             arrives=arrival,
             free_from=free,
@@ -288,7 +344,7 @@ class _Verbs:
             self._check_time(turn, name, until - asked, until)
             if arrival is not None:
                 raise CannotBe(f"{name} is busy until {self._in_words(turn, until)[3:]}")
-            return self._walk(stage, turn, name, asked, until)
+            return self._walk(stage, turn, name, absent=absent, not_before=until)
         actor, gesture = walked(actor, way, self._gestures, carries)
         actor = replace(actor, away=isinstance(entry, ExitsToCue))
         marks = {mark: t - (moves_off - way.begin) for mark, t in gesture.marks.items()}

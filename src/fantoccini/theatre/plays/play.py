@@ -32,6 +32,7 @@ class CueOfPlay:
         go: whether a live show waits for GO before it.
         says: its caption.
         refused: reason why it cannot be done; "" if it can.
+        passes: who gives way, if it passes another player; else "".
         optional: whether it may be left out.
         with_prop: whether a prop or a seat is handled.
         marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; for its actual
@@ -52,6 +53,7 @@ class CueOfPlay:
     go: bool = False
     says: str = ""
     refused: str = ""
+    passes: str = ""
     optional: bool = False
     with_prop: bool = False
     marks: Mapping[str, Mapping[str, float]] = field(default_factory=dict)

@@ -124,7 +124,7 @@ class PlayerGestures:
                 gesture = self.cache.get(
                     repr((player.content, "aimed", name, to)), job, gesture_form(player.alone)
                 )
-                self._cache[key] = gesture.turned(heading)
+                self._cache[key] = player.turned(gesture, heading)
             except InputError as error:
                 self._cache[key] = "; ".join(mistake.message for mistake in error.mistakes)
             except (UnknownNameError, StateError) as error:
@@ -134,7 +134,7 @@ class PlayerGestures:
     def walk(
         self, player: Player, way: tuple[Step, ...], step_time: float, carries: str = ""
     ) -> Gesture:
-        """Steps of a player, in the heading at the start of the play.
+        """Steps of a player, in the heading of its file.
 
         Args:
             player: player that walks.
@@ -229,8 +229,9 @@ class PlayerGestures:
                 larger, faster, lasts = style.larger, style.faster, style.lasts
                 loaded = loaded.gesture(larger, faster, lasts, stage, self._log.beat, self.cache)
                 style = replace(style, faster=1.0, lasts=None)  # which are those of the clip
+            angle = heading - player.facing
             _, whole = style.varied(
-                loaded, heading, speed=stage.speed, acceleration=stage.acceleration
+                loaded, angle, speed=stage.speed, acceleration=stage.acceleration
             )
             return whole
         except StateError as error:

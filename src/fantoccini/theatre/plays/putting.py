@@ -16,7 +16,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.cast import (
     OTHER_SIDE,
-    Build,
+    Physique,
     Waypoints,
     aside_by,
     backwards,
@@ -136,18 +136,18 @@ def putting(
         StateError: the member lacks the arm, or a string that lifts it.
         ValueError: the prop stands too low or too high.
     """
-    sign, other, build = sign_of(side), OTHER_SIDE[side], Build.of(stage, who)
-    scale, carrying = build.arm(side), carried(build, side)
+    sign, other, physique = sign_of(side), OTHER_SIDE[side], Physique.of(stage, who)
+    scale, carrying = physique.arm_ratio(side), carried(physique, side)
     lowest, highest = (scale * bound for bound in DROPS)
     if not lowest <= drop <= highest:
         text = f"{prop} would go down by {drop:.3f} m; needed: {lowest:.3g} to {highest:.3g} m"
         raise ValueError(text)
-    hand, glide = build.hand(side), scale * _GLIDE
+    hand, glide = physique.hand_string(side), scale * _GLIDE
     out = {way: scale * offset for way, offset in _OUT.items()}
     touches = -(drop + scale * _RAISED) / _GAIN
     sunk = touches - scale * _CLEARANCE
     moves = aside_by(
-        build,
+        physique,
         other,
         1.0,
         [
@@ -160,7 +160,7 @@ def putting(
             (_DURATION, 0),
         ],
     )
-    moves |= aside_by(build, "forward", glide, _reach(0.0, 1.0))
+    moves |= aside_by(physique, "forward", glide, _reach(0.0, 1.0))
     moves[f"{hand}.up"] = [
         (0, carrying["up"]),
         (1.0, scale * _RISE),
@@ -178,10 +178,10 @@ def putting(
     if back:
         moves, name = backwards(moves, _DURATION), "pick up"
         marks = {"under": _DURATION - 9.5, "up": _DURATION - 6.5}
-    elbow = build.place(build.forearm(side))
+    elbow = physique.place(physique.forearm(side))
     further = 0.0 if along is None else along - scale * ALONG
     forward = glide + scale * _STANDS + float(elbow[0]) - _NEARER * drop + further
-    touching = ((build.forearm(side), prop),)
+    touching = ((physique.forearm(side), prop),)
     return Putting(
         gesture_of(stage, who, moves, name, marks),
         forward,

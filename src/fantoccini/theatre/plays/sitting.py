@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.theatre.cast import Bodies, Build, Waypoints, gesture_of
+from fantoccini.theatre.cast import ContactBodies, Physique, Waypoints, gesture_of
 from fantoccini.theatre.gestures import Gesture
 
 _PELVIS_HEIGHT = 0.016
@@ -94,9 +94,12 @@ def sit(
         ValueError: the seat is too low or too high, or so near that the puppet stands on it.
     """
     start = stage.rest() if start is None else start
-    build = Build.of(stage, who)
-    size, away = build.legs, _DISTANCE * build.legs if distance is None else distance
-    drop = _pelvis_bottom_height(build, start) - height
+    physique = Physique.of(stage, who)
+    size, away = (
+        physique.leg_ratio,
+        _DISTANCE * physique.leg_ratio if distance is None else distance,
+    )
+    drop = _pelvis_bottom_height(physique, start) - height
     low, high = (size * bound for bound in _SEATS)
     if not low <= drop <= high:
         text = f"the seat is {drop:.3f} m below the pelvis; needed: {low:.3g} to {high:.3g} m"
@@ -105,11 +108,11 @@ def sit(
     if not closest <= away <= farthest:
         text = f"the seat is {away:g} m behind; needed: {closest:.3g} to {farthest:.3g} m"
         raise ValueError(text)
-    down, up = _trunk(build, drop, away)
+    down, up = _trunk(physique, drop, away)
     for side in ("left", "right"):
-        for moves, more in zip((down, up), _limbs(build, start, side, drop, away), strict=True):
+        for moves, more in zip((down, up), _limbs(physique, start, side, drop, away), strict=True):
             moves |= more
-    own = Bodies.of("", build.roles.body_map)
+    own = ContactBodies.of("", physique.roles.body_map)
     return Sitting(
         gesture_of(stage, who, down, "sit", {"down": _DOWN}),
         gesture_of(stage, who, up, "stand up", {"up": _STANDS}),
@@ -118,23 +121,27 @@ def sit(
     )
 
 
-def _pelvis_bottom_height(build: Build, start: State) -> float:
+def _pelvis_bottom_height(physique: Physique, start: State) -> float:
     """Height of the bottom of the pelvis of a puppet that hangs upright [m]."""
-    root = build.roles.body_map.trunk[0]
-    hips = build.place(root)[2] - build.place(build.limb("leg_left").bodies[0])[2]
-    return float(build.stage.pose(start, root)[2, 3] - hips) - build.legs * _PELVIS_HEIGHT
+    root = physique.roles.body_map.trunk[0]
+    hips = physique.place(root)[2] - physique.place(physique.limb("leg_left").bodies[0])[2]
+    return (
+        float(physique.stage.pose(start, root)[2, 3] - hips) - physique.leg_ratio * _PELVIS_HEIGHT
+    )
 
 
 def _trunk(
-    build: Build, drop: float, distance: float
+    physique: Physique, drop: float, distance: float
 ) -> tuple[dict[str, Waypoints], dict[str, Waypoints]]:
     """Waypoints of the strings of trunk and head: down, and up."""
-    size = build.legs
-    first, seated, bent = (distance - size * x for x in (_SITS_BACK, _LEANS, _RISES))
-    sagged, rests = drop + size * _SAG, drop + size * _SLACK
+    size = physique.leg_ratio
+    first, sagged, rests = distance - size * _SITS_BACK, drop + size * _SAG, drop + size * _SLACK
     down: dict[str, Waypoints] = {}
     up: dict[str, Waypoints] = {}
-    for string in build.body:
+    for string in physique.trunk_strings:
+        # Strings of the pelvis stay above it; those of shoulders and head set the trunk upright.
+        ahead = size * physique.tie_height_ratio(string)
+        seated, bent = distance - ahead * _LEANS, distance - ahead * _RISES
         down[f"{string}.down"] = [
             (0, 0),
             (0.4, 0),
@@ -149,12 +156,12 @@ def _trunk(
 
 
 def _limbs(
-    build: Build, start: State, side: str, drop: float, distance: float
+    physique: Physique, start: State, side: str, drop: float, distance: float
 ) -> tuple[dict[str, Waypoints], dict[str, Waypoints]]:
     """Waypoints of the strings of the limbs of a side: down, and up."""
-    size, arm = build.legs, build.arm(side)
-    knee, hand = build.knee(side), build.hand(side)
-    knee_end, hand_end = build.end(start, knee), build.end(start, hand)
+    size, arm = physique.leg_ratio, physique.arm_ratio(side)
+    knee, hand = physique.knee_string(side), physique.hand_string(side)
+    knee_end, hand_end = physique.end(start, knee), physique.end(start, hand)
     gives = size * _KNEES_SLACK + _KNEES_GIVE * (drop - size * _LEVEL)
     back, wound = knee_end.real + distance - size * _KNEES, size * _KNEES_UP
     lap = {

@@ -18,13 +18,11 @@ from fantoccini.theatre.script import ScriptLog
 from fantoccini.theatre.ways import Box, Disk, NoWay, Other, Rectangle, Region, find_way
 
 _MAX_STEP = 0.1
-"""Longest step [m]."""
+"""Longest step, for legs of 26.4 cm [m]."""
 _CARRYING = 2.0
 """Factor of a step's duration for a player that carries something."""
 _SWING = 0.02
-"""Swing of bodies beyond the disk of their strings' ends during a walk [m]."""
-_MAX_HEIGHT = 0.6
-"""Largest height of the underside of an obstacle that is in the way [m]."""
+"""Swing of bodies beyond the disk of their strings' ends during a walk, for such legs [m]."""
 _MAX_TRIES = 4
 """Number of beginnings that are tried for a walk to arrive in time."""
 _SAMPLE = 0.02
@@ -53,8 +51,9 @@ class Walks:
         self._log = log
         self.step_time = step_time(log.beat)
         self.blocked: list[Region] = []
+        top = max(player.top for player in cast.players.values())
         for obstacle in stage.obstacles:
-            self.blocked += _regions(obstacle.name, obstacle)
+            self.blocked += _regions(obstacle.name, obstacle, top)
         for thing in cast.props.values():
             if not thing.held_by and cast.file.props[thing.name].on is None:
                 self.blocked.append(_around(thing))
@@ -114,7 +113,7 @@ class Walks:
     @staticmethod
     def clear(player: Player) -> float:
         """Distance that a player keeps from obstacles [m]."""
-        return player.radius + SWAY + _SWING
+        return player.radius + player.leg_ratio * (SWAY + _SWING)
 
     def is_clear(self, player: Player, place: Footing) -> bool:
         """Whether a place is clear of all obstacles."""
@@ -220,7 +219,7 @@ class Walks:
                 start,
                 goal,
                 begin=begin,
-                longest_step=_MAX_STEP,
+                longest_step=_MAX_STEP * player.leg_ratio,
                 step_time=self.step_time * (_CARRYING if carries else 1.0),
                 radius=self.clear(player),
                 blocked=self.blocked,
@@ -235,7 +234,7 @@ class Walks:
         if self._space is None:
             return None
         (a, b), (c, d) = self._space.x, self._space.y
-        r = player.radius + SWAY
+        r = player.radius + player.leg_ratio * SWAY
         return Rectangle((a + r, c + r), (b - r, d - r))
 
     def _why(self, player: Player, found: NoWay, act_start: float) -> str:
@@ -249,10 +248,10 @@ class Walks:
         return text
 
 
-def _regions(name: str, shape: Shape) -> list[Region]:
-    """Region of the stage under a shape; empty if it is above the players."""
+def _regions(name: str, shape: Shape, top: float) -> list[Region]:
+    """Region of the stage under a shape; empty if it is above the top of all players [m]."""
     low, high = extent(shape)
-    if low[2] > _MAX_HEIGHT:
+    if low[2] > top:
         return []
     turned = _turned(name, shape)
     if turned is not None:

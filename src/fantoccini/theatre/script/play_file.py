@@ -18,7 +18,7 @@ from fantoccini.base.documents import (
     entries,
     mistake,
 )
-from fantoccini.model.puppet import WORDS, AnyObstacle, AnyShape, Mass, PoseValue
+from fantoccini.model.puppet import WORDS, AnyObstacle, AnyShape, Colour, Mass, PoseValue
 from fantoccini.theatre.script.score_file import SoundsFile
 from fantoccini.theatre.script.unions import AnyPlayCue
 from fantoccini.theatre.script.values import Facing, Factor, Where
@@ -80,6 +80,8 @@ class PlayerFile(Model):
     """Length by which all its strings are wound in, to hang clear of the floor [m]."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)
     """Start values that replace those of the puppet's file."""
+    colours: dict[str, Colour] = Field(default_factory=dict)
+    """Colour of the puppet's file, or name of a body -> colour on the stage."""
 
 
 class PropFile(Model):

@@ -1,0 +1,46 @@
+"""Costumes: other colours of a puppet, so that players of one file differ in pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeVar
+
+from fantoccini.base import nearest
+from fantoccini.model.puppet import Puppet, Shape, String
+from fantoccini.theatre.script import ScriptLog, Spot
+
+T = TypeVar("T", bound=Shape | String)
+
+
+def in_costume(puppet: Puppet, colours: Mapping[str, str], spot: Spot, log: ScriptLog) -> Puppet:
+    """The puppet with other colours; records keys that are neither its colours nor its bodies.
+
+    Args:
+        puppet: the puppet.
+        colours: colour of the puppet's file, or name of a body -> colour; that of a body's name
+            counts for all its shapes.
+        spot: keys of ``colours`` in the play's file.
+        log: collects mistakes.
+    """
+    if not colours:
+        return puppet
+    whole = puppet.expanded()
+    shapes = [shape for body in whole.bodies for shape in body.shapes]
+    own = {part.colour for part in (*shapes, *whole.strings) if part.colour is not None}
+    bodies = {body.name for body in whole.bodies}
+    for key in colours:
+        if key not in own | bodies:
+            known = ", ".join(sorted(own)) or "none"
+            text = f"found {key!r}; needed: one of the puppet's colours ({known}) or of its bodies"
+            log.mistakes.add((*spot, key), text + nearest(key, sorted(own | bodies)))
+
+    def dyed(part: T, body: str = "") -> T:
+        colour = colours.get(body) or colours.get(part.colour or "", part.colour)
+        return part.model_copy(update={"colour": colour})
+
+    dressed = tuple(
+        body.model_copy(update={"shapes": tuple(dyed(shape, body.name) for shape in body.shapes)})
+        for body in whole.bodies
+    )
+    strings = tuple(dyed(string) for string in whole.strings)
+    return whole.model_copy(update={"bodies": dressed, "strings": strings})

@@ -1,0 +1,68 @@
+"""Two players that change places at the same time pass one another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.model.tree import WORLD
+from fantoccini.theatre.plays.stage_run import together
+
+pytestmark = pytest.mark.slow
+
+SWAP = """
+    {who: pierrot, walks to: east}
+    {who: columbine, walks to: west}
+"""
+EVERY = 25
+"""Number of samples of the run between two measured ones."""
+
+
+def string_points(play: fan.theatre.Play, poses: np.ndarray) -> dict[str, np.ndarray]:
+    """Player -> (T, n, 3) points along its strings, 5 cm apart or less [m]."""
+    points: dict[str, list[np.ndarray]] = {"pierrot": [], "columbine": []}
+    share = np.linspace(0.0, 1.0, 25)[:, None]
+    for string in play.marionette.tree.strings:
+        ends = []
+        for point in (string.points[0], string.points[-1]):
+            assert point.link != WORLD
+            pose = poses[:, point.link]
+            ends.append(pose[:, :, :3] @ np.array([float(x) for x in point.at]) + pose[:, :, 3])
+        first, last = (end[:, None] for end in ends)
+        points[string.name.partition(".")[0]].append(first + share * (last - first))
+    return {name: np.concatenate(own, axis=1) for name, own in points.items()}
+
+
+def test_two_players_change_places_and_keep_their_distance(plays):
+    play = plays.compiled(SWAP)
+    assert not play.changes
+    assert [cue.passes for cue in play.cues] == ["columbine gives way", "gives way to pierrot"]
+    one, other = play.cues
+    assert one.start == other.start < 0.2
+    first, second = (play.ways[name][-1] for name in ("pierrot", "columbine"))
+    assert first.length == pytest.approx(1.2)
+    assert second.length > 1.25
+    assert abs(first.end - second.end) < 6.0
+    run = together(play.cast, play.runs())
+    poses = play.marionette.poses(run.q_D[::EVERY], run.q_K[::EVERY])
+    strings = string_points(play, poses)
+    gaps = [
+        np.linalg.norm(a[:, None] - b[None], axis=2).min()
+        for a, b in zip(strings["pierrot"], strings["columbine"], strict=True)
+    ]
+    assert min(gaps) > 0.05
+    joints = {
+        name: [k for k, link in enumerate(play.marionette.tree.links) if link.name.startswith(name)]
+        for name in strings
+    }
+    apart = poses[:, joints["pierrot"], None, :, 3] - poses[:, None, joints["columbine"], :, 3]
+    assert np.linalg.norm(apart, axis=-1).min() > 0.05
+    for way, y in ((first, -0.6), (second, 0.6)):
+        np.testing.assert_allclose(way.footing(np.array([way.end]))[0][0], [0.0, y], atol=1e-9)
+
+
+def test_a_player_that_stays_is_not_passed(plays):
+    play = plays.compiled("{who: pierrot, walks to: east}")
+    (cue,) = play.refused
+    assert "columbine stands there" in cue.refused and not cue.passes
