@@ -10,6 +10,7 @@ import numpy as np
 import fantoccini as fan
 from fantoccini.base import FantocciniError
 from fantoccini.theatre import Gait, find_gait, footfalls, load_gesture
+from fantoccini.theatre.gaits import WalkStatus
 from fantoccini.theatre.gestures import Roles
 
 from .drawing import Rig
@@ -30,6 +31,7 @@ class Verdict:
         rig: number of legs and size.
         mapped: whether exactly its legs were found, with a string for each.
         walks: whether it walks 1 m without falling, and no foot slides more than 2 mm in a step.
+        status: status of its gait after the search; None without one.
         bows: whether the bow's run is done and its head goes down.
         slide: largest slide of a foot in a cycle, while its normal force is above 0 [m].
         force: mean share of the weight on the feet.
@@ -41,6 +43,7 @@ class Verdict:
     rig: str
     mapped: bool = False
     walks: bool = False
+    status: WalkStatus | None = None
     bows: bool = False
     slide: float = np.inf
     force: float = 0.0
@@ -51,7 +54,8 @@ class Verdict:
     def __str__(self) -> str:
         done = [name for name in ("mapped", "walks", "bows") if getattr(self, name)]
         return (
-            f"{self.rig}, {' '.join(done) or 'nothing'}; slide {1e3 * self.slide:.2f} mm, feet "
+            f"{self.rig}, {' '.join(done) or 'nothing'}; gait "
+            f"{self.status.name if self.status else 'none'}, slide {1e3 * self.slide:.2f} mm, feet "
             f"carry {100 * self.force:.1f} %, way {self.way:.3f} m, {self.seconds:.0f} s "
             f"{self.problem}"
         )
@@ -63,20 +67,21 @@ def judge(seed: int, rounds: int) -> Verdict:
     name = f"{2 * rig.n_pairs} legs, {rig.size:.2f} m"
     mapped, bows, problem = False, False, ""
     slide, force, way = np.inf, 0.0, 0.0
-    gait = Gait()
+    status = None
     try:
         stage = rig.stage
         roles = Roles.of(stage, "rig")
         own = [limb for limb in roles.body_map.limbs if limb.kind == "leg" and limb.strings]
         mapped = {limb.bodies[-1].removeprefix("rig.") for limb in own} == set(rig.legs)
         bows = bow(stage, roles)
-        gait = find_gait(stage, gait, rounds=rounds)
-        slide, force, way = walk(stage, roles, gait)
+        tuned = find_gait(stage, Gait(), rounds=rounds)
+        status = tuned.status
+        slide, force, way = walk(stage, roles, tuned.gait)
     except FantocciniError as error:
         problem = str(error)
     walks = slide <= SLIDE and abs(way - WAY) < _WAY_ERROR * WAY
     seconds = time.perf_counter() - began
-    return Verdict(name, mapped, walks, bows, slide, force, way, seconds, problem)
+    return Verdict(name, mapped, walks, status, bows, slide, force, way, seconds, problem)
 
 
 def bow(stage: fan.Marionette, roles: Roles) -> bool:

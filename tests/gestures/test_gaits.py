@@ -12,7 +12,7 @@ from fantoccini.base.errors import StateError
 from fantoccini.model import BodyMap
 from fantoccini.model.body_map import Limb
 from fantoccini.theatre import Gait, find_gait, footfalls
-from fantoccini.theatre.gaits import PREPARATION
+from fantoccini.theatre.gaits import PREPARATION, Footfalls, WalkStatus
 from fantoccini.theatre.gestures import Ends, Roles, Step
 from fantoccini.theatre.gestures.leg_order import phases
 
@@ -118,14 +118,48 @@ def test_it_walks_a_metre_and_its_feet_hardly_slide(promenade, turn):
 
 def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
     first, draws = Gait(lead=0.0), fan.control.Draws(runs=8, generations=2)
-    gait = find_gait(promenade, first, rounds=1, draws=draws)
+    tuned = find_gait(promenade, first, rounds=1, draws=draws)
+    gait = tuned.gait
     assert (gait.pattern, gait.step_time, gait.stride) == ("walk", first.step_time, first.stride)
 
     def refused(*_: object, **__: object) -> None:
         raise AssertionError("a search, although the result is kept")
 
     monkeypatch.setattr("fantoccini.theatre.gaits.gait_search.tune", refused)
-    assert find_gait(promenade, first, rounds=1, draws=draws) == gait
+    again = find_gait(promenade, first, rounds=1, draws=draws)
+    assert again.gait == gait
+    for field in dataclasses.fields(again.feet):
+        from_cache, searched = getattr(again.feet, field.name), getattr(tuned.feet, field.name)
+        np.testing.assert_array_equal(from_cache, searched)
+    assert again.status is tuned.status and again.feet.run_status is fan.Status.DONE
+
+
+def test_a_gait_that_does_not_walk_says_so_even_from_the_cache(promenade):
+    draws = fan.control.Draws(runs=3, generations=1)
+    for _ in range(2):
+        tuned = find_gait(promenade, Gait(stride=0.6), rounds=1, draws=draws)
+        assert not tuned and tuned.status is not WalkStatus.WALKS
+        assert tuned.status.name in repr(tuned) and "slide" in tuned.message
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({}, WalkStatus.WALKS),
+        ({"slide": np.full((2, 2), 3e-3)}, WalkStatus.SLIDES),
+        ({"stands": np.full((2, 2), 0.2)}, WalkStatus.HOVERS),
+        ({"way": 0.9, "distance_error": 0.1}, WalkStatus.OFF_DISTANCE),
+        ({"upright": 0.5}, WalkStatus.FALLS),
+        ({"run_status": fan.Status.TENSION_CAP}, WalkStatus.STOPPED),
+    ],
+)
+def test_feet_tell_whether_the_puppet_walks(changes, status):
+    rows = np.full((2, 2), 1e-3), np.full((2, 2), 0.02), np.full((2, 2), 0.6)
+    feet = Footfalls(*rows, 1.0, 1.0, 0.0, 0.0, 0.99, fan.Status.DONE)
+    changed = dataclasses.replace(feet, **changes)
+    assert changed.status is status
+    assert bool(changed) == (status is WalkStatus.WALKS)
+    assert status.message in changed.message
 
 
 def test_stages_and_numbers_that_do_not_fit_are_refused(promenade, marionette):

@@ -2,36 +2,45 @@
 
     min over numbers of   0.3 mean slide + 0.7 largest slide + penalties
 
-Penalised are feet that lift or stand too little, a trunk that tilts, and a wrong distance. Results
-are kept in the cache folder.
+Penalised are feet that lift or stand too little, a trunk that tilts, and a wrong distance. A run
+with half the time step decides whether the gait walks. Results are kept in the cache folder with
+this truth.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fantoccini.base import StateError, check_positive
+from fantoccini.base import Array, StateError, Status, check_positive
 from fantoccini.control.optimal import Draws, tune
 from fantoccini.control.tasks import AnswerStatus
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import simulate
 from fantoccini.kernel.build import RESULTS, results_fingerprint
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.gaits.gait import NUMBERS, Gait
-from fantoccini.theatre.gaits.sliding import footfalls
+from fantoccini.theatre.gaits.sliding import (
+    MAX_SLIDE,
+    MIN_STANDING_SHARE,
+    Footfalls,
+    WalkStatus,
+    footfalls,
+)
 from fantoccini.theatre.gaits.standing import standing_lengths
 from fantoccini.theatre.gestures import Ends, Roles, Step, leg_length
 
-SLIDE = 2e-3
-"""Largest slide of a foot in a cycle [m]."""
 _GOAL = 0.7
 """Cost below which no further search is made."""
 _STEPS, _DT, _SAVE = 12, 2e-3, 2
 """Number of steps of a run, its time step [s], and the number of time steps between samples."""
+_CHECK_DT, _CHECK_SAVE = 1e-3, 5
+"""Time step of the run that decides whether a gait walks [s], and the steps between samples."""
 _AFTER = 0.3
 """Time after the last step [s]."""
 _ROUNDS, _DRAWS = 8, Draws(runs=16, generations=4)
@@ -63,10 +72,39 @@ _RANGES = {
     "top": (0.2, 0.7),
 }
 """First spreads of the numbers, and the ranges to which they are clipped."""
-_MIN_LIFT, _MIN_STANDS = 0.03, 0.4
-"""Least lift of a foot, relative to the legs' length, and least share of a cycle on the floor."""
+_MIN_LIFT = 0.03
+"""Least lift of a foot, relative to the legs' length."""
 _MAX_WAY_ERROR = 0.03
 """Error of the way, relative to it, that is not penalised."""
+
+
+@dataclass(frozen=True, eq=False)
+class TunedGait:
+    """A gait from a search. True if a separate run of it walks.
+
+    Attributes:
+        gait: the gait of the least cost.
+        feet: its feet in a run with half the time step of the search.
+    """
+
+    gait: Gait
+    feet: Footfalls
+
+    @property
+    def status(self) -> WalkStatus:
+        """Whether the puppet walks, or why it does not."""
+        return self.feet.status
+
+    @property
+    def message(self) -> str:
+        """Status in words, with the numbers that decide it."""
+        return self.feet.message
+
+    def __bool__(self) -> bool:
+        return bool(self.feet)
+
+    def __repr__(self) -> str:
+        return f"<TunedGait {self.status.name}: {self.message}>"
 
 
 def find_gait(
@@ -76,8 +114,8 @@ def find_gait(
     member: str = "",
     rounds: int = _ROUNDS,
     draws: Draws = _DRAWS,
-) -> Gait:
-    """A gait made for a puppet on its floor: from the cache, or by a search.
+) -> TunedGait:
+    """A gait made for a puppet on its floor, with the truth about it: from the cache, or searched.
 
     Args:
         stage: puppet with contact between its feet and the floor.
@@ -100,13 +138,49 @@ def find_gait(
     searched = stage.puppet.canonical(), numbers_of_stage, first, member, rounds, draws
     text = repr((searched, results_fingerprint()))
     key = hashlib.sha256(f"gait {text}".encode()).hexdigest()
-    numbers = RESULTS.read(key)
-    if numbers is None:
-        gait, is_complete = _searched(stage, first, member, rounds, draws)
-        numbers = [np.array([getattr(gait, name) for name in NUMBERS])]
-        if is_complete:
-            RESULTS.write(key, numbers)
-    return dataclasses.replace(first, **dict(zip(NUMBERS, numbers[0].tolist(), strict=True)))
+    arrays = RESULTS.read(key)
+    if arrays is not None:
+        return _unpacked(first, arrays)
+    gait, is_complete = _searched(stage, first, member, rounds, draws)
+    tuned = TunedGait(gait, _checked(stage, gait, member))
+    if is_complete:
+        RESULTS.write(key, _packed(tuned))
+    return tuned
+
+
+def _checked(stage: Marionette, gait: Gait, member: str) -> Footfalls:
+    """Feet in a separate run of the steps of the search."""
+    x0 = stage.rest()
+    run = simulate(
+        stage,
+        x0,
+        gait.inputs(stage, _STEPS, x0, member=member),
+        gait.duration(_STEPS) + _AFTER,
+        method=TimeStepping(dt=_CHECK_DT),
+        save_every=_CHECK_SAVE,
+        throw=False,
+    )
+    return footfalls(_roles(stage, member), run, gait, _STEPS)
+
+
+def _roles(stage: Marionette, member: str) -> Roles:
+    members = stage.puppet.members
+    return Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
+
+
+def _packed(tuned: TunedGait) -> list[Array]:
+    """Arrays of a gait and its feet for the cache."""
+    numbers = np.array([getattr(tuned.gait, name) for name in NUMBERS])
+    values = dataclasses.asdict(tuned.feet)
+    return [numbers, *(np.asarray(value, dtype=float) for value in values.values())]
+
+
+def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
+    """Gait and feet of :func:`_packed`."""
+    numbers, slide, lift, stands, *scalars = arrays
+    gait = dataclasses.replace(first, **dict(zip(NUMBERS, numbers.tolist(), strict=True)))
+    *floats, status = map(float, scalars)
+    return TunedGait(gait, Footfalls(slide, lift, stands, *floats, Status(int(status))))
 
 
 def _searched(
@@ -119,9 +193,7 @@ def _searched(
     Raises:
         KeyboardInterrupt: Ctrl-C in a search.
     """
-    members = stage.puppet.members
-    roles = Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
-    x0, best, is_complete = stage.rest(), first, True
+    roles, x0, best, is_complete = _roles(stage, member), stage.rest(), first, True
     lengths = standing_lengths(roles, x0)
     path = [Step(first.stride * leg_length(roles.body_map))] * _STEPS
 
@@ -151,15 +223,15 @@ def _searched(
 
 
 def _cost(roles: Roles, run: Trajectory, gait: Gait) -> float:
-    """Cost of a run; 1 for a slide of ``SLIDE`` in every cycle."""
+    """Cost of a run; 1 for a slide of ``MAX_SLIDE`` in every cycle."""
     feet, L = footfalls(roles, run, gait, _STEPS), leg_length(roles.body_map)
-    slide = feet.slide / SLIDE
+    slide = feet.slide / MAX_SLIDE
     way = _STEPS * gait.stride * L
     return float(
         0.3 * slide.mean()
         + 0.7 * slide.max()
         + 30.0 * max(0.0, _MIN_LIFT - feet.lift[:-1].min() / L)
-        + 20.0 * max(0.0, _MIN_STANDS - feet.stands[:-1].min())
+        + 20.0 * max(0.0, MIN_STANDING_SHARE - feet.standing_share)
         + 20.0 * max(0.0, abs(feet.way / way - 1.0) - _MAX_WAY_ERROR)
         + 20.0 * max(0.0, 0.95 - feet.upright)
     )

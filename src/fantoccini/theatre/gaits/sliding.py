@@ -7,21 +7,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array
+from fantoccini.base import Array, Outcome, Status
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.gaits.gait import PREPARATION, Gait
-from fantoccini.theatre.gestures import Roles, legs, phases
+from fantoccini.theatre.gestures import Roles, leg_length, legs, phases
 
 ON_FLOOR, SLIDES = 1e-4, 3e-5
 """Heights below which a foot counts as on the floor, and as sliding on it [m]."""
 _FALLEN = np.cos(np.radians(35.0))
 """Least cosine of the trunk's inclination, relative to the start, of a puppet that stands."""
+MAX_SLIDE = 2e-3
+"""Largest slide of a foot in a cycle, of a puppet that walks [m]."""
+_MAX_DISTANCE_ERROR = 0.05
+"""Largest relative error of the distance, of a puppet that walks."""
+MIN_STANDING_SHARE = 0.4
+"""Least share of a cycle in which a foot is on the floor, of a puppet that walks."""
+
+
+class WalkStatus(Outcome):
+    """Outcome of a run of a gait, the gravest one if several apply."""
+
+    WALKS = "it walks the distance, and no foot slides more than 2 mm in a cycle"
+    SLIDES = "it walks the distance, but a foot slides more than 2 mm in a cycle"
+    HOVERS = "it does not fall, but a foot is on the floor for less than 40 % of a cycle"
+    OFF_DISTANCE = "it does not fall, but its distance is more than 5 % off"
+    FALLS = "it falls: its trunk tilts by more than 35 degrees"
+    STOPPED = "its run ended early, or the results of the run are not sound"
 
 
 @dataclass(frozen=True, eq=False)
 class Footfalls:
-    """Feet in a run of a gait.
+    """Feet in a run of a gait. True if the puppet walks.
 
     Attributes:
         slide: (n, n_legs) distance that the lowest point of a foot slides on the floor, in each
@@ -29,21 +46,64 @@ class Footfalls:
         lift: (n, n_legs) largest height of the foot above the floor in each cycle [m].
         stands: (n, n_legs) share of each cycle in which the foot is on the floor.
         way: distance from the trunk's first place to its last one [m].
+        asked: distance of the gait's steps [m].
+        distance_error: error of the distance, relative to ``asked``, or to the legs' length if that
+            is longer.
         turn: angle by which the trunk turns to the left, over the run [rad].
         upright: least cosine of the trunk's inclination, relative to the start.
+        run_status: status of the run.
     """
 
     slide: Array
     lift: Array
     stands: Array
     way: float
+    asked: float
+    distance_error: float
     turn: float
     upright: float
+    run_status: Status
 
     @property
     def falls(self) -> bool:
         """Whether the puppet falls."""
         return self.upright < _FALLEN
+
+    @property
+    def max_slide(self) -> float:
+        """Largest slide of a foot in a cycle [m]."""
+        return float(self.slide.max(initial=0.0))
+
+    @property
+    def standing_share(self) -> float:
+        """Least share of a cycle in which a foot is on the floor, without the closing cycle."""
+        return float(self.stands[: max(1, len(self.stands) - 1)].min(initial=1.0))
+
+    @property
+    def status(self) -> WalkStatus:
+        """Whether the puppet walks, or why it does not."""
+        if self.run_status is not Status.DONE:
+            return WalkStatus.STOPPED
+        if self.falls:
+            return WalkStatus.FALLS
+        if self.distance_error > _MAX_DISTANCE_ERROR:
+            return WalkStatus.OFF_DISTANCE
+        if self.standing_share < MIN_STANDING_SHARE:
+            return WalkStatus.HOVERS
+        return WalkStatus.WALKS if self.max_slide <= MAX_SLIDE else WalkStatus.SLIDES
+
+    @property
+    def message(self) -> str:
+        """Status in words, with the numbers that decide it."""
+        run = "" if self.run_status is Status.DONE else f"; the run: {self.run_status.message}"
+        return (
+            f"{self.status.message}: {self.way:.3f} m of {self.asked:.3f} m, slide "
+            f"{1e3 * self.max_slide:.1f} mm, inclination "
+            f"{np.degrees(np.arccos(np.clip(self.upright, -1.0, 1.0))):.0f} deg{run}"
+        )
+
+    def __bool__(self) -> bool:
+        return self.status is WalkStatus.WALKS
 
 
 def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfalls:
@@ -75,6 +135,9 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
     n = min(map(len, columns))
     slide, lift, stands = np.array([own[:n] for own in columns]).transpose(2, 1, 0)
     trunk = poses[:, marionette.link_index(roles.body_map.trunk[0])]
+    way = float(np.linalg.norm(trunk[-1, :2, 3] - trunk[0, :2, 3]))
+    L = leg_length(roles.body_map)
+    asked = steps * gait.stride * L
     up = trunk[0, 2, :3]
     ahead = np.array(roles.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
     headings = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
@@ -82,9 +145,12 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
         slide,
         lift,
         stands,
-        float(np.linalg.norm(trunk[-1, :2, 3] - trunk[0, :2, 3])),
+        way,
+        asked,
+        abs(way - asked) / max(abs(asked), L),
         float(headings[-1] - headings[0]),
         float(np.min(trunk[:, 2, :3] @ up / np.linalg.norm(up))),
+        run.status,
     )
 
 
