@@ -13,6 +13,7 @@ from fantoccini.model import BodyMap
 from fantoccini.model.body_map import Limb
 from fantoccini.theatre import Gait, find_gait, footfalls
 from fantoccini.theatre.gaits import PREPARATION, Footfalls, WalkStatus
+from fantoccini.theatre.gaits.gait_search import gait_cost
 from fantoccini.theatre.gestures import Ends, Roles, Step
 from fantoccini.theatre.gestures.leg_order import phases
 
@@ -108,8 +109,10 @@ def test_it_walks_a_metre_and_its_feet_hardly_slide(promenade, turn):
     # Landings are chaotic: rounding decides in which of the cycles a foot slides by 2 mm.
     assert slides.mean() < 1e-3
     assert np.percentile(slides, 90) < 2e-3
+    assert feet.way == pytest.approx(1.0, rel=0.03)  # along the arc
+    start, end = (promenade.pose(run.state(i), "pierrot.torso")[:2, 3] for i in (0, -1))
     chord = 2.0 * np.sin(0.5 * turn) / turn if turn else 1.0
-    assert feet.way == pytest.approx(chord, rel=0.03)
+    assert np.linalg.norm(end - start) == pytest.approx(chord, rel=0.03)
     assert feet.turn == pytest.approx(turn, abs=0.3)
     assert feet.lift[:-1].min() > 0.02
     assert feet.stands[:-1].min() > 0.5
@@ -132,6 +135,27 @@ def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
         from_cache, searched = getattr(again.feet, field.name), getattr(tuned.feet, field.name)
         np.testing.assert_array_equal(from_cache, searched)
     assert again.status is tuned.status and again.feet.run_status is fan.Status.DONE
+
+
+def test_steps_on_the_spot_are_searched_and_may_not_leave_it(promenade):
+    draws = fan.control.Draws(runs=3, generations=1)
+    tuned = find_gait(promenade, Gait(stride=0.0), rounds=1, draws=draws)
+    assert tuned.feet.asked == 0.0
+    assert abs(tuned.feet.way) < 0.02
+    assert np.isfinite(tuned.feet.distance_error)
+
+
+def test_a_walk_backward_is_not_a_walk_forward(promenade):
+    x0, steps = promenade.rest(), 6
+    inputs = dataclasses.replace(PROMENADE, stride=-0.1).inputs(promenade, steps, x0)
+    run = fan.simulate(promenade, x0, inputs, method=fan.TimeStepping(dt=2e-3), save_every=4)
+    roles = Roles.of(promenade, "pierrot")
+    backward = footfalls(roles, run, dataclasses.replace(PROMENADE, stride=-0.1), steps)
+    assert backward.asked < 0.0
+    assert backward.way == pytest.approx(backward.asked, abs=0.02)
+    forward = footfalls(roles, run, PROMENADE, steps)
+    assert forward.way == backward.way and forward.status is WalkStatus.OFF_DISTANCE
+    assert gait_cost(roles, run, PROMENADE, steps) > 20.0
 
 
 def test_a_gait_that_does_not_walk_says_so_even_from_the_cache(promenade):

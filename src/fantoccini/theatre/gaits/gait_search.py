@@ -75,7 +75,7 @@ _RANGES = {
 _MIN_LIFT = 0.03
 """Least lift of a foot, relative to the legs' length."""
 _MAX_WAY_ERROR = 0.03
-"""Error of the way, relative to it, that is not penalised."""
+"""Relative error of the distance that is not penalised."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +206,7 @@ def _searched(
             stage,
             lambda v: gait_of(v).gesture(Ends(roles, x0), path, lengths).inputs(x0),
             {name: (getattr(best, name), spread) for name, spread in _SPREADS.items()},
-            lambda run: _cost(roles, run, first),
+            lambda run: gait_cost(roles, run, first, _STEPS),
             x0,
             first.duration(_STEPS) + _AFTER,
             method=TimeStepping(dt=_DT),
@@ -222,16 +222,15 @@ def _searched(
     return best, is_complete
 
 
-def _cost(roles: Roles, run: Trajectory, gait: Gait) -> float:
+def gait_cost(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> float:
     """Cost of a run; 1 for a slide of ``MAX_SLIDE`` in every cycle."""
-    feet, L = footfalls(roles, run, gait, _STEPS), leg_length(roles.body_map)
+    feet, L = footfalls(roles, run, gait, steps), leg_length(roles.body_map)
     slide = feet.slide / MAX_SLIDE
-    way = _STEPS * gait.stride * L
     return float(
         0.3 * slide.mean()
         + 0.7 * slide.max()
         + 30.0 * max(0.0, _MIN_LIFT - feet.lift[:-1].min() / L)
         + 20.0 * max(0.0, MIN_STANDING_SHARE - feet.standing_share)
-        + 20.0 * max(0.0, abs(feet.way / way - 1.0) - _MAX_WAY_ERROR)
+        + 20.0 * max(0.0, feet.distance_error - _MAX_WAY_ERROR)
         + 20.0 * max(0.0, 0.95 - feet.upright)
     )

@@ -45,7 +45,7 @@ class Footfalls:
             cycle of a leg [m].
         lift: (n, n_legs) largest height of the foot above the floor in each cycle [m].
         stands: (n, n_legs) share of each cycle in which the foot is on the floor.
-        way: distance from the trunk's first place to its last one [m].
+        way: distance that the trunk moves forward, along its heading; below 0 backward [m].
         asked: distance of the gait's steps [m].
         distance_error: error of the distance, relative to ``asked``, or to the legs' length if that
             is longer.
@@ -135,12 +135,14 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
     n = min(map(len, columns))
     slide, lift, stands = np.array([own[:n] for own in columns]).transpose(2, 1, 0)
     trunk = poses[:, marionette.link_index(roles.body_map.trunk[0])]
-    way = float(np.linalg.norm(trunk[-1, :2, 3] - trunk[0, :2, 3]))
     L = leg_length(roles.body_map)
     asked = steps * gait.stride * L
     up = trunk[0, 2, :3]
     ahead = np.array(roles.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
     headings = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
+    middle = 0.5 * (headings[1:] + headings[:-1])
+    dx, dy = np.diff(trunk[:, :2, 3], axis=0).T
+    way = float(np.sum(dx * np.cos(middle) + dy * np.sin(middle)))
     return Footfalls(
         slide,
         lift,
