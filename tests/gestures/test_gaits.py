@@ -9,10 +9,12 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.base.errors import StateError
+from fantoccini.base.documents import Orientation
 from fantoccini.model import BodyMap
 from fantoccini.model.body_map import Limb
+from fantoccini.model.scene import Member, Scene
 from fantoccini.theatre import Gait, find_gait, footfalls
-from fantoccini.theatre.gaits import PREPARATION, Footfalls, WalkStatus
+from fantoccini.theatre.gaits import PREPARATION, Footfalls, WalkStatus, standing_lengths
 from fantoccini.theatre.gaits.gait_search import gait_cost
 from fantoccini.theatre.gestures import Ends, Roles, Step
 from fantoccini.theatre.gestures.leg_order import phases
@@ -135,6 +137,16 @@ def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
         from_cache, searched = getattr(again.feet, field.name), getattr(tuned.feet, field.name)
         np.testing.assert_array_equal(from_cache, searched)
     assert again.status is tuned.status and again.feet.run_status is fan.Status.DONE
+
+
+def test_puppets_stand_alike_in_every_direction():
+    dog, lengths = fan.puppets.dachshund().puppet, []
+    for turn in ("0 deg", "90 deg"):
+        heading = Orientation(axis=(0, 0, 1), angle=turn)
+        member = Member(name="dog", puppet=dog, at=(0.3, 0.2, 0.0), orientation=heading)
+        stage = fan.Marionette(Scene(scene="floor", floor=0.0, puppets=(member,)))
+        lengths.append(standing_lengths(Roles.of(stage, "dog"), stage.rest()))
+    assert lengths[1] == pytest.approx(lengths[0], abs=1e-5)
 
 
 def test_steps_on_the_spot_are_searched_and_may_not_leave_it(promenade):

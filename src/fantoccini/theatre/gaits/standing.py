@@ -37,7 +37,8 @@ def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
         raise StateError("it walks; the puppet has no legs")
     free = _with_free_legs(roles, start, L)
     poses = roles.marionette.poses(free.q_D[None], free.q_K[None])
-    drop, of_legs = _drop(roles, poses[0], L), set(leg_strings(roles))
+    heading = _heading(roles, poses[0])
+    drop, of_legs = _drop(roles, poses[0], L, heading), set(leg_strings(roles))
     lengths = {}
     for row in roles.marionette.tree.strings:
         name = row.name.removeprefix(roles.prefix)
@@ -46,7 +47,9 @@ def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
             continue
         path = np.array([place(poses, point, roles.marionette.number)[0] for point in row.points])
         before = _length(path)
-        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(path[:, 0].mean())
+        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(
+            float(path[:, :2].mean(axis=0) @ heading)
+        )
         after = _length(path)
         lengths[name] = after if name in of_legs else float(free[length]) + after - before
     return lengths
@@ -66,16 +69,24 @@ def _with_free_legs(roles: Roles, start: State, leg: float) -> State:
     return roles.marionette.rest(values)
 
 
-def _drop(roles: Roles, poses: Array, leg: float) -> Callable[[float], float]:
+def _heading(roles: Roles, poses: Array) -> Array:
+    """(2,) horizontal unit direction in which the puppet looks, for poses (n_links, 3, 4)."""
+    trunk = poses[roles.marionette.link_index(roles.body_map.trunk[0])]
+    forward: Array = (trunk[:, :3] @ np.array(roles.body_map.facing))[:2]
+    return forward / np.linalg.norm(forward)
+
+
+def _drop(roles: Roles, poses: Array, leg: float, heading: Array) -> Callable[[float], float]:
     """Distance by which a point of the trunk is lowered until the soles are on the floor [m].
 
     Args:
         roles: parts of the puppet.
         poses: (n_links, 3, 4) poses of its links.
         leg: length of the legs [m].
+        heading: (2,) horizontal unit direction in which the puppet looks.
 
     Returns:
-        Function of the point's place along the puppet's heading.
+        Function of the point's place along the heading.
     """
     marionette = roles.marionette
     floor = marionette.number(marionette.puppet.floor or 0.0)
@@ -83,12 +94,12 @@ def _drop(roles: Roles, poses: Array, leg: float) -> Callable[[float], float]:
     for limb in legs(roles.body_map).values():
         hip, foot = (marionette.link_index(limb.bodies[i]) for i in (0, -1))
         shapes = marionette.tree.links[foot].shapes
-        hips.append(poses[hip, 0, 3])
+        hips.append(float(poses[hip, :2, 3] @ heading))
         heights.append(min(shape_box(shape, poses[foot])[0][2] for shape in shapes) - floor)
     if np.ptp(hips) < _SAME_PLACE * leg:
-        return lambda x: float(np.mean(heights))
+        return lambda along: float(np.mean(heights))
     slope, height = np.polyfit(hips, heights, 1)
-    return lambda x: float(height + slope * x)
+    return lambda along: float(height + slope * along)
 
 
 def _length(path: Array) -> float:
