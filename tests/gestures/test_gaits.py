@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.base.errors import StateError
 from fantoccini.base.documents import Orientation
+from fantoccini.base.errors import StateError
 from fantoccini.model import BodyMap
 from fantoccini.model.body_map import Limb
 from fantoccini.model.scene import Member, Scene
@@ -80,6 +80,12 @@ def test_legs_take_turns_as_their_pattern_says():
     assert set(phases(on_legs(3), "hop").values()) == {0.0}
     with pytest.raises(StateError, match="pairs of legs"):
         phases(dataclasses.replace(on_legs(1), limbs=on_legs(1).limbs[:1]))
+    legs = on_legs(1).limbs
+    tripod_of_one_pair = dataclasses.replace(
+        on_legs(1), limbs=(*legs, dataclasses.replace(legs[0], side="middle"))
+    )
+    assert phases(tripod_of_one_pair)["leg"] == 0.25
+    assert phases(tripod_of_one_pair, "hop")["leg"] == 0.0
     with pytest.raises(ValueError, match="needed: walk, trot"):
         phases(on_legs(1), "gallop")  # type: ignore[arg-type]
 
@@ -137,6 +143,44 @@ def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
         from_cache, searched = getattr(again.feet, field.name), getattr(tuned.feet, field.name)
         np.testing.assert_array_equal(from_cache, searched)
     assert again.status is tuned.status and again.feet.run_status is fan.Status.DONE
+
+
+def with_leg(roles: Roles, leg: Limb) -> Roles:
+    """The puppet with one more leg."""
+    limbs = (*roles.body_map.limbs, leg)
+    return dataclasses.replace(roles, body_map=dataclasses.replace(roles.body_map, limbs=limbs))
+
+
+def test_a_leg_in_the_middle_steps_between_the_others(promenade):
+    roles, x0 = Roles.of(promenade, "pierrot"), promenade.rest()
+    arm = roles.body_map.parts["arm_left"]
+    three = with_leg(roles, dataclasses.replace(arm, kind="leg", side="middle"))
+    gait = Gait(sway=0.05)
+    walk = gait.gesture(Ends(three, x0), [Step(0.02)] * 4)
+    index = promenade.coordinates.v_K.index(f"{arm.strings[0]}.x")
+    start = PREPARATION * gait.step_time
+    before, after = (walk.offsets(start + t * gait.step_time)[0][index] for t in (0.5, 1.5))
+    assert walk.offsets(start)[0][index] == pytest.approx(before, abs=1e-9)
+    assert after > before + 0.01
+    method = fan.TimeStepping(dt=2e-3)
+    run = fan.simulate(promenade, x0, walk.inputs(x0), method=method, save_every=4)
+    assert footfalls(three, run, gait, 4).slide.shape[1] == 3
+
+
+def test_feet_without_shapes_stand_on_the_body_before_them(promenade):
+    roles, x0 = Roles.of(promenade, "pierrot"), promenade.rest()
+    lengths = standing_lengths(roles, x0)
+    end = "knee_left.end"  # the massless end of a string
+    legs = [
+        dataclasses.replace(limb, bodies=(*limb.bodies, end)) if limb.kind == "leg" else limb
+        for limb in roles.body_map.limbs
+    ]
+    body_map = dataclasses.replace(roles.body_map, limbs=tuple(legs))
+    assert standing_lengths(dataclasses.replace(roles, body_map=body_map), x0) == lengths
+    bare = dataclasses.replace(legs[0], kind="leg", side="middle", bodies=(end,))
+    message = "it stands on leg; needed: shapes on one of its bodies, knee_left.end"
+    with pytest.raises(StateError, match=message):
+        standing_lengths(with_leg(roles, bare), x0)
 
 
 def test_puppets_stand_alike_in_every_direction():

@@ -43,6 +43,8 @@ _PARTS = 24
 """Number of pieces of a step."""
 _RETURN = 0.6
 """Share of a swing at which the overshoot of a leg's strings is largest."""
+_SIDES = {"left": 1.0, "middle": 0.0, "right": -1.0}
+"""Direction of the sway towards a leg, to the left."""
 _BOUNDS = {"duty": (0.5, 0.9), "early": (0.0, 0.4), "top": (0.1, 0.9)}
 """Bounds of shares of times."""
 
@@ -237,7 +239,7 @@ class _Walk:
         """Sway towards the sides of lifted legs."""
         sway = times(0.0, self._down)
         for leg, limb in self._legs.items():
-            side = self._gait.sway * self._L * (1.0 if limb.side == "left" else -1.0)
+            side = self._gait.sway * self._L * _SIDES[limb.side]
             for begin, end, _ in self._swings(leg):
                 up = self._bump(begin, 0.5 * (begin + end), end)
                 sway = _sum(sway, times(2.0 * side / len(self._legs), up))

@@ -11,7 +11,7 @@ from fantoccini.base import Array, Outcome, Status
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.gaits.gait import PREPARATION, Gait
-from fantoccini.theatre.gestures import Roles, leg_length, legs, phases
+from fantoccini.theatre.gestures import Roles, feet, leg_length, phases
 
 ON_FLOOR, SLIDES = 1e-4, 3e-5
 """Heights below which a foot counts as on the floor, and as sliding on it [m]."""
@@ -113,6 +113,9 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
         roles: parts of the puppet.
         run: run of ``gait.inputs(..., steps)``, with at least 100 samples per second.
         gait, steps: the gait, and its number of steps.
+
+    Raises:
+        StateError: no body of a leg has shapes.
     """
     marionette, t = roles.marionette, np.asarray(run.t) - run.t[0]
     poses = marionette.poses(run.q_D, run.q_K)
@@ -120,8 +123,7 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
     first = phases(roles.body_map, gait.pattern)
     n_cycles = max(1, int(np.ceil(0.5 * steps)))
     columns = []
-    for name, limb in legs(roles.body_map).items():
-        foot = marionette.link_index(limb.bodies[-1])
+    for name, foot in feet(roles).items():
         height, moved = _lowest(marionette.tree.links[foot].shapes, poses[:, foot], floor)
         cycle = 0.5 * (t / gait.step_time - PREPARATION) - first[name]
         rows = [np.flatnonzero((cycle >= k) & (cycle < k + 1)) for k in range(n_cycles)]

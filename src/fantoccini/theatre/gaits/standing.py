@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.base import Array, StateError
 from fantoccini.model.tree import place, shape_box
 from fantoccini.motion import State
-from fantoccini.theatre.gestures import Roles, leg_length, leg_strings, legs
+from fantoccini.theatre.gestures import Roles, feet, leg_length, leg_strings, legs
 
 _RAISED = 0.4
 """Height above its rest at which the free legs are measured, relative to the legs' length."""
@@ -30,7 +30,8 @@ def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
         start: rest on its strings.
 
     Raises:
-        StateError: the puppet has no legs, or does not hang at rest with free legs.
+        StateError: the puppet has no legs, a leg has no shapes, or it does not hang at rest with
+            free legs.
     """
     L = leg_length(roles.body_map)
     if not L:
@@ -47,9 +48,8 @@ def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
             continue
         path = np.array([place(poses, point, roles.marionette.number)[0] for point in row.points])
         before = _length(path)
-        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(
-            float(path[:, :2].mean(axis=0) @ heading)
-        )
+        along = float(path[:, :2].mean(axis=0) @ heading)
+        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(along)
         after = _length(path)
         lengths[name] = after if name in of_legs else float(free[length]) + after - before
     return lengths
@@ -91,8 +91,8 @@ def _drop(roles: Roles, poses: Array, leg: float, heading: Array) -> Callable[[f
     marionette = roles.marionette
     floor = marionette.number(marionette.puppet.floor or 0.0)
     hips, heights = [], []
-    for limb in legs(roles.body_map).values():
-        hip, foot = (marionette.link_index(limb.bodies[i]) for i in (0, -1))
+    for name, foot in feet(roles).items():
+        hip = marionette.link_index(legs(roles.body_map)[name].bodies[0])
         shapes = marionette.tree.links[foot].shapes
         hips.append(float(poses[hip, :2, 3] @ heading))
         heights.append(min(shape_box(shape, poses[foot])[0][2] for shape in shapes) - floor)
