@@ -183,6 +183,17 @@ def test_feet_without_shapes_stand_on_the_body_before_them(promenade):
         standing_lengths(with_leg(roles, bare), x0)
 
 
+@pytest.mark.parametrize(("end", "n_cycles"), [(1.0, 0), (5.0, 1), (6.8, 2)])
+def test_runs_that_end_early_have_the_feet_of_whole_cycles_only(promenade, end, n_cycles):
+    roles, x0, gait = Roles.of(promenade, "pierrot"), promenade.rest(), Gait()
+    inputs = gait.inputs(promenade, 8, x0)  # cycles of the right leg begin at 3.15 s, 4.95 s, ...
+    run = fan.simulate(promenade, x0, inputs, end, method=fan.TimeStepping(dt=2e-3), save_every=4)
+    feet = footfalls(roles, run, gait, 8)
+    assert feet.slide.shape == feet.lift.shape == feet.stands.shape == (n_cycles, 2)
+    assert feet.status is WalkStatus.STOPPED and feet.run_status is fan.Status.RUNNING
+    assert "has not reached its end" in feet.message
+
+
 def test_puppets_stand_alike_in_every_direction():
     dog, lengths = fan.puppets.dachshund().puppet, []
     for turn in ("0 deg", "90 deg"):

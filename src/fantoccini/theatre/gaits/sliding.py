@@ -15,6 +15,8 @@ from fantoccini.theatre.gestures import Roles, feet, leg_length, phases
 
 ON_FLOOR, SLIDES = 1e-4, 3e-5
 """Heights below which a foot counts as on the floor, and as sliding on it [m]."""
+_SAME_TIME = 1e-6
+"""Tolerance of the end of a run [s]."""
 _FALLEN = np.cos(np.radians(35.0))
 """Least cosine of the trunk's inclination, relative to the start, of a puppet that stands."""
 MAX_SLIDE = 2e-3
@@ -42,7 +44,7 @@ class Footfalls:
 
     Attributes:
         slide: (n, n_legs) distance that the lowest point of a foot slides on the floor, in each
-            cycle of a leg [m].
+            cycle of a leg [m]; n is 0 if the run ends in the first cycle.
         lift: (n, n_legs) largest height of the foot above the floor in each cycle [m].
         stands: (n, n_legs) share of each cycle in which the foot is on the floor.
         way: distance that the trunk moves forward, along its heading; below 0 backward [m].
@@ -51,7 +53,7 @@ class Footfalls:
             is longer.
         turn: angle by which the trunk turns to the left, over the run [rad].
         upright: least cosine of the trunk's inclination, relative to the start.
-        run_status: status of the run.
+        run_status: status of the run; ``RUNNING`` if it ends before the gait.
     """
 
     slide: Array
@@ -111,7 +113,8 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
 
     Args:
         roles: parts of the puppet.
-        run: run of ``gait.inputs(..., steps)``, with at least 100 samples per second.
+        run: run of ``gait.inputs(..., steps)``, with at least 100 samples per second. If it ends
+            early, cycles that are not complete are left out.
         gait, steps: the gait, and its number of steps.
 
     Raises:
@@ -121,21 +124,19 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
     poses = marionette.poses(run.q_D, run.q_K)
     floor = marionette.number(marionette.puppet.floor or 0.0)
     first = phases(roles.body_map, gait.pattern)
-    n_cycles = max(1, int(np.ceil(0.5 * steps)))
-    columns = []
-    for name, foot in feet(roles).items():
+    n_cycles = int(np.ceil(0.5 * steps))
+    is_whole = t[-1] > gait.duration(steps) - _SAME_TIME
+    if not is_whole:
+        n_begun = 0.5 * (t[-1] / gait.step_time - PREPARATION) - max(first.values())
+        n_cycles = min(n_cycles, max(0, int(n_begun)))
+    slide, lift, stands = np.zeros((3, n_cycles, len(first)))
+    for leg, (name, foot) in enumerate(feet(roles).items()):
         height, moved = _lowest(marionette.tree.links[foot].shapes, poses[:, foot], floor)
         cycle = 0.5 * (t / gait.step_time - PREPARATION) - first[name]
-        rows = [np.flatnonzero((cycle >= k) & (cycle < k + 1)) for k in range(n_cycles)]
-        columns.append(
-            [
-                (moved[own].sum(), height[own].max(), np.mean(height[own] < ON_FLOOR))
-                for own in rows
-                if len(own)
-            ]
-        )
-    n = min(map(len, columns))
-    slide, lift, stands = np.array([own[:n] for own in columns]).transpose(2, 1, 0)
+        for k in range(n_cycles):
+            inside = (cycle >= k) & (cycle < k + 1)
+            slide[k, leg], lift[k, leg] = moved[inside].sum(), height[inside].max()
+            stands[k, leg] = np.mean(height[inside] < ON_FLOOR)
     trunk = poses[:, marionette.link_index(roles.body_map.trunk[0])]
     L = leg_length(roles.body_map)
     asked = steps * gait.stride * L
@@ -154,7 +155,7 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
         abs(way - asked) / max(abs(asked), L),
         float(headings[-1] - headings[0]),
         float(np.min(trunk[:, 2, :3] @ up / np.linalg.norm(up))),
-        run.status,
+        Status.RUNNING if run.status is Status.DONE and not is_whole else run.status,
     )
 
 
