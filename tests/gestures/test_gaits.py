@@ -27,9 +27,9 @@ PROMENADE = Gait(
     nod=-0.02151030600702335,
     slack=0.003352562149473888,
     lift=0.19460629000171153,
-    ahead=-0.05589494825359404,
-    lead=-0.2000313746082361,
-    beyond=0.1775447391377389,
+    leg_lead=-0.05589494825359404,
+    body_lead=-0.2000313746082361,
+    overshoot=0.1775447391377389,
     sway=-0.006663049281129267,
     early=0.12282758870822792,
     top=0.31489467544172334,
@@ -44,7 +44,7 @@ def on_legs(n: int) -> BodyMap:
 
 
 def contact_slides(stage: fan.Marionette, run: fan.Trajectory, gait: Gait) -> np.ndarray:
-    """(n_cycles,) largest way [m] of contact points with a normal force, after the preparation."""
+    """(n_cycles,) largest slide of loaded contact points, after the preparation [m]."""
     cycle = np.floor(0.5 * ((run.t - run.t[0]) / gait.step_time - PREPARATION)).astype(int)
     own = cycle[:-1] >= 0
     slides = []
@@ -55,8 +55,8 @@ def contact_slides(stage: fan.Marionette, run: fan.Trajectory, gait: Gait) -> np
         touching = points.normal_force > 1e-6 * stage.weight
         speed = np.zeros(len(run.t))
         np.maximum.at(speed, points.sample[touching], points.sliding[touching])
-        way = speed[:-1] * np.diff(run.t)
-        slides.append(np.bincount(cycle[:-1][own], way[own]))
+        slide = speed[:-1] * np.diff(run.t)
+        slides.append(np.bincount(cycle[:-1][own], slide[own]))
     return np.max(slides, axis=0)
 
 
@@ -92,7 +92,7 @@ def test_legs_take_turns_as_their_pattern_says():
 
 def test_ends_of_a_standing_leg_stand_still_and_close_up(promenade):
     ends = Ends(Roles.of(promenade, "pierrot"), promenade.rest())
-    gait = Gait(ahead=0.0, lead=0.0, beyond=0.0)
+    gait = Gait(leg_lead=0.0, body_lead=0.0, overshoot=0.0)
     walk = gait.gesture(ends, [Step(0.02)] * 6)
     assert walk.duration == pytest.approx(gait.duration(6))
     index = promenade.coordinates.v_K.index("knee_left.x")
@@ -117,8 +117,8 @@ def test_it_walks_a_metre_and_its_feet_hardly_slide(promenade, turn):
     # Landings are chaotic: rounding decides in which of the cycles a foot slides by 2 mm.
     assert slides.mean() < 1e-3
     assert np.percentile(slides, 90) < 2e-3
-    assert feet.way == pytest.approx(1.0, rel=0.03)  # along the arc
-    start, end = (promenade.pose(run.state(i), "pierrot.torso")[:2, 3] for i in (0, -1))
+    assert feet.distance == pytest.approx(1.0, rel=0.03)  # along the arc
+    start, end = (promenade.pose(run.state(i), "torso")[:2, 3] for i in (0, -1))
     chord = 2.0 * np.sin(0.5 * turn) / turn if turn else 1.0
     assert np.linalg.norm(end - start) == pytest.approx(chord, rel=0.03)
     assert feet.turn == pytest.approx(turn, abs=0.3)
@@ -128,7 +128,7 @@ def test_it_walks_a_metre_and_its_feet_hardly_slide(promenade, turn):
 
 
 def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
-    first, draws = Gait(lead=0.0), fan.control.Draws(runs=8, generations=2)
+    first, draws = Gait(body_lead=0.0), fan.control.Draws(runs=8, generations=2)
     tuned = find_gait(promenade, first, rounds=1, draws=draws)
     gait = tuned.gait
     assert (gait.pattern, gait.step_time, gait.stride) == ("walk", first.step_time, first.stride)
@@ -207,8 +207,8 @@ def test_puppets_stand_alike_in_every_direction():
 def test_steps_on_the_spot_are_searched_and_may_not_leave_it(promenade):
     draws = fan.control.Draws(runs=3, generations=1)
     tuned = find_gait(promenade, Gait(stride=0.0), rounds=1, draws=draws)
-    assert tuned.feet.asked == 0.0
-    assert abs(tuned.feet.way) < 0.02
+    assert tuned.feet.asked_distance == 0.0
+    assert abs(tuned.feet.distance) < 0.02
     assert np.isfinite(tuned.feet.distance_error)
 
 
@@ -218,10 +218,10 @@ def test_a_walk_backward_is_not_a_walk_forward(promenade):
     run = fan.simulate(promenade, x0, inputs, method=fan.TimeStepping(dt=2e-3), save_every=4)
     roles = Roles.of(promenade, "pierrot")
     backward = footfalls(roles, run, dataclasses.replace(PROMENADE, stride=-0.1), steps)
-    assert backward.asked < 0.0
-    assert backward.way == pytest.approx(backward.asked, abs=0.02)
+    assert backward.asked_distance < 0.0
+    assert backward.distance == pytest.approx(backward.asked_distance, abs=0.02)
     forward = footfalls(roles, run, PROMENADE, steps)
-    assert forward.way == backward.way and forward.status is WalkStatus.OFF_DISTANCE
+    assert forward.distance == backward.distance and forward.status is WalkStatus.OFF_DISTANCE
     assert gait_cost(roles, run, PROMENADE, steps) > 20.0
 
 
@@ -239,7 +239,7 @@ def test_a_gait_that_does_not_walk_says_so_even_from_the_cache(promenade):
         ({}, WalkStatus.WALKS),
         ({"slide": np.full((2, 2), 3e-3)}, WalkStatus.SLIDES),
         ({"stands": np.full((2, 2), 0.2)}, WalkStatus.HOVERS),
-        ({"way": 0.9, "distance_error": 0.1}, WalkStatus.OFF_DISTANCE),
+        ({"distance": 0.9, "distance_error": 0.1}, WalkStatus.OFF_DISTANCE),
         ({"upright": 0.5}, WalkStatus.FALLS),
         ({"run_status": fan.Status.TENSION_CAP}, WalkStatus.STOPPED),
     ],

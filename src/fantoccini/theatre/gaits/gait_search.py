@@ -24,7 +24,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
 from fantoccini.kernel.build import RESULTS, results_fingerprint
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.gaits.gait import NUMBERS, Gait
+from fantoccini.theatre.gaits.gait import SEARCHED_PARAMETERS, Gait
 from fantoccini.theatre.gaits.sliding import (
     MAX_SLIDE,
     MIN_STANDING_SHARE,
@@ -35,13 +35,13 @@ from fantoccini.theatre.gaits.sliding import (
 from fantoccini.theatre.gaits.standing import standing_lengths
 from fantoccini.theatre.gestures import Ends, Roles, Step, leg_length
 
-_GOAL = 0.7
+_GOOD_COST = 0.7
 """Cost below which no further search is made."""
-_STEPS, _DT, _SAVE = 12, 2e-3, 2
+_N_STEPS, _TIME_STEP, _SAVE_EVERY = 12, 2e-3, 2
 """Number of steps of a run, its time step [s], and the number of time steps between samples."""
-_CHECK_DT, _CHECK_SAVE = 1e-3, 5
+_CHECK_TIME_STEP, _CHECK_SAVE_EVERY = 1e-3, 5
 """Time step of the run that decides whether a gait walks [s], and the steps between samples."""
-_AFTER = 0.3
+_TIME_AFTER = 0.3
 """Time after the last step [s]."""
 _ROUNDS, _DRAWS = 8, Draws(runs=16, generations=4)
 """Default number of searches in a row, and their draws."""
@@ -51,9 +51,9 @@ _SPREADS = {
     "nod": 0.02,
     "slack": 0.008,
     "lift": 0.05,
-    "ahead": 0.06,
-    "lead": 0.04,
-    "beyond": 0.05,
+    "leg_lead": 0.06,
+    "body_lead": 0.04,
+    "overshoot": 0.05,
     "sway": 0.015,
     "early": 0.05,
     "top": 0.08,
@@ -64,9 +64,9 @@ _RANGES = {
     "nod": (-0.1, 0.1),
     "slack": (0.0, 0.1),
     "lift": (0.03, 0.5),
-    "ahead": (-0.6, 0.6),
-    "lead": (-0.4, 0.4),
-    "beyond": (-0.2, 0.5),
+    "leg_lead": (-0.6, 0.6),
+    "body_lead": (-0.4, 0.4),
+    "overshoot": (-0.2, 0.5),
     "sway": (-0.1, 0.1),
     "early": (0.0, 0.3),
     "top": (0.2, 0.7),
@@ -74,7 +74,7 @@ _RANGES = {
 """First spreads of the numbers, and the ranges to which they are clipped."""
 _MIN_LIFT = 0.03
 """Least lift of a foot, relative to the legs' length."""
-_MAX_WAY_ERROR = 0.03
+_MAX_DISTANCE_ERROR = 0.03
 """Relative error of the distance that is not penalised."""
 
 
@@ -154,13 +154,13 @@ def _checked(stage: Marionette, gait: Gait, member: str) -> Footfalls:
     run = simulate(
         stage,
         x0,
-        gait.inputs(stage, _STEPS, x0, member=member),
-        gait.duration(_STEPS) + _AFTER,
-        method=TimeStepping(dt=_CHECK_DT),
-        save_every=_CHECK_SAVE,
+        gait.inputs(stage, _N_STEPS, x0, member=member),
+        gait.duration(_N_STEPS) + _TIME_AFTER,
+        method=TimeStepping(dt=_CHECK_TIME_STEP),
+        save_every=_CHECK_SAVE_EVERY,
         throw=False,
     )
-    return footfalls(_roles(stage, member), run, gait, _STEPS)
+    return footfalls(_roles(stage, member), run, gait, _N_STEPS)
 
 
 def _roles(stage: Marionette, member: str) -> Roles:
@@ -170,7 +170,7 @@ def _roles(stage: Marionette, member: str) -> Roles:
 
 def _packed(tuned: TunedGait) -> list[Array]:
     """Arrays of a gait and its feet for the cache."""
-    numbers = np.array([getattr(tuned.gait, name) for name in NUMBERS])
+    numbers = np.array([getattr(tuned.gait, name) for name in SEARCHED_PARAMETERS])
     values = dataclasses.asdict(tuned.feet)
     return [numbers, *(np.asarray(value, dtype=float) for value in values.values())]
 
@@ -178,9 +178,10 @@ def _packed(tuned: TunedGait) -> list[Array]:
 def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
     """Gait and feet of :func:`_packed`."""
     numbers, slide, lift, stands, *scalars = arrays
-    gait = dataclasses.replace(first, **dict(zip(NUMBERS, numbers.tolist(), strict=True)))
+    values = dict(zip(SEARCHED_PARAMETERS, numbers.tolist(), strict=True))
     *floats, status = map(float, scalars)
-    return TunedGait(gait, Footfalls(slide, lift, stands, *floats, Status(int(status))))
+    feet = Footfalls(slide, lift, stands, *floats, Status(int(status)))
+    return TunedGait(dataclasses.replace(first, **values), feet)
 
 
 def _searched(
@@ -195,7 +196,7 @@ def _searched(
     """
     roles, x0, best, is_complete = _roles(stage, member), stage.rest(), first, True
     lengths = standing_lengths(roles, x0)
-    path = [Step(first.stride * leg_length(roles.body_map))] * _STEPS
+    path = [Step(first.stride * leg_length(roles.body_map))] * _N_STEPS
 
     def gait_of(v: dict[str, float]) -> Gait:
         clipped: dict[str, Any] = {k: float(np.clip(x, *_RANGES[k])) for k, x in v.items()}
@@ -206,18 +207,18 @@ def _searched(
             stage,
             lambda v: gait_of(v).gesture(Ends(roles, x0), path, lengths).inputs(x0),
             {name: (getattr(best, name), spread) for name, spread in _SPREADS.items()},
-            lambda run: gait_cost(roles, run, first, _STEPS),
+            lambda run: gait_cost(roles, run, first, _N_STEPS),
             x0,
-            first.duration(_STEPS) + _AFTER,
-            method=TimeStepping(dt=_DT),
-            save_every=_SAVE,
+            first.duration(_N_STEPS) + _TIME_AFTER,
+            method=TimeStepping(dt=_TIME_STEP),
+            save_every=_SAVE_EVERY,
             draws=dataclasses.replace(draws, seed=draws.seed + k),
         )
         if tuned.status is AnswerStatus.STOPPED:
             raise KeyboardInterrupt
         is_complete = is_complete and tuned.status is not AnswerStatus.TIMEOUT
         best = gait_of(tuned.values)
-        if tuned.cost < _GOAL:
+        if tuned.cost < _GOOD_COST:
             break
     return best, is_complete
 
@@ -231,6 +232,6 @@ def gait_cost(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> float:
         + 0.7 * slide.max()
         + 30.0 * max(0.0, _MIN_LIFT - feet.lift[:-1].min() / L)
         + 20.0 * max(0.0, MIN_STANDING_SHARE - feet.standing_share)
-        + 20.0 * max(0.0, feet.distance_error - _MAX_WAY_ERROR)
+        + 20.0 * max(0.0, feet.distance_error - _MAX_DISTANCE_ERROR)
         + 20.0 * max(0.0, 0.95 - feet.upright)
     )

@@ -1,9 +1,10 @@
-"""Sliding, height and way of a puppet's feet in a run of a gait, from the poses of its bodies."""
+"""Slide and height of a puppet's feet, and the distance walked, in a run of a gait."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,11 +14,11 @@ from fantoccini.motion import Trajectory
 from fantoccini.theatre.gaits.gait import PREPARATION, Gait
 from fantoccini.theatre.gestures import Roles, feet, leg_length, phases
 
-ON_FLOOR, SLIDES = 1e-4, 3e-5
+MAX_STANDING_HEIGHT, MAX_SLIDING_HEIGHT = 1e-4, 3e-5
 """Heights below which a foot counts as on the floor, and as sliding on it [m]."""
 _SAME_TIME = 1e-6
 """Tolerance of the end of a run [s]."""
-_FALLEN = np.cos(np.radians(35.0))
+_MIN_UPRIGHT_COSINE = np.cos(np.radians(35.0))
 """Least cosine of the trunk's inclination, relative to the start, of a puppet that stands."""
 MAX_SLIDE = 2e-3
 """Largest slide of a foot in a cycle, of a puppet that walks [m]."""
@@ -47,10 +48,10 @@ class Footfalls:
             cycle of a leg [m]; n is 0 if the run ends in the first cycle.
         lift: (n, n_legs) largest height of the foot above the floor in each cycle [m].
         stands: (n, n_legs) share of each cycle in which the foot is on the floor.
-        way: distance that the trunk moves forward, along its heading; below 0 backward [m].
-        asked: distance of the gait's steps [m].
-        distance_error: error of the distance, relative to ``asked``, or to the legs' length if that
-            is longer.
+        distance: distance that the trunk moves forward, along its heading; below 0 backward [m].
+        asked_distance: distance of the gait's steps [m].
+        distance_error: error of the distance, relative to ``asked_distance``, or to the legs'
+            length if that is longer.
         turn: angle by which the trunk turns to the left, over the run [rad].
         upright: least cosine of the trunk's inclination, relative to the start.
         run_status: status of the run; ``RUNNING`` if it ends before the gait.
@@ -59,8 +60,8 @@ class Footfalls:
     slide: Array
     lift: Array
     stands: Array
-    way: float
-    asked: float
+    distance: float
+    asked_distance: float
     distance_error: float
     turn: float
     upright: float
@@ -69,7 +70,7 @@ class Footfalls:
     @property
     def falls(self) -> bool:
         """Whether the puppet falls."""
-        return self.upright < _FALLEN
+        return self.upright < _MIN_UPRIGHT_COSINE
 
     @property
     def max_slide(self) -> float:
@@ -99,7 +100,7 @@ class Footfalls:
         """Status in words, with the numbers that decide it."""
         run = "" if self.run_status is Status.DONE else f"; the run: {self.run_status.message}"
         return (
-            f"{self.status.message}: {self.way:.3f} m of {self.asked:.3f} m, slide "
+            f"{self.status.message}: {self.distance:.3f} m of {self.asked_distance:.3f} m, slide "
             f"{1e3 * self.max_slide:.1f} mm, inclination "
             f"{np.degrees(np.arccos(np.clip(self.upright, -1.0, 1.0))):.0f} deg{run}"
         )
@@ -136,33 +137,52 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
         for k in range(n_cycles):
             inside = (cycle >= k) & (cycle < k + 1)
             slide[k, leg], lift[k, leg] = moved[inside].sum(), height[inside].max()
-            stands[k, leg] = np.mean(height[inside] < ON_FLOOR)
+            stands[k, leg] = np.mean(height[inside] < MAX_STANDING_HEIGHT)
     trunk = poses[:, marionette.link_index(roles.body_map.trunk[0])]
     L = leg_length(roles.body_map)
-    asked = steps * gait.stride * L
+    asked_distance = steps * gait.stride * L
     up = trunk[0, 2, :3]
-    ahead = np.array(roles.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
-    headings = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
-    middle = 0.5 * (headings[1:] + headings[:-1])
-    dx, dy = np.diff(trunk[:, :2, 3], axis=0).T
-    way = float(np.sum(dx * np.cos(middle) + dy * np.sin(middle)))
+    forward = np.array(roles.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
+    headings = np.unwrap(np.arctan2(forward[:, 1], forward[:, 0]))
+    distance = _forward_distance(trunk[:, :2, 3], headings, t, 2.0 * gait.step_time)
     return Footfalls(
         slide,
         lift,
         stands,
-        way,
-        asked,
-        abs(way - asked) / max(abs(asked), L),
+        distance,
+        asked_distance,
+        abs(distance - asked_distance) / max(abs(asked_distance), L),
         float(headings[-1] - headings[0]),
         float(np.min(trunk[:, 2, :3] @ up / np.linalg.norm(up))),
         Status.RUNNING if run.status is Status.DONE and not is_whole else run.status,
     )
 
 
-def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Array, Array]:
-    """(T,) height of the lowest point of shapes, and its horizontal way to the next sample [m].
+def _forward_distance(place: Array, heading: Array, t: Array, period: float) -> float:
+    """Sum over cycles of the displacement along the mean heading of the cycle [m].
 
-    The way is that of the point of the body, and 0 while it is not on the floor.
+    A trunk that sways and turns in every cycle walks along its mean heading.
+
+    Args:
+        place: (T, 2) places [m].
+        heading: (T,) headings [rad].
+        t: (T,) times, from 0 [s].
+        period: duration of a cycle [s].
+    """
+    edges = np.append(np.arange(0.0, t[-1], period), t[-1])
+    at = np.searchsorted(t, edges)
+    distance = 0.0
+    for first, last in pairwise(at):
+        mean = np.exp(1j * heading[first : last + 1]).mean()
+        x, y = place[last] - place[first]
+        distance += float(x * mean.real + y * mean.imag) / abs(mean)
+    return distance
+
+
+def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Array, Array]:
+    """(T,) height of the lowest point of shapes, and how far it slides until the next sample [m].
+
+    The slide is that of the point of the body, and 0 while it is not on the floor.
     """
     R, r = poses[:, :, :3], poses[:, :, 3]
     below = -R[:, 2, :]
@@ -174,7 +194,7 @@ def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Arra
     now = np.einsum("tij,tj->ti", R, at) + r
     then = np.einsum("tij,tj->ti", R[1:], at[:-1]) + r[1:]
     moved = np.linalg.norm((then - now[:-1])[:, :2], axis=1)
-    on = height < SLIDES
+    on = height < MAX_SLIDING_HEIGHT
     return height, np.append(np.where(on[:-1] & on[1:], moved, 0.0), 0.0)
 
 

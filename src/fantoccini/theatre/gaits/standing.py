@@ -11,11 +11,11 @@ from fantoccini.model.tree import place, shape_box
 from fantoccini.motion import State
 from fantoccini.theatre.gestures import Roles, feet, leg_length, leg_strings, legs
 
-_RAISED = 0.4
+_RAISED_HEIGHT = 0.4
 """Height above its rest at which the free legs are measured, relative to the legs' length."""
-_LET_OUT = 0.5
+_SLACK_LENGTH = 0.5
 """Length let out of the legs' strings for this, relative to the legs' length."""
-_SAME_PLACE = 0.1
+_MIN_WHEELBASE = 0.1
 """Distance of the hips along the trunk below which it is not pitched, relative to the legs."""
 
 
@@ -57,12 +57,12 @@ def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
 
 def _with_free_legs(roles: Roles, start: State, leg: float) -> State:
     """Rest above the floor, with slack strings of the legs."""
-    table, up, of_legs = roles.marionette.coordinates, _RAISED * leg, set(leg_strings(roles))
+    table, up, of_legs = roles.marionette.coordinates, _RAISED_HEIGHT * leg, set(leg_strings(roles))
     values = {name: float(start[name]) for name in table.q_K}
     for name in table.q_K:
         own, _, part = name.removeprefix(roles.prefix).rpartition(".")
         if name.startswith(roles.prefix) and part == "length":
-            values[name] += (_LET_OUT * leg if own in of_legs else 0.0) - up
+            values[name] += (_SLACK_LENGTH * leg if own in of_legs else 0.0) - up
     for name in table.q_D:
         if name.startswith(roles.prefix) and name.endswith(".z"):
             values[name] = float(start[name]) + up
@@ -96,7 +96,7 @@ def _drop(roles: Roles, poses: Array, leg: float, heading: Array) -> Callable[[f
         shapes = marionette.tree.links[foot].shapes
         hips.append(float(poses[hip, :2, 3] @ heading))
         heights.append(min(shape_box(shape, poses[foot])[0][2] for shape in shapes) - floor)
-    if np.ptp(hips) < _SAME_PLACE * leg:
+    if np.ptp(hips) < _MIN_WHEELBASE * leg:
         return lambda along: float(np.mean(heights))
     slope, height = np.polyfit(hips, heights, 1)
     return lambda along: float(height + slope * along)
