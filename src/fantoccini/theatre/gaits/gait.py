@@ -45,7 +45,7 @@ _OVERSHOOT_PEAK = 0.6
 """Share of a swing at which the overshoot of a leg's strings is largest."""
 _SIDES = {"left": 1.0, "middle": 0.0, "right": -1.0}
 """Direction of the sway towards a leg, to the left."""
-_BOUNDS = {"duty": (0.5, 0.9), "early": (0.0, 0.4), "top": (0.1, 0.9)}
+_BOUNDS = {"duty": (0.25, 0.9), "early": (0.0, 0.4), "top": (0.1, 0.9)}
 """Bounds of shares of times."""
 
 
@@ -57,7 +57,8 @@ class Gait:
         pattern: order of the legs; see :func:`phases`.
         step_time: duration of a step [s].
         stride: distance of the body in a step, relative to the legs' length.
-        duty: share of a cycle in which a leg stands.
+        duty: share of a cycle in which a leg stands; below 0.5 no foot of a trot or hop stands at
+            times, and the puppet aligns itself under its strings.
         lower: distance by which the puppet is lowered beyond the height at which its soles touch
             the floor.
         nod: additional length let out of the head's strings.
