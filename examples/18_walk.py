@@ -24,13 +24,14 @@ def walk(gait: Gait) -> fan.Trajectory:
     inputs = gait.inputs(stage, STEPS, x0)
     run = fan.simulate(stage, x0, inputs, method=fan.TimeStepping(dt=2e-3), save_every=2)
     feet = footfalls(roles, run, gait, STEPS)
-    print(f"{1e3 * feet.slide.max(axis=1).mean():.2f} mm in a cycle, {feet.way:.3f} m walked")
+    print(f"{feet.status.name}: {feet.message}; {1e3 * feet.slide.mean():.2f} mm on average")
     return run
 
 
 first = Gait()
 walk(first)
-gait = find_gait(stage, first, rounds=2, draws=Draws(runs=16, generations=3))
-run = walk(gait)
+tuned = find_gait(stage, first, rounds=2, draws=Draws(runs=16, generations=3))
+print(tuned)
+run = walk(tuned.gait)
 times = [first.step_time * k for k in (0.0, 2.5, 3.0, 3.5, 4.0, 8.5)]
 view.strip(stage, run, out / "walk.png", times=times)

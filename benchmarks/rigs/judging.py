@@ -10,15 +10,16 @@ import numpy as np
 import fantoccini as fan
 from fantoccini.base import FantocciniError
 from fantoccini.theatre import Gait, find_gait, footfalls, load_gesture
+from fantoccini.theatre.gaits import WalkStatus
 from fantoccini.theatre.gestures import Roles
 
 from .drawing import Rig
 
-SLIDE, WAY = 2e-3, 1.0
+MAX_SLIDE, DISTANCE = 2e-3, 1.0
 """Largest slide of a foot in a step, and length of the walk [m]."""
-_WAY_ERROR = 0.05
-"""Error of the way, relative to it, of a puppet that walks."""
-_FORCE = 1e-6
+_MAX_DISTANCE_ERROR = 0.05
+"""Largest relative error of the distance, of a puppet that walks."""
+_MIN_FORCE = 1e-6
 """Normal force above which a contact counts, relative to the weight."""
 
 
@@ -30,10 +31,11 @@ class Verdict:
         rig: number of legs and size.
         mapped: whether exactly its legs were found, with a string for each.
         walks: whether it walks 1 m without falling, and no foot slides more than 2 mm in a step.
+        status: status of its gait after the search; None without one.
         bows: whether the bow's run is done and its head goes down.
         slide: largest slide of a foot in a cycle, while its normal force is above 0 [m].
         force: mean share of the weight on the feet.
-        way: distance walked [m].
+        distance: distance walked [m].
         seconds: time of all this [s].
         problem: error message; empty without one.
     """
@@ -41,18 +43,20 @@ class Verdict:
     rig: str
     mapped: bool = False
     walks: bool = False
+    status: WalkStatus | None = None
     bows: bool = False
     slide: float = np.inf
     force: float = 0.0
-    way: float = 0.0
+    distance: float = 0.0
     seconds: float = 0.0
     problem: str = ""
 
     def __str__(self) -> str:
         done = [name for name in ("mapped", "walks", "bows") if getattr(self, name)]
         return (
-            f"{self.rig}, {' '.join(done) or 'nothing'}; slide {1e3 * self.slide:.2f} mm, feet "
-            f"carry {100 * self.force:.1f} %, way {self.way:.3f} m, {self.seconds:.0f} s "
+            f"{self.rig}, {' '.join(done) or 'nothing'}; gait "
+            f"{self.status.name if self.status else 'none'}, slide {1e3 * self.slide:.2f} mm, feet "
+            f"carry {100 * self.force:.1f} %, {self.distance:.3f} m walked, {self.seconds:.0f} s "
             f"{self.problem}"
         )
 
@@ -62,21 +66,22 @@ def judge(seed: int, rounds: int) -> Verdict:
     began, rig = time.perf_counter(), Rig(seed)
     name = f"{2 * rig.n_pairs} legs, {rig.size:.2f} m"
     mapped, bows, problem = False, False, ""
-    slide, force, way = np.inf, 0.0, 0.0
-    gait = Gait()
+    slide, force, distance = np.inf, 0.0, 0.0
+    status = None
     try:
         stage = rig.stage
         roles = Roles.of(stage, "rig")
         own = [limb for limb in roles.body_map.limbs if limb.kind == "leg" and limb.strings]
         mapped = {limb.bodies[-1].removeprefix("rig.") for limb in own} == set(rig.legs)
         bows = bow(stage, roles)
-        gait = find_gait(stage, gait, rounds=rounds)
-        slide, force, way = walk(stage, roles, gait)
+        tuned = find_gait(stage, Gait(), rounds=rounds)
+        status = tuned.status
+        slide, force, distance = walk(stage, roles, tuned.gait)
     except FantocciniError as error:
         problem = str(error)
-    walks = slide <= SLIDE and abs(way - WAY) < _WAY_ERROR * WAY
+    walks = slide <= MAX_SLIDE and abs(distance - DISTANCE) < _MAX_DISTANCE_ERROR * DISTANCE
     seconds = time.perf_counter() - began
-    return Verdict(name, mapped, walks, bows, slide, force, way, seconds, problem)
+    return Verdict(name, mapped, walks, status, bows, slide, force, distance, seconds, problem)
 
 
 def bow(stage: fan.Marionette, roles: Roles) -> bool:
@@ -95,12 +100,12 @@ def bow(stage: fan.Marionette, roles: Roles) -> bool:
 
 
 def walk(stage: fan.Marionette, roles: Roles, gait: Gait) -> tuple[float, float, float]:
-    """Largest slide of a foot in a cycle [m], share of the weight on the feet, and the way [m].
+    """Largest slide of a foot in a cycle [m], share of weight on the feet, and distance [m].
 
     The slide is that of contact points with a normal force; infinite if the puppet falls.
     """
     leg = np.mean([limb.length for limb in roles.body_map.limbs if limb.kind == "leg"])
-    steps = max(2, round(WAY / (gait.stride * float(leg))))
+    steps = max(2, round(DISTANCE / (gait.stride * float(leg))))
     x0 = stage.rest()
     inputs = gait.inputs(stage, steps, x0)
     run = fan.simulate(
@@ -108,15 +113,15 @@ def walk(stage: fan.Marionette, roles: Roles, gait: Gait) -> tuple[float, float,
     )
     feet = footfalls(roles, run, gait, steps)
     if run.status is not fan.Status.DONE or feet.falls:
-        return np.inf, 0.0, feet.way
+        return np.inf, 0.0, feet.distance
     cycle = ((run.t - run.t[0]) / (2.0 * gait.step_time)).astype(int)
     slide, force = 0.0, 0.0
     for limb in (limb for limb in roles.body_map.limbs if limb.kind == "leg"):
         points = run.contact.of(limb.bodies[-1])
-        touching = points.normal_force > _FORCE * stage.weight
+        touching = points.normal_force > _MIN_FORCE * stage.weight
         speed = np.zeros(len(run.t))
         np.maximum.at(speed, points.sample[touching], points.sliding[touching])
         own = np.bincount(cycle[:-1], speed[:-1] * np.diff(run.t))
         slide = max(slide, float(own[2:].max()))  # after the preparation
         force += float(points.normal_force.sum() / len(run.t) / stage.weight)
-    return slide, force, feet.way
+    return slide, force, feet.distance

@@ -21,10 +21,10 @@ def test_a_random_puppet_has_its_legs_bows_and_walks(seed):
     assert {limb.bodies[-1] for limb in legs} == set(rig.legs)
     assert all(limb.strings for limb in legs)
     assert bow(stage, roles)
-    slide, force, way = walk(stage, roles, Gait())
+    slide, force, distance = walk(stage, roles, Gait())
     assert slide < 0.05  # it has not fallen; a search makes it slide less
     assert force > 0.01
-    assert way == pytest.approx(1.0, rel=0.05)
+    assert distance == pytest.approx(1.0, rel=0.05)
 
 
 def test_puppets_of_the_target_differ_in_legs_size_and_names():

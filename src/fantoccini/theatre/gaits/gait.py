@@ -35,15 +35,17 @@ from fantoccini.theatre.gestures import (
     times,
 )
 
-PREPARATION, CLOSING = 2.5, 1.0
-"""Time in which it is let down onto its feet, and in which the last legs close up [steps]."""
-_LET_DOWN = 2.0
-"""Part of the preparation in which it moves [steps]."""
-_PARTS = 24
-"""Number of pieces of a step."""
-_RETURN = 0.6
+PREPARATION, CLOSING = 2.5, 1.0  # steps
+"""Time in which the puppet is lowered onto its feet, and time in which the last legs close up."""
+_LOWERING_TIME = 2.0
+"""Part of the preparation in which the puppet is lowered [steps]."""
+_PIECES_PER_STEP = 24
+"""Number of polynomial pieces of a step."""
+_OVERSHOOT_PEAK = 0.6
 """Share of a swing at which the overshoot of a leg's strings is largest."""
-_BOUNDS = {"duty": (0.5, 0.9), "early": (0.0, 0.4), "top": (0.1, 0.9)}
+_SIDES = {"left": 1.0, "middle": 0.0, "right": -1.0}
+"""Direction of the sway towards a leg, to the left."""
+_BOUNDS = {"duty": (0.25, 0.9), "early": (0.0, 0.4), "top": (0.1, 0.9)}
 """Bounds of shares of times."""
 
 
@@ -55,15 +57,16 @@ class Gait:
         pattern: order of the legs; see :func:`phases`.
         step_time: duration of a step [s].
         stride: distance of the body in a step, relative to the legs' length.
-        duty: share of a cycle in which a leg stands.
+        duty: share of a cycle in which a leg stands; below 0.5 no foot of a trot or hop stands at
+            times, and the puppet aligns itself under its strings.
         lower: distance by which the puppet is lowered beyond the height at which its soles touch
             the floor.
         nod: additional length let out of the head's strings.
         slack: additional length let out of the strings of a standing leg.
         lift: length by which the strings of a swinging leg are wound in, from where they are taut.
-        ahead: distance by which the ends of the legs' strings are carried forward.
-        lead: distance by which the ends of all other strings are carried forward.
-        beyond: overshoot of the ends of the strings of a swinging leg, which then return.
+        leg_lead: distance by which the ends of the legs' strings are carried forward.
+        body_lead: distance by which the ends of all other strings are carried forward.
+        overshoot: overshoot of the ends of the strings of a swinging leg, which then return.
         sway: distance of the other strings' ends towards the side of a lifted leg.
         early: share of a swing before and after which a leg moves up and down only.
         top: share of a swing at which a leg is highest.
@@ -80,9 +83,9 @@ class Gait:
     nod: float = 0.0
     slack: float = 0.015
     lift: float = 0.2
-    ahead: float = -0.03
-    lead: float = -0.1
-    beyond: float = 0.05
+    leg_lead: float = -0.03
+    body_lead: float = -0.1
+    overshoot: float = 0.05
     sway: float = 0.0
     early: float = 0.12
     top: float = 0.35
@@ -159,16 +162,16 @@ class _Walk:
         for string in self._of_strings:
             ends.check_driven(string)
         self._track = Track(given, gait.step_time)
-        n_parts = round((PREPARATION + self._n + CLOSING) * _PARTS)
-        self._clock: Times = np.arange(n_parts + 1) / _PARTS - PREPARATION
-        self._down = self._rise(-PREPARATION, _LET_DOWN)
+        n_pieces = round((PREPARATION + self._n + CLOSING) * _PIECES_PER_STEP)
+        self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - PREPARATION
+        self._down = self._rise(-PREPARATION, _LOWERING_TIME)
         self._lengths = lengths
 
     def gesture(self) -> Gesture:
         """The whole motion."""
         gait, ends, L = self._gait, self._ends, self._L
         path, heading = self._track.at(self._clock * gait.step_time)
-        offset = _sum(times(-1j * gait.lead * L, self._down), self._sway())
+        offset = _sum(times(-1j * gait.body_lead * L, self._down), self._sway())
         others = [name for name in ends.places if name not in self._of_strings]
         ends.carry(path, heading, offset, others)
         for string, length in self._lengths.items():
@@ -196,14 +199,14 @@ class _Walk:
         gait, ends, L = self._gait, self._ends, self._L
         zero = times(0.0, self._down)
         tau, up, over = zero, zero, zero
-        for begin, end, way in self._swings(self._of_strings[string]):
+        for begin, end, distance in self._swings(self._of_strings[string]):
             width = end - begin
             early, top = gait.early * width, gait.top * width
-            tau = _sum(tau, times(way, self._rise(begin + early, width - 2.0 * early)))
+            tau = _sum(tau, times(distance, self._rise(begin + early, width - 2.0 * early)))
             up = _sum(up, self._bump(begin, begin + top, end))
-            bump = self._bump(begin, begin + _RETURN * width, end)
-            over = _sum(over, times(0.5 * way, bump))
-        forward = _sum(times(gait.ahead * L, self._down), times(gait.beyond * L, over))
+            bump = self._bump(begin, begin + _OVERSHOOT_PEAK * width, end)
+            over = _sum(over, times(0.5 * distance, bump))
+        forward = _sum(times(gait.leg_lead * L, self._down), times(gait.overshoot * L, over))
         path, heading = self._along(tau)
         ends.carry(path, heading, times(-1j, forward), [string])
         loose = (gait.lower + gait.slack) * L
@@ -211,7 +214,7 @@ class _Walk:
         self._wind(string, _sum(down, times(-(gait.lift * L + loose), up)))
 
     def _swings(self, leg: str) -> list[tuple[float, float, float]]:
-        """Start and end of each swing, and the way of the leg in it, all in steps."""
+        """Start and end of each swing, and the distance of the leg in it, all in steps."""
         swing, swings, at = 2.0 * (1.0 - self._gait.duty), [], 0.0
         begin = 2.0 * self._phases[leg]
         while at < self._n:
@@ -237,7 +240,7 @@ class _Walk:
         """Sway towards the sides of lifted legs."""
         sway = times(0.0, self._down)
         for leg, limb in self._legs.items():
-            side = self._gait.sway * self._L * (1.0 if limb.side == "left" else -1.0)
+            side = self._gait.sway * self._L * _SIDES[limb.side]
             for begin, end, _ in self._swings(leg):
                 up = self._bump(begin, 0.5 * (begin + end), end)
                 sway = _sum(sway, times(2.0 * side / len(self._legs), up))
@@ -260,5 +263,7 @@ def _sum(a: Curve, b: Curve) -> Curve:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-NUMBERS = tuple(x.name for x in fields(Gait) if x.name not in ("pattern", "step_time", "stride"))
-"""Names of the numbers that a search finds."""
+SEARCHED_PARAMETERS = tuple(
+    x.name for x in fields(Gait) if x.name not in ("pattern", "step_time", "stride")
+)
+"""Names of the parameters that a search changes."""

@@ -2,37 +2,46 @@
 
     min over numbers of   0.3 mean slide + 0.7 largest slide + penalties
 
-Penalised are feet that lift or stand too little, a trunk that tilts, and a wrong distance. Results
-are kept in the cache folder.
+Penalised are feet that lift or stand too little, a trunk that tilts, and a wrong distance. A run
+with half the time step decides whether the gait walks. Results are kept in the cache folder with
+this truth.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fantoccini.base import StateError, check_positive
+from fantoccini.base import Array, StateError, Status, check_positive
 from fantoccini.control.optimal import Draws, tune
 from fantoccini.control.tasks import AnswerStatus
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import simulate
 from fantoccini.kernel.build import RESULTS, results_fingerprint
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.gaits.gait import NUMBERS, Gait
-from fantoccini.theatre.gaits.sliding import footfalls
+from fantoccini.theatre.gaits.gait import SEARCHED_PARAMETERS, Gait
+from fantoccini.theatre.gaits.sliding import (
+    MAX_SLIDE,
+    MIN_STANDING_SHARE,
+    Footfalls,
+    WalkStatus,
+    footfalls,
+)
 from fantoccini.theatre.gaits.standing import standing_lengths
 from fantoccini.theatre.gestures import Ends, Roles, Step, leg_length
 
-SLIDE = 2e-3
-"""Largest slide of a foot in a cycle [m]."""
-_GOAL = 0.7
+_GOOD_COST = 0.7
 """Cost below which no further search is made."""
-_STEPS, _DT, _SAVE = 12, 2e-3, 2
+_N_STEPS, _TIME_STEP, _SAVE_EVERY = 12, 2e-3, 2
 """Number of steps of a run, its time step [s], and the number of time steps between samples."""
-_AFTER = 0.3
+_CHECK_TIME_STEP, _CHECK_SAVE_EVERY = 1e-3, 5
+"""Time step of the run that decides whether a gait walks [s], and the steps between samples."""
+_TIME_AFTER = 0.3
 """Time after the last step [s]."""
 _ROUNDS, _DRAWS = 8, Draws(runs=16, generations=4)
 """Default number of searches in a row, and their draws."""
@@ -42,31 +51,60 @@ _SPREADS = {
     "nod": 0.02,
     "slack": 0.008,
     "lift": 0.05,
-    "ahead": 0.06,
-    "lead": 0.04,
-    "beyond": 0.05,
+    "leg_lead": 0.06,
+    "body_lead": 0.04,
+    "overshoot": 0.05,
     "sway": 0.015,
     "early": 0.05,
     "top": 0.08,
 }
 _RANGES = {
-    "duty": (0.5, 0.75),
+    "duty": (0.25, 0.75),
     "lower": (0.01, 0.1),
     "nod": (-0.1, 0.1),
     "slack": (0.0, 0.1),
     "lift": (0.03, 0.5),
-    "ahead": (-0.6, 0.6),
-    "lead": (-0.4, 0.4),
-    "beyond": (-0.2, 0.5),
+    "leg_lead": (-0.6, 0.6),
+    "body_lead": (-0.4, 0.4),
+    "overshoot": (-0.2, 0.5),
     "sway": (-0.1, 0.1),
     "early": (0.0, 0.3),
     "top": (0.2, 0.7),
 }
 """First spreads of the numbers, and the ranges to which they are clipped."""
-_MIN_LIFT, _MIN_STANDS = 0.03, 0.4
-"""Least lift of a foot, relative to the legs' length, and least share of a cycle on the floor."""
-_MAX_WAY_ERROR = 0.03
-"""Error of the way, relative to it, that is not penalised."""
+_MIN_LIFT = 0.03
+"""Least lift of a foot, relative to the legs' length."""
+_MAX_DISTANCE_ERROR = 0.03
+"""Relative error of the distance that is not penalised."""
+
+
+@dataclass(frozen=True, eq=False)
+class TunedGait:
+    """A gait from a search. True if a separate run of it walks.
+
+    Attributes:
+        gait: the gait of the least cost.
+        feet: its feet in a run with half the time step of the search.
+    """
+
+    gait: Gait
+    feet: Footfalls
+
+    @property
+    def status(self) -> WalkStatus:
+        """Whether the puppet walks, or why it does not."""
+        return self.feet.status
+
+    @property
+    def message(self) -> str:
+        """Status in words, with the numbers that decide it."""
+        return self.feet.message
+
+    def __bool__(self) -> bool:
+        return bool(self.feet)
+
+    def __repr__(self) -> str:
+        return f"<TunedGait {self.status.name}: {self.message}>"
 
 
 def find_gait(
@@ -76,8 +114,8 @@ def find_gait(
     member: str = "",
     rounds: int = _ROUNDS,
     draws: Draws = _DRAWS,
-) -> Gait:
-    """A gait made for a puppet on its floor: from the cache, or by a search.
+) -> TunedGait:
+    """A gait made for a puppet on its floor, with the truth about it: from the cache, or searched.
 
     Args:
         stage: puppet with contact between its feet and the floor.
@@ -100,13 +138,50 @@ def find_gait(
     searched = stage.puppet.canonical(), numbers_of_stage, first, member, rounds, draws
     text = repr((searched, results_fingerprint()))
     key = hashlib.sha256(f"gait {text}".encode()).hexdigest()
-    numbers = RESULTS.read(key)
-    if numbers is None:
-        gait, is_complete = _searched(stage, first, member, rounds, draws)
-        numbers = [np.array([getattr(gait, name) for name in NUMBERS])]
-        if is_complete:
-            RESULTS.write(key, numbers)
-    return dataclasses.replace(first, **dict(zip(NUMBERS, numbers[0].tolist(), strict=True)))
+    arrays = RESULTS.read(key)
+    if arrays is not None:
+        return _unpacked(first, arrays)
+    gait, is_complete = _searched(stage, first, member, rounds, draws)
+    tuned = TunedGait(gait, _checked(stage, gait, member))
+    if is_complete:
+        RESULTS.write(key, _packed(tuned))
+    return tuned
+
+
+def _checked(stage: Marionette, gait: Gait, member: str) -> Footfalls:
+    """Feet in a separate run of the steps of the search."""
+    x0 = stage.rest()
+    run = simulate(
+        stage,
+        x0,
+        gait.inputs(stage, _N_STEPS, x0, member=member),
+        gait.duration(_N_STEPS) + _TIME_AFTER,
+        method=TimeStepping(dt=_CHECK_TIME_STEP),
+        save_every=_CHECK_SAVE_EVERY,
+        throw=False,
+    )
+    return footfalls(_roles(stage, member), run, gait, _N_STEPS)
+
+
+def _roles(stage: Marionette, member: str) -> Roles:
+    members = stage.puppet.members
+    return Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
+
+
+def _packed(tuned: TunedGait) -> list[Array]:
+    """Arrays of a gait and its feet for the cache."""
+    numbers = np.array([getattr(tuned.gait, name) for name in SEARCHED_PARAMETERS])
+    values = dataclasses.asdict(tuned.feet)
+    return [numbers, *(np.asarray(value, dtype=float) for value in values.values())]
+
+
+def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
+    """Gait and feet of :func:`_packed`."""
+    numbers, slide, lift, stands, *scalars = arrays
+    values = dict(zip(SEARCHED_PARAMETERS, numbers.tolist(), strict=True))
+    *floats, status = map(float, scalars)
+    feet = Footfalls(slide, lift, stands, *floats, Status(int(status)))
+    return TunedGait(dataclasses.replace(first, **values), feet)
 
 
 def _searched(
@@ -119,11 +194,9 @@ def _searched(
     Raises:
         KeyboardInterrupt: Ctrl-C in a search.
     """
-    members = stage.puppet.members
-    roles = Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
-    x0, best, is_complete = stage.rest(), first, True
+    roles, x0, best, is_complete = _roles(stage, member), stage.rest(), first, True
     lengths = standing_lengths(roles, x0)
-    path = [Step(first.stride * leg_length(roles.body_map))] * _STEPS
+    path = [Step(first.stride * leg_length(roles.body_map))] * _N_STEPS
 
     def gait_of(v: dict[str, float]) -> Gait:
         clipped: dict[str, Any] = {k: float(np.clip(x, *_RANGES[k])) for k, x in v.items()}
@@ -134,32 +207,31 @@ def _searched(
             stage,
             lambda v: gait_of(v).gesture(Ends(roles, x0), path, lengths).inputs(x0),
             {name: (getattr(best, name), spread) for name, spread in _SPREADS.items()},
-            lambda run: _cost(roles, run, first),
+            lambda run: gait_cost(roles, run, first, _N_STEPS),
             x0,
-            first.duration(_STEPS) + _AFTER,
-            method=TimeStepping(dt=_DT),
-            save_every=_SAVE,
+            first.duration(_N_STEPS) + _TIME_AFTER,
+            method=TimeStepping(dt=_TIME_STEP),
+            save_every=_SAVE_EVERY,
             draws=dataclasses.replace(draws, seed=draws.seed + k),
         )
         if tuned.status is AnswerStatus.STOPPED:
             raise KeyboardInterrupt
         is_complete = is_complete and tuned.status is not AnswerStatus.TIMEOUT
         best = gait_of(tuned.values)
-        if tuned.cost < _GOAL:
+        if tuned.cost < _GOOD_COST:
             break
     return best, is_complete
 
 
-def _cost(roles: Roles, run: Trajectory, gait: Gait) -> float:
-    """Cost of a run; 1 for a slide of ``SLIDE`` in every cycle."""
-    feet, L = footfalls(roles, run, gait, _STEPS), leg_length(roles.body_map)
-    slide = feet.slide / SLIDE
-    way = _STEPS * gait.stride * L
+def gait_cost(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> float:
+    """Cost of a run; 1 for a slide of ``MAX_SLIDE`` in every cycle."""
+    feet, L = footfalls(roles, run, gait, steps), leg_length(roles.body_map)
+    slide = feet.slide / MAX_SLIDE
     return float(
         0.3 * slide.mean()
         + 0.7 * slide.max()
         + 30.0 * max(0.0, _MIN_LIFT - feet.lift[:-1].min() / L)
-        + 20.0 * max(0.0, _MIN_STANDS - feet.stands[:-1].min())
-        + 20.0 * max(0.0, abs(feet.way / way - 1.0) - _MAX_WAY_ERROR)
+        + 20.0 * max(0.0, MIN_STANDING_SHARE - feet.standing_share)
+        + 20.0 * max(0.0, feet.distance_error - _MAX_DISTANCE_ERROR)
         + 20.0 * max(0.0, 0.95 - feet.upright)
     )

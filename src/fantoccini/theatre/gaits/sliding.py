@@ -1,49 +1,112 @@
-"""Sliding, height and way of a puppet's feet in a run of a gait, from the poses of its bodies."""
+"""Slide and height of a puppet's feet, and the distance walked, in a run of a gait."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.base import Array
+from fantoccini.base import Array, Outcome, Status
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.gaits.gait import PREPARATION, Gait
-from fantoccini.theatre.gestures import Roles, legs, phases
+from fantoccini.theatre.gestures import Roles, feet, leg_length, phases
 
-ON_FLOOR, SLIDES = 1e-4, 3e-5
+MAX_STANDING_HEIGHT, MAX_SLIDING_HEIGHT = 1e-4, 3e-5
 """Heights below which a foot counts as on the floor, and as sliding on it [m]."""
-_FALLEN = np.cos(np.radians(35.0))
+_SAME_TIME = 1e-6
+"""Tolerance of the end of a run [s]."""
+_MIN_UPRIGHT_COSINE = np.cos(np.radians(35.0))
 """Least cosine of the trunk's inclination, relative to the start, of a puppet that stands."""
+MAX_SLIDE = 2e-3
+"""Largest slide of a foot in a cycle, of a puppet that walks [m]."""
+_MAX_DISTANCE_ERROR = 0.05
+"""Largest relative error of the distance, of a puppet that walks."""
+MIN_STANDING_SHARE = 0.4
+"""Least share of a cycle in which a foot is on the floor, of a puppet that walks."""
+
+
+class WalkStatus(Outcome):
+    """Outcome of a run of a gait, the gravest one if several apply."""
+
+    WALKS = "it walks the distance, and no foot slides more than 2 mm in a cycle"
+    SLIDES = "it walks the distance, but a foot slides more than 2 mm in a cycle"
+    HOVERS = "it does not fall, but a foot is on the floor for less than 40 % of a cycle"
+    OFF_DISTANCE = "it does not fall, but its distance is more than 5 % off"
+    FALLS = "it falls: its trunk tilts by more than 35 degrees"
+    STOPPED = "its run ended early, or the results of the run are not sound"
 
 
 @dataclass(frozen=True, eq=False)
 class Footfalls:
-    """Feet in a run of a gait.
+    """Feet in a run of a gait. True if the puppet walks.
 
     Attributes:
         slide: (n, n_legs) distance that the lowest point of a foot slides on the floor, in each
-            cycle of a leg [m].
+            cycle of a leg [m]; n is 0 if the run ends in the first cycle.
         lift: (n, n_legs) largest height of the foot above the floor in each cycle [m].
         stands: (n, n_legs) share of each cycle in which the foot is on the floor.
-        way: distance from the trunk's first place to its last one [m].
+        distance: distance that the trunk moves forward, along its heading; below 0 backward [m].
+        asked_distance: distance of the gait's steps [m].
+        distance_error: error of the distance, relative to ``asked_distance``, or to the legs'
+            length if that is longer.
         turn: angle by which the trunk turns to the left, over the run [rad].
         upright: least cosine of the trunk's inclination, relative to the start.
+        run_status: status of the run; ``RUNNING`` if it ends before the gait.
     """
 
     slide: Array
     lift: Array
     stands: Array
-    way: float
+    distance: float
+    asked_distance: float
+    distance_error: float
     turn: float
     upright: float
+    run_status: Status
 
     @property
     def falls(self) -> bool:
         """Whether the puppet falls."""
-        return self.upright < _FALLEN
+        return self.upright < _MIN_UPRIGHT_COSINE
+
+    @property
+    def max_slide(self) -> float:
+        """Largest slide of a foot in a cycle [m]."""
+        return float(self.slide.max(initial=0.0))
+
+    @property
+    def standing_share(self) -> float:
+        """Least share of a cycle in which a foot is on the floor, without the closing cycle."""
+        return float(self.stands[: max(1, len(self.stands) - 1)].min(initial=1.0))
+
+    @property
+    def status(self) -> WalkStatus:
+        """Whether the puppet walks, or why it does not."""
+        if self.run_status is not Status.DONE:
+            return WalkStatus.STOPPED
+        if self.falls:
+            return WalkStatus.FALLS
+        if self.distance_error > _MAX_DISTANCE_ERROR:
+            return WalkStatus.OFF_DISTANCE
+        if self.standing_share < MIN_STANDING_SHARE:
+            return WalkStatus.HOVERS
+        return WalkStatus.WALKS if self.max_slide <= MAX_SLIDE else WalkStatus.SLIDES
+
+    @property
+    def message(self) -> str:
+        """Status in words, with the numbers that decide it."""
+        run = "" if self.run_status is Status.DONE else f"; the run: {self.run_status.message}"
+        return (
+            f"{self.status.message}: {self.distance:.3f} m of {self.asked_distance:.3f} m, slide "
+            f"{1e3 * self.max_slide:.1f} mm, inclination "
+            f"{np.degrees(np.arccos(np.clip(self.upright, -1.0, 1.0))):.0f} deg{run}"
+        )
+
+    def __bool__(self) -> bool:
+        return self.status is WalkStatus.WALKS
 
 
 def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfalls:
@@ -51,47 +114,75 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
 
     Args:
         roles: parts of the puppet.
-        run: run of ``gait.inputs(..., steps)``, with at least 100 samples per second.
+        run: run of ``gait.inputs(..., steps)``, with at least 100 samples per second. If it ends
+            early, cycles that are not complete are left out.
         gait, steps: the gait, and its number of steps.
+
+    Raises:
+        StateError: no body of a leg has shapes.
     """
     marionette, t = roles.marionette, np.asarray(run.t) - run.t[0]
     poses = marionette.poses(run.q_D, run.q_K)
     floor = marionette.number(marionette.puppet.floor or 0.0)
     first = phases(roles.body_map, gait.pattern)
-    n_cycles = max(1, int(np.ceil(0.5 * steps)))
-    columns = []
-    for name, limb in legs(roles.body_map).items():
-        foot = marionette.link_index(limb.bodies[-1])
+    n_cycles = int(np.ceil(0.5 * steps))
+    is_whole = t[-1] > gait.duration(steps) - _SAME_TIME
+    if not is_whole:
+        n_begun = 0.5 * (t[-1] / gait.step_time - PREPARATION) - max(first.values())
+        n_cycles = min(n_cycles, max(0, int(n_begun)))
+    slide, lift, stands = np.zeros((3, n_cycles, len(first)))
+    for leg, (name, foot) in enumerate(feet(roles).items()):
         height, moved = _lowest(marionette.tree.links[foot].shapes, poses[:, foot], floor)
         cycle = 0.5 * (t / gait.step_time - PREPARATION) - first[name]
-        rows = [np.flatnonzero((cycle >= k) & (cycle < k + 1)) for k in range(n_cycles)]
-        columns.append(
-            [
-                (moved[own].sum(), height[own].max(), np.mean(height[own] < ON_FLOOR))
-                for own in rows
-                if len(own)
-            ]
-        )
-    n = min(map(len, columns))
-    slide, lift, stands = np.array([own[:n] for own in columns]).transpose(2, 1, 0)
+        for k in range(n_cycles):
+            inside = (cycle >= k) & (cycle < k + 1)
+            slide[k, leg], lift[k, leg] = moved[inside].sum(), height[inside].max()
+            stands[k, leg] = np.mean(height[inside] < MAX_STANDING_HEIGHT)
     trunk = poses[:, marionette.link_index(roles.body_map.trunk[0])]
+    L = leg_length(roles.body_map)
+    asked_distance = steps * gait.stride * L
     up = trunk[0, 2, :3]
-    ahead = np.array(roles.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
-    headings = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
+    forward = np.array(roles.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
+    headings = np.unwrap(np.arctan2(forward[:, 1], forward[:, 0]))
+    distance = _forward_distance(trunk[:, :2, 3], headings, t, 2.0 * gait.step_time)
     return Footfalls(
         slide,
         lift,
         stands,
-        float(np.linalg.norm(trunk[-1, :2, 3] - trunk[0, :2, 3])),
+        distance,
+        asked_distance,
+        abs(distance - asked_distance) / max(abs(asked_distance), L),
         float(headings[-1] - headings[0]),
         float(np.min(trunk[:, 2, :3] @ up / np.linalg.norm(up))),
+        Status.RUNNING if run.status is Status.DONE and not is_whole else run.status,
     )
 
 
-def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Array, Array]:
-    """(T,) height of the lowest point of shapes, and its horizontal way to the next sample [m].
+def _forward_distance(place: Array, heading: Array, t: Array, period: float) -> float:
+    """Sum over cycles of the displacement along the mean heading of the cycle [m].
 
-    The way is that of the point of the body, and 0 while it is not on the floor.
+    A trunk that sways and turns in every cycle walks along its mean heading.
+
+    Args:
+        place: (T, 2) places [m].
+        heading: (T,) headings [rad].
+        t: (T,) times, from 0 [s].
+        period: duration of a cycle [s].
+    """
+    edges = np.append(np.arange(0.0, t[-1], period), t[-1])
+    at = np.searchsorted(t, edges)
+    distance = 0.0
+    for first, last in pairwise(at):
+        mean = np.exp(1j * heading[first : last + 1]).mean()
+        x, y = place[last] - place[first]
+        distance += float(x * mean.real + y * mean.imag) / abs(mean)
+    return distance
+
+
+def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Array, Array]:
+    """(T,) height of the lowest point of shapes, and how far it slides until the next sample [m].
+
+    The slide is that of the point of the body, and 0 while it is not on the floor.
     """
     R, r = poses[:, :, :3], poses[:, :, 3]
     below = -R[:, 2, :]
@@ -103,7 +194,7 @@ def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Arra
     now = np.einsum("tij,tj->ti", R, at) + r
     then = np.einsum("tij,tj->ti", R[1:], at[:-1]) + r[1:]
     moved = np.linalg.norm((then - now[:-1])[:, :2], axis=1)
-    on = height < SLIDES
+    on = height < MAX_SLIDING_HEIGHT
     return height, np.append(np.where(on[:-1] & on[1:], moved, 0.0), 0.0)
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from fantoccini.base import Array, StateError
 from fantoccini.model.tree import place, shape_box
 from fantoccini.motion import State
-from fantoccini.theatre.gestures import Roles, leg_length, leg_strings, legs
+from fantoccini.theatre.gestures import Roles, feet, leg_length, leg_strings, legs
 
-_RAISED = 0.4
+_RAISED_HEIGHT = 0.4
 """Height above its rest at which the free legs are measured, relative to the legs' length."""
-_LET_OUT = 0.5
+_SLACK_LENGTH = 0.5
 """Length let out of the legs' strings for this, relative to the legs' length."""
-_SAME_PLACE = 0.1
+_MIN_WHEELBASE = 0.1
 """Distance of the hips along the trunk below which it is not pitched, relative to the legs."""
 
 
@@ -30,14 +30,16 @@ def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
         start: rest on its strings.
 
     Raises:
-        StateError: the puppet has no legs, or does not hang at rest with free legs.
+        StateError: the puppet has no legs, a leg has no shapes, or it does not hang at rest with
+            free legs.
     """
     L = leg_length(roles.body_map)
     if not L:
         raise StateError("it walks; the puppet has no legs")
     free = _with_free_legs(roles, start, L)
     poses = roles.marionette.poses(free.q_D[None], free.q_K[None])
-    drop, of_legs = _drop(roles, poses[0], L), set(leg_strings(roles))
+    heading = _heading(roles, poses[0])
+    drop, of_legs = _drop(roles, poses[0], L, heading), set(leg_strings(roles))
     lengths = {}
     for row in roles.marionette.tree.strings:
         name = row.name.removeprefix(roles.prefix)
@@ -46,7 +48,8 @@ def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
             continue
         path = np.array([place(poses, point, roles.marionette.number)[0] for point in row.points])
         before = _length(path)
-        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(path[:, 0].mean())
+        along = float(path[:, :2].mean(axis=0) @ heading)
+        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(along)
         after = _length(path)
         lengths[name] = after if name in of_legs else float(free[length]) + after - before
     return lengths
@@ -54,41 +57,49 @@ def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
 
 def _with_free_legs(roles: Roles, start: State, leg: float) -> State:
     """Rest above the floor, with slack strings of the legs."""
-    table, up, of_legs = roles.marionette.coordinates, _RAISED * leg, set(leg_strings(roles))
+    table, up, of_legs = roles.marionette.coordinates, _RAISED_HEIGHT * leg, set(leg_strings(roles))
     values = {name: float(start[name]) for name in table.q_K}
     for name in table.q_K:
         own, _, part = name.removeprefix(roles.prefix).rpartition(".")
         if name.startswith(roles.prefix) and part == "length":
-            values[name] += (_LET_OUT * leg if own in of_legs else 0.0) - up
+            values[name] += (_SLACK_LENGTH * leg if own in of_legs else 0.0) - up
     for name in table.q_D:
         if name.startswith(roles.prefix) and name.endswith(".z"):
             values[name] = float(start[name]) + up
     return roles.marionette.rest(values)
 
 
-def _drop(roles: Roles, poses: Array, leg: float) -> Callable[[float], float]:
+def _heading(roles: Roles, poses: Array) -> Array:
+    """(2,) horizontal unit direction in which the puppet looks, for poses (n_links, 3, 4)."""
+    trunk = poses[roles.marionette.link_index(roles.body_map.trunk[0])]
+    forward: Array = (trunk[:, :3] @ np.array(roles.body_map.facing))[:2]
+    return forward / np.linalg.norm(forward)
+
+
+def _drop(roles: Roles, poses: Array, leg: float, heading: Array) -> Callable[[float], float]:
     """Distance by which a point of the trunk is lowered until the soles are on the floor [m].
 
     Args:
         roles: parts of the puppet.
         poses: (n_links, 3, 4) poses of its links.
         leg: length of the legs [m].
+        heading: (2,) horizontal unit direction in which the puppet looks.
 
     Returns:
-        Function of the point's place along the puppet's heading.
+        Function of the point's place along the heading.
     """
     marionette = roles.marionette
     floor = marionette.number(marionette.puppet.floor or 0.0)
     hips, heights = [], []
-    for limb in legs(roles.body_map).values():
-        hip, foot = (marionette.link_index(limb.bodies[i]) for i in (0, -1))
+    for name, foot in feet(roles).items():
+        hip = marionette.link_index(legs(roles.body_map)[name].bodies[0])
         shapes = marionette.tree.links[foot].shapes
-        hips.append(poses[hip, 0, 3])
+        hips.append(float(poses[hip, :2, 3] @ heading))
         heights.append(min(shape_box(shape, poses[foot])[0][2] for shape in shapes) - floor)
-    if np.ptp(hips) < _SAME_PLACE * leg:
-        return lambda x: float(np.mean(heights))
+    if np.ptp(hips) < _MIN_WHEELBASE * leg:
+        return lambda along: float(np.mean(heights))
     slope, height = np.polyfit(hips, heights, 1)
-    return lambda x: float(height + slope * x)
+    return lambda along: float(height + slope * along)
 
 
 def _length(path: Array) -> float:

@@ -15,7 +15,14 @@ from fantoccini.theatre.gestures.gesture_file import (
     load_gesture,
 )
 from fantoccini.theatre.gestures.joining import Line, Motion
-from fantoccini.theatre.gestures.leg_order import Pattern, leg_length, leg_strings, legs, phases
+from fantoccini.theatre.gestures.leg_order import (
+    Pattern,
+    feet,
+    leg_length,
+    leg_strings,
+    legs,
+    phases,
+)
 from fantoccini.theatre.gestures.moves import planes
 from fantoccini.theatre.gestures.parameters import MADE
 from fantoccini.theatre.gestures.performing import (
@@ -85,6 +92,7 @@ __all__ = [
     "at",
     "bundled",
     "check_parts",
+    "feet",
     "gesture_names",
     "gesture_of_take",
     "gesture_schema",

@@ -18,6 +18,8 @@ Pattern: TypeAlias = Literal["walk", "trot", "pace", "hop"]
 PATTERNS: tuple[Pattern, ...] = ("walk", "trot", "pace", "hop")
 _LATERAL_LEAD = 0.25
 """Phase of a front leg after the hind leg of its side, in a walk on four legs."""
+_MIDDLE_PHASE = 0.25
+"""Phase of the first leg in the middle: between the first legs of the two sides."""
 
 
 def phases(body_map: BodyMap, pattern: Pattern = "walk") -> dict[str, float]:
@@ -27,29 +29,29 @@ def phases(body_map: BodyMap, pattern: Pattern = "walk") -> dict[str, float]:
         body_map: body map of a puppet.
         pattern: ``walk``: two legs in turn, four in lateral sequence, six or more on two tripods;
             ``trot``: a leg together with its diagonal neighbours; ``pace``: those of a side
-            together; ``hop``: all together.
+            together; ``hop``: all together. Legs in the middle step between the two sides.
 
     Raises:
-        StateError: the puppet has no pairs of legs.
+        StateError: the legs left and right are not pairs, or there are none.
         ValueError: unknown pattern.
     """
     if pattern not in PATTERNS:
         raise ValueError(f"pattern is {pattern!r}; needed: {', '.join(PATTERNS)}")
-    ranks: dict[str, list[str]] = {"left": [], "right": []}
-    for name, limb in body_map.parts.items():
-        if limb.kind == "leg" and limb.side in ranks:
-            ranks[limb.side].append(name)
+    first: dict[str, float] = {"left": 0.0, "right": 0.5, "middle": _MIDDLE_PHASE}
+    ranks: dict[str, list[str]] = {side: [] for side in first}
+    for name, limb in legs(body_map).items():
+        ranks[limb.side].append(name)
     n = len(ranks["left"])
     if not n or len(ranks["right"]) != n:
         have = ", ".join(body_map.parts) or "no limbs"
-        raise StateError(f"it walks on pairs of legs; the puppet has {have}")
+        raise StateError(f"it walks on pairs of legs, left and right; the puppet has {have}")
     own = {}
     for side, names in ranks.items():
         for rank, name in enumerate(names):
-            phase = 0.0 if side == "left" else 0.5
+            phase = first[side]
             if pattern == "hop":
                 phase = 0.0
-            elif pattern == "walk" and n == 2:
+            elif pattern == "walk" and n == 2 and side != "middle":
                 phase += _LATERAL_LEAD * (n - 1 - rank)
             elif pattern != "pace":
                 phase += 0.5 * (rank % 2)
@@ -66,6 +68,23 @@ def leg_length(body_map: BodyMap) -> float:
     """Mean length of the legs [m]; 0 without legs."""
     lengths = [limb.length for limb in legs(body_map).values()]
     return sum(lengths) / len(lengths) if lengths else 0.0
+
+
+def feet(roles: Roles) -> dict[str, int]:
+    """Leg -> index of the link it stands on: its last body with shapes.
+
+    Raises:
+        StateError: no body of a leg has shapes.
+    """
+    marionette, links = roles.marionette, {}
+    for name, limb in legs(roles.body_map).items():
+        own = [marionette.link_index(body) for body in limb.bodies]
+        solid = [link for link in own if marionette.tree.links[link].shapes]
+        if not solid:
+            bodies = ", ".join(limb.bodies)
+            raise StateError(f"it stands on {name}; needed: shapes on one of its bodies, {bodies}")
+        links[name] = solid[-1]
+    return links
 
 
 def leg_strings(roles: Roles) -> dict[str, str]:
