@@ -36,7 +36,7 @@ pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals, no SIGINT"),
 ]
 ROOT = Path(__file__).resolve().parents[2]
-PATIENT = (
+PATIENT_COMMAND = (
     "from fantoccini.stand import sending; sending.MAX_DELAY = 5.0; "
     "from fantoccini.app.cli import main; main()"
 )
@@ -65,11 +65,11 @@ class Process:
 
     def __init__(self, files, *arguments):
         path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
-        self.own = subprocess.Popen(
+        self.process = subprocess.Popen(
             [
                 sys.executable,
                 "-c",
-                PATIENT,
+                PATIENT_COMMAND,
                 "stand",
                 "stream",
                 "stand.yaml",
@@ -83,25 +83,25 @@ class Process:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
         )
-        self.watch = threading.Timer(120.0, self.own.kill)
+        self.watch = threading.Timer(120.0, self.process.kill)
         self.watch.start()
         self.stderr = ""
 
     def interrupt(self):
-        self.own.send_signal(signal.SIGINT)
+        self.process.send_signal(signal.SIGINT)
 
-    def until(self, words):
+    def read_until(self, words):
         """Read until the output contains these words."""
         while words not in self.stderr:
-            line = self.own.stderr.readline()
+            line = self.process.stderr.readline()
             assert line, self.stderr
             self.stderr += line
 
     def end(self, given=None):
         """Exit code and output of the process."""
-        out, stderr = self.own.communicate(given)
+        out, stderr = self.process.communicate(given)
         self.watch.cancel()
-        return self.own.returncode, out, self.stderr + stderr
+        return self.process.returncode, out, self.stderr + stderr
 
 
 @contextmanager
@@ -110,13 +110,13 @@ def streaming(files, *arguments):
     try:
         yield process
     finally:
-        process.own.kill()
+        process.process.kill()
         process.watch.cancel()
 
 
-def wait(happened):
+def wait_until(condition):
     end = time.monotonic() + 60.0
-    while not happened():
+    while not condition():
         assert time.monotonic() < end
         time.sleep(0.005)
 
@@ -132,14 +132,14 @@ def test_two_ctrl_c_stop_grbl_and_it_resumes_from_the_line(files):
         machine = emulator.machine
         options = ("--controller", "grbl", "--port", emulator.port)
         with streaming(files, *options) as process:
-            wait(lambda: len(emulator.lines) > 30)
+            wait_until(lambda: len(emulator.lines) > 30)
             process.interrupt()
-            process.until("Ctrl-C stops\n")
+            process.read_until("Ctrl-C stops\n")
             time.sleep(0.1)
             assert emulator.held
-            taken = len(emulator.lines)
+            n_taken = len(emulator.lines)
             time.sleep(5 * PACE)
-            assert len(emulator.lines) == taken < len(lines)
+            assert len(emulator.lines) == n_taken < len(lines)
             process.interrupt()
             code, _, stderr = process.end()
         time.sleep(0.1)
@@ -152,7 +152,7 @@ def test_two_ctrl_c_stop_grbl_and_it_resumes_from_the_line(files):
         assert np.min(p) < stopped_at < np.max(p)
         assert re.search(r"line \d+: 'G1X\S+': stopped here", stderr)
         line = re.search(r"continue with --from-line (\d+)", stderr)[1]
-        number = lines_of(gcode(points))[taken - 1].number
+        number = lines_of(gcode(points))[n_taken - 1].number
         assert int(re.search(r"accepted all lines up to (\d+)", stderr)[1]) == number
         assert 1 < number - int(line) <= points.controller.planner
         begun = machine.time
@@ -177,8 +177,8 @@ def test_a_controller_that_restarts_or_is_unplugged_is_noticed_at_once(files, ev
     with Emulator(machine_of(points), pace=PACE) as emulator:
         options = ("--controller", "grbl", "--port", emulator.port)
         with streaming(files, *options) as process:
-            wait(lambda: len(emulator.lines) > 40)
-            taken, begun = lines_of(gcode(points))[len(emulator.lines) - 1], time.monotonic()
+            wait_until(lambda: len(emulator.lines) > 40)
+            last_line, begun = lines_of(gcode(points))[len(emulator.lines) - 1], time.monotonic()
             if event == "restarts":
                 terminal = os.open(emulator.port, os.O_WRONLY | os.O_NOCTTY)
                 os.write(terminal, b"\x18")
@@ -193,7 +193,7 @@ def test_a_controller_that_restarts_or_is_unplugged_is_noticed_at_once(files, ev
     )
     assert seconds < 15.0  # much less than the 30 s of a silent controller
     line = int(re.search(r"continue with --from-line (\d+)", stderr)[1])
-    assert 0 < taken.number - line <= points.controller.planner + 4
+    assert 0 < last_line.number - line <= points.controller.planner + 4
 
 
 def test_enter_resumes_without_loss(files):
@@ -201,9 +201,9 @@ def test_enter_resumes_without_loss(files):
     with Emulator(machine_of(points), pace=PACE) as emulator:
         options = ("--controller", "grbl", "--port", emulator.port)
         with streaming(files, *options) as process:
-            wait(lambda: len(emulator.lines) > 20)
+            wait_until(lambda: len(emulator.lines) > 20)
             process.interrupt()
-            process.until("paused at line")
+            process.read_until("paused at line")
             assert len(emulator.lines) < 70
             code, _, stderr = process.end("\n")
         assert code == 0, stderr
@@ -218,17 +218,17 @@ def test_two_ctrl_c_hold_the_last_position_and_packets_resume_from_the_time(file
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
         options = ("--controller", kind, "--to", "{}:{}".format(*stand.address))
         with streaming(files, *options) as process:
-            wait(lambda: len(stand) > 40)
+            wait_until(lambda: len(stand) > 40)
             process.interrupt()
-            process.until("Ctrl-C stops\n")
+            process.read_until("Ctrl-C stops\n")
             before = len(stand)
-            wait(lambda: len(stand) > before + 10)  # the position is repeated
+            wait_until(lambda: len(stand) > before + 10)  # the position is repeated
             held = stand.steps[before:, 0]
             process.interrupt()
             code, _, stderr = process.end()
         assert code == 130
         assert np.all(held == held[0])
-        wait(lambda: stand.silent)
+        wait_until(lambda: stand.silent)
         sent = len(stand)
         assert stand.stops == 1 and stand.steps[-1, 0] == held[0]
         t = float(re.search(r"continue with --from-time (\S+)", stderr)[1])
@@ -241,7 +241,7 @@ def test_two_ctrl_c_hold_the_last_position_and_packets_resume_from_the_time(file
         assert code == 0, stderr
         assert "they must already be there" in stderr
         assert "packets to 127.0.0.1:" in out
-        wait(lambda: stand.silent)
+        wait_until(lambda: stand.silent)
     again = stand.steps[sent:, 0] / unit
     assert again[0] == pytest.approx(held[0] / unit, abs=1.1e-3)
     assert again[-1] == pytest.approx(p[-1], abs=1.0 / unit)
@@ -255,9 +255,9 @@ def test_enter_resumes_over_the_network(files):
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
         options = ("--controller", "osc", "--to", "{}:{}".format(*stand.address))
         with streaming(files, *options) as process:
-            wait(lambda: len(stand) > 40)
+            wait_until(lambda: len(stand) > 40)
             process.interrupt()
-            process.until("paused at t = ")
+            process.read_until("paused at t = ")
             code, _, stderr = process.end("\n")
         assert code == 0, stderr
         time.sleep(0.1)
@@ -272,28 +272,28 @@ def test_a_receiver_lost_in_a_hold_ends_the_prompt(files):
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
         options = ("--controller", "osc", "--to", "{}:{}".format(*stand.address))
         process = Process(files, *options)
-        wait(lambda: len(stand) > 20)
+        wait_until(lambda: len(stand) > 20)
         process.interrupt()
-        process.until("Ctrl-C stops\n")
+        process.read_until("Ctrl-C stops\n")
     try:
-        assert process.own.wait(20.0) == 1
+        assert process.process.wait(20.0) == 1
         _, _, stderr = process.end()
     finally:
-        process.own.kill()
+        process.process.kill()
         process.watch.cancel()
     assert re.search(r"t = \d\.\d+ s: not sent: Connection refused", stderr)
     assert "continue with --from-time" in stderr
 
 
 def test_the_end_of_input_stops(files):
-    """A stream without a terminal stops: nobody can tell it to continue."""
+    """A stream without a terminal stops: nobody can continue it."""
     points = points_of(files, "osc")
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
         options = ("--controller", "osc", "--to", "{}:{}".format(*stand.address))
         with streaming(files, *options) as process:
-            wait(lambda: len(stand) > 20)
-            process.own.stdin.close()
-            process.own.stdin = None
+            wait_until(lambda: len(stand) > 20)
+            process.process.stdin.close()
+            process.process.stdin = None
             process.interrupt()
             code, _, stderr = process.end()
     assert code == 130 and "--from-time" in stderr
@@ -345,7 +345,7 @@ def test_a_dry_run_sends_nothing(files):
 
 
 @pytest.mark.parametrize(
-    "kind, option, words",
+    "kind, option, message",
     [
         ("osc", ("--port", "a"), "applies to G-code, and the controller is osc"),
         ("osc", ("--from-line", "3"), "applies to G-code"),
@@ -360,12 +360,12 @@ def test_a_dry_run_sends_nothing(files):
         ("artnet", ("--to", "127.0.0.1:0"), "found port 0"),
     ],
 )
-def test_options_of_the_other_kind_are_refused(files, kind, option, words):
+def test_options_of_the_other_kind_are_refused(files, kind, option, message):
     done = fantoccini(
         "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", kind, *option
     )
     assert done.exit_code == 2
-    assert words in " ".join(done.stderr.split())
+    assert message in " ".join(done.stderr.split())
 
 
 @pytest.mark.parametrize("dry", [(), ("--dry-run",)])

@@ -93,10 +93,10 @@ def test_more_axes_than_letters_are_a_mistake_of_the_file(eight, run):
 
 
 WRONG = {
-    "an axis of nobody": ("winch7]", "winch5]", "no controller has the axis 'winch7'"),
-    "an axis of two": ("winch7]", "winch7, winch0]", "found 'winch0' twice"),
+    "an axis without a controller": ("winch7]", "winch5]", "no controller has the axis 'winch7'"),
+    "an axis of two controllers": ("winch7]", "winch7, winch0]", "found 'winch0' twice"),
     "no such axis": ("winch7]", "winch7, winch9]", "there is no axis 'winch9'"),
-    "one port for two": ("/dev/right", "/dev/left", "found '/dev/left' twice"),
+    "one port for two controllers": ("/dev/right", "/dev/left", "found '/dev/left' twice"),
     "no axes": (", axes: [winch1, winch3, winch5, winch7]", "", "right.axes: this key is missing"),
     "another kind": ("right: {type: fluidnc", "right: {type: klipper", "grbl, fluidnc"),
     "both keys": ("controllers:", "controller: {type: grbl}\ncontrollers:", "allowed: one of them"),
@@ -159,8 +159,8 @@ def test_programs_of_all_controllers_keep_the_same_time(points, slack):
     assert np.max(np.abs(np.rint(at * steps) - counts)) <= 1.0
 
 
-def together(emulators, points, programs, hold=None, should_resume=None):
-    """Streams all programs; returns lines sent and acknowledged."""
+def stream_both(emulators, points, programs, hold=None, should_resume=None):
+    """Streams all programs; returns their progress, and the error if any."""
     counts = {name: Streamed() for name in programs}
     ports = {name: serial_port(emulators[name].port, 115_200) for name in programs}
     with ports["left"] as left, ports["right"] as right:
@@ -196,7 +196,7 @@ def test_the_motions_begin_together(points):
     }
     with emulators["left"], emulators["right"]:
         emulators["right"].pace = 0.05
-        _, error = together(emulators, points, programs)
+        _, error = stream_both(emulators, points, programs)
     assert error is None
     first_move = min(k for k, (_, text) in enumerate(lines) if re.match(r"G1.*F", text))
     assert {name for name, text in lines[:first_move] if text == "G93"} == {"left", "right"}
@@ -204,7 +204,7 @@ def test_the_motions_begin_together(points):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 @pytest.mark.parametrize("event", ["restarts", "is unplugged", "refuses a line", "is stopped"])
-def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
+def test_after_a_failure_of_one_both_continue_together_from_a_time(points, event):
     programs = {name: gcode_program(part) for name, part in points.parts.items()}
     if event == "refuses a line":
         text = programs["right"].text.splitlines()
@@ -228,7 +228,7 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
 
     emulators["right"].on_line = disturb
     with emulators["left"], emulators["right"]:
-        counts, error = together(emulators, points, programs, hold, lambda: False)
+        counts, error = stream_both(emulators, points, programs, hold, lambda: False)
         threading.Event().wait(0.2)
     words = {
         "restarts": "the controller restarted and dropped its lines (Grbl 1.1h",
@@ -250,8 +250,8 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
     }
     t = min(times.values())
     assert 0.05 < t < 1.4
-    goes_on = resumed_points(points, t)
-    for name, part in goes_on.parts.items():
+    continued = resumed_points(points, t)
+    for name, part in continued.parts.items():
         machine = emulators[name].machine
         machine.executed.clear()
         machine.dwell_ends.clear()
@@ -265,11 +265,11 @@ def test_after_a_failure_of_one_both_go_on_together_from_a_time(points, event):
         )
 
 
-def test_going_on_from_a_time_is_the_same_path_from_rest(points):
-    """s rises evenly to ds/dt = 1, within half more than the largest acceleration."""
+def test_continuing_from_a_time_is_the_same_path_from_rest(points):
+    """s rises linearly to ds/dt = 1, within half more than the largest acceleration."""
     for t in (0.0, 0.31, 0.9, 1.45, 1.4999):
-        goes_on = resumed_points(points, t)
-        m, s = goes_on.motion, goes_on.resumed
+        continued = resumed_points(points, t)
+        m, s = continued.motion, continued.resumed
         assert m.t[0] == 0.0 and s[0] == t and s[-1] == points.motion.t[-1]
         assert np.all(np.diff(m.t) > 0.0) and np.all(np.diff(s) > 0.0)
         T = points.ramp_time

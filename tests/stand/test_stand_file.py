@@ -64,13 +64,13 @@ def test_transmissions_and_counts():
 def test_torques_of_motors():
     (axis,) = axes_of(stand("[[0, 0.4], [10, 0.2]]"))
     w = 2 * np.pi * np.array([0.0, 5.0, -5.0, 10.0, 10.1])
-    assert np.allclose(axis.motor.largest(w, np.ones(5)), [0.4, 0.3, 0.3, 0.2, 0.0])
+    assert np.allclose(axis.motor.max_torque(w, np.ones(5)), [0.4, 0.3, 0.3, 0.2, 0.0])
     dc = "{type: dc, constant: 0.05, current: 2, resistance: 4, voltage: 12, inertia: 1.0e-5}"
     text = STAND.replace("{type: stepper, torque: TORQUE, inertia: 1.0e-5}", dc)
     (axis,) = axes_of(loads_stand(text))
     # By the current at rest; at 200 rad/s (12 - 10) / 4 A; the back-EMF helps braking; no-load 240.
     speed, torque = np.array([0.0, 200.0, 200.0, 240.0]), np.array([1.0, 1.0, -1.0, 1.0])
-    assert np.allclose(axis.motor.largest(speed, torque), [0.1, 0.025, 0.1, 0.0])
+    assert np.allclose(axis.motor.max_torque(speed, torque), [0.1, 0.025, 0.1, 0.0])
 
 
 WRONG = {

@@ -159,7 +159,7 @@ def max_impulse(axis: Axis, load: Array, speed: Array, load_inertia: Array) -> A
     """
     motor = axis.motor
     assert isinstance(motor, Stepper)
-    torque = np.maximum(motor.largest(speed, load), 1e-300)
+    torque = np.maximum(motor.max_torque(speed, load), 1e-300)
     a = np.arcsin(np.minimum(load / torque, 1.0))
     energy = 4.0 / motor.steps * (2.0 * torque * np.cos(a) - load * (np.pi - 2.0 * a))
     max_energy = np.where(load < torque, np.maximum(energy, 0.0), 0.0)

@@ -105,7 +105,7 @@ def load_of(
         unknown: (T,) times at which the motion does not determine the force.
     """
     torque = torque_of(axis, series, force)
-    available = axis.motor.largest(axis.ratio * series[1], torque)
+    available = axis.motor.max_torque(axis.ratio * series[1], torque)
     hits = kicks(impacts, axis, k, t, series[1], torque, unknown)
     return Load(torque, available, ~unknown, hits)
 

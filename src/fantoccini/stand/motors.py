@@ -18,6 +18,7 @@ from fantoccini.base.documents import Model, NotNegative, Size, mistake, read_re
 from fantoccini.model.puppet import Count
 
 TURN = 2.0 * math.pi
+"""A turn [rad]."""
 CURVE_SCHEMA = {
     "type": "array",
     "minItems": 2,
@@ -86,7 +87,7 @@ class Stepper(Model):
         """Microsteps per turn."""
         return self.steps * self.microsteps
 
-    def largest(self, speed: Array, torque: Array) -> Array:
+    def max_torque(self, speed: Array, torque: Array) -> Array:
         """(...) largest torque [N m] at speeds [rad/s] with the sign of torques [N m]."""
         return _torque_at(self.torque, speed)
 
@@ -99,11 +100,11 @@ class ServoMotor(Model):
     torque: Torque
     """Largest torque [N m], or points [turns per second, N m]."""
     counts: Annotated[int, Field(ge=1, le=100_000_000)] = 4096
-    """Positions per turn that its encoder tells apart."""
+    """Resolution of its encoder [positions per turn]."""
     inertia: Size
     """Moment of inertia of the rotor [kg m^2]."""
 
-    def largest(self, speed: Array, torque: Array) -> Array:
+    def max_torque(self, speed: Array, torque: Array) -> Array:
         """(...) largest torque [N m] at speeds [rad/s] with the sign of torques [N m]."""
         return _torque_at(self.torque, speed)
 
@@ -122,11 +123,11 @@ class DCMotor(Model):
     voltage: Size
     """Supply voltage [V]."""
     counts: Annotated[int, Field(ge=1, le=100_000_000)] = 4096
-    """Positions per turn that its encoder tells apart."""
+    """Resolution of its encoder [positions per turn]."""
     inertia: Size
     """Moment of inertia of the rotor [kg m^2]."""
 
-    def largest(self, speed: Array, torque: Array) -> Array:
+    def max_torque(self, speed: Array, torque: Array) -> Array:
         """(...) largest torque [N m] at speeds [rad/s] with the sign of torques [N m]."""
         along = np.where(torque * speed >= 0.0, np.abs(speed), -np.abs(speed))
         by_voltage = (self.voltage - self.constant * along) / self.resistance

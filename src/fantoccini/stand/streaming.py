@@ -1,7 +1,7 @@
 """Streaming of G-code to controllers, with no more unanswered characters than their buffers hold.
 
 Several controllers begin their motions together, when all have made the moves before them. Their
-clocks then run by themselves.
+clocks are then independent.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from typing import Any, Protocol
 from fantoccini.base import MissingLibraryError, OnProgress, Progress, StandError, StreamError
 
 HOLD, RESUME, RESET = b"!", b"~", b"\x18"
+"""GRBL's one-character commands."""
 SILENCE = 30.0
-"""Time without an answer after which a stream gives up [s]; dwells and homing take long."""
+"""Time without an answer after which a stream gives up [s]; dwells and homing last long."""
 STOPPED = "stopped here"
 """Reason of a stream that was held and not resumed."""
 ERRORS = {
@@ -31,7 +32,7 @@ ERRORS = {
     15: "the target is outside of the machine's travel",
     20: "this command is not known",
     22: "no feed rate was given",
-    25: "a word stands twice",
+    25: "a word occurs twice",
     26: "no axis is named",
     36: "a word is not used by this command",
 }
@@ -156,7 +157,7 @@ class Channel:
         return bool(self._unsent) and self._unsent[0].number >= self._start
 
     def send(self, started: bool) -> bool:
-        """Sends the next line if the buffer takes it; returns whether it did."""
+        """Sends the next line if the buffer has room for it; returns whether it was sent."""
         if not self._unsent or (self._unanswered and not self._counting):
             return False
         line = self._unsent[0]
@@ -173,7 +174,7 @@ class Channel:
         self.counts.max_unanswered = max(self.counts.max_unanswered, n_unanswered)
         return True
 
-    def hear(self) -> bool:
+    def read_answers(self) -> bool:
         """Reads the answers that have arrived; returns whether there were any.
 
         Raises:
@@ -185,7 +186,7 @@ class Channel:
             raise self.lost(error) from None
         *answers, self._received = self._received.split(b"\n")
         for answer in answers:
-            self._understand(answer.decode("ascii", "replace").strip())
+            self._handle_answer(answer.decode("ascii", "replace").strip())
         return bool(answers)
 
     def write(self, data: bytes) -> None:
@@ -213,7 +214,7 @@ class Channel:
         """The error of a lost connection."""
         return self.error(f"the connection is lost: {error.strerror or error}")
 
-    def _understand(self, answer: str) -> None:
+    def _handle_answer(self, answer: str) -> None:
         if answer:
             self.last_answer_time = time.monotonic()
         error = _ERROR.match(answer)
@@ -304,7 +305,7 @@ def _send_all(
             _hold(channels, should_resume)
         started = started or all(channel.waits or channel.ended for channel in channels)
         busy = [channel.send(started) for channel in channels]
-        busy += [channel.hear() for channel in channels]
+        busy += [channel.read_answers() for channel in channels]
         if not any(busy):
             time.sleep(POLL_INTERVAL)
         for channel in channels:
@@ -322,7 +323,7 @@ def _hold(channels: Sequence[Channel], should_resume: Callable[[], bool] | None)
         channel.write(HOLD)
     if should_resume is None or not should_resume():
         for channel in channels:
-            channel.hear()  # answers that arrived during the hold
+            channel.read_answers()  # answers that arrived during the hold
         raise next(channel for channel in channels if not channel.ended).error(STOPPED)
     for channel in channels:
         channel.write(RESUME)

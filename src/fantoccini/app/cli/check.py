@@ -41,57 +41,57 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
         inputs: inputs files.
         quiet: print only mistakes and warnings.
     """
-    clean = True
+    all_correct = True
     for file in files:
         if is_play(file) or (file in play_names() and not os.path.exists(file)):
-            clean &= _play(file, inputs, quiet)
+            all_correct &= _check_play(file, inputs, quiet)
             continue
         if is_stand(file) or (file in stand_names() and not os.path.exists(file)):
-            clean &= _stand(file, inputs, quiet)
+            all_correct &= _check_stand(file, inputs, quiet)
             continue
-        puppet = _puppet(file)
-        clean &= puppet is not None
+        puppet = _load_puppet(file)
+        all_correct &= puppet is not None
         if puppet is None:
             continue
         problems = puppet_warnings(puppet, file)
-        _list(problems)
+        _print_problems(problems)
         if not quiet:
             table = puppet.coordinates
             write(
-                f"{file}: no mistakes{_count(problems)}; {table.n_vD} DOF, "
+                f"{file}: no mistakes{_warning_count(problems)}; {table.n_vD} DOF, "
                 f"{len(puppet.tree.strings)} strings, {table.n_vK} driven"
             )
-            write(f"{file}: {_size(puppet)}")
+            write(f"{file}: {_size_text(puppet)}")
         for path in inputs:
-            clean &= _inputs(puppet, path, quiet)
-    if not clean:
+            all_correct &= _check_inputs(puppet, path, quiet)
+    if not all_correct:
         raise typer.Exit(MISTAKE)
 
 
-def _puppet(file: str) -> Marionette | None:
+def _load_puppet(file: str) -> Marionette | None:
     try:
         puppet = marionette(file)
         check_mass_matrix(puppet.puppet, puppet.tree)
     except FileError as error:
-        _list(error.mistakes)
+        _print_problems(error.mistakes)
         return None
     return puppet
 
 
-def _play(file: str, inputs: list[Path], quiet: bool) -> bool:
+def _check_play(file: str, inputs: list[Path], quiet: bool) -> bool:
     if inputs:
         fail(f"applies to puppets, and {file} is a play", "--inputs")
     try:
         contents = checked_play(Path(file))
     except FileError as error:
-        _list(error.mistakes)
+        _print_problems(error.mistakes)
         return False
     if not quiet:
         write(f"{file}: no mistakes; {contents}; `fantoccini play` checks whether it can be done")
     return True
 
 
-def _stand(file: str, inputs: list[Path], quiet: bool) -> bool:
+def _check_stand(file: str, inputs: list[Path], quiet: bool) -> bool:
     """Checks a stand, alone, with its puppet, and with every inputs file."""
     try:
         stand = load_stand(file)
@@ -99,7 +99,7 @@ def _stand(file: str, inputs: list[Path], quiet: bool) -> bool:
         puppet = None if path is None else marionette(str(path))
         axis_map = None if puppet is None else AxisMap.of(stand, puppet.coordinates)
     except FileError as error:
-        _list(error.mistakes)
+        _print_problems(error.mistakes)
         return False
     if not quiet:
         moves = "no puppet named" if puppet is None else f"moves {puppet.name}"
@@ -111,15 +111,17 @@ def _stand(file: str, inputs: list[Path], quiet: bool) -> bool:
         n_controllers = len(stand.controllers)
         controllers = f" on {n_controllers} controllers" if n_controllers else ""
         write(f"{file}: no mistakes; {len(stand.axes)} axes{controllers}, {moves}{held_text}")
-    clean = True
+    all_correct = True
     for inputs_file in inputs:
         if puppet is None or axis_map is None:
             fail(f"{file} names no puppet, which inputs need", "--inputs")
-        clean &= _inputs(puppet, inputs_file, quiet) and _moved(axis_map, puppet, inputs_file)
-    return clean
+        all_correct &= _check_inputs(puppet, inputs_file, quiet) and _check_moves(
+            axis_map, puppet, inputs_file
+        )
+    return all_correct
 
 
-def _moved(axis_map: AxisMap, puppet: Marionette, path: Path) -> bool:
+def _check_moves(axis_map: AxisMap, puppet: Marionette, path: Path) -> bool:
     """Whether a stand can move everything that the inputs move."""
     inputs = motion(puppet, path).inputs
     times = np.linspace(inputs.start, inputs.end, max(2, round(_RATE * inputs.duration)))
@@ -127,41 +129,42 @@ def _moved(axis_map: AxisMap, puppet: Marionette, path: Path) -> bool:
     try:
         axis_map.refuse_held(times, q_K)
     except FileError as error:
-        _list(error.mistakes)
+        _print_problems(error.mistakes)
         return False
     return True
 
 
-def _inputs(puppet: Marionette, path: Path, quiet: bool) -> bool:
+def _check_inputs(puppet: Marionette, path: Path, quiet: bool) -> bool:
     try:
         file_motion = motion(puppet, path)
     except FileError as error:
-        _list(error.mistakes)
+        _print_problems(error.mistakes)
         return False
     inputs = file_motion.inputs
     problems = [*file_motion.changes, *inputs_warnings(puppet, inputs, path)]
-    _list(problems)
+    _print_problems(problems)
     if not quiet:
         write(
-            f"{path}: no mistakes{_count(problems)}; drives {puppet.name} for {inputs.duration:g} s"
+            f"{path}: no mistakes{_warning_count(problems)}; "
+            f"drives {puppet.name} for {inputs.duration:g} s"
         )
         for line in score_lines(file_motion.score) if file_motion.score is not None else ():
             write(f"{path}: {line}")
     return True
 
 
-def _list(problems: Iterable[Mistake]) -> None:
+def _print_problems(problems: Iterable[Mistake]) -> None:
     for problem in problems:
         say(str(problem))
 
 
-def _count(problems: list[Mistake]) -> str:
+def _warning_count(problems: list[Mistake]) -> str:
     if not problems:
         return ""
     return ", 1 warning" if len(problems) == 1 else f", {len(problems)} warnings"
 
 
-def _size(puppet: Marionette) -> str:
+def _size_text(puppet: Marionette) -> str:
     """Mass, extent and hanging height of a puppet in its start pose."""
     size = measure(puppet.tree, puppet.number)
     lengths = " x ".join(f"{x:.3g}" for x in size.lengths)

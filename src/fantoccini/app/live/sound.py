@@ -18,11 +18,12 @@ from typing import Any, NamedTuple
 from websockets.exceptions import ConnectionClosed
 
 PATH = "/sound"
+"""Path of the websocket."""
 
 SOUND_SCRIPT = """
 (() => {
   const AHEAD = 0.15;  // time by which sounds are scheduled in advance [s]
-  const APART = 0.06;  // error of a sound's time above which it restarts [s]
+  const MAX_ERROR = 0.06;  // error of a sound's time above which it restarts [s]
   let context = null, beat = null, score = null, loading = null, last = -1;
   const sounds = [], counts = document.documentElement.dataset;
   counts.clicks = counts.sounds = "0";
@@ -41,24 +42,24 @@ SOUND_SCRIPT = """
     tone.stop(at + 0.06);
     counts.clicks = String(Number(counts.clicks) + 1);
   };
-  const silence = (one) => {
-    if (one.source !== null) one.source.stop();
-    one.source = null;
+  const silence = (sound) => {
+    if (sound.source !== null) sound.source.stop();
+    sound.source = null;
   };
-  const play = (one, zero) => {
+  const play = (sound, zero) => {
     // zero: time on the clock of the browser's sound at which the score's time is 0
-    const now = context.currentTime, begins = zero + one.start;
-    if (begins + one.buffer.duration <= now || begins > now + 1.0) return;
+    const now = context.currentTime, begins = zero + sound.start;
+    if (begins + sound.buffer.duration <= now || begins > now + 1.0) return;
     const source = context.createBufferSource(), level = context.createGain();
-    level.gain.value = one.gain;
-    source.buffer = one.buffer;
+    level.gain.value = sound.gain;
+    source.buffer = sound.buffer;
     source.connect(level).connect(context.destination);
     source.start(Math.max(now, begins), Math.max(0, now - begins));
-    one.source = source;
-    one.zero = zero;
+    sound.source = source;
+    sound.zero = zero;
     counts.sounds = String(Number(counts.sounds) + 1);
   };
-  const hear = () => {
+  const schedule = () => {
     if (context === null || context.state !== "running") return;
     const now = context.currentTime, clock = performance.now() / 1000;
     if (beat !== null) {
@@ -70,11 +71,11 @@ SOUND_SCRIPT = """
         click(now + at - clock, k % 4 === 0);
       }
     }
-    for (const one of sounds) {
-      if (score === null) { silence(one); continue; }
+    for (const sound of sounds) {
+      if (score === null) { silence(sound); continue; }
       const zero = now + score.zero - clock;
-      if (one.source !== null && Math.abs(one.zero - zero) > APART) silence(one);
-      if (one.source === null && one.buffer !== null) play(one, zero);
+      if (sound.source !== null && Math.abs(sound.zero - zero) > MAX_ERROR) silence(sound);
+      if (sound.source === null && sound.buffer !== null) play(sound, zero);
     }
   };
   const open = () => {
@@ -82,10 +83,10 @@ SOUND_SCRIPT = """
     socket.binaryType = "arraybuffer";
     socket.onmessage = async (message) => {
       if (typeof message.data !== "string") {
-        const one = {...loading, buffer: null, source: null, zero: 0};
-        sounds.push(one);
+        const sound = {...loading, buffer: null, source: null, zero: 0};
+        sounds.push(sound);
         wake();
-        one.buffer = await context.decodeAudioData(message.data).catch(() => null);
+        sound.buffer = await context.decodeAudioData(message.data).catch(() => null);
         return;
       }
       const state = JSON.parse(message.data), clock = performance.now() / 1000;
@@ -98,13 +99,13 @@ SOUND_SCRIPT = """
     };
     socket.onclose = () => {
       beat = score = null;
-      for (const one of sounds) silence(one);
+      for (const sound of sounds) silence(sound);
       sounds.length = 0;
       setTimeout(open, 1000);
     };
   };
   open();
-  setInterval(hear, 25);
+  setInterval(schedule, 25);
 })();
 """
 
@@ -147,6 +148,7 @@ class SoundState(NamedTuple):
 
 
 SILENCE = SoundState(None, None)
+"""State without beat and score."""
 
 
 class Sounds:

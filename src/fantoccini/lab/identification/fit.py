@@ -239,7 +239,7 @@ class Fit:
             )
         steps, segments, fraction, samples = self._samples_in(point.theta, dt, chosen)
         p = self.p(point.theta)
-        begin = self.row_projection(point.theta, chosen).moves(
+        begin = self.row_projection(point.theta, chosen).state_derivatives(
             point.q_D[chosen],
             point.v_D[chosen],
             point.held[chosen],

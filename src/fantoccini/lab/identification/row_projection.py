@@ -1,7 +1,7 @@
 """First states of segments, projected onto their active strings and limits.
 
-A state off a taut string would begin with a jerk. So a move of a first state is followed by the
-smallest one, of configuration and then of velocity, after which
+A state that violates a taut string would begin with a jerk. Therefore every change of a first
+state is followed by the smallest change of configuration, and then of velocity, with which
 
     h = 0,  hdot = 0   on active rows,        h <= 0,  hdot <= 0   on the others
 """
@@ -18,22 +18,23 @@ from fantoccini.dynamics import Marionette
 from fantoccini.dynamics.compiled import integrate
 
 CLOSED_GAP = 1e-8
-"""Smallest gap h of a closed row, negated [row's unit]."""
+"""A row with h >= -CLOSED_GAP is closed [row's unit]."""
 MAX_CLOSED_SPEED = 1e-7
 """Largest opening speed of a closed row [row's unit per second]."""
 MAX_STEP_GAP = 2e-5
-"""The same after a time step, which leaves such gaps [row's unit]."""
+"""The same bound for h after a time step, which leaves such gaps [row's unit]."""
 MAX_ITERATIONS = 8
+"""Largest number of iterations of a projection."""
 REDUNDANCY = 1e-10
 """Regularisation of redundant rows, relative to the trace of their matrix."""
 
 
 class Rows(NamedTuple):
-    """Gaps of S states, their rates and derivatives, (S, n_rows, ...)."""
+    """Gaps h of S states, their rates and their derivatives by name, (S, n_rows, ...)."""
 
     h: Array
     hdot: Array
-    by: dict[str, Array]
+    derivatives: dict[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +57,12 @@ class RowProjection:
         marionette, p = self.marionette, np.broadcast_to(self.p, (len(q_D), len(self.p)))
         values = {"q_D": q_D, "v_D": v_D, "q_K": self.q_K, "v_K": self.v_K, "p": p}
         values |= {"acc_D": np.zeros_like(v_D), "acc_K": np.zeros_like(self.v_K)}
-        by = marionette.libraries.derivatives.at("rows_by", values)
+        derivatives = marionette.libraries.derivatives.at("rows_by", values)
         h = next(iter(marionette.library.at("rows", values).values()))
-        rate = (by["A_D"] @ v_D[..., None] + by["A_K"] @ self.v_K[..., None])[..., 0]
-        return Rows(h, rate, by)
+        rate = (derivatives["A_D"] @ v_D[..., None] + derivatives["A_K"] @ self.v_K[..., None])[
+            ..., 0
+        ]
+        return Rows(h, rate, derivatives)
 
     def closed(self, q_D: Array, v_D: Array) -> MaskRows:
         """(S, n_rows) bool, rows that are closed and not opening."""
@@ -80,14 +83,14 @@ class RowProjection:
         return RowProjection(self.marionette, self.q_K[chosen], self.v_K[chosen], self.p)
 
     def project(self, q_D: Array, v_D: Array, held: MaskRows) -> tuple[Array, Array]:
-        """The states moved onto their active rows, and out of rows that they violate."""
+        """The states projected onto active rows, and out of rows that they violate."""
         q_D, v_D = q_D.copy(), v_D.copy()
         remaining = np.arange(len(q_D))
         for _ in range(MAX_ITERATIONS):
             rows = self.subset(remaining).rows(q_D[remaining], v_D[remaining])
             active = held[remaining] | (rows.h > 0.0)
             violation = np.where(active, rows.h, 0.0)
-            move = _smallest_move(rows.by["A_D"], violation, active)
+            move = _smallest_move(rows.derivatives["A_D"], violation, active)
             q_D[remaining] = integrate(self.marionette, q_D[remaining], -move)
             remaining = remaining[
                 np.max(np.abs(violation), axis=1, initial=0.0) >= 0.01 * CLOSED_GAP
@@ -97,7 +100,7 @@ class RowProjection:
         rows = self.rows(q_D, v_D)
         remaining = np.arange(len(q_D))
         for _ in range(MAX_ITERATIONS):
-            A_D, A_K = rows.by["A_D"][remaining], rows.by["A_K"][remaining]
+            A_D, A_K = rows.derivatives["A_D"][remaining], rows.derivatives["A_K"][remaining]
             rate = (A_D @ v_D[remaining, :, None] + A_K @ self.v_K[remaining, :, None])[..., 0]
             active = held[remaining] | ((rows.h[remaining] >= -CLOSED_GAP) & (rate > 0.0))
             violation = np.where(active, rate, 0.0)
@@ -109,24 +112,26 @@ class RowProjection:
                 break
         return q_D, v_D
 
-    def moves(
+    def state_derivatives(
         self, q_D: Array, v_D: Array, held: MaskRows, of_p: list[int], of_K: list[int]
     ) -> Array:
         """(S, 2 n_vD, 2 n_vD + P) derivatives of projected states by states and unknowns."""
-        by = self.rows(q_D, v_D).by
+        derivatives = self.rows(q_D, v_D).derivatives
         n = v_D.shape[1]
         width = 2 * n + len(of_p) + len(of_K)
         Z = np.zeros((len(q_D), 2 * n, width))
         Z[:] = np.eye(2 * n, width)
-        direct = np.concatenate([by["h_p"][..., of_p], by["A_K"][..., of_K]], axis=-1)
-        gap = by["A_D"] @ Z[:, :n]
-        gap[..., 2 * n :] += direct
-        Z[:, :n] -= _smallest_move(by["A_D"], gap, held)
-        rate = by["hdot_q"] @ Z[:, :n] + by["A_D"] @ Z[:, n:]
-        rate[..., 2 * n :] += np.concatenate(
-            [by["hdot_p"][..., of_p], by["hdot_qK"][..., of_K]], axis=-1
+        direct = np.concatenate(
+            [derivatives["h_p"][..., of_p], derivatives["A_K"][..., of_K]], axis=-1
         )
-        Z[:, n:] -= _smallest_move(by["A_D"], rate, held)
+        gap = derivatives["A_D"] @ Z[:, :n]
+        gap[..., 2 * n :] += direct
+        Z[:, :n] -= _smallest_move(derivatives["A_D"], gap, held)
+        rate = derivatives["hdot_q"] @ Z[:, :n] + derivatives["A_D"] @ Z[:, n:]
+        rate[..., 2 * n :] += np.concatenate(
+            [derivatives["hdot_p"][..., of_p], derivatives["hdot_qK"][..., of_K]], axis=-1
+        )
+        Z[:, n:] -= _smallest_move(derivatives["A_D"], rate, held)
         return Z
 
 

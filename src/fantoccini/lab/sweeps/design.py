@@ -164,11 +164,11 @@ def _column(name: str, values: Any) -> list[Item]:
     items = _items(name, list(values.values() if isinstance(values, Mapping) else values), labels)
     if not items:
         raise ValueError(f"{name} has no values; give at least one")
-    seen: set[str] = set()
+    used: set[str] = set()
     for item in items:
-        if repr(item.stream) in seen:
+        if repr(item.stream) in used:
             raise ValueError(f"{name} has {item.label!r} twice; seeds=N repeats every case N times")
-        seen.add(repr(item.stream))
+        used.add(repr(item.stream))
     return items
 
 
@@ -192,13 +192,15 @@ def _items(name: str, values: list[Any], labels: list[str] | None = None) -> lis
             label, stream = value, key
         else:
             own_name = value.name if isinstance(value, Marionette | Input) else ""
-            label = by_key.setdefault(key, _unused(own_name or name, by_key, bare=bool(own_name)))
+            label = by_key.setdefault(
+                key, _unused_label(own_name or name, by_key, bare=bool(own_name))
+            )
             stream = label if own_name else key
         items.append(Item(value, label, stream, key))
     return items
 
 
-def _unused(base: str, by_key: dict[str, str], bare: bool) -> str:
+def _unused_label(base: str, by_key: dict[str, str], bare: bool) -> str:
     """``base`` if it is unused and ``bare``, otherwise with the first free number appended."""
     taken = set(by_key.values())
     if bare and base not in taken:

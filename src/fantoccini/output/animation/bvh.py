@@ -27,8 +27,8 @@ _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _MIN_BONE = 1e-3
 """Smallest length of the last bone of a limb [m]."""
 _MIN_COMPONENT = 0.5
-"""Least component of a last bone, relative to the largest."""
-_STUB = 0.01
+"""Smallest component of a last bone, relative to the largest; smaller ones become 0."""
+_DEFAULT_BONE = 0.01
 """Length of the last bone of a body without shapes [m]."""
 
 
@@ -40,7 +40,7 @@ class Joint:
         name: name of the body.
         parent: index of the parent among the joints, -1 for the root.
         offset: (3,) position in the parent's frame [m]; zero if it moves.
-        places: (T, 3) positions in the parent's frame [m]; None if the position is constant.
+        positions: (T, 3) positions in the parent's frame [m]; None if the position is constant.
         order: axes of the angles, in order.
         angles: (T, 3) angles in that order [rad].
         tip: (3,) end of the bone in the body's frame [m].
@@ -49,7 +49,7 @@ class Joint:
     name: str
     parent: int
     offset: Vec3
-    places: Vec3 | None
+    positions: Vec3 | None
     order: str
     angles: Array
     tip: Vec3
@@ -57,14 +57,14 @@ class Joint:
     @property
     def channels(self) -> list[str]:
         """Names of the channels."""
-        moves = [] if self.places is None else [f"{axis}position" for axis in "XYZ"]
+        moves = [] if self.positions is None else [f"{axis}position" for axis in "XYZ"]
         return moves + [f"{axis}rotation" for axis in self.order]
 
     @property
     def values(self) -> Array:
         """(T, n) values of the channels [m and deg]."""
         angles = np.degrees(self.angles)
-        return angles if self.places is None else np.hstack([self.places, angles])
+        return angles if self.positions is None else np.hstack([self.positions, angles])
 
 
 def write(scene: AnimatedScene, path: Path) -> None:
@@ -85,21 +85,23 @@ def write(scene: AnimatedScene, path: Path) -> None:
 def joints_of(scene: AnimatedScene, run: Trajectory) -> list[Joint]:
     """Joints of the skeleton, parents first, with their motion at the samples of a run."""
     tree, tips = scene.tree, _tips(scene)
-    turned = {WORLD: np.eye(3)}
+    orientations = {WORLD: np.eye(3)}
     for k, link in enumerate(tree.links):
-        turned[k] = turned[link.parent] @ link.rotation
+        orientations[k] = orientations[link.parent] @ link.rotation
     roots = [k for k in scene.links if scene.parents[k] == WORLD]
     joints, index = list[Joint](), {WORLD: -1}
     if len(roots) > 1:
-        still, name = np.zeros((len(run), 3)), tree.name
+        zeros, name = np.zeros((len(run), 3)), tree.name
         while name in (tree.links[k].name for k in scene.links):
             name += "_"
-        joints.append(Joint(name, -1, np.zeros(3), still, DEFAULT_ORDER, still, np.zeros(3)))
+        joints.append(Joint(name, -1, np.zeros(3), zeros, DEFAULT_ORDER, zeros, np.zeros(3)))
         index[WORLD] = 0
     for k in scene.links:
-        motion, above = scene.motion(k, run), turned[scene.parents[k]]
+        motion, above = scene.motion(k, run), orientations[scene.parents[k]]
         q = _upright(
-            _in_zero_frames(rotation.quaternion(above), motion, rotation.quaternion(turned[k]))
+            _in_zero_frames(
+                rotation.quaternion(above), motion, rotation.quaternion(orientations[k])
+            )
         )
         places = motion.r @ (_UPRIGHT @ above).T
         moves = scene.parents[k] == WORLD or _moves(scene, k)
@@ -113,7 +115,7 @@ def joints_of(scene: AnimatedScene, run: Trajectory) -> list[Joint]:
                 places if moves else None,
                 order,
                 angles,
-                _UPRIGHT @ turned[k] @ tips[k],
+                _UPRIGHT @ orientations[k] @ tips[k],
             )
         )
     return joints
@@ -162,7 +164,7 @@ def _tips(scene: AnimatedScene) -> dict[int, Vec3]:
     tips = {}
     for k in scene.links:
         if not np.all(np.isfinite(low[k])):
-            tips[k] = np.array([0.0, 0.0, _STUB])
+            tips[k] = np.array([0.0, 0.0, _DEFAULT_BONE])
         elif np.linalg.norm(low[k] + high[k]) < _MIN_BONE:
             tips[k] = np.array([0.0, 0.0, max(high[k][2], _MIN_BONE)])
         else:

@@ -93,7 +93,7 @@ def _torque_panel(axes: Axes, check: StandCheck, k: int, theme: Theme) -> None:
     torque, available = np.abs(check.torque[:, k]), check.available[:, k]
     max_speed = max(1.25 * float(np.max(w)), 0.2 * _TURN)
     speeds = np.linspace(0.0, max_speed, 300)
-    limit_torque = axis.motor.largest(speeds, np.ones_like(speeds))
+    limit_torque = axis.motor.max_torque(speeds, np.ones_like(speeds))
     axes.fill_between(speeds / _TURN, limit_torque, color=theme.faint, alpha=0.18, linewidth=0.0)
     axes.plot(speeds / _TURN, limit_torque, color=theme.faint, linewidth=1.2)
     known = ~check.unknown[:, k]
