@@ -337,7 +337,7 @@ def test_nearly_redundant_rows(solve: Solve) -> None:
 
 
 def test_equal_strings_and_equal_contacts_share_the_load(solve: Solve) -> None:
-    """From zero, the solution has least norm: each of k bears 1/k of the load."""
+    """The solution from zero has least norm: each of k bears 1/k of the load."""
     problems = []
     for k in (2, 3, 5):
         problems.append(Problem(np.ones((1, k)), np.array([3.0]), np.zeros(0)))
@@ -385,7 +385,7 @@ def test_an_unsolvable_problem_is_reported(solve: Solve) -> None:
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200])
 def test_infinite_numbers_and_nan(solve: Solve, bad: float) -> None:
-    """With one in G, b or mu nothing is solved, but x is finite. A guess with one is ignored."""
+    """Nothing is solved if G, b or mu has such numbers, but x is finite; such guesses are ignored."""
     (p,) = stacks(7, 1)
     W, c, mu = p.W.copy(), p.c.copy(), p.mu.copy()
     W[0, 0], c[0], mu[0] = bad, bad, bad

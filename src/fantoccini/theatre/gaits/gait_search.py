@@ -179,8 +179,18 @@ def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
     """Gait and feet of :func:`_packed`."""
     numbers, slide, lift, stands, *scalars = arrays
     values = dict(zip(SEARCHED_PARAMETERS, numbers.tolist(), strict=True))
-    *floats, status = map(float, scalars)
-    feet = Footfalls(slide, lift, stands, *floats, Status(int(status)))
+    distance, asked_distance, distance_error, turn, upright, status = map(float, scalars)
+    feet = Footfalls(
+        slide,
+        lift,
+        stands,
+        distance,
+        asked_distance,
+        distance_error,
+        turn,
+        upright,
+        Status(int(status)),
+    )
     return TunedGait(dataclasses.replace(first, **values), feet)
 
 
