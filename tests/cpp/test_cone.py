@@ -385,7 +385,7 @@ def test_an_unsolvable_problem_is_reported(solve: Solve) -> None:
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200])
 def test_infinite_numbers_and_nan(solve: Solve, bad: float) -> None:
-    """Nothing is solved if G, b or mu has such numbers, but x is finite; such guesses are ignored."""
+    """Nothing is solved if G, b or mu has such numbers, but x is finite."""
     (p,) = stacks(7, 1)
     W, c, mu = p.W.copy(), p.c.copy(), p.mu.copy()
     W[0, 0], c[0], mu[0] = bad, bad, bad
