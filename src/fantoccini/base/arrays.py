@@ -19,7 +19,7 @@ Mask = NDArray[np.bool_]
 """Any shape, flags."""
 
 Indices = NDArray[np.integer[Any]]
-"""Any shape, places in arrays."""
+"""Any shape, indices of arrays."""
 
 ConfigD = NDArray[np.float64]
 """(n_qD,) dynamic configuration [rad, m or 1]."""
