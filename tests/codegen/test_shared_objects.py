@@ -59,7 +59,7 @@ def sources(
 
 @pytest.mark.parametrize("contact", [False, True])
 def test_other_numbers_share_object_files(contact):
-    """The numbers are arguments or stand in separate units."""
+    """Numbers are arguments, or have separate units."""
     text = PUPPET + FLOOR * contact
     first = sources(text)
     other = sources(text, **{name: 1.1 * number for name, number in NUMBERS.items()})
@@ -69,7 +69,7 @@ def test_other_numbers_share_object_files(contact):
         assert [other[library].files[name] for name in other[library].pieces] != pieces, library
 
 
-def test_another_structure_shares_nothing_of_its_own():
+def test_another_structure_has_another_main_object():
     first = sources(PUPPET, libraries=("model",))["model"]
     text = PUPPET.replace("type: ball", "type: revolute, axis: [0, -1, 0]")
     other = sources(text, libraries=("model",))["model"]

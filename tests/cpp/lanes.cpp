@@ -34,7 +34,7 @@ struct Lane {
 
 double numbers_left_out = 0;
 
-void take(double* out, int n) {
+void read_numbers(double* out, int n) {
   for (int i = 0; i < n; ++i)
     if (std::scanf("%lf", out + i) != 1) numbers_left_out += 1;
 }
@@ -46,7 +46,8 @@ double get(const fan::Lanes<W>& x, int lane) { return x[lane]; }
 bool get(const bool& x, int) { return x; }
 bool get(const fan::Traits<fan::Lanes<W>>::Mask& x, int lane) { return x[lane]; }
 
-// A stepper for several lanes; `who` gives their places in the bundle: place k contains who[k].
+// A stepper for several lanes; `lane_at` gives their positions in the bundle: position k contains
+// lane_at[k].
 template <class Real>
 struct Bundle {
   static constexpr int width = fan::Traits<Real>::width;
@@ -54,11 +55,11 @@ struct Bundle {
   Real q_D[array_size(NQ)], v_D[array_size(N)], q_K[array_size(NK)], v_K[array_size(NK)],
       acc_K[array_size(NK)], u_D[array_size(N)], p[array_size(Model::n_p)];
   fan::Winches<S> winches;
-  int who[width];
+  int lane_at[width];
 
   Bundle(
       const std::vector<Lane>& lanes, const double* parameters, const fan::Winches<S>& all_winches,
-      const int* places)
+      const int* positions)
       : winches(all_winches) {
     for (int r = 0; r < M; ++r) {
       step.set_row(r, Real(0.0) > Real(1.0), Real(0.0) > Real(1.0));
@@ -67,8 +68,8 @@ struct Bundle {
     for (int k = 0; k < N; ++k) u_D[k] = Real(0.0);
     for (int i = 0; i < Model::n_p; ++i) p[i] = Real(parameters[i]);
     for (int l = 0; l < width; ++l) {
-      who[l] = places[l];
-      const Lane& lane = lanes[who[l]];
+      lane_at[l] = positions[l];
+      const Lane& lane = lanes[lane_at[l]];
       for (int i = 0; i < NQ; ++i) at(q_D[i], l) = lane.q_D[i];
       for (int k = 0; k < N; ++k) at(v_D[k], l) = lane.v_D[k];
       for (int i = 0; i < S; ++i) at(step.slip[i], l) = lane.slip[i];
@@ -78,7 +79,7 @@ struct Bundle {
   void advance(const std::vector<Lane>& lanes, int n, double dt, double recovery, double cap) {
     for (int l = 0; l < width; ++l)
       for (int j = 0; j < NK; ++j) {
-        const Lane& lane = lanes[who[l]];
+        const Lane& lane = lanes[lane_at[l]];
         const double before = lane.input(j, (n - 1) * dt), here = lane.input(j, n * dt);
         const double next = lane.input(j, (n + 1) * dt);
         at(q_K[j], l) = here;
@@ -91,7 +92,7 @@ struct Bundle {
     for (int k = 0; k < N; ++k) v_D[k] = v_next[k];
   }
 
-  // All results of a step in one place.
+  // All results of a step in a lane.
   std::vector<double> all(int l) const {
     std::vector<double> out;
     for (int i = 0; i < NQ; ++i) out.push_back(get(q_D[i], l));
@@ -109,65 +110,65 @@ struct Bundle {
   }
 };
 
-struct Worst {
+struct LargestError {
   double value = 0.0;
-  void operator()(double found, double scale) {
-    const double relative = fabs(found) / (scale > 1.0 ? scale : 1.0);
+  void operator()(double error, double scale) {
+    const double relative = fabs(error) / (scale > 1.0 ? scale : 1.0);
     if (!(relative <= value)) value = relative;  // keeps NaN
   }
 };
 
-bool apart(const std::vector<double>& a, const std::vector<double>& b) {
+bool differ(const std::vector<double>& a, const std::vector<double>& b) {
   return std::memcmp(a.data(), b.data(), sizeof(double) * a.size()) != 0;
 }
 
 double largest(const double* x, int n) {
-  double top = 0.0;
+  double largest_size = 0.0;
   for (int i = 0; i < n; ++i)
-    if (!(fabs(x[i]) <= top)) top = fabs(x[i]);
-  return top;
+    if (!(fabs(x[i]) <= largest_size)) largest_size = fabs(x[i]);
+  return largest_size;
 }
 
 }  // namespace
 
 int main() {
-  double head[4];
-  take(head, 4);
-  const int n_steps = int(head[0]);
-  const double dt = head[1], recovery = head[2], cap = head[3];
+  double header[4];
+  read_numbers(header, 4);
+  const int n_steps = int(header[0]);
+  const double dt = header[1], recovery = header[2], cap = header[3];
   std::vector<Lane> lanes(W);
   for (Lane& lane : lanes) {
-    take(lane.q_D, NQ);
-    take(lane.v_D, N);
-    take(lane.slip, S);
-    take(lane.q_K, NK);
-    take(lane.amplitude, NK);
-    take(lane.omega, NK);
-    take(lane.phase, NK);
+    read_numbers(lane.q_D, NQ);
+    read_numbers(lane.v_D, N);
+    read_numbers(lane.slip, S);
+    read_numbers(lane.q_K, NK);
+    read_numbers(lane.amplitude, NK);
+    read_numbers(lane.omega, NK);
+    read_numbers(lane.phase, NK);
   }
   double p[array_size(Model::n_p)];
-  take(p, Model::n_p);
+  read_numbers(p, Model::n_p);
   double table[array_size(3 * S)];
-  take(table, 3 * S);
+  read_numbers(table, 3 * S);
   fan::Winches<S> winches;
   winches.set(table);
 
-  int in_order[W], turned[W];
+  int in_order[W], permuted[W];
   for (int l = 0; l < W; ++l) {
     in_order[l] = l;
-    turned[l] = (3 * l + 5) % W;
+    permuted[l] = (3 * l + 5) % W;
   }
   using Wide = fan::Lanes<W>;
-  Bundle<Wide> first(lanes, p, winches, in_order), second(lanes, p, winches, turned);
-  std::vector<Bundle<Wide>> alike;  // bundles with the same lane in all places
+  Bundle<Wide> first(lanes, p, winches, in_order), second(lanes, p, winches, permuted);
+  std::vector<Bundle<Wide>> uniform;  // bundles with the same lane in all positions
   std::vector<Bundle<double>> single;
   for (int l = 0; l < W; ++l) {
     const int same[W] = {l, l, l, l, l, l, l, l};
-    alike.emplace_back(lanes, p, winches, same);
+    uniform.emplace_back(lanes, p, winches, same);
     single.emplace_back(lanes, p, winches, &in_order[l]);
   }
 
-  Worst q, v, slip, tension, ledger;
+  LargestError q, v, slip, tension, ledger;
   long long modes_apart = 0, bits_apart = 0, unsettled = 0;
   std::vector<long long> changes(W, 0), slips(W, 0);
   long long steps_unlike = 0;  // steps with different modes of lanes
@@ -185,12 +186,12 @@ int main() {
     }
     first.advance(lanes, n, dt, recovery, cap);
     second.advance(lanes, n, dt, recovery, cap);
-    bool unlike = false;
+    bool differs = false;
     for (int l = 0; l < W; ++l) {
       single[l].advance(lanes, n, dt, recovery, cap);
-      alike[l].advance(lanes, n, dt, recovery, cap);
-      const std::vector<double> mine = first.all(l), own = single[l].all(0);
-      const double *a = mine.data(), *b = own.data();
+      uniform[l].advance(lanes, n, dt, recovery, cap);
+      const std::vector<double> in_lanes = first.all(l), alone = single[l].all(0);
+      const double *a = in_lanes.data(), *b = alone.data();
       for (int i = 0; i < NQ; ++i) q(a[i] - b[i], largest(b, NQ));
       a += NQ, b += NQ;
       for (int i = 0; i < N; ++i) v(a[i] - b[i], largest(b, N));
@@ -202,16 +203,16 @@ int main() {
       a += M, b += M;
       for (int i = 0; i < M; ++i) modes_apart += a[i] != b[i];
       for (int i = 0; i < M; ++i) changes[l] += (a[i] > 0.5) != was[l][i];
-      for (int i = 0; i < M; ++i) unlike = unlike || get(first.step.taut[i], 0) != (a[i] > 0.5);
+      for (int i = 0; i < M; ++i) differs = differs || get(first.step.taut[i], 0) != (a[i] > 0.5);
       a += M, b += M;
       for (int i = 0; i < LEDGER; ++i) ledger(a[i] - b[i], largest(b, LEDGER));
       unsettled += a[LEDGER] < 0.5;
       for (int k = 0; k < W; ++k) {
-        bits_apart += second.who[k] == l && apart(second.all(k), mine);
-        bits_apart += apart(alike[l].all(k), mine);
+        bits_apart += second.lane_at[k] == l && differ(second.all(k), in_lanes);
+        bits_apart += differ(uniform[l].all(k), in_lanes);
       }
     }
-    steps_unlike += unlike;
+    steps_unlike += differs;
   }
   long long fewest = changes[0], slipped = 0;
   for (long long c : changes) fewest = c < fewest ? c : fewest;

@@ -74,6 +74,6 @@ def test_a_lane_equals_a_scalar_stepper_with_any_neighbours(name, flags, tmp_pat
         assert counts["lanes_that_slipped"] >= (0 if winches == "firm" else 3)
         assert counts["unsettled"] == 0
         assert counts["modes_apart"] == 0
-        for what, tolerance in TOLERANCE.items():
-            assert counts[what] <= tolerance, what
+        for quantity, tolerance in TOLERANCE.items():
+            assert counts[quantity] <= tolerance, quantity
         assert counts["bits_apart"] == 0

@@ -142,17 +142,17 @@ def test_the_least_gap_of_solids_apart_is_their_distance(
     program: Path, kinds: tuple[str, str], high: float
 ) -> None:
     pairs = pairs_of(kinds, 200, 0.01 * high, high)
-    off, aside = [], []
+    gap_errors, normal_errors = [], []
     for (x, y), pair in zip(pairs, touches(program, pairs, MARGIN), strict=True):
         distance, normal = coal_distance(x, y)
         touch = min(pair.touches, key=lambda t: t.gap)
-        off.append(abs(touch.gap - distance))
-        aside.append(np.linalg.norm(touch.normal - normal))
+        gap_errors.append(abs(touch.gap - distance))
+        normal_errors.append(np.linalg.norm(touch.normal - normal))
     # The points of nearly flat cores are not the nearest points.
-    assert np.max(off) < 2e-5
-    assert np.quantile(off, 0.98) < 1e-8
-    assert np.max(aside) < 0.02
-    assert np.quantile(aside, 0.98) < 1e-3
+    assert np.max(gap_errors) < 2e-5
+    assert np.quantile(gap_errors, 0.98) < 1e-8
+    assert np.max(normal_errors) < 0.02
+    assert np.quantile(normal_errors, 0.98) < 1e-3
 
 
 @pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
@@ -177,21 +177,21 @@ def test_the_gap_is_certain(program: Path, kinds: tuple[str, str]) -> None:
     surfaces are apart by no more.
     """
     pairs = pairs_of(kinds, 300, -0.002, 0.04)
-    off, loose = [], []
+    surface_errors, support_errors = [], []
     for (x, y), pair in zip(pairs, touches(program, pairs, MARGIN), strict=True):
         t = min(pair.touches, key=lambda t: t.gap)
         assert np.linalg.norm(t.normal) == pytest.approx(1, abs=1e-12)
         # Half way between the surfaces, but on that of a half-space.
         part = 1.0 if kinds[1] == "half-space" else 0.5
         on_x, on_y = t.point + t.normal * t.gap * part, t.point - t.normal * t.gap * (1 - part)
-        held = -x.reach(-t.normal) - y.reach(t.normal)
-        off.append(max(abs(x.off_surface(on_x)), abs(y.off_surface(on_y))))
-        loose.append(abs(held - t.gap))
-    # For nearly flat cores, the points are away from the nearest points, and the normals turn.
-    assert np.quantile(off, 0.97) < 1e-9
-    assert np.max(off) < 1e-4
-    assert np.quantile(loose, 0.97) < 1e-9
-    assert np.max(loose) < 2e-3
+        support_gap = -x.reach(-t.normal) - y.reach(t.normal)
+        surface_errors.append(max(abs(x.off_surface(on_x)), abs(y.off_surface(on_y))))
+        support_errors.append(abs(support_gap - t.gap))
+    # For nearly flat cores, the points are not the nearest points, and the normals turn.
+    assert np.quantile(surface_errors, 0.97) < 1e-9
+    assert np.max(surface_errors) < 1e-4
+    assert np.quantile(support_errors, 0.97) < 1e-9
+    assert np.max(support_errors) < 2e-3
 
 
 @pytest.mark.parametrize("kind", KINDS[:-1])
@@ -274,7 +274,7 @@ def test_points_of_lying_solids_stay(program: Path, name: str) -> None:
 def test_points_of_boxes_side_by_side_lie_on_both(program: Path) -> None:
     """Their bottoms are level up to rounding, so that edges of both lie along one another.
 
-    Their intersection is then arbitrary; a point was found on one of the boxes only.
+    Their intersection is then arbitrary.
     """
     post = box([0.3, 0.05, 0.3], [0.05, 0.05, 0.3])
     beside = box([0.1515, -0.09975, 0.05], [0.1, 0.15, 0.05], Rotation.from_euler("z", 0.0209))
@@ -372,7 +372,7 @@ def test_points_slide_from_lying_to_crossing(program: Path) -> None:
                 assert np.linalg.norm(point - shorter[min(k, len(shorter) - 1)]) < 6e-3, name
 
 
-def awkward() -> list[Placed]:
+def degenerate() -> list[Placed]:
     """Solids without extent in some direction, about the origin."""
     turn = Rotation.from_euler("xyz", [0.3, 0.5, 0.7])
     return [
@@ -405,8 +405,8 @@ def check_finite(pairs: Sequence[Pair]) -> None:
 
 
 @pytest.mark.parametrize("by", [[0, 0, 0], [0.1, 0, 0], [0.2, 0, 0], [0, 0, 0.2], [1e-14, 0, 0]])
-def test_awkward_solids_have_finite_points(program: Path, by: list[float]) -> None:
-    pairs = [(x.moved(by), y) for x in awkward() for y in awkward()]
+def test_degenerate_solids_have_finite_points(program: Path, by: list[float]) -> None:
+    pairs = [(x.moved(by), y) for x in degenerate() for y in degenerate()]
     results = touches(program, pairs, MARGIN)
     check_finite(results)
     if not np.any(by):
@@ -438,7 +438,7 @@ def test_solids_certainly_apart_do_not_touch(program: Path, kinds: tuple[str, st
     assert all(pair.apart for pair in touches(program, distant, MARGIN))
 
 
-def test_the_bounding_sphere_holds_the_solid(program: Path) -> None:
+def test_the_bounding_sphere_contains_the_solid(program: Path) -> None:
     rng = np.random.default_rng(4)
     solids = [random_solid(rng, kind) for kind in KINDS[:-1] for _ in range(20)]
     solids += [replace(s, radius=0.1) for s in solids if s.kind == 1]
@@ -450,7 +450,7 @@ def test_the_bounding_sphere_holds_the_solid(program: Path) -> None:
 
 
 def test_round_boxes_are_inflated(program: Path) -> None:
-    """Boxes with a radius, as the planner has them."""
+    """Boxes with a radius, as in the planner."""
     block = box([0, 0, 0], [0.1, 0.1, 0.1])
     other = box([0, 0, 0.25], [0.05, 0.05, 0.05])
     plane = half_space([0, 0, -0.2], [0, 0, 1])

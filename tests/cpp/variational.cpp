@@ -78,7 +78,7 @@ double& at(Wide& x, int lane) { return x[lane]; }
 bool get(bool x, int) { return x; }
 bool get(const fan::Traits<Wide>::Mask& x, int lane) { return x[lane]; }
 
-// Runs in several lanes; place k contains who[k].
+// Runs in several lanes; position k contains lane_at[k].
 template <class Real>
 struct Bundle {
   static constexpr int width = fan::Traits<Real>::width;
@@ -98,9 +98,9 @@ struct Bundle {
   Led led;
   Still drive;
   double t = 0.0;
-  int who[width];
+  int lane_at[width];
 
-  Bundle(const std::vector<Lane>& lanes, const double* p, const int* places, double dt) {
+  Bundle(const std::vector<Lane>& lanes, const double* p, const int* positions, double dt) {
     double winches[array_size(3 * S)];
     for (int i = 0; i < S; ++i) {
       winches[3 * i] = fan::unbounded;
@@ -116,7 +116,7 @@ struct Bundle {
     for (int k = 0; k < N; ++k) in.u_D[k] = Real(0.0);
     for (int j = 0; j < NK; ++j) in.v_K[j] = in.acc_K[j] = Real(0.0);
     for (int l = 0; l < width; ++l) {
-      const Lane& lane = lanes[who[l] = places[l]];
+      const Lane& lane = lanes[lane_at[l] = positions[l]];
       for (int i = 0; i < NQ; ++i) at(led.q_D()[i], l) = lane.q_D[i];
       for (int k = 0; k < N; ++k) at(led.v_D()[k], l) = lane.v_D[k];
       for (int j = 0; j < NQK; ++j) at(in.q_K[j], l) = lane.q_K[j];
@@ -199,7 +199,7 @@ int main() {
         changes += mine[r] != was[l][r];
       }
       for (int k = 0; k < W; ++k)
-        if (second->who[k] == l)
+        if (second->lane_at[k] == l)
           bits_apart +=
               std::memcmp(second->all(k).data(), mine.data(), sizeof(double) * mine.size()) != 0;
     }

@@ -30,11 +30,11 @@ forces:
 """
 
 
-def same(one: Input, two: Input) -> bool:
+def are_equal(first: Input, second: Input) -> bool:
     return all(
-        np.array_equal(getattr(one, name), getattr(two, name), equal_nan=True)
+        np.array_equal(getattr(first, name), getattr(second, name), equal_nan=True)
         for name in ("breaks", "coef", "base")
-    ) and np.array_equal(one.named, two.named)
+    ) and np.array_equal(first.named, second.named)
 
 
 def test_yaml_equals_python(table, tmp_path):
@@ -53,14 +53,14 @@ def test_yaml_equals_python(table, tmp_path):
         .with_forces({"elbow": [(0.25, 0), (1, 2)]})
         .extended(4.0)
     )
-    assert same(read, inputs)
+    assert are_equal(read, inputs)
     assert np.array_equal(read.force, inputs.force)
     assert read.end == 4.0 and read.name == "greeting"
 
 
 @pytest.mark.parametrize(("first", "start"), [(1.0, 0.0), (0.0, 0.0), (-0.5, -0.5)])
 def test_waypoints_in_a_file_begin_at_0_and_hold_until_the_first(table, tmp_path, first, start):
-    """17.16: runs began at the first waypoint's time."""
+    """Runs begin at 0, not at the time of the first waypoint."""
     path = tmp_path / "late.yaml"
     path.write_text(f"""\
 coordinates:
@@ -83,7 +83,7 @@ forces:
 
 
 def test_a_negative_final_length_is_reported_with_all_other_mistakes(table, tmp_path):
-    """17.11: all mistakes are reported at once, even when one value is out of range."""
+    """All mistakes are reported at once, even when one value is out of range."""
     path = tmp_path / "bad.yaml"
     path.write_text("""\
 coordinates:
@@ -101,11 +101,11 @@ def test_samples_from_csv_and_npz_are_those_from_python(table, tmp_path):
     columns = {"hand.length": 1 + 0.1 * np.cos(t), **dict(zip(table.q_K[4:8], q.T, strict=True))}
     inputs = Input.samples(table, t, columns)
     np.savez(tmp_path / "a.npz", t=t, **columns)
-    assert same(Input.load(table, tmp_path / "a.npz"), inputs)
+    assert are_equal(Input.load(table, tmp_path / "a.npz"), inputs)
     rows = np.column_stack([t, *columns.values()])
     text = "\n".join([",".join(["t", *columns]), *(",".join(map(repr, r)) for r in rows.tolist())])
     (tmp_path / "a.csv").write_text(text + "\n")
-    assert same(Input.load(table, tmp_path / "a.csv"), inputs)
+    assert are_equal(Input.load(table, tmp_path / "a.csv"), inputs)
 
 
 SEPARATED = {
@@ -126,9 +126,9 @@ def test_columns_may_be_separated_by_semicolons_or_tabs_with_decimal_commas(tabl
     columns = {"hand.length": [0.8, 0.75, 0.7], "crank": [0.0, -0.1, 0.01]}
     (tmp_path / "a.csv").write_text(text, newline="")
     samples = Input.samples(table, [0, 0.5, 1], columns)
-    assert same(Input.load(table, tmp_path / "a.csv"), samples)
+    assert are_equal(Input.load(table, tmp_path / "a.csv"), samples)
     (tmp_path / "b.csv").write_text(text.removeprefix("\ufeff"), encoding="utf-16", newline="")
-    assert same(Input.load(table, tmp_path / "b.csv"), samples)  # "Unicode text" of Excel
+    assert are_equal(Input.load(table, tmp_path / "b.csv"), samples)  # "Unicode text" of Excel
 
 
 def test_schema_is_json_and_closed():
@@ -207,9 +207,9 @@ def problems(table, path) -> list:
     return list(error.value.mistakes)
 
 
-@pytest.mark.parametrize("what", YAML)
-def test_mistakes_in_yaml_have_a_line(table, tmp_path, what):
-    text, line, key, message = YAML[what]
+@pytest.mark.parametrize("case", YAML)
+def test_mistakes_in_yaml_have_a_line(table, tmp_path, case):
+    text, line, key, message = YAML[case]
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     (problem,) = problems(table, path)
@@ -251,9 +251,9 @@ CSV = {
 }
 
 
-@pytest.mark.parametrize("what", CSV)
-def test_mistakes_in_csv_have_a_line(table, tmp_path, what):
-    text, line, key, message = CSV[what]
+@pytest.mark.parametrize("case", CSV)
+def test_mistakes_in_csv_have_a_line(table, tmp_path, case):
+    text, line, key, message = CSV[case]
     path = tmp_path / "bad.csv"
     path.write_text(text)
     problem = problems(table, path)[0]
@@ -314,7 +314,7 @@ def test_a_name_that_no_file_can_have(table, ending):
 
 
 @pytest.mark.parametrize("duration", [10**400, "1", None, 1 + 0j, -1, float("nan")])
-def test_a_duration_that_is_none(table, duration):
+def test_an_invalid_duration_is_refused(table, duration):
     with pytest.raises(InputError, match="duration"):
         Input.hold(table, duration)
 
@@ -326,8 +326,8 @@ def test_a_number_beyond_floats_is_refused(table):
                 Input.waypoints(table, {"crank": [(0.0, 0.0), pair]})
 
 
-def taken(table, **changes) -> dict:
-    """Arrays of a take's file for `numpy.savez`; None omits one."""
+def recording_arrays(table, **changes) -> dict:
+    """Arrays of a recording's file for `numpy.savez`; None omits one."""
     about = {"format": RECORDING_FORMAT, "coordinates": [*table.q_D, *table.q_K]}
     about |= changes.pop("about", {})
     arrays = {
@@ -370,11 +370,11 @@ DAMAGED = {
 }
 
 
-@pytest.mark.parametrize("what", DAMAGED)
-def test_a_damaged_take_is_one_mistake(table, tmp_path, what):
-    path, changes = tmp_path / "take.npz", dict(DAMAGED[what])
+@pytest.mark.parametrize("case", DAMAGED)
+def test_a_damaged_recording_is_one_mistake(table, tmp_path, case):
+    path, changes = tmp_path / "recording.npz", dict(DAMAGED[case])
     description = changes.get("about")
-    arrays = taken(
+    arrays = recording_arrays(
         table, **{**changes, "about": description if isinstance(description, dict) else {}}
     )
     if isinstance(description, np.ndarray):
@@ -382,7 +382,7 @@ def test_a_damaged_take_is_one_mistake(table, tmp_path, what):
     np.savez(path, **arrays)
     (problem,) = problems(table, path)
     assert problem.message
-    np.savez(path, **taken(table))
+    np.savez(path, **recording_arrays(table))
     assert Input.load(table, path).end == pytest.approx(0.05)
 
 

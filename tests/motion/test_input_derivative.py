@@ -1,4 +1,4 @@
-"""17.5: derivatives of inputs with respect to waypoint values, compared with finite differences."""
+"""Derivatives of inputs with respect to waypoint values, compared with finite differences."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def one_sided(table, points: dict, name: str, k: int, d: float) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_derivatives_with_respect_to_random_waypoints(table, seed):
-    """17.5: turning points, bounded slopes, mean slopes, several coordinates with common breaks."""
+    """Turning points, bounded slopes, mean slopes, several coordinates with common breaks."""
     rng = np.random.default_rng(seed)
     points = {}
     for name, at in (("hand.length", 0.8), ("knee.length", 0.7), ("crank", 0.1)):
@@ -87,7 +87,7 @@ KINKS = {
 @pytest.mark.parametrize("what", KINKS)
 @pytest.mark.parametrize("side", ["above", "below"])
 def test_where_the_sides_differ(table, what, side):
-    """17.5: at a kink the derivatives from above and below differ, and are marked as not smooth."""
+    """At a kink the derivatives from above and below differ, and are marked as not smooth."""
     points = {"crank": KINKS[what]}
     derivatives = InputDerivative.of_waypoints(table, points, side=side)
     sign = 1.0 if side == "above" else -1.0
@@ -98,7 +98,7 @@ def test_where_the_sides_differ(table, what, side):
 
 
 def test_mistakes_are_refused(table):
-    """17.5: rotations, unknown names and unknown sides are refused."""
+    """Rotations, unknown names and unknown sides are refused."""
     points = {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 1])], "crank": [(0, 0.0), (1, 1.0)]}
     assert len(InputDerivative.of_waypoints(table, points, only=["crank"])) == 2
     with pytest.raises(fan.errors.InputError, match="rotation"):

@@ -29,7 +29,7 @@ def is_smooth(inputs: Input) -> None:
 
 
 def test_small_jumps_between_inputs_are_removed(arm):
-    """17.7: a plan that ends with 1.25e-5 m/s can be followed by standing still."""
+    """A plan that ends with 1.25e-5 m/s can be followed by standing still."""
     plan = nearly_stopped(arm, 1.25e-5)
     assert plan.evaluate(0.6)[1][1] == pytest.approx(-1.25e-5)
     inputs = plan.then(Input.hold(arm, 0.5))
@@ -42,7 +42,7 @@ def test_small_jumps_between_inputs_are_removed(arm):
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_a_run_goes_beyond_inputs_that_nearly_stop(arm, x0, method):
-    """17.7: t_end is beyond them, for one run and for many; the energies balance as usual."""
+    """Runs of one and of many end later than the inputs; their energies balance."""
     plan = nearly_stopped(arm, 1.25e-5)
     run = fan.simulate(arm, x0, plan, t_end=1.0, method=method)
     assert run.v_K[-1].tolist() == [0.0, 0.0]
@@ -55,7 +55,7 @@ def test_a_run_goes_beyond_inputs_that_nearly_stop(arm, x0, method):
 
 
 def test_noise_at_the_start_is_removed(arm, x0):
-    """17.7: a spline with an initial speed of 5.8e-9 m/s begins at rest."""
+    """A spline with an initial speed of 5.8e-9 m/s begins at rest."""
     for speed in (5.8e-9, 2e-5):
         noisy = Input.segments(arm, [0.0, 0.3, 0.6], [0.45, 0.8], [0.0, speed], [[0, -1], [0, 1]])
         bound = noisy.bound(x0.q_K, 0.0, x0.v_K)
@@ -66,7 +66,7 @@ def test_noise_at_the_start_is_removed(arm, x0):
 
 
 def test_positions_are_met_to_a_part_of_the_move(arm, x0):
-    """17.7: a start is 1e-7 m away from the beginning of a move of 0.3 m."""
+    """A start may be 1e-7 m away from the beginning of a move of 0.3 m."""
     lift = Input.waypoints(arm, {"hand.length": [(0.0, 0.8 + 1e-7), (1.0, 0.5)]})
     bound = lift.bound(x0.q_K, 0.0, x0.v_K)
     assert bound.evaluate(0.0)[0][1] == x0.q_K[1]
@@ -77,7 +77,7 @@ def test_positions_are_met_to_a_part_of_the_move(arm, x0):
 
 
 def test_larger_jumps_are_refused(arm, x0):
-    """17.7: the rule is relative to the largest speed in the inputs."""
+    """Jumps are compared with the largest speed in the inputs."""
     for left in (2e-3, 0.1):
         with pytest.raises(InputError, match=r"hand.length: jumps in velocity by .* at t = 0.6"):
             nearly_stopped(arm, left).then(Input.hold(arm, 0.5))
@@ -91,7 +91,7 @@ def test_larger_jumps_are_refused(arm, x0):
 
 
 def test_rotations_remove_jumps_of_angular_velocity():
-    """17.7: two turns meet with different angular velocities."""
+    """Two rotations join with different angular velocities."""
     bar = fan.puppets.marionette_bar()
     x, t = bar.state(), bar.coordinates
     rng = np.random.default_rng(0)
@@ -111,7 +111,7 @@ def test_rotations_remove_jumps_of_angular_velocity():
 
 
 def test_inputs_without_jumps_are_unchanged(arm, x0):
-    """17.7: inputs without jumps are unchanged to the last bit."""
+    """Inputs without jumps are unchanged to the last bit."""
     lift = Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
     assert lift.checked() is lift and lift.at_rest() is lift
     bound = lift.bound(x0.q_K, 0.0, x0.v_K)
@@ -121,7 +121,7 @@ def test_inputs_without_jumps_are_unchanged(arm, x0):
 
 
 def test_the_repr_of_an_input_is_one_line(arm):
-    """17.18: repr is short."""
+    """It names the coordinates and the duration."""
     lift = Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]}).called("lift")
     assert repr(lift) == "<Input 'lift': 0 to 1.5 s, hand.length, 1 piece>"
     t = np.linspace(0, 1, 1000)
@@ -131,7 +131,7 @@ def test_the_repr_of_an_input_is_one_line(arm):
 
 
 def test_lengths_without_a_value_do_not_matter(table):
-    """17.7: inputs are joined before lengths of other coordinates are known."""
+    """Inputs are joined before lengths of other coordinates are known."""
     assert np.isnan(table.start_K[0])
     crank = Input.waypoints(table, {"crank": [(0.0, 0.0), (1.0, 1.0)]})
     inputs = crank.then(Input.waypoints(table, {"crank": [(0.0, 1.0 + 1e-8), (1.0, 0.0)]}))

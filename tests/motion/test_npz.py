@@ -1,4 +1,4 @@
-"""17.28 and 17.26: npz files that are damaged, foreign or far too large when expanded."""
+"""Files (npz) that are damaged, foreign or far too large when expanded."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def files(arm, tmp_path_factory):
 
 @pytest.mark.parametrize("kind", ["run", "take", "before", "inputs"])
 def test_damage_is_a_located_error(files, kind):
-    """17.28: byte flips, cut ends, swapped and changed entries and headers."""
+    """Bytes are flipped, ends cut, entries and headers swapped or changed."""
     whole, load = files[kind]
     load(whole)
     assert fuzz(load, whole, 80, seed=7) > 40
@@ -55,7 +55,7 @@ def test_damage_is_a_located_error(files, kind):
 
 @pytest.mark.parametrize("kind", ["run", "take", "inputs"])
 def test_a_file_that_expands_without_bound_is_refused(files, kind, tmp_path):
-    """17.26: a file of 0.3 MB would expand to 300 MB; its size is found without expanding."""
+    """A file of 0.3 MB would expand to 300 MB; its size is found without expanding."""
     whole, load = files[kind]
     place = tmp_path / "bomb.npz"
     with zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
@@ -120,7 +120,7 @@ def changed(files, kind: str, tmp_path, change):
     ],
 )
 def test_recordings_are_checked(files, tmp_path, change, message, kind):
-    """17.28: winches, puppets, steps, events and rows that no recording has."""
+    """Recordings with impossible winches, puppets, steps, events and rows are refused."""
     with pytest.raises(FileError, match=rf"a\.npz: is not a recording .*{message}"):
         changed(files, kind, tmp_path, change)
 
@@ -135,19 +135,19 @@ def test_recordings_are_checked(files, tmp_path, change, message, kind):
         (lambda c, a: c.update({"t.npy": stored(np.full(26, np.nan))}), "t contains a number"),
         (lambda c, a: c.update({"v_K.npy": stored(np.zeros((26, 9)))}), "v_K is float64 of the"),
         (lambda c, a: c.pop("taut.npy"), "taut is missing"),
-        (lambda c, a: a["coordinates"].update(scalars_D=[[0, 99], [1, 1]]), "the place 99"),
+        (lambda c, a: a["coordinates"].update(scalars_D=[[0, 99], [1, 1]]), "the index 99"),
         (lambda c, a: a.update(puppet=7), "puppet is 7; it must be a text"),
         (lambda c, a: a.update(status="FINE"), "FINE"),
     ],
 )
 def test_trajectories_are_checked(files, tmp_path, change, message):
-    """17.28: shapes and kinds of arrays, places, texts."""
+    """Shapes and types of arrays, indices and texts are checked."""
     with pytest.raises(FileError, match=rf"a\.npz: is not a trajectory .*{message}"):
         changed(files, "run", tmp_path, change)
 
 
 def test_errors_of_decoders_are_caught(files, tmp_path):
-    """17.28: LZMAError and tokenize.TokenError were not caught."""
+    """These include LZMAError and tokenize.TokenError."""
     place = tmp_path / "a.npz"
     whole = entries(files["run"][0].read_bytes())
     raw = bytearray(packed(whole, zipfile.ZIP_LZMA))
@@ -181,7 +181,7 @@ def test_duplicate_entries_are_refused():
 
 
 def test_headers_must_agree_with_their_entries(tmp_path):
-    """17.26: a header that claims more data than its entry has takes no memory."""
+    """A header that claims more data than its entry has takes no memory."""
     place, entry = tmp_path / "a.npz", stored(np.zeros(4))
     place.write_bytes(packed({"q.npy": entry.replace(b"(4,), }      ", b"(4000000000,)}")}))
     with pytest.raises(FileError, match=r"a\.npz: q: is not a plain array: its header says"):
@@ -193,7 +193,7 @@ def test_headers_must_agree_with_their_entries(tmp_path):
 
 
 def test_damaged_cases_of_a_sweep_count_as_none(tmp_path):
-    """17.28: a store runs them again."""
+    """They are computed again."""
     store = Store(tmp_path / "store", {"study": "s"})
     store.write("ab12", Outcome({"height": np.array(1.5)}, 0.1, None), {})
     (place,) = (tmp_path / "store").rglob("ab12.npz")

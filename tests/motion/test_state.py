@@ -33,7 +33,7 @@ def test_events_have_kinds():
 
 
 def test_states_are_equal_by_their_values():
-    """17.18: x == y if all numbers and flags are the same."""
+    """States are equal if all their numbers and flags are."""
     x = State(0.0, [1.0], [2.0], [3.0], [4.0], [True], [0.0])
     y = State(0.0, [1.0], [2.0], [3.0], [4.0], [True])
     assert x == y and hash(x) == hash(y) and x in {y}
@@ -44,7 +44,7 @@ def test_states_are_equal_by_their_values():
 
 
 def test_a_coordinate_has_its_name(table):
-    """17.18: x["crank"], x["v:crank"], x["bar.rotation"]."""
+    """Values are read by `x["crank"]`, `x["v:crank"]` and `x["bar.rotation"]`."""
     q_K = np.arange(1.0, table.n_qK + 1)
     x = State(
         0.0, np.zeros(table.n_qD), np.zeros(table.n_vD), q_K, -np.arange(table.n_vK), [], (), table
@@ -62,8 +62,8 @@ def test_a_coordinate_has_its_name(table):
         list(x)
 
 
-def test_the_mode_goes_with_the_motion():
-    """17.1: changing a state clears its mode, unless a new mode is given."""
+def test_a_changed_state_has_no_mode():
+    """Changing a state clears its mode, unless a new mode is given."""
     x = State(0.0, [1.0], [2.0], [3.0], [4.0], [True])
     assert x.replace(t=1.0).taut[0] and x.replace(q_D=[1.0]).taut[0]
     for name in ("q_D", "v_D", "q_K", "v_K"):

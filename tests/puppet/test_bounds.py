@@ -67,9 +67,9 @@ def test_the_text_with_a_number_of_every_kind_is_a_puppet():
 @pytest.mark.parametrize("size", ["1e103", "-1e103", "1e-109"])
 @pytest.mark.parametrize("number", NUMBERS.split())
 def test_every_number_is_bounded(number, size):
-    """17.27: a radius of 1e103 or 1e-109 caused an internal error.
+    """Radii such as 1e103 and 1e-109 are refused.
 
-    Places, moments of inertia and angles may be tiny, but nothing may be huge.
+    Positions, moments of inertia and angles may be tiny, but nothing may be huge.
     """
     assert EVERY.count(number) == 1
     text = EVERY.replace(number, size + "}" * number.endswith("}"))
@@ -88,7 +88,6 @@ def test_every_number_is_bounded(number, size):
 
 
 def test_a_number_out_of_range_says_the_range():
-    """17.27"""
     (problem,) = mistakes(EVERY.replace("0.37", "1e103"))
     assert problem[1:] == ("bodies[1].shapes[0].radius", "found 1e+103; allowed: 1e-06 to 1e+06 m")
     (problem,) = mistakes(EVERY.replace("510.5", "{parameter: k, value: 1e300}"))
@@ -97,7 +96,6 @@ def test_a_number_out_of_range_says_the_range():
 
 
 def test_editors_know_the_ranges():
-    """17.27"""
     definitions = json_schema()["$defs"]
     radius = definitions["Sphere"]["properties"]["radius"]
     length = QUANTITIES["length"]
@@ -107,7 +105,7 @@ def test_editors_know_the_ranges():
 
 
 def test_parameters_keep_to_the_ranges():
-    """17.27: this holds when they are changed later, too."""
+    """Ranges are checked when parameters are changed later, too."""
     puppet = marionette(EVERY.replace("510.5", "{parameter: k, value: 10}"))
     with pytest.raises(PuppetError, match="found 1e\\+300; allowed"):
         puppet.with_parameters({"k": 1e300})
@@ -119,7 +117,7 @@ def test_a_huge_integer_in_python_is_a_mistake():
 
 
 def test_directions_may_have_any_length():
-    """17.27: only their direction counts."""
+    """They are normalised."""
     text = EVERY.replace("axis: [0, 0, 1]", "axis: [0, 0, 1e300]")
     assert loads(text).bodies[1].joint.axis == (0.0, 0.0, 1.0)
     text = EVERY.replace("axis: [0, 0, 1]", "axis: [0, 5e-324, 5e-324]")
@@ -127,7 +125,7 @@ def test_directions_may_have_any_length():
 
 
 def test_a_number_out_of_range_hides_no_other_mistake():
-    """17.11: a negative length hid the incompatible keys of a string."""
+    """Incompatible keys of a string are reported beside a negative length."""
     bad = EVERY.replace("length: 0.43", "length: -1, wire: true").replace("1.5", "-2")
     messages = {key: text for _, key, text in mistakes(bad)}
     assert messages["strings[0].length"] == "found -1; needed: a positive number"
@@ -146,7 +144,7 @@ def test_a_number_out_of_range_hides_no_other_mistake():
 
 @pytest.mark.parametrize("file", ["loop.stl", "folder/a.stl"])
 def test_a_mesh_in_a_circle_of_links_is_a_located_mistake(tmp_path, file):
-    """17.29: there was a raw RuntimeError."""
+    """It is no internal error."""
     os.symlink("loop.stl", tmp_path / "back.stl")
     os.symlink("back.stl", tmp_path / "loop.stl")
     os.symlink("other", tmp_path / "folder")
@@ -160,7 +158,6 @@ def test_a_mesh_in_a_circle_of_links_is_a_located_mistake(tmp_path, file):
 
 
 def test_a_mesh_that_is_too_large_with_its_scale_is_a_mistake(tmp_path):
-    """17.27"""
     corners = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"]
     faces = ["1 3 2", "1 2 4", "1 4 3", "2 3 4"]
     lines = [*(f"v {c}" for c in corners), *(f"f {f}" for f in faces)]
@@ -171,7 +168,7 @@ def test_a_mesh_that_is_too_large_with_its_scale_is_a_mistake(tmp_path):
 
 
 def test_a_mistake_of_a_twin_is_found_where_its_original_stands():
-    """17.29: it had no line, and an index outside the file."""
+    """The mistake has the line and the index of the original."""
     text = TEXT + "  - {name: stay_left, length: 1, path: [{body: bob_left}, {body: bob_right}]}\n"
     assert mistakes(text) == [
         (
@@ -193,7 +190,7 @@ POSES = [
 
 @pytest.mark.parametrize(("entry", "hint"), POSES)
 def test_a_body_is_taken_for_its_joint(entry, hint):
-    """17.17: `pose.wing_left` got the hint `tip_left`, though its joint is `flap_left`."""
+    """The hint for `pose.wing_left` is its joint `flap_left`, not the similar `tip_left`."""
     text = f"""\
 puppet: p
 mirror: {{plane: xz, from: left, to: right}}
@@ -221,7 +218,7 @@ pose: {{{entry}}}
     [("hinge", "revolute"), ("slider", "prismatic"), ("spherical", "ball"), ("Weld", "fixed")],
 )
 def test_words_of_other_programs_are_known(found, meant):
-    """17.17: `hinge` got no hint of `revolute`."""
+    """For `hinge`, the hint is `revolute`."""
     ((_, key, message),) = mistakes(EVERY.replace("type: revolute", f"type: {found}"))
     assert key == "bodies[1].joint.type"
     assert message.endswith(f"free; did you mean {meant!r}?")
@@ -243,7 +240,7 @@ OVER_LIMIT = [
 
 
 def test_a_number_out_of_range_beside_an_unknown_name():
-    """17.11: both are reported."""
+    """Both mistakes are reported."""
     bad = EVERY.replace("parent: trunk", "parent: nobody").replace("0.37", "-1")
     keys = [key for _, key, _ in mistakes(bad)]
     assert keys == ["bodies[1].parent", "bodies[1].shapes[0].radius"]
@@ -251,13 +248,13 @@ def test_a_number_out_of_range_beside_an_unknown_name():
 
 @pytest.mark.parametrize(("text", "key", "message"), OVER_LIMIT, ids=["bodies", "chains"])
 def test_bodies_and_masses_of_chains_are_counted(text, key, message):
-    """17.30: ten chains of 200 pieces took 41 s and 1.9 GB."""
+    """Too many are refused early: ten chains of 200 pieces would take 41 s and 1.9 GB."""
     messages = {at: sentence for _, at, sentence in mistakes("puppet: p\n" + text)}
     assert message in messages[key]
 
 
 def test_searches_for_nearest_names_are_bounded(monkeypatch):
-    """17.30: 20,000 unknown parents took 15 s, mostly for names that are not shown."""
+    """Only shown names are searched: for 20,000 unknown parents all would take 15 s."""
     from fantoccini.base.documents import located
     from fantoccini.model.puppet import parts
 

@@ -18,7 +18,7 @@ from fantoccini.base.arrays import (
     floats,
     frozen,
     is_number,
-    kept,
+    read_only,
 )
 from fantoccini.base.datagrams import AddressError, ManyHearersError, socket_at, socket_to
 from fantoccini.base.drawing import output
@@ -48,7 +48,7 @@ from fantoccini.base.errors import (
 )
 from fantoccini.base.files import decoded, lines_of, replacing, write_table
 from fantoccini.base.hanging import catenary
-from fantoccini.base.interpolate import Places
+from fantoccini.base.interpolate import IndexPairs
 from fantoccini.base.media import MediaError, ffmpeg, sound_duration, sound_input
 from fantoccini.base.nonnegative import nonnegative_least_squares
 from fantoccini.base.osc import osc_library
@@ -71,6 +71,7 @@ __all__ = [
     "ExchangeError",
     "FantocciniError",
     "FileError",
+    "IndexPairs",
     "Indices",
     "InputError",
     "ManyHearersError",
@@ -83,7 +84,6 @@ __all__ = [
     "Outcome",
     "PacketError",
     "PictureError",
-    "Places",
     "Progress",
     "PuppetError",
     "Quaternion",
@@ -111,7 +111,6 @@ __all__ = [
     "frozen",
     "interpolate",
     "is_number",
-    "kept",
     "lines_of",
     "moved",
     "multiply",
@@ -123,6 +122,7 @@ __all__ = [
     "perpendicular",
     "polynomial",
     "progress_bar",
+    "read_only",
     "replacing",
     "reporting",
     "riccati",

@@ -19,7 +19,7 @@ Mask = NDArray[np.bool_]
 """Any shape, flags."""
 
 Indices = NDArray[np.integer[Any]]
-"""Any shape, places in arrays."""
+"""Any shape, indices of arrays."""
 
 ConfigD = NDArray[np.float64]
 """(n_qD,) dynamic configuration [rad, m or 1]."""
@@ -95,8 +95,8 @@ def _float(value: Any) -> float:
         return np.inf if value > 0 else -np.inf
 
 
-def kept(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """:func:`frozen`, but without a copy of an array that is read-only already."""
+def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """:func:`frozen`, without a copy if the array is read-only already."""
     array = np.asarray(values)
     as_wanted = array.dtype == dtype and array.flags.c_contiguous
     return array if as_wanted and not array.flags.writeable else frozen(values, dtype)

@@ -13,7 +13,7 @@ import numpy as np
 from fantoccini.base import polynomial, rotation
 from fantoccini.base.arrays import Array, Indices, Times
 
-Places = tuple[tuple[int, int], ...]
+IndexPairs = tuple[tuple[int, int], ...]
 
 
 def bracket(
@@ -45,8 +45,8 @@ def linear(values: Array, left: Indices, right: Indices, s: Array) -> Array:
 def motion(
     t: Times,
     samples: tuple[Array, Array, Array],
-    scalars: Places,
-    quaternions: Places,
+    scalars: IndexPairs,
+    quaternions: IndexPairs,
     left: Indices,
     right: Indices,
     s: Array,
@@ -56,7 +56,7 @@ def motion(
     Args:
         t: (T,) times of the samples [s].
         samples: q (T, n_q), v (T, n_v), acc (T, n_v).
-        scalars, quaternions: (q, v) places, as in the coordinate table.
+        scalars, quaternions: (q, v) indices, as in the coordinate table.
         left, right, s: results of :func:`bracket`.
 
     Returns:

@@ -31,9 +31,9 @@ def step(
     Returns:
         K (..., n_u, n_z), and P before the stage.
     """
-    later = B.swapaxes(-1, -2) @ P
-    right = later @ A if S is None else later @ A + S.swapaxes(-1, -2)
-    K = np.asarray(np.linalg.solve(R + later @ B, right), dtype=float)
+    BP = B.swapaxes(-1, -2) @ P
+    right_side = BP @ A if S is None else BP @ A + S.swapaxes(-1, -2)
+    K = np.asarray(np.linalg.solve(R + BP @ B, right_side), dtype=float)
     P = Q + A.swapaxes(-1, -2) @ P @ (A - B @ K)
     if S is not None:
         P = P - S @ K
@@ -80,9 +80,9 @@ def stationary_gain(A: Array, B: Array, Q: Array, R: Array, doublings: int) -> A
         (..., n_u, n_z).
     """
     G = B @ np.linalg.solve(R, B.T)
-    unit, P, C = np.eye(len(A)), np.broadcast_to(Q, G.shape), np.broadcast_to(A, G.shape)
+    identity, P, C = np.eye(len(A)), np.broadcast_to(Q, G.shape), np.broadcast_to(A, G.shape)
     for _ in range(doublings):
-        both = np.linalg.solve(unit + G @ P, np.concatenate([C, G], axis=-1))
-        ahead, spread = both[..., : len(A)], both[..., len(A) :]
+        solution = np.linalg.solve(identity + G @ P, np.concatenate([C, G], axis=-1))
+        ahead, spread = solution[..., : len(A)], solution[..., len(A) :]
         G, P, C = G + C @ spread @ C.swapaxes(-1, -2), P + ahead.swapaxes(-1, -2) @ P @ C, C @ ahead
     return step(A, B, Q, R, P)[0]

@@ -5,7 +5,7 @@ R(t) = R_0 exp([phi(t)]x) turns with the angular velocity (in the turning frame)
   w = J_r(phi) phidot,      J_r = I - a Phi + b Phi^2,     Phi = [phi]x,
   a = (1 - cos x)/x^2,  b = (x - sin x)/x^3,  x = |phi|.
 
-The coefficients lose digits near x = 0, where their series are used instead.
+The coefficients lose digits is_small x = 0, where their series are used instead.
 """
 
 from __future__ import annotations
@@ -232,9 +232,11 @@ def right_jacobian_inverse(phi: Vec3) -> Array:
         (..., 3, 3) [1].
     """
     xx = np.sum(np.square(phi), axis=-1)[..., None, None]
-    near = xx < _MAX_SERIES_ANGLE**2
-    x = np.sqrt(np.where(near, 1.0, xx))
-    c = np.where(near, _sum(_C, np.where(near, xx, 0.0)), (1 - x / 2 / np.tan(x / 2)) / x**2)
+    is_small = xx < _MAX_SERIES_ANGLE**2
+    x = np.sqrt(np.where(is_small, 1.0, xx))
+    c = np.where(
+        is_small, _sum(_C, np.where(is_small, xx, 0.0)), (1 - x / 2 / np.tan(x / 2)) / x**2
+    )
     cross = skew(phi)
     return np.eye(3) + 0.5 * cross + c * (cross @ cross)
 
@@ -260,19 +262,19 @@ def right_jacobian_rate(phi: Vec3, rate: Vec3) -> Array:
     )
 
 
-def body_motion(phi: Vec3, rate: Vec3, curve: Vec3) -> tuple[Vec3, Vec3]:
+def body_motion(phi: Vec3, rate: Vec3, second_rate: Vec3) -> tuple[Vec3, Vec3]:
     """w = J_r phidot and wdot = J_r phiddot + (dJ_r/dt) phidot, in the turning frame.
 
     Args:
         phi: (..., 3) rotation vector [rad].
         rate: (..., 3) phidot [rad/s].
-        curve: (..., 3) phiddot [rad/s^2].
+        second_rate: (..., 3) phiddot [rad/s^2].
 
     Returns:
         Angular velocity (..., 3) [rad/s] and acceleration (..., 3) [rad/s^2].
     """
     jacobian = right_jacobian(phi)
-    return apply(jacobian, rate), apply(jacobian, curve) + apply(
+    return apply(jacobian, rate), apply(jacobian, second_rate) + apply(
         right_jacobian_rate(phi, rate), rate
     )
 
@@ -301,14 +303,14 @@ def apply(matrices: Array, vectors: Vec3) -> Vec3:
 def _coefficients(phi: Vec3) -> tuple[Array, Array, Array, Array]:
     """a, b and their derivatives by x divided by x, each (..., 1, 1)."""
     xx = np.sum(np.square(phi), axis=-1)[..., None, None]
-    near = xx < _MAX_SERIES_ANGLE**2
-    small, x = np.where(near, xx, 0.0), np.sqrt(np.where(near, 1.0, xx))
+    is_small = xx < _MAX_SERIES_ANGLE**2
+    small, x = np.where(is_small, xx, 0.0), np.sqrt(np.where(is_small, 1.0, xx))
     s, v = np.sin(x), 2 * np.sin(x / 2) ** 2
     return (
-        np.where(near, _sum(_A, small), v / x**2),
-        np.where(near, _sum(_B, small), (x - s) / x**3),
-        np.where(near, _sum(_A_RATE, small), (x * s - 2 * v) / x**4),
-        np.where(near, _sum(_B_RATE, small), (x * v - 3 * (x - s)) / x**5),
+        np.where(is_small, _sum(_A, small), v / x**2),
+        np.where(is_small, _sum(_B, small), (x - s) / x**3),
+        np.where(is_small, _sum(_A_RATE, small), (x * s - 2 * v) / x**4),
+        np.where(is_small, _sum(_B_RATE, small), (x * v - 3 * (x - s)) / x**5),
     )
 
 

@@ -1,6 +1,6 @@
 """Configurations and the tangent vectors between them: scalars add, unit quaternions turn.
 
-A place is a pair of indices (q, v) of a coordinate in a configuration and in a velocity; for a
+A coordinate has a pair of indices (q, v) in a configuration and in a velocity; for a
 rotation, the first of its four and the first of its three.
 """
 
@@ -13,14 +13,14 @@ import numpy as np
 from fantoccini.base import rotation
 from fantoccini.base.arrays import Array
 
-Places = Iterable[tuple[int, int]]
+IndexPairs = Iterable[tuple[int, int]]
 
 
-def moved(scalars: Places, quaternions: Places, q: Array, move: Array) -> Array:
+def moved(scalars: IndexPairs, quaternions: IndexPairs, q: Array, move: Array) -> Array:
     """q moved by tangent vectors.
 
     Args:
-        scalars, quaternions: places of the coordinates.
+        scalars, quaternions: index pairs of the coordinates.
         q: (..., n_q).
         move: (..., n_v); leading axes broadcast.
 
@@ -37,7 +37,7 @@ def moved(scalars: Places, quaternions: Places, q: Array, move: Array) -> Array:
     return out
 
 
-def between(scalars: Places, quaternions: Places, p: Array, q: Array, n_v: int) -> Array:
+def between(scalars: IndexPairs, quaternions: IndexPairs, p: Array, q: Array, n_v: int) -> Array:
     """The tangent vectors (..., n_v) that move p to q; rotations turn the shorter way."""
     lead = np.broadcast_shapes(p.shape[:-1], q.shape[:-1])
     out = np.zeros((*lead, n_v))

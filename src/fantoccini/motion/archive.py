@@ -240,11 +240,11 @@ def _axis(numbers: Any) -> tuple[float, ...]:
 def _places(
     pairs: list[Any], names: dict[str, tuple[str, ...]], kind: str, widths: tuple[int, int]
 ) -> tuple[tuple[int, int], ...]:
-    """Places (q, v) of coordinates with given widths; raises ValueError for one out of range."""
+    """Indices (q, v) of coordinates with given widths; raises ValueError for one out of range."""
     places = tuple(tuple(pair) for pair in pairs)
     ends = [len(names[f"{part}_{kind}"]) - n for part, n in zip("qv", widths, strict=True)]
     for q, v in places:
-        for place, end in ((q, ends[0]), (v, ends[1])):
-            if type(place) is not int or not 0 <= place <= end:
-                raise ValueError(f"coordinates has the place {place!r}; it must be 0 to {end}")
+        for index, end in ((q, ends[0]), (v, ends[1])):
+            if type(index) is not int or not 0 <= index <= end:
+                raise ValueError(f"coordinates has the index {index!r}; it must be 0 to {end}")
     return places

@@ -52,15 +52,15 @@ def checked_arrays(table: CoordinateTable, given: InputArrays) -> InputArrays:
         "named": (table.n_vK,),
         "force": (n, table.n_vD, polynomial.N_COEF),
     }
-    own: dict[str, Any] = {}
+    copies: dict[str, Any] = {}
     for field, shape in shapes.items():
         value = getattr(given, field)
         if value is None and field == "force":
             continue
-        own[field] = frozen(value, bool if field == "named" else float)
-        if own[field].shape != shape:
-            fail(field, f"has the shape {own[field].shape}; it must be {shape}")
-    arrays = given._replace(**own)
+        copies[field] = frozen(value, bool if field == "named" else float)
+        if copies[field].shape != shape:
+            fail(field, f"has the shape {copies[field].shape}; it must be {shape}")
+    arrays = given._replace(**copies)
     for field, known in (("coef", arrays.coef[:, arrays.named]), ("force", arrays.force)):
         if known is not None and not np.all(np.isfinite(known)):
             fail(field, "has a number that is not finite")
@@ -101,23 +101,21 @@ def on_breaks(
     )
     force = None
     if given.force is not None:
-        nothing = np.zeros((table.n_vD, polynomial.N_COEF)), np.zeros(0)
+        zero_force = np.zeros((table.n_vD, polynomial.N_COEF)), np.zeros(0)
         empty = np.zeros((len(given.coef), 0))
-        force = Channel(given.breaks, given.force, empty, nothing, nothing).on(breaks)[0]
+        force = Channel(given.breaks, given.force, empty, zero_force, zero_force).on(breaks)[0]
     return InputArrays(breaks, coef, base, given.named, force)
 
 
-def filled(
-    table: CoordinateTable, given: InputArrays, which: MaskRows, q_K: ConfigK
-) -> InputArrays:
-    """The arrays with the coordinates of the mask ``which`` (n_vK,) named and still at q_K."""
+def filled(table: CoordinateTable, given: InputArrays, mask: MaskRows, q_K: ConfigK) -> InputArrays:
+    """The arrays with the coordinates of ``mask`` (n_vK,) named, and held at q_K."""
     coef, base = np.array(given.coef), np.array(given.base)
-    still, _ = pieces.constants(table, q_K)
-    coef[:, which] = still[which]
+    at_q_K, _ = pieces.constants(table, q_K)
+    coef[:, mask] = at_q_K[mask]
     for q, v in pieces.channel_names(table).values():
-        if which[v.start]:
+        if mask[v.start]:
             base[:, q] = q_K[q]
-    return given._replace(coef=coef, base=base, named=given.named | which)
+    return given._replace(coef=coef, base=base, named=given.named | mask)
 
 
 def at_rest(table: CoordinateTable, breaks: Times, coef: Array, v: VecK) -> Array:
@@ -126,11 +124,11 @@ def at_rest(table: CoordinateTable, breaks: Times, coef: Array, v: VecK) -> Arra
     small = np.where((np.abs(v) <= max_speed) & (v != 0.0), 0.0, v)
     if np.array_equal(small, v):
         return coef
-    coef, none = np.array(coef), np.zeros((1, len(v[0])))
+    coef, zero = np.array(coef), np.zeros((1, len(v[0])))
     h = np.diff(breaks)
-    first = joints.with_start(table, coef[:1], np.zeros(1), h[:1], none, small[:1])
+    first = joints.with_start(table, coef[:1], np.zeros(1), h[:1], zero, small[:1])
     coef[:1] = first
-    coef[-1:] = joints.with_end(table, coef[-1:], h[-1:], none, small[1:])
+    coef[-1:] = joints.with_end(table, coef[-1:], h[-1:], zero, small[1:])
     return coef
 
 

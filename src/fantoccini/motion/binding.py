@@ -35,7 +35,7 @@ def bound(
     :mod:`fantoccini.motion.joints`.
 
     Args:
-        table: names and places of the coordinates.
+        table: names and indices of the coordinates.
         breaks: (n, n_seg + 1) breaks [s].
         coef: (n, n_seg, n_vK, 6) coefficients.
         base: (n, n_seg, n_qK) configurations of reference.

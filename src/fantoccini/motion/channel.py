@@ -33,7 +33,7 @@ class Channel(ShortRepr):
         base: (n, width) configuration of reference: the start value of a scalar, the unit
             quaternion of a rotation.
         before, after: constant pieces ((k, 6), (width,)) before and after ``times``.
-        scalars: places (in width, in k) of coordinates that are not part of a rotation.
+        scalars: indices (in width, in k) of coordinates that are not part of a rotation.
     """
 
     times: Times

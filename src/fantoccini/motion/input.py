@@ -60,14 +60,14 @@ class Input:
             object.__setattr__(self, field, value)
 
     def __repr__(self) -> str:
-        places = pieces.channel_names(self.coordinates)
-        names = [name for name, (_, v) in places.items() if self.named[v.start]]
+        slices = pieces.channel_names(self.coordinates)
+        names = [name for name, (_, v) in slices.items() if self.named[v.start]]
         shown = ", ".join(names[:_MAX_NAMES]) + (", ..." if len(names) > _MAX_NAMES else "")
-        called = f" {self.name!r}" if self.name else ""
-        forced = "" if self.force is None else ", with forces"
+        name = f" {self.name!r}" if self.name else ""
+        forces = "" if self.force is None else ", with forces"
         return (
-            f"<Input{called}: {self.start:g} to {self.end:g} s, {shown or 'all hold still'}, "
-            f"{len(self.coef)} piece{'s' * (len(self.coef) != 1)}{forced}>"
+            f"<Input{name}: {self.start:g} to {self.end:g} s, {shown or 'all hold still'}, "
+            f"{len(self.coef)} piece{'s' * (len(self.coef) != 1)}{forces}>"
         )
 
     @property
@@ -85,7 +85,7 @@ class Input:
         """Time from the first to the last break [s]."""
         return self.end - self.start
 
-    # -- making one --------------------------------------------------------------------------
+    # -- constructors -----------------------------------------------------------------------
 
     @classmethod
     def hold(cls, table: Table, duration: float = 1.0) -> Input:
@@ -115,8 +115,8 @@ class Input:
 
         ``Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})``. Two points give the
         minimum-jerk move; at the points between the acceleration is 0. A rotation
-        (``bar.rotation``) takes quaternions (w, x, y, z) or rotation vectors and goes the
-        shortest way.
+        (``bar.rotation``) is given by quaternions (w, x, y, z) or rotation vectors, and takes the
+        shortest path.
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
@@ -324,7 +324,7 @@ class Input:
         )
         return dataclasses.replace(self, coef=coef[0], base=base[0])
 
-    # -- reading one -------------------------------------------------------------------------
+    # -- evaluation -------------------------------------------------------------------------
 
     def evaluate(self, t: float | Times) -> tuple[ConfigK, VecK, VecK]:
         """q_K, v_K, acc_K at given times; at a break, of the piece that begins there.
@@ -335,7 +335,7 @@ class Input:
         Returns:
             q_K (..., n_qK), v_K (..., n_vK), acc_K (..., n_vK). Coordinates that the input does
             not name hold still where the run starts: q_K is NaN for them until
-            ``inputs.bound(x0.q_K)`` sets that place.
+            ``inputs.bound(x0.q_K)`` sets it.
         """
         t = floats(t)
         i, s, held = pieces.located(self.breaks, t.ravel())
@@ -354,7 +354,7 @@ class Input:
         return u.reshape(*t.shape, u.shape[-1])
 
     def first_values(self) -> dict[str, float | list[float]]:
-        """Values of the named coordinates at the first time, as a state takes them."""
+        """Values of the named coordinates at the first time, in the form of a state."""
         q_K, _, _ = self.evaluate(self.start)
         values = {}
         for name, (q, v) in pieces.channel_names(self.coordinates).items():
@@ -366,7 +366,7 @@ class Input:
     def checked(self) -> Input:
         """This input, if it is C^1 and every named length stays positive.
 
-        Pieces take up small jumps at their ends, see :mod:`fantoccini.motion.joints`.
+        Small jumps are removed at the ends of pieces, see :mod:`fantoccini.motion.joints`.
 
         Raises:
             InputError: naming the coordinates and times where it jumps.
@@ -388,7 +388,7 @@ class Input:
         coef = arrays.at_rest(self.coordinates, self.breaks, self.coef, v)
         return self if coef is self.coef else dataclasses.replace(self, coef=coef)
 
-    # -- inside ------------------------------------------------------------------------------
+    # -- private -------------------------------------------------------------------------------
 
     @property
     def _arrays(self) -> InputArrays:

@@ -27,7 +27,7 @@ class InputDerivative(ShortRepr):
     It is constant before the first and after the last break.
 
     Attributes:
-        coordinates: names and places of the coordinates.
+        coordinates: names and indices of the coordinates.
         breaks: (n_seg + 1,) increasing [s].
         coef: (n_seg, n_vK, 6) ascending powers of the time since the piece began; entries
             of rotations are 0.

@@ -36,7 +36,7 @@ class Inputs:
     ``inputs[i]`` is the i-th input. An axis of length 1 is shared by all.
 
     Attributes:
-        coordinates: names and places of the coordinates.
+        coordinates: names and indices of the coordinates.
         breaks: (n or 1, n_seg + 1) not decreasing [s]; the last pieces may have no duration.
         coef: (n, n_seg, n_vK, 6) ascending powers of the time since the piece began [m or rad, s].
         base: (n, n_seg, n_qK) configuration of reference [m, rad or 1].

@@ -24,7 +24,7 @@ LENGTH_SAMPLES = 17
 
 
 def channel_names(table: CoordinateTable) -> dict[str, tuple[slice, slice]]:
-    """Names that inputs may drive -> their places in q_K and v_K."""
+    """Names that inputs may drive -> their slices in q_K and v_K."""
     names = {table.q_K[q]: (slice(q, q + 1), slice(v, v + 1)) for q, v in table.scalars_K}
     for name, (q, v) in table.rotations.items():
         names[name] = (slice(q, q + 4), slice(v, v + 3))
@@ -71,7 +71,7 @@ def assembled(
     """Channels on common breaks; coordinates without a channel hold the table's start, unnamed.
 
     Args:
-        table: names and places of the coordinates.
+        table: names and indices of the coordinates.
         channels: name -> channel.
         span: times [s] that the breaks must contain.
 
@@ -101,7 +101,7 @@ def constant_acceleration(
     """Quadratic pieces, each beginning where the one before it ends.
 
     Args:
-        table: names and places of the coordinates.
+        table: names and indices of the coordinates.
         t: (n + 1,) times [s].
         q_K: (n_qK,) at t[0], or (n, n_qK) at the start of every piece.
         v_K: (n_vK,) at t[0], or (n, n_vK) at the start of every piece.

@@ -48,7 +48,7 @@ class State:
         v_K: (n_vK,) driven velocity [rad/s or m/s].
         taut: (n_rows,) bool, active set, strings before limits; all False if unknown.
         slip: (n_strings,) slip of each string's winch, >= 0 [m]; empty for no slip.
-        coordinates: names and places of the coordinates; None if unknown.
+        coordinates: names and indices of the coordinates; None if unknown.
 
     Raises:
         StateError: a number is not finite.
@@ -80,21 +80,21 @@ class State:
 
     @classmethod
     def of_sample(
-        cls, sample: Array, places: Mapping[str, slice | int], coordinates: CoordinateTable
+        cls, sample: Array, indices: Mapping[str, slice | int], coordinates: CoordinateTable
     ) -> State:
         """The state in a sample of compiled code, at a fifth of the constructor's cost.
 
         Args:
             sample: (width,) numbers, which are copied.
-            places: places of ``t``, ``q_D``, ``v_D``, ``q_K``, ``v_K``, ``taut`` and ``slip``.
-            coordinates: names and places of the coordinates.
+            indices: indices of ``t``, ``q_D``, ``v_D``, ``q_K``, ``v_K``, ``taut`` and ``slip``.
+            coordinates: names and indices of the coordinates.
 
         Raises:
             StateError: a number of the state is not finite.
         """
         row = frozen(sample)
-        parts: dict[str, Any] = {name: row[places[name]] for name in (*_MOTION, "slip")}
-        t, taut = float(row[places["t"]]), row[places["taut"]] > 0
+        parts: dict[str, Any] = {name: row[indices[name]] for name in (*_MOTION, "slip")}
+        t, taut = float(row[indices["t"]]), row[indices["taut"]] > 0
         if not np.isfinite(row).all():  # possibly a number outside of the state
             return cls(t, **parts, taut=taut, coordinates=coordinates)
         taut.setflags(write=False)

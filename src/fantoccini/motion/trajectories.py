@@ -41,7 +41,7 @@ class Trajectories:
         attribution: (n,) causes of each run's end, 0 to 1: share of each string and limit in
             stopping it; whether each coordinate's drive lost steps or ran away.
         method: event, timestepping or variational.
-        coordinates: names and places of the coordinates.
+        coordinates: names and indices of the coordinates.
         puppet: puppet of the runs; None if unknown.
         parameters: (n,) values of each parameter.
         q_D, v_D, acc_D, q_K, v_K, acc_K: (n, T, ...) motion, as in :class:`Trajectory`.

@@ -19,9 +19,9 @@ from fantoccini.base import (
     UnknownNameError,
     floats,
     interpolate,
-    kept,
     npz,
     output,
+    read_only,
     write_table,
 )
 from fantoccini.motion import archive
@@ -66,7 +66,7 @@ class Trajectory:
         causes: names to which the status is attributed: strings and limits that no motion
             satisfies together, or beyond the tension cap; coordinates with overloaded drives.
         method: event, timestepping, variational or mujoco.
-        coordinates: names and places of the coordinates.
+        coordinates: names and indices of the coordinates.
         puppet: puppet of the run; None if unknown.
         effort: force that drives each driven velocity [N or N m]; None if not computed.
         violation: max(h, 0) of each string and limit [m, rad or 1]; None if not computed.
@@ -121,7 +121,7 @@ class Trajectory:
         table, n = self.coordinates, len(self.t)
         widths = (table.n_qD, table.n_vD, table.n_vD, table.n_qK, table.n_vK, table.n_vK)
         for name, width in zip(("t", *_MOTION), (None, *widths), strict=True):
-            value = kept(getattr(self, name))
+            value = read_only(getattr(self, name))
             shape = (n,) if width is None else (n, width)
             if value.shape != shape:
                 raise ValueError(f"{name} has the shape {value.shape}; it must be {shape}")
@@ -130,7 +130,7 @@ class Trajectory:
             if len(columns.values) != n:
                 raise ValueError(f"{name} has {len(columns.values)} samples; it must have {n}")
         if self.contact_residual is not None:
-            object.__setattr__(self, "contact_residual", kept(self.contact_residual))
+            object.__setattr__(self, "contact_residual", read_only(self.contact_residual))
             if self.contact_residual.shape != (n,):
                 raise ValueError(
                     f"contact_residual has the shape {self.contact_residual.shape}; it must be "
@@ -203,7 +203,7 @@ class Trajectory:
             times: (m,) times [s], not decreasing, inside the run.
             side: ``right`` for the sample after an impact at its time, ``left`` for the one before.
         """
-        times = self._inside(floats(times))
+        times = self._clipped_times(floats(times))
         if times.ndim != 1 or not len(times) or np.any(np.diff(times) < 0):
             raise ValueError("times must be a list of one time or more, not decreasing")
         return self._interpolated(times, *interpolate.bracket(self.t, times, side))
@@ -218,7 +218,7 @@ class Trajectory:
             StateError: a time is outside of the run.
             ValueError: the end is not after the start.
         """
-        ends = self._inside(floats([start, end]))
+        ends = self._clipped_times(floats([start, end]))
         if not ends[0] < ends[1]:
             raise ValueError(f"found {start:g} s to {end:g} s; the end must be after the start")
         inner = np.arange(
@@ -235,11 +235,11 @@ class Trajectory:
         """The run at times (m,), from the results of :func:`interpolate.bracket` for them."""
         table = self.coordinates
         changes: dict[str, Any] = {}
-        places = {
+        spaces = {
             "D": (table.scalars_D, table.quaternions_D),
             "K": (table.scalars_K, table.quaternions_K),
         }
-        for kind, (scalars, quaternions) in places.items():
+        for kind, (scalars, quaternions) in spaces.items():
             q, v, acc = names = tuple(f"{part}_{kind}" for part in ("q", "v", "acc"))
             samples = getattr(self, q), getattr(self, v), getattr(self, acc)
             moved = interpolate.motion(self.t, samples, scalars, quaternions, left, right, s)
@@ -265,7 +265,7 @@ class Trajectory:
 
     def state(self, i: int) -> State:
         """The state of sample ``i``; a negative number counts from the end."""
-        holds = np.concatenate([self.taut.values[i], self.limit_force.values[i] > 0])
+        active = np.concatenate([self.taut.values[i], self.limit_force.values[i] > 0])
         slip = np.zeros(0) if self.slip is None else self.slip.values[i]
         return State(
             self.t[i],
@@ -273,7 +273,7 @@ class Trajectory:
             self.v_D[i],
             self.q_K[i],
             self.v_K[i],
-            holds,
+            active,
             slip,
             self.coordinates,
         )
@@ -365,7 +365,7 @@ class Trajectory:
         recorded.
         """
         h = np.diff(self.t, append=self.t[-1])
-        known = self.events_recorded
+        recorded = self.events_recorded
         strings = {}
         for name, values in self.tension.items():
             caught = [e.impulse for e in self.events if e.name == name and e.kind == "catch"]
@@ -373,8 +373,8 @@ class Trajectory:
                 "min": float(np.min(values)),
                 "max": float(np.max(values)),
                 "slack": float(np.sum(h[~self.taut.flags(name)])),
-                "catches": len(caught) if known else None,
-                "impulse": max(caught, default=0.0) if known else None,
+                "catches": len(caught) if recorded else None,
+                "impulse": max(caught, default=0.0) if recorded else None,
             }
             if self.undetermined is not None:
                 seconds = float(np.sum(h[self.undetermined.flags(name)]))
@@ -385,9 +385,9 @@ class Trajectory:
             "seconds": self.seconds,
             "samples": len(self.t),
             "status": self.status,
-            "events": dict(Counter(event.kind for event in self.events)) if known else None,
+            "events": dict(Counter(event.kind for event in self.events)) if recorded else None,
             "tension": strings,
-            "drives": drives if known else None,
+            "drives": drives if recorded else None,
             "ledger": {name: float(values[-1]) for name, values in self.ledger.items()},
         }
 
@@ -415,7 +415,7 @@ class Trajectory:
         )
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
-    def _inside(self, times: Times) -> Times:
+    def _clipped_times(self, times: Times) -> Times:
         first, last = self.t[0], self.t[-1]
         wrong = ~((times >= first - _MAX_TIME_OUTSIDE) & (times <= last + _MAX_TIME_OUTSIDE))
         if np.any(wrong):

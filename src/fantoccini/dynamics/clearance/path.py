@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, Places, Times, polynomial, rotation
+from fantoccini.base import Array, IndexPairs, Indices, Times, polynomial, rotation
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import Moves
 from fantoccini.model.tree import Role
@@ -31,8 +31,8 @@ class _Samples(NamedTuple):
     q: Array
     v: Array | None
     acc: Array | None
-    scalars: Places
-    quaternions: Places
+    scalars: IndexPairs
+    quaternions: IndexPairs
     n_v: int
 
 

@@ -28,7 +28,7 @@ def retract(marionette: CompiledPuppet, q_D: Array, move: Array) -> Array:
 
 def _layout(
     marionette: CompiledPuppet, driven: bool
-) -> tuple[tangent.Places, tangent.Places, int, int]:
+) -> tuple[tangent.IndexPairs, tangent.IndexPairs, int, int]:
     t = marionette.coordinates
     if driven:
         return t.scalars_K, t.quaternions_K, t.n_qK, t.n_vK

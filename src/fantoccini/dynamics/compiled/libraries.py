@@ -163,12 +163,12 @@ class Libraries:
         flags = (name, f"{more} more solids") if more else (name,)
         key = build.fingerprint(canonical, build.code_fingerprint(*SOURCE_MODULES), flags=flags)
 
-        def obtained(afresh: bool = False) -> Path:
+        def obtained(rebuild: bool = False) -> Path:
             files = partial(self.source_files, name)
-            folder = build.obtain(key, files, progress=self.progress, afresh=afresh)
+            folder = build.obtain(key, files, progress=self.progress, rebuild=rebuild)
             return folder / build.LIBRARY
 
         try:
             return load(obtained())
         except BuildError:
-            return load(obtained(afresh=True))
+            return load(obtained(rebuild=True))

@@ -37,7 +37,7 @@ from fantoccini.dynamics.steppers import (
     undetermined,
 )
 from fantoccini.kernel.contract import PARTS
-from fantoccini.kernel.runtime import Batch, RunOptions, default_threads, whole
+from fantoccini.kernel.runtime import Batch, RunOptions, checked_integer, default_threads
 from fantoccini.motion import (
     LEDGER,
     RESIDUAL,
@@ -148,7 +148,7 @@ def simulate_batch(
     check_starts(marionette, states, name, p)
     check_steps(marionette, name, states, p, options.dt)
     if threads is not None:
-        threads = whole("threads", threads, low=1)
+        threads = checked_integer("threads", threads, low=1)
     saved = _saved(marionette, save)
     written = _runtime_parts(saved)
     _check_memory(marionette, name, options, written, n, t, t_end, save_at, out or {})

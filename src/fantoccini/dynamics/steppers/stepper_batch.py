@@ -34,7 +34,7 @@ from fantoccini.dynamics.steppers.determinacy import ForceSamples, undetermined
 from fantoccini.dynamics.steppers.running_ledgers import LaneLedgers
 from fantoccini.dynamics.steppers.separate_runs import Engine, SeparateRuns
 from fantoccini.dynamics.steppers.stepper import Stepper
-from fantoccini.kernel.runtime import LaneRecord, LaneSteppers, default_threads, whole
+from fantoccini.kernel.runtime import LaneRecord, LaneSteppers, checked_integer, default_threads
 from fantoccini.motion import State, States
 
 T = TypeVar("T", bound=np.generic)
@@ -86,13 +86,15 @@ class StepperBatch:
         counts = {"states": len(states), "values of parameters": len(p)}
         if n is None:
             n = max(counts.values())
-        n = whole("n", n, low=1)
+        n = checked_integer("n", n, low=1)
         for quantity, count in counts.items():
             if count not in (1, n):
                 raise StateError(f"found {count} {quantity} for {n} runs; give one, or {n}")
         self.marionette, self.method, self._n = marionette, method_options.name, n
         options = marionette.run_options(**method_options.options)
-        threads = default_threads() if threads is None else whole("threads", threads, low=1)
+        threads = (
+            default_threads() if threads is None else checked_integer("threads", threads, low=1)
+        )
         self.t = np.zeros(n)
         self._record = record = LaneRecord(n, marionette.tree.sizes)
         self.p, self.tension, self.taut = record.p, record.tension, record.taut

@@ -72,7 +72,7 @@ def obtain(
     *,
     flags: Flags = default_flags,
     progress: OnProgress | None = None,
-    afresh: bool = False,
+    rebuild: bool = False,
 ) -> Path:
     """The folder with a key's library: ``model.so``, ``info.json`` and the sources.
 
@@ -81,7 +81,7 @@ def obtain(
         produce: derives the source; called at most once, and only if needed.
         flags: compiler flags beyond the standard ones, or a function that chooses them.
         progress: called with a few words on each stage.
-        afresh: compile even if the library exists, because it cannot be loaded.
+        rebuild: compile even if the library exists, because it cannot be loaded.
 
     Raises:
         BuildError: no compiler, a compiler that failed, or no writable folder.
@@ -97,7 +97,7 @@ def obtain(
 
     place = cache_folder()
     try:
-        return _obtain_in(place, key, derive_once, flags, tell, afresh)
+        return _obtain_in(place, key, derive_once, flags, tell, rebuild)
     except UnusableError as error:
         trouble = error
     try:
@@ -108,7 +108,7 @@ def obtain(
             RuntimeWarning,
             stacklevel=2,
         )
-        return _obtain_in(refuge, key, derive_once, flags, tell, afresh)
+        return _obtain_in(refuge, key, derive_once, flags, tell, rebuild)
     except UnusableError as error:
         raise BuildError(f"there is no place for the compiled puppet: {trouble}; {error}") from None
 
@@ -176,24 +176,24 @@ def _obtain_in(
     produce: Callable[[], Source],
     flags: Flags,
     tell: OnProgress,
-    afresh: bool,
+    rebuild: bool,
 ) -> Path:
     """:func:`obtain` in one cache folder; raises UnusableError if the folder cannot be used."""
     entry = root / key[:2] / key
     if trouble := distrust(root) or distrust(entry.parent):
         raise UnusableError(trouble)
-    if not afresh and _is_usable(entry):
+    if not rebuild and _is_usable(entry):
         return entry
     _make_group(root, entry.parent)
     with _lock(entry.parent / f"{key}.lock", root, tell) as waited:
         # Another process may have made it in the meantime.
-        if (waited or not afresh) and not distrust_entry(entry, READ) and is_whole(entry):
+        if (waited or not rebuild) and not distrust_entry(entry, READ) and is_whole(entry):
             return entry
         for folder in _leftovers(root, age=1.0):
             shutil.rmtree(folder, ignore_errors=True)
         source = produce()
         chosen = flags(source) if callable(flags) else flags
-        _make(root, entry, source, chosen, tell, replace=afresh and not waited)
+        _make(root, entry, source, chosen, tell, replace=rebuild and not waited)
     return entry
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from fantoccini.kernel.contract.function import (
+    CONFIGURATION,
     FORCE,
     PER_VELOCITY,
-    PLACE,
     ROWS,
     STATE,
     Function,
@@ -17,7 +17,7 @@ ANALYSIS: tuple[Function, ...] = (
     Function(
         "mass_matrix",
         "M of Eq. 8 and its blocks for the driven coordinates.",
-        PLACE,
+        CONFIGURATION,
         (
             Quantity("M", ("n_vD", "n_vD"), "", "symmetric, positive definite"),
             Quantity("M_DK", ("n_vD", "n_vK"), "", "not zero where a driven joint moves mass"),
@@ -48,7 +48,7 @@ ANALYSIS: tuple[Function, ...] = (
     Function(
         "gravity",
         "g(q) of Eq. 8: gradient of the potential energy.",
-        PLACE,
+        CONFIGURATION,
         (Quantity("g_D", ("n_vD",), FORCE, "gradient"),),
         exported=True,
     ),
@@ -62,21 +62,21 @@ ANALYSIS: tuple[Function, ...] = (
     Function(
         "constraint",
         "h (Eq. 9): a string is slack at h < 0 and taut at h = 0; limits likewise.",
-        PLACE,
+        CONFIGURATION,
         (ROWS,),
         exported=True,
     ),
     Function(
         "A_D",
         "A_D of Eq. 10: derivative of hdot by v_D.",
-        PLACE,
+        CONFIGURATION,
         (Quantity("A_D", ("n_rows", "n_vD"), PER_VELOCITY, "strings, then limits"),),
         exported=True,
     ),
     Function(
         "A_K",
         "A_K of Eq. 10: derivative of hdot by v_K.",
-        PLACE,
+        CONFIGURATION,
         (Quantity("A_K", ("n_rows", "n_vK"), PER_VELOCITY, "strings, then limits"),),
         exported=True,
     ),
@@ -109,7 +109,7 @@ ANALYSIS: tuple[Function, ...] = (
     Function(
         "potential",
         "Potential energy (Eq. 6, and springs).",
-        PLACE,
+        CONFIGURATION,
         (Quantity("V", (), "J", "potential energy"),),
     ),
     Function(

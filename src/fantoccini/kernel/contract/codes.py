@@ -89,15 +89,15 @@ class StepEdge(Code):
     STRAINED = 2, "a point sticks at the edge of its cone"
     REBOUND_BEGINS = (
         4,
-        "a point springs back if any faster, or is not the only one that touches first",
+        "a point would rebound if faster, or is not the only one that touches first",
     )
-    NOT_SMOOTH = 8, "the place of a point has no derivative"
-    SLIDES_ELSEWHERE = 16, "a point touches without force, and slides askew of those that push"
+    NOT_SMOOTH = 8, "the position of a point has no derivative"
+    SLIDES_ELSEWHERE = 16, "a point touches without force, and slides in another direction"
     LAW_CHANGED = (
         32,
         (
-            "bodies are wedged in, restitution is scaled down to add no energy, or points spring "
-            "back one after the other"
+            "bodies are wedged in, restitution is scaled down to add no energy, or points "
+            "rebound one after the other"
         ),
     )
     JAMS = 64, "friction jams: no forces keep the modes"

@@ -63,5 +63,5 @@ def arguments(names: str) -> tuple[Quantity, ...]:
 
 
 STATE = arguments("q_D v_D q_K v_K p")
-PLACE = arguments("q_D q_K p")
+CONFIGURATION = arguments("q_D q_K p")
 ROWS = Quantity("h", ("n_rows",), "m", "path length minus string length; limits as listed")

@@ -12,12 +12,12 @@ from collections.abc import Mapping
 from fantoccini.kernel.contract.analysis_functions import ANALYSIS
 from fantoccini.kernel.contract.function import (
     CLEARANCE,
+    CONFIGURATION,
     DERIVATIVES,
     FORCE,
     GRADIENTS,
     LANES,
     MODEL,
-    PLACE,
     REACH,
     ROLLOUTS,
     ROWS,
@@ -135,7 +135,12 @@ _DECLARED = (
         (MODEL, *_STEPPING),
     ),
     Function(
-        "rows", "h of strings and limits, for compiled code.", PLACE, (ROWS,), (MODEL,), mapped=True
+        "rows",
+        "h of strings and limits, for compiled code.",
+        CONFIGURATION,
+        (ROWS,),
+        (MODEL,),
+        mapped=True,
     ),
     Function(
         "energy",
@@ -176,7 +181,7 @@ _DECLARED = (
     Function(
         "poses",
         "World pose of every link (Eqs. 2, 3).",
-        PLACE,
+        CONFIGURATION,
         (Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),),
         (MODEL, CLEARANCE, ROLLOUTS),
         mapped=True,
@@ -185,7 +190,7 @@ _DECLARED = (
     Function(
         "points",
         "World positions of the points of every string's path.",
-        PLACE,
+        CONFIGURATION,
         (Quantity("points", (3, "n_points"), "m", "x, y, z"),),
         (MODEL, CLEARANCE, ROLLOUTS),
         mapped=True,
@@ -195,7 +200,7 @@ _DECLARED = (
         "screws",
         "Poses of all links, and the twist about the world's origin that a unit velocity gives all "
         "links beyond its joint.",
-        PLACE,
+        CONFIGURATION,
         (
             Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),
             Quantity("screw_D", (6, "n_vD"), "1 or m", "v_D's screws: linear, angular; world axes"),
@@ -225,7 +230,7 @@ _DECLARED = (
     Function(
         "motor_lags",
         "Lag of the watched drives behind their commands.",
-        PLACE,
+        CONFIGURATION,
         (
             Quantity("at", ("n_watched",), "rad or m", "position of the drive"),
             Quantity("command", ("n_watched",), "rad or m", "position of its command"),

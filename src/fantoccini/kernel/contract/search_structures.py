@@ -93,7 +93,7 @@ SEARCHES: tuple[Structure, ...] = (
             Field("speed", IN, "(n_vK,) largest speeds"),
             Field("low", IN, "(n_vK,) bounds of the values"),
             Field("high", IN, "(n_vK,)"),
-            Field("joint_places", INT, "(n_joints,) places in z"),
+            Field("joint_places", INT, "(n_joints,) indices in z"),
             Field("joint", IN, "(N, n_joints) values after the intervals"),
             Field("joint_low", IN, "(n_joints,)"),
             Field("joint_high", IN, "(n_joints,)"),
@@ -126,7 +126,7 @@ SEARCHES: tuple[Structure, ...] = (
             Field("rate", IN, "(n, n_vK) dq_K/dt over the steps"),
             Field("mean", IN, "(n, n_vK) dv_K/dt over the steps"),
             Field("q_D", OUT, "(n + 1, n_qD) the first is the start"),
-            Field("v_D", OUT, "(n + 1, n_vD) likewise"),
+            Field("v_D", OUT, "(n + 1, n_vD) the first is the start"),
             Field("acc_D", OUT, "(n, n_vD) mean accelerations over the steps"),
             Field("tension", OUT, "(n, n_rows)"),
             Field("ahead", OUT, "(n, 2) times by which acc_D and its change are extrapolated [s]"),
@@ -182,7 +182,7 @@ SEARCHES: tuple[Structure, ...] = (
                 "may_change", "const unsigned char*", "(n_rows,) rows that may be added or removed"
             ),
             Field(
-                "lengths", INT, "(n_rows,) place in v_K of a driven string's length; otherwise -1"
+                "lengths", INT, "(n_rows,) index in v_K of a driven string's length; otherwise -1"
             ),
             Field("moved", "const unsigned char*", "(n_vK + n_p,) unknowns of the search"),
             Field("low", IN, "(n_vK + n_p,) bounds of scalars"),
@@ -202,7 +202,7 @@ SEARCHES: tuple[Structure, ...] = (
             Field("out_tension", OUT, "(n, n_rows)"),
             Field("out_held", "unsigned char*", "(n, n_rows)"),
             Field(
-                "left", OUT, "(n, n_targets, 3) vectors from targets to actual places; 0 if free"
+                "left", OUT, "(n, n_targets, 3) vectors from targets to actual positions; 0 if free"
             ),
             Field(
                 "price",
@@ -215,11 +215,11 @@ SEARCHES: tuple[Structure, ...] = (
     ),
     Structure(
         "JointPlace",
-        "A link's joint, and the places of its coordinates.",
+        "A link's joint, and the indices of its coordinates.",
         (
             Field("parent", "int", "parent link, or -1 for the world"),
             Field("role", "int", "0: fixed; 1: in q_D; 2: in q_K"),
-            Field("q", "int", "place of its first coordinate"),
+            Field("q", "int", "index of its first coordinate"),
             Field("slides", "int", "number of translations, which come first"),
             Field("turns", "int", "numbers of its rotation: 1 for an angle, 4 for a quaternion"),
         ),
@@ -300,14 +300,14 @@ SEARCHES: tuple[Structure, ...] = (
         "SegmentArrays",
         "Results of every segment.",
         (
-            Field("q_D", OUT, "(n, segments, n_qD) at its end"),
+            Field("q_D", OUT, "(n, segments, n_qD) state at its end"),
             Field("v_D", OUT, "(n, segments, n_vD)"),
             Field("slip", OUT, "(n, segments, n_strings)"),
             Field("q_K", OUT, "(n, segments, n_qK)"),
             Field("v_K", OUT, "(n, segments, n_vK)"),
-            Field("distance", OUT, "(n, segments) to the goal there"),
-            Field("n_checks", "int*", "(n, segments) it lasted; 0 where there is none"),
-            Field("catches", "int*", "(n, segments) of strings and limits"),
+            Field("distance", OUT, "(n, segments) distance to the goal at its end"),
+            Field("n_checks", "int*", "(n, segments) number of checks; 0 without a segment"),
+            Field("catches", "int*", "(n, segments) catches of strings and limits"),
         ),
     ),
     Structure(

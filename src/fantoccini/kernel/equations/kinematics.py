@@ -19,7 +19,7 @@ from fantoccini.kernel.equations.algebra import cross, scaled, symbolic, zeros
 from fantoccini.kernel.equations.inertia import Value
 from fantoccini.model.tree import WORLD, Link, Tree, joint_transform
 
-Places = tuple[tuple[int, int], ...]
+IndexPairs = tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def turning(w: np.ndarray, alpha: np.ndarray) -> np.ndarray:
     )
 
 
-def configuration_rate(q: ca.SX, v: ca.SX, quaternions: Places, scalars: Places) -> ca.SX:
+def configuration_rate(q: ca.SX, v: ca.SX, quaternions: IndexPairs, scalars: IndexPairs) -> ca.SX:
     """qdot = N(q) v: v for scalars, 1/2 q (0, w) for quaternions.
 
     Args:

@@ -18,7 +18,7 @@ from fantoccini.kernel.runtime.contact_decoding import contact_points
 from fantoccini.kernel.runtime.contacts import Contacts
 from fantoccini.kernel.runtime.flow_derivatives import DerivativeLibrary, FlowChanges
 from fantoccini.kernel.runtime.frozen_flow import FrozenFlow
-from fantoccini.kernel.runtime.functions import AnyArray, Functions, Loaded, whole
+from fantoccini.kernel.runtime.functions import AnyArray, Functions, Loaded, checked_integer
 from fantoccini.kernel.runtime.gradients import GradientLibrary, GradientRun
 from fantoccini.kernel.runtime.hulls import Hull, mesh_hulls
 from fantoccini.kernel.runtime.inputs import HeldInput
@@ -90,6 +90,7 @@ __all__ = [
     "StagePrograms",
     "StepDerivatives",
     "StepTouches",
+    "checked_integer",
     "contact_points",
     "default_threads",
     "empty",
@@ -102,5 +103,4 @@ __all__ = [
     "solids",
     "stacked",
     "step_touches",
-    "whole",
 ]

@@ -55,7 +55,7 @@ class Loaded:
         if wrong:
             raise BuildError(
                 f"the compiled puppet {path} is not this one's: {', '.join(wrong)}; delete the "
-                "file to have it made again"
+                "file, so that it is compiled again"
             )
 
 
@@ -82,7 +82,7 @@ class Functions(Loaded):
         flat_arguments = signature.in_order(arguments)
         lead = flat_arguments[0].shape[:-1]
         if any(a.shape[:-1] != lead for a in flat_arguments):
-            lead = signature.lead(flat_arguments)
+            lead = signature.leading_axes(flat_arguments)
             flat_arguments = [
                 a
                 if a.ndim == 1 or a.shape[:-1] == lead
@@ -104,7 +104,7 @@ class Functions(Loaded):
         )
         if status != 0:
             raise BuildError(f"the generated function {name} returned {status}")
-        return signature.named(block, n, lead)
+        return signature.by_name(block, n, lead)
 
     def at(self, name: str, values: Mapping[str, Array | float]) -> dict[str, Array]:
         """The results of a function by name, (..., *shape).
@@ -144,11 +144,11 @@ class _Signature:
             wanted = ", ".join(f"{q.name} {q.shape}" for q in self.arguments)
             passed = ", ".join(f"{key} {np.shape(a)}" for key, a in arguments.items())
             raise StateError(
-                f"{self.name} takes {wanted}, optionally with leading axes; found {passed}"
+                f"{self.name} needs {wanted}, optionally with leading axes; found {passed}"
             )
         return flat_arguments
 
-    def lead(self, flat_arguments: list[Array]) -> tuple[int, ...]:
+    def leading_axes(self, flat_arguments: list[Array]) -> tuple[int, ...]:
         """Common leading axes of flat arguments."""
         leads = [array.shape[:-1] for array in flat_arguments]
         try:
@@ -157,10 +157,10 @@ class _Signature:
             pairs = zip(self.arguments, leads, strict=True)
             text = ", ".join(f"{q.name} {lead}" for q, lead in pairs if lead)
             raise StateError(
-                f"{self.name}: leading axes do not go together; found {text}"
+                f"{self.name}: leading axes cannot be broadcast together; found {text}"
             ) from None
 
-    def named(self, block: Array, n: int, lead: tuple[int, ...]) -> SimpleNamespace:
+    def by_name(self, block: Array, n: int, lead: tuple[int, ...]) -> SimpleNamespace:
         """The results by name."""
         results = SimpleNamespace()
         for q, start, end in zip(self.results, self.ends, self.ends[1:], strict=False):
@@ -204,7 +204,7 @@ def pointer(array: AnyArray) -> ctypes.c_void_p:
     return ctypes.c_void_p(_address(array))
 
 
-def whole(
+def checked_integer(
     name: str,
     value: Any,
     kind: type[ctypes.c_int] | type[ctypes.c_longlong] = ctypes.c_int,

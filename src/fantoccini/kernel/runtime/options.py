@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fantoccini.base import check_positive
 from fantoccini.kernel.runtime.contacts import Contacts
-from fantoccini.kernel.runtime.functions import whole
+from fantoccini.kernel.runtime.functions import checked_integer
 from fantoccini.kernel.runtime.packing import packed
 from fantoccini.kernel.runtime.structures import structures
 
@@ -61,7 +61,7 @@ class RunOptions:
             ("max_steps", ctypes.c_longlong),
             ("max_events", ctypes.c_longlong),
         ):
-            object.__setattr__(self, name, whole(name, getattr(self, name), kind, low=1))
+            object.__setattr__(self, name, checked_integer(name, getattr(self, name), kind, low=1))
         if self.max_memory is not None and not self.max_memory > 0:
             raise ValueError(f"max_memory is {self.max_memory}; it must be positive [bytes]")
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fantoccini.kernel.contract import STRUCTURES
-from fantoccini.kernel.runtime.functions import whole
+from fantoccini.kernel.runtime.functions import checked_integer
 
 UNLIMITED = 1e300
 """A bound that never binds, for compiled code."""
@@ -35,7 +35,7 @@ class Numbers(ctypes.Structure):
     def __setattr__(self, name: str, value: Any) -> None:
         kind = self._integers.get(name)
         if kind is not None and (value.__class__ is not int or not 0 <= value <= _FITS_ALL):
-            value = whole(name, value, kind)
+            value = checked_integer(name, value, kind)
         _set(self, name, value)
 
 

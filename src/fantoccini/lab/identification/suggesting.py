@@ -26,7 +26,7 @@ from fantoccini.base import (
     write_table,
 )
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.kernel.runtime import whole
+from fantoccini.kernel.runtime import checked_integer
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.estimating import DRIFT, NoiseLevels, fit_of, one_blas_thread
 from fantoccini.lab.identification.fit import continuous_point
@@ -127,7 +127,7 @@ def suggest_motion(
         StateError: no candidate can be done.
     """
     check_positive(duration=duration, rate=rate, reach=reach, segment=segment, dt=dt)
-    draws = whole("draws", draws, low=1)
+    draws = checked_integer("draws", draws, low=1)
     if candidates is None:
         candidates = _random_motions(
             record.marionette, record, duration, reach, ranges or {}, draws, seed

@@ -38,8 +38,8 @@ def read_stl(content: bytes) -> list[Part]:
     text = decoded(content)
     loops = len(_LOOP.findall(text))
     if not loops and b"\0" in content:
-        have = max(len(content) - _HEADER_BYTES, 0) // _TRIANGLE.itemsize
-        raise ValueError(f"its header counts {count} triangles; the file has room for {have}")
+        capacity = max(len(content) - _HEADER_BYTES, 0) // _TRIANGLE.itemsize
+        raise ValueError(f"its header counts {count} triangles; the file has room for {capacity}")
     Count().add(loops)
     facets = _FACET.findall(text)
     if len(facets) < loops:
@@ -83,14 +83,14 @@ def read_ply(content: bytes) -> list[Part]:
         if isinstance(mesh, trimesh.Trimesh):
             count.add(len(mesh.faces))
             vertices, faces = np.array(mesh.vertices, dtype=float), np.array(mesh.faces)
-            parts.append(Part(vertices, faces, *_look(mesh)))
+            parts.append(Part(vertices, faces, *_colours(mesh)))
     return parts
 
 
-def _look(mesh: Any) -> tuple[Array | None, frozenset[str]]:
-    """sRGB of faces from face or vertex colours, and properties that are not kept."""
-    look = mesh.visual
-    if look.kind not in ("face", "vertex"):
+def _colours(mesh: Any) -> tuple[Array | None, frozenset[str]]:
+    """sRGB of faces from face or vertex colours, and the names of lost properties."""
+    visual = mesh.visual
+    if visual.kind not in ("face", "vertex"):
         return None, frozenset()
-    colours = np.array(look.face_colors, dtype=float)
+    colours = np.array(visual.face_colors, dtype=float)
     return colours[:, :3] / 255.0, lost(False, bool(np.any(colours[:, 3] < 255)))

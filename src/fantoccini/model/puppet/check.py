@@ -56,18 +56,18 @@ def twins(
         data: its plain data.
         valid_parts: makes a puppet of the valid parts of plain data.
     """
-    out, mistakes = reflected(data)
+    whole_data, mistakes = reflected(data)
     if puppet.mirror is None:
         return mistakes
     token = puppet.mirror.from_
-    # Shapes are left out: their twins are as valid as they are, and reading meshes is slow.
-    bodies = [{k: v for k, v in body.items() if k != "shapes"} for body in out["bodies"]]
-    whole = valid_parts(out | {"bodies": bodies, "obstacles": []})
-    for path, text in findings(whole, out):
+    # Shapes are left out: those of twins are as valid, and reading meshes is slow.
+    bodies = [{k: v for k, v in body.items() if k != "shapes"} for body in whole_data["bodies"]]
+    whole = valid_parts(whole_data | {"bodies": bodies, "obstacles": []})
+    for path, text in findings(whole, whole_data):
         section = data.get(str(path[0]), ())
         if path[0] in _MIRRORED and isinstance(path[1], int) and path[1] >= len(section):
             originals = [i for i, item in enumerate(section) if token in item["name"]]
-            twin = out[path[0]][path[1]]["name"]
+            twin = whole_data[path[0]][path[1]]["name"]
             path = (path[0], originals[path[1] - len(section)], *path[2:])
             text = f"in its mirrored twin {twin}: {text}"
         mistakes.append((path, text))
@@ -81,10 +81,10 @@ def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Fin
         bodies: bodies of a puppet without other mistakes.
         mirror: mirror of the puppet, or None. Mass carried by a twin counts for the original.
     """
-    place = {body.name: i for i, body in enumerate(bodies)}
+    index_of = {body.name: i for i, body in enumerate(bodies)}
     if mirror is not None:
-        twins = {twin_name(n, mirror.from_, mirror.to): i for n, i in place.items()}
-        place = twins | place
+        twins = {twin_name(n, mirror.from_, mirror.to): i for n, i in index_of.items()}
+        index_of = twins | index_of
     carries_mass = [False] * len(bodies)
     for i, body in enumerate(bodies):
         if body.mass is None:
@@ -97,7 +97,7 @@ def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Fin
             parent = bodies[i].parent
             if parent == "world":
                 break
-            i = place[parent]
+            i = index_of[parent]
     moving = [
         i
         for i, body in enumerate(bodies)
@@ -171,11 +171,11 @@ def _check_parents(parts: Parts) -> None:
         elif isinstance(name, str) and parts.bodies[name] == i:
             parent_of[name] = parent
             parent_of.setdefault(parts.twin(name), parts.twin(parent))
-    done: set[str] = set()
+    visited: set[str] = set()
     for start in parent_of:
         ancestors: dict[str, None] = {}
         name = start
-        while name in parent_of and name not in done and name not in ancestors:
+        while name in parent_of and name not in visited and name not in ancestors:
             ancestors[name] = None
             name = parent_of[name]
         if name in ancestors:
@@ -185,7 +185,7 @@ def _check_parents(parts: Parts) -> None:
             firsts = [n for n in ring if n in parts.bodies]
             if firsts:
                 parts.add_mistake(("bodies", parts.bodies[firsts[0]], "parent"), text)
-        done.update(ancestors)
+        visited.update(ancestors)
 
 
 def _check_count(parts: Parts) -> None:
@@ -227,9 +227,9 @@ def _check_parameters(parts: Parts, data: dict[str, Any]) -> None:
     first: dict[str, tuple[Path, float]] = {}
     for path, parameter in parameters(data):
         name, value = parameter["parameter"], parameter["value"]
-        place, first_value = first.setdefault(name, (path, value))
+        first_path, first_value = first.setdefault(name, (path, value))
         if "." in name and name.partition(".")[0] not in parts.puppet.members:
             parts.add_mistake((*path, "parameter"), name_mistake(name))
         if value != first_value:
             text = f"the parameter {shown(name)} is {value:g} here but {first_value:g} in"
-            parts.add_mistake(path, f"{text} {key_path(place)}; one name has one value")
+            parts.add_mistake(path, f"{text} {key_path(first_path)}; one name has one value")

@@ -26,14 +26,14 @@ _QUATERNION = ("qw", "qx", "qy", "qz")
 def check_pose(parts: Parts) -> None:
     """Checks that start values have names of coordinates, and the right kind of value."""
     kinds, unclear = _coordinates(parts)
-    own = {s.name for s in parts.puppet.strings if isinstance(s.name, str)}
-    strings = own | {parts.twin(name) for name in own}
+    string_names = {s.name for s in parts.puppet.strings if isinstance(s.name, str)}
+    strings = string_names | {parts.twin(name) for name in string_names}
     names = set(kinds)
     for key, value in parts.pose.items():
         owner, suffix = parts.split_coordinate(key)
         path = ("pose", key)
         if key in kinds:
-            _pose_value(parts, path, kinds[key], value)
+            _check_value(parts, path, kinds[key], value)
         elif owner in unclear:
             continue
         elif suffix in _QUATERNION and f"{owner}.rotation" in kinds:
@@ -52,12 +52,12 @@ def check_pose(parts: Parts) -> None:
 
 def check_drives(parts: Parts) -> None:
     """Checks that drives suit their coordinates, which are driven and have one drive each."""
-    units = _driven(parts)
+    units = _driven_units(parts)
     _, unclear = _coordinates(parts)
-    taken: dict[str, str] = {}
+    drive_of: dict[str, str] = {}
     known = set(units)
     for i, drive in enumerate(parts.puppet.drives):
-        own: list[tuple[str, Path]] = []
+        driven: list[tuple[str, Path]] = []
         for k, name in enumerate(drive.on):
             path: Path = ("drives", i, "on", k)
             if not isinstance(name, str) or parts.split_coordinate(name)[0] in unclear:
@@ -65,22 +65,22 @@ def check_drives(parts: Parts) -> None:
             if name not in units:
                 hint = _hint(parts, name, known)
                 parts.add_mistake(path, f"no driven coordinate is called {shown(name)}{hint}")
-            elif name in taken:
-                parts.add_mistake(path, f"{name} has a drive already, {taken[name]}")
+            elif name in drive_of:
+                parts.add_mistake(path, f"{name} has a drive already, {drive_of[name]}")
             else:
-                taken[name] = f"drives[{i}]"
-                own.append((name, path))
+                drive_of[name] = f"drives[{i}]"
+                driven.append((name, path))
                 misfits = drive_misfits(drive, name, units[name])
                 parts.mistakes += [(("drives", i, *at), text) for at, text in misfits]
-        for name, path in own:
+        for name, path in driven:
             owner, _ = parts.split_coordinate(name)
             twin = parts.twin(owner) + name[len(owner) :]
             if twin in drive.on:
                 continue
-            if twin in taken:
-                text = f"{twin}, the twin of {name}, has a drive already, {taken[twin]}"
+            if twin in drive_of:
+                text = f"{twin}, the twin of {name}, has a drive already, {drive_of[twin]}"
                 parts.add_mistake(path, text)
-            taken[twin] = f"drives[{i}] of its twin {name}"
+            drive_of[twin] = f"drives[{i}] of its twin {name}"
 
 
 def _hint(parts: Parts, key: str, names: set[str]) -> str:
@@ -129,7 +129,8 @@ def _coordinates(parts: Parts) -> tuple[dict[str, str], set[str]]:
     return kinds, unclear
 
 
-def _pose_value(parts: Parts, path: Path, kind: str, value: Any) -> None:
+def _check_value(parts: Parts, path: Path, kind: str, value: Any) -> None:
+    """Checks a start value of a coordinate of this kind."""
     is_list = isinstance(value, list)
     if is_list != (kind == "rotation"):
         needed = "a rotation vector or a quaternion w, x, y, z" if not is_list else "a number"
@@ -140,7 +141,7 @@ def _pose_value(parts: Parts, path: Path, kind: str, value: Any) -> None:
         parts.add_mistake(path, f"found {shown(value)}; needed: a positive length")
 
 
-def _driven(parts: Parts) -> dict[str, str]:
+def _driven_units(parts: Parts) -> dict[str, str]:
     """Driven coordinate -> ``m``, ``rad`` or ``rotation``."""
     units: dict[str, str] = {}
     for name, joint, suffixes in _joints(parts):

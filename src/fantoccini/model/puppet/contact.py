@@ -20,7 +20,7 @@ class ContactPair(Model):
     """Contact rule for two parts, which overrides the general rules."""
 
     between: Annotated[tuple[str, str], entries(2, 2)]
-    """Their names: a body, a prop, a puppet of a scene, an obstacle, or `floor`."""
+    """Names of the two parts: a body, a prop, a puppet of a scene, an obstacle, or `floor`."""
     friction: NotNegative | None = None
     """Coefficient of friction of this pair."""
     restitution: RealShare | None = None
@@ -29,7 +29,7 @@ class ContactPair(Model):
     """False if they pass through one another."""
 
     @model_validator(mode="after")
-    def _says_something(self) -> ContactPair:
+    def _changes_something(self) -> ContactPair:
         if self.meet and self.friction is None and self.restitution is None:
             raise mistake("this pair changes nothing; give friction, restitution or meet: false")
         return self
@@ -48,11 +48,11 @@ class Contact(Model):
     """Pairs with their own rules, which override `meets`; later pairs override earlier ones."""
 
 
-def _form(value: Any) -> str:
+def _rule_kind(value: Any) -> str:
     return "<flag>" if isinstance(value, bool) else "<rules>"
 
 
 ContactRule = Annotated[
-    Annotated[bool, Tag("<flag>")] | Annotated[Contact, Tag("<rules>")], Discriminator(_form)
+    Annotated[bool, Tag("<flag>")] | Annotated[Contact, Tag("<rules>")], Discriminator(_rule_kind)
 ]
 """``true`` is a :class:`Contact` with default rules; ``false`` is no contact."""

@@ -46,14 +46,15 @@ class Drag(Model):
     """Air drag: -(linear + quadratic |v|) v on the centre of mass, torque -angular w."""
 
     linear: Damping = 0.0
-    """[N s/m]."""
+    """Coefficient of v [N s/m]."""
     quadratic: Damping = 0.0
-    """[N s^2/m^2]."""
+    """Coefficient of |v| v [N s^2/m^2]."""
     angular: Damping = 0.0
-    """[N m s]."""
+    """Coefficient of the angular velocity w [N m s]."""
 
 
-def _possible(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
+def _check_inertia(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
+    """The inertia itself, if a solid can have it."""
     ixx, iyy, izz, ixy, ixz, iyz = (*(value_of(n) for n in inertia), 0.0, 0.0, 0.0)[:6]
     a, b, c = np.linalg.eigvalsh([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     slack = 1e-9 * abs(c)  # far above rounding
@@ -67,7 +68,7 @@ def _possible(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
     return inertia
 
 
-SolidInertia = Annotated[tuple[Inertia, ...], sized(3, 6), AfterValidator(_possible)]
+SolidInertia = Annotated[tuple[Inertia, ...], sized(3, 6), AfterValidator(_check_inertia)]
 """ixx, iyy, izz and perhaps ixy, ixz, iyz of a solid [kg m^2]."""
 
 
@@ -98,9 +99,9 @@ class Attachment(Model):
     body: str | None = None
     """Name of the body the point is fixed on."""
     at: Point = (0.0, 0.0, 0.0)
-    """Place in the body frame; for a driven end its place at the start, on its parent [m]."""
+    """Position in the body frame; for a driven end its start position, on its parent [m]."""
     world: Point | None = None
-    """Place in the world [m]."""
+    """Position in the world [m]."""
     driven: Axes | None = None
     """Axes along which the string's end is moved by hand or motor."""
     parent: str = "world"
@@ -146,11 +147,11 @@ class String(Model):
     path: Annotated[tuple[Attachment, ...], entries(2)]
     """The points it runs through, from end to end."""
     length: Length
-    """L [m], or `driven` if it is wound in and out."""
+    """Length L [m], or `driven` if it is wound in and out."""
     wire: bool = Field(default=False, strict=True)
     """True for a rod that also pushes (a two-sided constraint)."""
     restitution: Share = 0.0
-    """Part of the speed that a catch gives back: 0 (none) to 1."""
+    """Coefficient of restitution of catches: 0 (none) to 1."""
     max_tension: PositiveForce | None = None
     """Tension at which its winch slips and lets string out [N]."""
     rewind_speed: Speed | None = None
@@ -185,7 +186,7 @@ class Spring(Model):
     between: Annotated[tuple[Attachment, ...], entries(2, 2)]
     """Its two ends."""
     stiffness: Stiffness
-    """k [N/m]."""
+    """Stiffness k [N/m]."""
     rest: RestLength
     """Distance d at which it is relaxed [m]."""
     damping: Damping = 0.0

@@ -80,18 +80,18 @@ class Bounded:
         quantity, value = QUANTITIES[self.kind], value_of(number)
         low, high = quantity.min_size, quantity.max_size
         size = abs(value)
-        instead = min(max(size, low), high) or high
+        replacement = min(max(size, low), high) or high
         if self.sign == "positive" and value <= 0:
-            raise mistake(f"found {value:g}; needed: a positive number", instead)
+            raise mistake(f"found {value:g}; needed: a positive number", replacement)
         if self.sign == "not negative" and value < 0:
-            raise mistake(f"found {value:g}; needed: zero or a positive number", instead)
+            raise mistake(f"found {value:g}; needed: zero or a positive number", replacement)
         if size > high or 0 < size < low:
             text = f"{low:g} to {high:g}"
             if low and self.sign != "positive":
                 text = f"0, or {text}"
             if self.sign == "any":
                 text += " in size"
-            raise mistake(f"found {value:g}; allowed: {text} {quantity.unit}".rstrip(), instead)
+            raise mistake(f"found {value:g}; allowed: {text} {quantity.unit}".rstrip(), replacement)
         return number
 
     def __get_pydantic_core_schema__(
@@ -111,8 +111,10 @@ def _with_range(schema: dict[str, Any], low: float, high: float) -> dict[str, An
     """A JSON schema with a range added to its numbers, also in alternatives."""
     if schema.get("type") == "number":
         return schema | {"minimum": low, "maximum": high}
-    ways = {key: schema[key] for key in ("anyOf", "oneOf") if key in schema}
-    return schema | {key: [_with_range(s, low, high) for s in way] for key, way in ways.items()}
+    alternatives = {key: schema[key] for key in ("anyOf", "oneOf") if key in schema}
+    return schema | {
+        key: [_with_range(s, low, high) for s in options] for key, options in alternatives.items()
+    }
 
 
 Place = Annotated[Real, Bounded("place")]

@@ -1,4 +1,4 @@
-"""Links of joints, and the places of their coordinates in q_D, v_D, q_K, v_K.
+"""Links of joints, and the indices of their coordinates in q_D, v_D, q_K, v_K.
 
 A driven joint that a drive moves is dynamic, and its command is driven. If drives move only some
 coordinates of a joint, the joint is split: the part without drives carries the part with drives.
@@ -38,7 +38,7 @@ def suffixes(kind: str, axes: tuple[str, ...] = ()) -> tuple[tuple[str, ...], tu
 
 
 class Table:
-    """Assigns places in q_D, v_D, q_K, v_K while the tree is built."""
+    """Assigns indices in q_D, v_D, q_K, v_K while the tree is built."""
 
     def __init__(self) -> None:
         self.rows: list[Coordinate] = []
@@ -62,7 +62,7 @@ class Table:
         v: tuple[str, ...],
         start: list[float],
     ) -> tuple[slice, slice]:
-        """Adds coordinates of one role, and returns their places in q and v.
+        """Adds coordinates of one role, and returns their indices in q and v.
 
         Args:
             owner: prefix of their names.
@@ -84,10 +84,10 @@ class Table:
         n_scalar = q.index(".qw") if ".qw" in q else len(q)
         self.scalars[role].extend((q0 + k, v0 + k) for k in range(n_scalar))
         if n_scalar < len(q):
-            place = (q0 + n_scalar, v0 + n_scalar)
-            self.quaternions[role].append(place)
+            pair = (q0 + n_scalar, v0 + n_scalar)
+            self.quaternions[role].append(pair)
             if role is Role.DRIVEN:
-                self.rotations[owner + ".rotation"] = place
+                self.rotations[owner + ".rotation"] = pair
         return slice(q0, q0 + len(q)), slice(v0, v0 + len(v))
 
     def finish(self) -> CoordinateTable:
@@ -117,7 +117,7 @@ class Joints:
     """The links and drives of all joints.
 
     Attributes:
-        table: table that assigns places.
+        table: table that assigns indices.
         links: links, parents before children.
         drives: rows of the drives.
         motors: coordinate -> drive that moves it.
@@ -179,7 +179,7 @@ class Joints:
         return parent
 
     def length(self, string: str, start: float) -> tuple[Role, tuple[int, int]]:
-        """Adds a string's driven length; returns its role and its places in q and v.
+        """Adds a string's driven length; returns its role and its indices in q and v.
 
         A length with a drive is the coordinate of an extra link, the winch.
         """
@@ -195,7 +195,7 @@ class Joints:
         return role, (q.start, v.start)
 
     def add(self, link: Link, kind: str, axes: tuple[str, ...], start: dict[str, float]) -> int:
-        """Adds a link with the places of its coordinates, and the rows of their drives.
+        """Adds a link with the indices of its coordinates, and the rows of their drives.
 
         Args:
             link: link without q and v.
@@ -215,7 +215,7 @@ class Joints:
             self.table.carried[link.joint] = None
         for name, own_q, own_v in _driveable(names):
             n_q, n_v = len(own_q), len(own_v)
-            places = slice(at_q, at_q + n_q), slice(at_v, at_v + n_v)
+            slices = slice(at_q, at_q + n_q), slice(at_v, at_v + n_v)
             at_q, at_v = at_q + n_q, at_v + n_v
             drive = self.motors.get(link.joint + name) if link.role is Role.DYNAMIC else None
             if drive is None:
@@ -229,7 +229,7 @@ class Joints:
                 self.table.commands[link.joint + name] = command_name
                 if kind in ("revolute", "prismatic"):
                     self.table.axes[command_name] = axis
-            row = DriveRow(link.joint + name, index, *places, command_name, command, drive)
+            row = DriveRow(link.joint + name, index, *slices, command_name, command, drive)
             self.drives.append(row)
         return index
 

@@ -1,4 +1,4 @@
-"""Poses of links and places of points, by numerical forward kinematics."""
+"""Poses of links and positions of points, by numerical forward kinematics."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def link_poses(
 
 
 def place(poses: np.ndarray, point: Point, number: Value) -> np.ndarray:
-    """(T, 3) place of a point [m], from (T, n_links, 3, 4) poses of the links."""
+    """(T, 3) position of a point [m], from (T, n_links, 3, 4) poses of the links."""
     at = _numbers(point.at, number)
     if point.link == WORLD:
         return np.tile(at, (len(poses), 1))

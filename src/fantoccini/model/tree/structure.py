@@ -53,7 +53,7 @@ class Link:
         rotation: (3, 3) orientation of the joint frame in the parent.
         offset: origin of the joint frame in the parent [m].
         role: role of the joint's coordinates.
-        q, v: places of the joint's coordinates in (q_D, v_D) or (q_K, v_K), by role.
+        q, v: indices of the joint's coordinates in (q_D, v_D) or (q_K, v_K), by role.
         damping: damping of every velocity of the joint [N s/m or N m s/rad].
         armature: rotor inertia of every velocity of the joint [kg or kg m^2].
         stiffness, rest: joint spring [N/m or N m/rad], [m or rad].
@@ -92,7 +92,7 @@ class Point:
 
     Attributes:
         link: index of the link, ``WORLD`` for the world.
-        at: place in the link's frame [m].
+        at: position in the link's frame [m].
     """
 
     link: int
@@ -110,12 +110,12 @@ class Lengthed:
 
     @property
     def driven_length(self) -> tuple[int, int] | None:
-        """Place of the length in (q_K, v_K); None if it is not driven."""
+        """Indices of the length in (q_K, v_K); None if it is not driven."""
         return self.length_index if self.length_role is Role.DRIVEN else None
 
     @property
     def wound_length(self) -> tuple[int, int] | None:
-        """Place of the length in (q_D, v_D); None if no drive moves it."""
+        """Indices of the length in (q_D, v_D); None if no drive moves it."""
         return self.length_index if self.length_role is Role.DYNAMIC else None
 
     def just_reaches(self, span: float, q_D: np.ndarray, q_K: np.ndarray) -> None:
@@ -147,7 +147,7 @@ class StringRow(Lengthed):
         name: name of the string.
         points: two or more points that the string runs through.
         length: L [m]; None if it is driven.
-        length_index: place of the length in (q_K, v_K), or in (q_D, v_D) if a drive moves it;
+        length_index: indices of the length in (q_K, v_K), or in (q_D, v_D) if a drive moves it;
             None if it is a number.
         wire: True for a two-sided constraint (Sec. III-B).
         colour: "#rrggbb" or None.
@@ -187,9 +187,9 @@ class DriveRow:
     Attributes:
         name: name of the coordinate: ``hand.length``, ``bar.rotation``.
         link: index of the link whose joint has the coordinate.
-        q, v: places of the coordinate in q_D and v_D.
+        q, v: indices of the coordinate in q_D and v_D.
         command_name: name of the command, ``hand.command.length``; empty without a command.
-        command: place of the command in (q_K, v_K); None without a command.
+        command: indices of the command in (q_K, v_K); None without a command.
         drive: drive of the puppet's file.
     """
 
@@ -237,7 +237,7 @@ class ChainRow(Lengthed):
         stiffness: EA [N].
         damping: force per unit of strain rate [N s].
         length: relaxed length L [m]; None if it is driven.
-        length_index: place of the length, as in :class:`StringRow`.
+        length_index: indices of the length, as in :class:`StringRow`.
         colour: "#rrggbb" or None.
         length_role: role of a length that is a coordinate.
     """
@@ -346,15 +346,15 @@ class Tree:
 
     @cached_property
     def limit_entries(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The limits' entries of A_D: limits, axes of their joints, and places in v_D."""
-        places = [self.links[limit.link].v for limit in self.limits]
-        rows = [(i, k - v.start, k) for i, v in enumerate(places) for k in range(v.start, v.stop)]
+        """The limits' entries of A_D: limits, axes of their joints, and indices in v_D."""
+        slices = [self.links[limit.link].v for limit in self.limits]
+        rows = [(i, k - v.start, k) for i, v in enumerate(slices) for k in range(v.start, v.stop)]
         limit, axis, velocity = np.array(rows, dtype=np.intp).reshape(-1, 3).T
         return limit, axis, velocity
 
     @property
     def motor_places(self) -> list[int]:
-        """Places in v_D of the coordinates with drives, in the order of the drives."""
+        """Indices in v_D of the coordinates with drives, in the order of the drives."""
         return [k for row in self.drives for k in range(row.v.start, row.v.stop)]
 
     @property
@@ -368,7 +368,7 @@ class Tree:
         return (*self.row_names, *(row.name for row in self.watched))
 
     def lead(self, link: int) -> tuple[slice, slice] | None:
-        """Places in (q_K, v_K) of a driven joint's coordinates, or of its drives' commands.
+        """Indices in (q_K, v_K) of a driven joint's coordinates, or of its drives' commands.
 
         None for a winch, and for a joint with a coordinate that is neither driven nor commanded.
         """
@@ -384,7 +384,7 @@ class Tree:
         return slice(q, q + last.q.stop - first.q.start), slice(v, v + last.v.stop - first.v.start)
 
     def length_lead(self, string: Lengthed) -> tuple[int, int] | None:
-        """Place in (q_K, v_K) of a driven length, or of the command of its drive."""
+        """Indices in (q_K, v_K) of a driven length, or of the command of its drive."""
         if string.wound_length is None:
             return string.driven_length
         rows = [row for row in self.drives if row.name == f"{string.name}.length"]

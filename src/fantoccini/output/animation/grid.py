@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fantoccini.base import Array, Places, Times, rotation
+from fantoccini.base import Array, IndexPairs, Times, rotation
 from fantoccini.motion import Trajectory
 
 RATE = 480.0
@@ -78,7 +78,7 @@ def _rough_times(run: Trajectory, max_step: float) -> Times:
 
 
 def _changes(
-    q: Array, scalars: Places, quaternions: Places
+    q: Array, scalars: IndexPairs, quaternions: IndexPairs
 ) -> Iterator[tuple[Array, list[int] | slice]]:
     """Changes of coordinates from sample to sample, each with the index of its rates."""
     if scalars:

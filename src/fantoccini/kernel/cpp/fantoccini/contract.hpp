@@ -131,12 +131,11 @@ enum class ReachEnd : int {
 enum StepEdge : int {
   WITHOUT_FORCE = 1,  // a point touches without force
   STRAINED = 2,  // a point sticks at the edge of its cone
-  // a point springs back if any faster, or is not the only one that touches first
-  REBOUND_BEGINS = 4,
-  NOT_SMOOTH = 8,  // the place of a point has no derivative
-  SLIDES_ELSEWHERE = 16,  // a point touches without force, and slides askew of those that push
-  // bodies are wedged in, restitution is scaled down to add no energy, or points spring back
-  // one after the other
+  REBOUND_BEGINS = 4,  // a point would rebound if faster, or is not the only one that touches first
+  NOT_SMOOTH = 8,  // the position of a point has no derivative
+  SLIDES_ELSEWHERE = 16,  // a point touches without force, and slides in another direction
+  // bodies are wedged in, restitution is scaled down to add no energy, or points rebound one
+  // after the other
   LAW_CHANGED = 32,
   JAMS = 64,  // friction jams: no forces keep the modes
   OPEN_SHARES = 128,  // solids slide on so many points that their forces are not unique
@@ -505,7 +504,7 @@ struct StageClampArrays {
   const double* speed;  // (n_vK,) largest speeds
   const double* low;  // (n_vK,) bounds of the values
   const double* high;  // (n_vK,)
-  const int* joint_places;  // (n_joints,) places in z
+  const int* joint_places;  // (n_joints,) indices in z
   const double* joint;  // (N, n_joints) values after the intervals
   const double* joint_low;  // (n_joints,)
   const double* joint_high;  // (n_joints,)
@@ -532,7 +531,7 @@ struct GradientArrays {
   const double* rate;  // (n, n_vK) dq_K/dt over the steps
   const double* mean;  // (n, n_vK) dv_K/dt over the steps
   double* q_D;  // (n + 1, n_qD) the first is the start
-  double* v_D;  // (n + 1, n_vD) likewise
+  double* v_D;  // (n + 1, n_vD) the first is the start
   double* acc_D;  // (n, n_vD) mean accelerations over the steps
   double* tension;  // (n, n_rows)
   double* ahead;  // (n, 2) times by which acc_D and its change are extrapolated [s]
@@ -575,7 +574,7 @@ struct ReachArrays {
   const double* tension;  // (n_rows,)
   const unsigned char* held;  // (n_rows,) active rows
   const unsigned char* may_change;  // (n_rows,) rows that may be added or removed
-  const int* lengths;  // (n_rows,) place in v_K of a driven string's length; otherwise -1
+  const int* lengths;  // (n_rows,) index in v_K of a driven string's length; otherwise -1
   const unsigned char* moved;  // (n_vK + n_p,) unknowns of the search
   const double* low;  // (n_vK + n_p,) bounds of scalars
   const double* high;  // (n_vK + n_p,)
@@ -593,17 +592,17 @@ struct ReachArrays {
   double* out_p;  // (n, n_p)
   double* out_tension;  // (n, n_rows)
   unsigned char* out_held;  // (n, n_rows)
-  double* left;  // (n, n_targets, 3) vectors from targets to actual places; 0 if free
+  double* left;  // (n, n_targets, 3) vectors from targets to actual positions; 0 if free
   double* price;  // (n, n_vK + n_p + n_rows + n_vD) multipliers of bounds, positive at high ones
   double* by;  // (n, n_vK + n_p, n_vD) derivative of q_D by the unknowns
   unsigned char* stable;  // (n,) whether V has a minimum at the pose
 };
 
-// A link's joint, and the places of its coordinates.
+// A link's joint, and the indices of its coordinates.
 struct JointPlace {
   int parent;  // parent link, or -1 for the world
   int role;  // 0: fixed; 1: in q_D; 2: in q_K
-  int q;  // place of its first coordinate
+  int q;  // index of its first coordinate
   int slides;  // number of translations, which come first
   int turns;  // numbers of its rotation: 1 for an angle, 4 for a quaternion
 };
@@ -662,14 +661,14 @@ struct BoundArrays {
 
 // Results of every segment.
 struct SegmentArrays {
-  double* q_D;  // (n, segments, n_qD) at its end
+  double* q_D;  // (n, segments, n_qD) state at its end
   double* v_D;  // (n, segments, n_vD)
   double* slip;  // (n, segments, n_strings)
   double* q_K;  // (n, segments, n_qK)
   double* v_K;  // (n, segments, n_vK)
-  double* distance;  // (n, segments) to the goal there
-  int* n_checks;  // (n, segments) it lasted; 0 where there is none
-  int* catches;  // (n, segments) of strings and limits
+  double* distance;  // (n, segments) distance to the goal at its end
+  int* n_checks;  // (n, segments) number of checks; 0 without a segment
+  int* catches;  // (n, segments) catches of strings and limits
 };
 
 // A planner's rollouts.

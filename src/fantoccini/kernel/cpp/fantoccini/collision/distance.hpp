@@ -84,12 +84,13 @@ FAN_FN Real nearest_to_box(const Real* a, const Real* b, const double* half) {
     for (const double side : {-half[k], half[k]}) {
       const Real t = (Real(side) - a[k]) * inverse;
       const auto between = moves && t > low && t < high;
-      const Real there = slope(t);
-      const auto before = between && there < Real(0.0), after = between && !(there < Real(0.0));
+      const Real slope_at_t = slope(t);
+      const auto before = between && slope_at_t < Real(0.0),
+                 after = between && !(slope_at_t < Real(0.0));
       low = select(before, t, low);
-      at_low = select(before, there, at_low);
+      at_low = select(before, slope_at_t, at_low);
       high = select(after, t, high);
-      at_high = select(after, there, at_high);
+      at_high = select(after, slope_at_t, at_high);
     }
   }
   const Real rise = at_high - at_low;

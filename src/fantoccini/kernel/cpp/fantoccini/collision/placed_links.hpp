@@ -26,7 +26,7 @@ class PlacedLinks {
     double at[3], radius;
   };
 
-  // About the world's origin; registers of four.
+  // Twist about the world's origin, in registers of four.
   struct Twist {
     double linear[4], angular[4];
   };
@@ -35,7 +35,7 @@ class PlacedLinks {
   };
   using RealTwist = std::conditional_t<width == 1, Twist, LaneTwist>;
 
-  // In all lanes.
+  // Of all lanes.
   struct {
     Real poses[array_size(12 * L)], screw_D[6 * N + 1], screw_K[6 * NK + 1];  // one more is read
   } of_lanes;
@@ -46,7 +46,7 @@ class PlacedLinks {
   Solid placed[array_size(B)];  // in the world, of links with is_placed
   Ball ball[array_size(B)],
       ball_of[array_size(L)];  // around solids, and around all solids of a link
-  Ball around[array_size(L)];  // likewise, in the link's frame
+  Ball around[array_size(L)];  // around all solids of a link, in its frame
   bool is_placed[array_size(L)];
 
   // Finds the solids of every link and the ball around all of them.
@@ -60,9 +60,9 @@ class PlacedLinks {
       Ball& all = around[link];
       for (int c = 0; c < 3; ++c) all.at[c] = 0.0;
       for (; end < B && in.solids[end].link == link; ++end) {
-        const Solid& own = in.solids[end];
-        ball[end].radius = bounding_radius(own);
-        for (int c = 0; c < 3; ++c) all.at[c] += 0.5 * (own.a[c] + own.b[c]);
+        const Solid& solid = in.solids[end];
+        ball[end].radius = bounding_radius(solid);
+        for (int c = 0; c < 3; ++c) all.at[c] += 0.5 * (solid.a[c] + solid.b[c]);
       }
       for (int c = 0; c < 3; ++c) all.at[c] /= end - first;
       all.radius = 0.0;
@@ -78,7 +78,7 @@ class PlacedLinks {
     }
   }
 
-  // Poses of the links at a configuration, and the screws of the velocities.
+  // Sets the poses of the links at a configuration, and the screws of the velocities.
   FAN_FN void locate(const Real* q_D, const Real* q_K, const Real* p) {
     Call<Model, Real>::screws(q_D, q_K, p, of_lanes);
   }
@@ -95,20 +95,20 @@ class PlacedLinks {
       v_K = velocity_K;
     } else {
       double* to = lane_;
-      const auto take = [&](const Real* from, int n) {
+      const auto copy = [&](const Real* from, int n) {
         for (int i = 0; i < n; ++i) to[i] = lane_of(from[i], l);
         to += n;
         return to - n;
       };
-      poses = take(of_lanes.poses, 12 * L);
-      screw_D = take(of_lanes.screw_D, 6 * N);
-      screw_K = take(of_lanes.screw_K, 6 * NK);
-      v_D = take(velocity_D, N);
-      v_K = take(velocity_K, NK);
+      poses = copy(of_lanes.poses, 12 * L);
+      screw_D = copy(of_lanes.screw_D, 6 * N);
+      screw_K = copy(of_lanes.screw_K, 6 * NK);
+      v_D = copy(velocity_D, N);
+      v_K = copy(velocity_K, NK);
     }
   }
 
-  // Twists of the links at the velocities of the lane.
+  // Sets the twists of the links at the velocities of the lane.
   FAN_FN void move() {
     add_twists<true>(Model::moved_D_begin, Model::moved_D_entry, screw_D, v_D, twist);
     if (NK > 0) add_twists<false>(Model::moved_K_begin, Model::moved_K_entry, screw_K, v_K, twist);
@@ -122,7 +122,7 @@ class PlacedLinks {
       if (!has_solids(link)) continue;
       const double* R = poses + 12 * link;
       Ball& all = ball_of[link];
-      carry(R, around[link].at, all.at);
+      to_world(R, around[link].at, all.at);
       all.radius = around[link].radius;
       const Twist& t = twist[link];
       double v[3];
@@ -174,7 +174,7 @@ class PlacedLinks {
     }
   }
 
-  // m: of lists of near pairs.
+  // Slack of lists of near pairs [m].
   FAN_FN double slack() const {
     double sum = 0.0, n_links = 0.0;
     for (int i = 0; i < L; ++i) {
@@ -213,7 +213,7 @@ class PlacedLinks {
   // Distance of the balls around the two links of a group, or around a link and a standing solid.
   double separation(const ContactArrays& in, int g) const {
     const int a = in.groups[3 * g], b = in.groups[3 * g + 1];
-    return b < 0 ? apart(ball_of[a], in.solids[-1 - b]) : apart(ball_of[a], ball_of[b]);
+    return b < 0 ? distance_of(ball_of[a], in.solids[-1 - b]) : distance_of(ball_of[a], ball_of[b]);
   }
 
   static double smallest_size(const Solid& x) {
@@ -224,12 +224,13 @@ class PlacedLinks {
     return x.kind == BOX ? half + x.radius : half;
   }
 
+  // Whether two balls are at least `margin` apart.
   FAN_FN static bool is_far(const Ball& x, const Ball& y, double margin) {
     const double reach = x.radius + y.radius + margin;
     return square_apart(x.at, y.at) >= reach * reach;
   }
 
-  // Likewise for a standing solid.
+  // Whether a ball is at least `margin` away from a standing solid.
   FAN_FN static bool is_far(const Ball& x, const Solid& y, double margin) {
     if (y.kind == HALF_SPACE) {
       double height = -x.radius;
@@ -243,20 +244,21 @@ class PlacedLinks {
   }
 
  private:
-  // Contribution of velocities v to the twists of the links: each link has its parent's twist and
-  // that of its own joint. The fourth number of a register is unused: it is the next one in memory.
+  // Adds the contribution of velocities v to the twists of the links: each link has its parent's
+  // twist and that of its own joint. The fourth number of a register is unused: it is the next one
+  // in memory.
   template <bool first>
   FAN_FN static void add_twists(
       const int* begin, const int* entry, const double* screw, const double* v, Twist* twist) {
     Twist own[array_size(L)];
     for (int i = 0; i < L; ++i) {
-      const int up = Model::link_parent[i];
+      const int parent = Model::link_parent[i];
       Quad linear{}, angular{};
       int j = begin[i];
-      if (up >= 0) {
-        linear = quad(own[up].linear);
-        angular = quad(own[up].angular);
-        j += begin[up + 1] - begin[up];
+      if (parent >= 0) {
+        linear = quad(own[parent].linear);
+        angular = quad(own[parent].angular);
+        j += begin[parent + 1] - begin[parent];
       }
       for (; j < begin[i + 1]; ++j) {
         const double *of = screw + 6 * entry[j], rate = v[entry[j]];
@@ -274,19 +276,19 @@ class PlacedLinks {
     }
   }
 
-  // Contribution of the velocities of all lanes.
+  // Sets the twists of the links at velocities v of all lanes.
   FAN_FN void add_real_twists(const Real* v, RealTwist* out) const {
     if constexpr (width == 1) {
       add_twists<true>(Model::moved_D_begin, Model::moved_D_entry, of_lanes.screw_D, v, out);
     } else {
       const int* begin = Model::moved_D_begin;
       for (int i = 0; i < L; ++i) {
-        const int up = Model::link_parent[i];
+        const int parent = Model::link_parent[i];
         for (int c = 0; c < 3; ++c) {
-          out[i].linear[c] = up < 0 ? Real(0.0) : out[up].linear[c];
-          out[i].angular[c] = up < 0 ? Real(0.0) : out[up].angular[c];
+          out[i].linear[c] = parent < 0 ? Real(0.0) : out[parent].linear[c];
+          out[i].angular[c] = parent < 0 ? Real(0.0) : out[parent].angular[c];
         }
-        const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
+        const int carried = parent < 0 ? 0 : begin[parent + 1] - begin[parent];
         for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
           const int k = Model::moved_D_entry[j];
           for (int c = 0; c < 3; ++c) {
@@ -298,20 +300,20 @@ class PlacedLinks {
     }
   }
 
-  // A point of a link in the world.
-  FAN_FN static void carry(const double* R, const double* own, double* out) {
-    const double x = own[0], y = own[1], z = own[2];
+  // World position of a point of a link.
+  FAN_FN static void to_world(const double* R, const double* local, double* out) {
+    const double x = local[0], y = local[1], z = local[2];
     out[0] = R[9] + R[0] * x + R[3] * y + R[6] * z;
     out[1] = R[10] + R[1] * x + R[4] * y + R[7] * z;
     out[2] = R[11] + R[2] * x + R[5] * y + R[8] * z;
   }
 
-  static double apart(const Ball& x, const Ball& y) {
+  static double distance_of(const Ball& x, const Ball& y) {
     return sqrt(square_apart(x.at, y.at)) - x.radius - y.radius;
   }
 
-  static double apart(const Ball& x, const Solid& y) {
-    if (y.kind != HALF_SPACE) return apart(x, ball_around(y));
+  static double distance_of(const Ball& x, const Solid& y) {
+    if (y.kind != HALF_SPACE) return distance_of(x, ball_around(y));
     double height = -x.radius;
     for (int c = 0; c < 3; ++c) height += (x.at[c] - y.a[c]) * y.b[c];
     return height;
@@ -330,7 +332,7 @@ class PlacedLinks {
     return sum;
   }
 
-  // Whether segments or ellipsoids are apart because they, or the capsules around them, are.
+  // Whether segments, or the capsules around ellipsoids, are at least `margin` apart.
   FAN_FN static bool are_far(const Solid& x, const Solid& y, double margin) {
     if (x.kind != SEGMENT || y.kind != SEGMENT) return false;
     return between_segments(x.a, x.b, y.a, y.b) >= x.radius + y.radius + margin;

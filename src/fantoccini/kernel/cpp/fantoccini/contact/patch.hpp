@@ -36,9 +36,9 @@ class ContactPatch {
   double middle[3], frame[9];  // normal and tangents
   double size = 1.0;           // m: rows of T are this times an angular velocity
   double b[6];                 // hdot of the rows plus their required rates
-  double misfit = 0.0;         // m/s: between b and the points
+  double misfit = 0.0;         // m/s: largest difference of b from the points' rates
 
-  // Number of the parts F and T that it has.
+  // Number of parts: 1 for F alone, 2 for F and T.
   FAN_FN int parts() const { return rank > 3 ? 2 : 1; }
 
   // Loads the listed points, with their hdot (three numbers each, by point) and the required rates
@@ -60,10 +60,10 @@ class ContactPatch {
       b[0] += required[point[0]];
       return true;
     }
-    return is_flat(at) && fit(hdot, required);
+    return set_positions(at) && fit(hdot, required);
   }
 
-  // Adds up F and T from the impulses of the step's points, three each.
+  // Sums up F and T from the impulses of the step's points, three each.
   FAN_FN void add_up(const double* impulses, double* x) const {
     double turn[3] = {};
     for (int k = 0; k < 3; ++k) x[k] = 0.0;
@@ -81,7 +81,7 @@ class ContactPatch {
     for (int k = 3; k < rank; ++k) x[k] = turn[k - 3] / size;
   }
 
-  // Normal component at its point i of rates of the patch's rows.
+  // Normal component at the patch's point i of rates of its rows.
   FAN_FN double normal_rate(int i, const double* rate) const {
     double out = rate[0];
     if (rank > 3) out += d_[i][1] * rate[4] / size;
@@ -89,13 +89,14 @@ class ContactPatch {
     return out;
   }
 
-  // Impulses of the points, three each, from F and T. Returns false if they leave a cone.
+  // Computes the impulses of the points, three each, from F and T. Returns false if they leave a
+  // cone.
   FAN_FN bool share(const double* x, double mu, double* impulses) const {
     const double N = x[0];
     if (!(N > 0.0)) return false;
     const double c[2] = {rank > 5 ? -size / N * x[5] : 0.0, rank > 3 ? size / N * x[4] : 0.0};
     double weight[max_touches];
-    if (!weigh(c, weight)) return false;
+    if (!find_weights(c, weight)) return false;
     const double F[2] = {x[1] / N, x[2] / N};
     double alpha = 0.0;
     if (rank > 3) {
@@ -118,11 +119,11 @@ class ContactPatch {
   }
 
  private:
-  // Finds the positions of points along the tangents. For two points the tangents are turned so
+  // Sets the positions of points along the tangents. For two points the tangents are turned so
   // that the second lies along the line between them.
   template <class Point>
-  FAN_FN bool is_flat(const Point* at) {
-    double square = 0.0, off = 0.0, bend = 0.0;
+  FAN_FN bool set_positions(const Point* at) {
+    double square = 0.0, largest_height = 0.0, largest_turn = 0.0;
     for (int i = 0; i < n; ++i) {
       const auto& own = at[point[i]];
       double d[3], turned = 0.0;
@@ -132,14 +133,15 @@ class ContactPatch {
       }
       d_[i][0] = dot3(frame + 3, d);
       d_[i][1] = dot3(frame + 6, d);
-      const double away = d_[i][0] * d_[i][0] + d_[i][1] * d_[i][1];
+      const double own_square = d_[i][0] * d_[i][0] + d_[i][1] * d_[i][1];
       const double height = fabs(dot3(frame, d));
-      square = away > square ? away : square;
-      off = height > off ? height : off;
-      bend = turned > bend ? turned : bend;
+      square = own_square > square ? own_square : square;
+      largest_height = height > largest_height ? height : largest_height;
+      largest_turn = turned > largest_turn ? turned : largest_turn;
     }
     size = sqrt(square);
-    if (!(size > 0.0) || off > Tolerance::flat * size || bend > Tolerance::flat) return false;
+    if (!(size > 0.0) || largest_height > Tolerance::flat * size || largest_turn > Tolerance::flat)
+      return false;
     if (n == 2) {
       // The first tangent becomes (y, -x), the second (x, y).
       const double x = d_[0][0] / size, y = d_[0][1] / size;
@@ -197,15 +199,16 @@ class ContactPatch {
       const double* d = d_[i];
       const double off[3] = {d[1] * theta[1] - d[0] * theta[2], -d[1] * theta[0], d[0] * theta[0]};
       for (int k = 0; k < 3; ++k) {
-        const double left = fabs(own[i][k] - mean[k] - off[k]);
-        misfit = left > misfit ? left : misfit;
+        const double difference = fabs(own[i][k] - mean[k] - off[k]);
+        misfit = difference > misfit ? difference : misfit;
       }
     }
     return true;
   }
 
-  // The points' shares of the normal impulse with its centre at c. Returns false if c lies outside.
-  FAN_FN bool weigh(const double* c, double* weight) const {
+  // Computes the points' shares of a normal impulse with its centre at c. Returns false if c lies
+  // outside.
+  FAN_FN bool find_weights(const double* c, double* weight) const {
     if (n == 1) {
       weight[0] = 1.0;
       return true;
@@ -225,14 +228,15 @@ class ContactPatch {
       e[0][k] = e[n][k];
       e[n + 1][k] = e[1][k];
     }
-    const auto twice = [&](int i, int j) { return e[i][0] * e[j][1] - e[i][1] * e[j][0]; };
+    const auto double_area = [&](int i, int j) { return e[i][0] * e[j][1] - e[i][1] * e[j][0]; };
     for (int j = 0; j <= n; ++j) {
-      area[j] = twice(j, j + 1);
+      area[j] = double_area(j, j + 1);
       if (!(area[j] > 0.0)) return false;
     }
     for (int j = 1; j <= n; ++j) {
       // Area of a point and its neighbours over those with c: negative where not convex.
-      const double own = (area[j - 1] + area[j] - twice(j - 1, j + 1)) / (area[j - 1] * area[j]);
+      const double own =
+          (area[j - 1] + area[j] - double_area(j - 1, j + 1)) / (area[j - 1] * area[j]);
       if (!(own >= 0.0)) return false;
       weight[round[j - 1]] = own;
       sum += own;
@@ -258,7 +262,7 @@ class ContactPatch {
     }
   }
 
-  double d_[max_touches][2];  // from the middle, along the tangents
+  double d_[max_touches][2];  // m: positions from the middle, along the tangents
   // Rotation of the tangents relative to the points', which may differ by rounding.
   double cosine_[max_touches], sine_[max_touches];
 };

@@ -199,11 +199,11 @@ class ContactStep {
     ++n_searches_;
     Real v[array_size(N)];
     int known[width];
-    const int most = state_.points.n_max;
+    const int n_known = state_.points.n_max;
     for (int l = 0; l < width; ++l) known[l] = state_.points.n[l];
     for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
     if (!state_.points.find_more(*state_.in, v, v_K, dt, lanes)) return false;
-    for (int i = 3 * most; i < 3 * state_.points.n_max; ++i) state_.x[i] = Real(0.0);
+    for (int i = 3 * n_known; i < 3 * state_.points.n_max; ++i) state_.x[i] = Real(0.0);
     state_.need_before(eval);
     Real dv[array_size(N)];
     state_.unhindered(eval, dv);
@@ -228,7 +228,7 @@ class ContactStep {
     return true;
   }
 
-  // Whether points take part in all lanes but these.
+  // Whether points take part in all lanes except `idle`.
   FAN_FN bool take_part(const Mask& idle) const {
     for (int l = 0; l < width; ++l)
       if (state_.chosen[l] == 0 && !lane_of(idle, l)) return false;
@@ -261,12 +261,12 @@ class ContactStep {
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, const Real* before, double cap, Mask& settled) {
-    Real row_impulses[array_size(M)], s[array_size(M)], of_lane = Real(0.0), well = Real(0.0);
+    Real row_impulses[array_size(M)], s[array_size(M)], of_lane = Real(0.0), solved = Real(0.0);
     int taking_part[width];
     Real n_near = Real(0.0);
     for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
     for (int l = 0; l < width; ++l) taking_part[l] = state_.chosen[l] + int(lane_of(n_near, l));
-    bool held = false;  // all of it by patches
+    bool held = false;  // whether patches solve all of it
     if (state_.chosen[0] != 0 && taking_part[0] != solved_with_[0] && !rolling_.any_rolls)
       held = patches_.hold(state_, eval, rows, near, guess, cap, row_impulses, s);
     if (!held) state_.need_before(eval);
@@ -275,7 +275,7 @@ class ContactStep {
       if (state_.chosen[l] == 0) continue;
       if (taking_part[l] != solved_with_[l]) {
         solved_with_[l] = taking_part[l];
-        well_[l] =
+        is_solved_[l] =
             held || problem_.bounce(state_, l, rows, near, guess, before, cap, row_impulses, s);
         lane_of(residual, l) = held ? state_.held_residual : lane_of(problem_.residual, l);
         for (int a = 0; a < rows.n; ++a) {
@@ -284,10 +284,10 @@ class ContactStep {
         }
       }
       lane_of(of_lane, l) = 1.0;
-      if (well_[l]) lane_of(well, l) = 1.0;
+      if (is_solved_[l]) lane_of(solved, l) = 1.0;
     }
     const Mask here = of_lane > Real(0.5);
-    settled = (settled && !here) || (here && well > Real(0.5));
+    settled = (settled && !here) || (here && solved > Real(0.5));
     auto& problem = rows.problem;
     for (int a = 0; a < rows.n; ++a) {
       const Real x = row_x_[rows.row[a]];
@@ -317,7 +317,8 @@ class ContactStep {
     return sum;
   }
 
-  // Energies of the step, and the points that push at its end. Returns 1 in lanes with an impact.
+  // Sets the energies of the step, and the points that push at its end. Returns 1 in lanes with an
+  // impact.
   FAN_FN Real account() {
     Real struck = Real(0.0);
     for (int l = 0; l < width; ++l)
@@ -340,8 +341,8 @@ class ContactStep {
     return struck;
   }
 
-  // Reported pushes at the end of the step: where redundant points share a force, the impulses of
-  // least norm. For one trajectory, not for lanes. Returns their number.
+  // Writes the pushes to report at the end of the step, of one trajectory: where redundant points
+  // share a force, the impulses of least norm. Returns their number.
   int shared(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       ContactShare<M + 3 * C>& share, Push* out) {
@@ -367,8 +368,8 @@ class ContactStep {
   }
 
  private:
-  // Records when a point with this closing speed by the impulses of the step is struck and would
-  // rebound, unless that is immediately.
+  // Records the time at which a point that closes at this speed, by the impulses of the step, is
+  // struck and would rebound, unless that is immediately.
   void record_strike(int l, int i, double closing) {
     const auto& point = state_.points.point[l][i];
     const bool is_new = state_.steps[l][i] == 0 && state_.rebound[l][i] == 0.0;
@@ -422,15 +423,15 @@ class ContactStep {
     }
   }
 
-  // Likewise in a step with an impact, whose impulses also act on resting solids: each takes energy
-  // at the mean of the velocities before and after the step.
+  // Adds the energies of point i in a step with an impact. Its impulses also act on resting solids:
+  // each takes energy at the mean of the velocities before and after the step.
   FAN_FN void add_impact_loss(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(state_.x[d], l), end = state_.after(l, d);
-      const double rubs = d == 3 * i || state_.strikes(l, i) ? 0.0 : x * end;
+      const double friction_loss = d == 3 * i || state_.strikes(l, i) ? 0.0 : x * end;
       lane_of(work, l) += x * lane_of(state_.points.rate_K[i][d - 3 * i], l);
-      lane_of(friction, l) += rubs;
-      lane_of(impact, l) += 0.5 * x * (lane_of(state_.hdot[d], l) + end) - rubs;
+      lane_of(friction, l) += friction_loss;
+      lane_of(impact, l) += 0.5 * x * (lane_of(state_.hdot[d], l) + end) - friction_loss;
     }
   }
 
@@ -440,11 +441,11 @@ class ContactStep {
   ContactProblem<Model, Real> problem_;
   int n_searches_ = 0;  // number of further searches
   double next_strike_ = unbounded;
-  bool is_joined_ = false;  // whether `push` has earlier parts of the step
+  bool is_joined_ = false;  // whether `push` contains earlier parts of the step
   // Of each lane's last solve in the step: number of rows and points that took part, success;
   // impulses and s of the rows.
   int solved_with_[width];
-  bool well_[width];
+  bool is_solved_[width];
   Real row_x_[array_size(M)], row_s_[array_size(M)];
 };
 

@@ -41,17 +41,17 @@ struct ClosedRows {
     for (int r = 0; r < M; ++r)
       h[r] = f.row_state[r] == SLIPPING ? -WinchTolerances::max_length_error - f.slip_now[r]
                                         : f.eval.height(r);
-    const auto left = [&] {
+    const auto violation = [&] {
       double worst = 0.0;
       for (int a = 0; a < n; ++a) {
         const bool held = f.row_state[list[a]] == HELD;
-        const double off = (held ? fabs(h[list[a]]) : h[list[a]]) / f.row_scale(list[a]);
-        const double beyond = off - (held ? Tolerance::held_gap : FlowTolerances::closed_gap);
+        const double relative = (held ? fabs(h[list[a]]) : h[list[a]]) / f.row_scale(list[a]);
+        const double beyond = relative - (held ? Tolerance::held_gap : FlowTolerances::closed_gap);
         if (!(beyond <= worst) && worst == worst) worst = beyond;  // a NaN stays
       }
       return worst;
     };
-    return correct<NQ>(f.y, left, [&] {
+    return correct<NQ>(f.y, violation, [&] {
       begin(Tolerance::contradiction);
       for (int a = 0; a < n; ++a) {
         const bool held = f.row_state[list[a]] == HELD;
@@ -116,14 +116,14 @@ struct ClosedRows {
     f.settle_slip(f.t);
     for (int r = 0; r < M; ++r) f.row_state[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
-    const double still = how.rest_speed * speed_scale(f);
+    const double max_speed = how.rest_speed * speed_scale(f);
     const double hop_time = Tolerance::max_rest_hop * (how.rest_speed / Tolerance::max_rest_speed);
-    double own[array_size(S)];
-    for (int i = 0; i < S; ++i) own[i] = f.slip[i];
+    double slip_before[array_size(S)];
+    for (int i = 0; i < S; ++i) slip_before[i] = f.slip[i];
     if (ahead > 0.0) {
       for (int i = 0; i < S; ++i)
         if (f.winches.slips(i) && fabs(f.eval.h[i]) <= WinchTolerances::max_length_error &&
-            fabs(f.eval.hdot[i]) <= still)
+            fabs(f.eval.hdot[i]) <= max_speed)
           f.slip[i] += f.eval.h[i];
       f.evaluate(f.t, f.y, rate);
     }
@@ -136,7 +136,7 @@ struct ClosedRows {
       const int r = all[a];
       const double hdot = f.rows.hdot[a];
       const bool hops = hdot < 0.0 && -2.0 * hdot <= hop_time * f.rows.hddot[a];
-      const bool rests = ahead > 0.0 || fabs(hdot) <= still || hops || f.rows.two_sided[a];
+      const bool rests = ahead > 0.0 || fabs(hdot) <= max_speed || hops || f.rows.two_sided[a];
       if (!rests && f.winches.slips(r) && f.rows.hdot[a] > 0.0) next[r] = SLIPPING;
       if (rests || next[r] == SLIPPING) list[n++] = r;
     }
@@ -152,7 +152,7 @@ struct ClosedRows {
       }
     Status status = settle(f);
     if (ahead > 0.0 && status == IMPOSSIBLE_INPUT) {
-      // Rates of strings on winches that cannot slip may disagree by this.
+      // Rates of strings on winches that cannot slip may disagree by this much.
       set_.noise += Tolerance::strict_rest_speed * speed_scale(f) / ahead;
       status = settle(f);
     }
@@ -160,22 +160,22 @@ struct ClosedRows {
     bool stays[array_size(M)];
     for (int i = 0; i < set_.n; ++i) stays[i] = !loose[row_[i]];
     set_.complete(stays);
-    double most = 0.0;
+    double largest = 0.0;
     for (int i = 0; i < set_.n; ++i)
-      if (fabs(set_.x[i]) > most) most = fabs(set_.x[i]);
+      if (fabs(set_.x[i]) > largest) largest = fabs(set_.x[i]);
     for (int i = 0; i < set_.n; ++i) {
       const int r = row_[i];
       next[r] = state_of(i);
       if (next[r] != HELD || set_.two_sided[i]) continue;
       // A tension that has just reached its bound, and is there up to rounding, will exceed it.
-      if (loose[r] && set_.x[i] <= Tolerance::tension_at_bound * most + rounding(f, i))
+      if (loose[r] && set_.x[i] <= Tolerance::tension_at_bound * largest + rounding(f, i))
         next[r] = SLACK;
-      if (strained[r] && set_.x[i] >= set_.upper[i] - Tolerance::tension_at_bound * most)
+      if (strained[r] && set_.x[i] >= set_.upper[i] - Tolerance::tension_at_bound * largest)
         next[r] = SLIPPING;
     }
     // The slip of a slack string absorbs no gap.
     for (int i = 0; i < S; ++i) {
-      if (next[i] == SLACK && f.slip[i] < own[i]) f.slip[i] = own[i];
+      if (next[i] == SLACK && f.slip[i] < slip_before[i]) f.slip[i] = slip_before[i];
       if (next[i] == SLACK && f.slip[i] < 0.0) f.slip[i] = 0.0;
     }
     return RUNNING;
@@ -258,12 +258,12 @@ struct ClosedRows {
     set_.noise = noise;
   }
 
-  void add_row(const F& f, int a, double b, double most, typename Set::Place guess) {
+  void add_row(const F& f, int a, double b, double upper, typename Set::Place guess) {
     const int i = set_.n++;
     row_[i] = f.rows.row[a];
     set_.column[i] = f.rows.column[a];
     set_.b[i] = b;
-    set_.upper[i] = most;
+    set_.upper[i] = upper;
     sign_[i] = 1.0;
     set_.two_sided[i] = f.rows.two_sided[a];
     set_.place[i] = guess;
@@ -274,8 +274,8 @@ struct ClosedRows {
   void add_floor(const F& f, int a, double b) {
     const int i = set_.n;
     add_row(f, a, b, unbounded, Set::LOW);
-    for (int j = 0; j < N; ++j) turned_[a][j] = -f.rows.column[a][j];
-    set_.column[i] = turned_[a];
+    for (int j = 0; j < N; ++j) negated_[a][j] = -f.rows.column[a][j];
+    set_.column[i] = negated_[a];
     set_.two_sided[i] = false;
     sign_[i] = -1.0;
   }
@@ -294,12 +294,12 @@ struct ClosedRows {
 
   // Rounding error of row i's tension from that of its hddot.
   double rounding(const F& f, int i) const {
-    double own = 0.0;
-    for (int j = 0; j < N; ++j) own += set_.column[i][j] * set_.column[i][j];
-    return Tolerance::acceleration_rounding * f.hddot_scale() / own;
+    double square = 0.0;
+    for (int j = 0; j < N; ++j) square += set_.column[i][j] * set_.column[i][j];
+    return Tolerance::acceleration_rounding * f.hddot_scale() / square;
   }
 
-  // The impulses with every restitution times `scale`, and the energy they remove.
+  // Solves for the impulses with every restitution times `scale`, and the energy that they remove.
   Status bounce(F& f, double scale) {
     begin(Tolerance::contradiction * speed_scale(f));
     for (int a = 0; a < f.rows.n; ++a) {
@@ -332,11 +332,12 @@ struct ClosedRows {
     }
   }
 
+  // Largest |v_D|, at least 1.
   double speed_scale(const F& f) const {
-    double top = 1.0;
+    double largest = 1.0;
     for (int j = 0; j < N; ++j)
-      if (fabs(f.y[NQ + j]) > top) top = fabs(f.y[NQ + j]);
-    return top;
+      if (fabs(f.y[NQ + j]) > largest) largest = fabs(f.y[NQ + j]);
+    return largest;
   }
 
   // Solves the problem. For impossible inputs, `attribution` gives the rows that cannot hold
@@ -345,23 +346,24 @@ struct ClosedRows {
     for (int i = 0; i < set_.n; ++i)
       if (!is_finite(set_.b[i])) return NOT_FINITE;
     const Solved solved = set_.solve();
-    double most = 0.0;
+    double largest = 0.0;
     for (int i = 0; i < set_.n; ++i)
-      if (!(fabs(set_.x[i]) <= most) && most == most) most = fabs(set_.x[i]);
-    if (solved == Solved::YES && most <= f.opt.tension_cap) return RUNNING;
+      if (!(fabs(set_.x[i]) <= largest) && largest == largest) largest = fabs(set_.x[i]);
+    if (solved == Solved::YES && largest <= f.opt.tension_cap) return RUNNING;
     for (int r = 0; r < M; ++r) attribution[r] = 0.0;
     for (int i = 0; i < set_.n; ++i)
-      attribution[row_[i]] = solved == Solved::YES ? fabs(set_.x[i]) / most : ray_share(i, solved);
+      attribution[row_[i]] =
+          solved == Solved::YES ? fabs(set_.x[i]) / largest : ray_share(i, solved);
     return solved == Solved::UNSETTLED ? NOT_SETTLED : IMPOSSIBLE_INPUT;
   }
 
-  // Component of row i in the ray that proves the contradiction of the rows.
+  // Component of row i in the ray that proves the rows contradictory, relative to the largest.
   double ray_share(int i, Solved solved) const {
     if (solved != Solved::INFEASIBLE) return 0.0;
-    double most = 0.0;
+    double largest = 0.0;
     for (int j = 0; j < set_.n; ++j)
-      if (fabs(set_.ray[j]) > most) most = fabs(set_.ray[j]);
-    return (set_.two_sided[i] ? fabs(set_.ray[i]) : set_.ray[i]) / most;
+      if (fabs(set_.ray[j]) > largest) largest = fabs(set_.ray[j]);
+    return (set_.two_sided[i] ? fabs(set_.ray[i]) : set_.ray[i]) / largest;
   }
 
   // Applies the solved impulses and adds the inputs' work in them. All gathered rows must be in the
@@ -381,7 +383,7 @@ struct ClosedRows {
     }
   }
 
-  // -M^-1 A^T x over the gathered rows, all of which must be in the set, in order.
+  // Sets `change` to -M^-1 A^T x over the gathered rows, all of which must be in the set, in order.
   void push(const F& f, double* change) const {
     double w[array_size(N)], pull[array_size(M)] = {};
     for (int j = 0; j < N; ++j) w[j] = 0.0;
@@ -391,9 +393,9 @@ struct ClosedRows {
   }
 
   Set set_;
-  int row_[array_size(M)];  // of each column of the set
-  double sign_[array_size(M)],
-      turned_[array_size(M)][array_size(N)];  // of floors: sign -1, and the negated column
+  int row_[array_size(M)];                        // of each column of the set
+  double sign_[array_size(M)];                    // -1 for rows of add_floor(), else 1
+  double negated_[array_size(M)][array_size(N)];  // their columns, negated
   LeastNorm<Set> least_;
 };
 

@@ -14,10 +14,11 @@ namespace fan {
 enum ContactMode { PARTED, RESTING, STICKING, SLIDING };
 
 struct HeldContactTolerances {
-  // Step of differences, relative to a full turn or to a solid's size: errors of 1e-13.
+  // Step of differences, relative to a full turn or to a solid's size: errors are 1e-13.
   static constexpr double turn = 1e-3;
   static constexpr double slowest = 1.0;  // 1/s: lower bound of rates
-  // Near the end of a point's region the step is reduced by `finer` repeatedly, down to this.
+  // Near the end of a point's region the step is multiplied by `finer` repeatedly, down to
+  // `least_turn`.
   static constexpr double finer = 0.1, least_turn = 1e-6;
   // Gap below which points are considered [m].
   static constexpr double margin = 1e-3;
@@ -36,8 +37,8 @@ struct HeldContactTolerances {
   // Least normal influence of a sliding point's force, relative to that without friction: below it,
   // friction jams (Painleve).
   static constexpr double least_influence = 1e-6;
-  // Likewise, where too small steps are attributed to it; and the force of a sliding point there,
-  // relative to the weight.
+  // Normal influence below which, and force of a sliding point, relative to the weight, above which
+  // too small steps are attributed to jamming.
   static constexpr double jamming_influence = 1e-2, jamming_force = 100.0;
   // |hddot| of a resting point, relative to Flow::hddot_scale; negligible force, relative to the
   // weight.
@@ -61,8 +62,8 @@ class FollowedPoints {
     bool leaves;      // it rebounds at this instant
     double along[3];  // of friction on the first solid where it slides, in the world
     double force[3];  // at the last event, in the world
-    double over;      // m: initial overlap of a parted point
-    double back;      // m/s: speed against its direction of a point that begins to slide
+    double over;      // m: overlap of a parted point when it parted
+    double back;      // m/s: initial speed of a sliding point against its direction
     double since;     // s: start of sliding
     bool slow;        // slides so slowly that its friction looks ahead (held_rows.hpp)
     double brake;     // m/s^2: its deceleration in that case
@@ -102,11 +103,11 @@ class FollowedPoints {
       const int i = points_.find_feature(*in, at[c].pair, at[c].feature, at[c].region, exists + c);
       known_[c] = i >= 0;
       exists[c] = exists[c] && known_[c];
-      if (known_[c]) take(i, c, v_D);
+      if (known_[c]) load(i, c, v_D);
     }
     for (int i = 0; i < points_.n(); ++i) {
       const auto& from = points_.point(i);
-      const int c = place(from);
+      const int c = index_of(from);
       double over = -from.gap;
       if ((c >= 0 && at[c].mode != PARTED) || !points_.touches_there(i)) continue;
       if (c >= 0) over -= at[c].over + (at[c].leaves ? Tolerance::rounding : Tolerance::caught);
@@ -119,8 +120,9 @@ class FollowedPoints {
     }
   }
 
-  // Drops parted points that have opened, and fixes the directions that sliding ones keep across
-  // zero in the next step. The latest evaluation must be that of the present state.
+  // Drops parted points that have opened, and stores the directions of sliding ones, which hold for
+  // the next step even if their speed crosses zero. The latest evaluation must be that of the
+  // present state.
   void update_directions() {
     int kept = 0;
     for (int c = 0; c < n; ++c) {
@@ -136,14 +138,14 @@ class FollowedPoints {
     n = kept;
   }
 
-  // Adds all points with a gap of at most `most` at the latest evaluation as parted ones, up to the
-  // capacity (too_many).
+  // Adds all points with a gap of at most `max_gap` at the latest evaluation as parted ones, up to
+  // the capacity (too_many).
   template <class F>
-  void take_closed(const F& f, const double* q_D, const double* v_D, double most) {
+  void take_closed(const F& f, const double* q_D, const double* v_D, double max_gap) {
     bool more = false, full = false;
     for (int i = 0; i < points_.n(); ++i) {
       const auto& from = points_.point(i);
-      if (from.gap > most || place(from) >= 0 || !points_.touches_there(i)) continue;
+      if (from.gap > max_gap || index_of(from) >= 0 || !points_.touches_there(i)) continue;
       full = n == C;
       if (full) break;
       bool reported = false;
@@ -174,7 +176,7 @@ class FollowedPoints {
     too_many = too_many || full;
   }
 
-  // Points without force may keep their distance after an event.
+  // Stores the overlaps and speeds that points keep after an event.
   void accept_overlaps() {
     for (int c = 0; c < n; ++c) {
       at[c].over = at[c].mode == RESTING ? fabs(gap[c]) : fmax(-gap[c], 0.0);
@@ -188,13 +190,14 @@ class FollowedPoints {
 
   // Largest |hdot| of the normals of held points.
   double fastest_normal() const {
-    double most = 0.0;
+    double fastest = 0.0;
     for (int c = 0; c < n; ++c)
-      if (at[c].mode == STICKING || at[c].mode == SLIDING) most = fmax(most, fabs(hdot[3 * c]));
-    return most;
+      if (at[c].mode == STICKING || at[c].mode == SLIDING)
+        fastest = fmax(fastest, fabs(hdot[3 * c]));
+    return fastest;
   }
 
-  // Makes no point slow. Returns whether any was.
+  // Clears `slow` of all points. Returns whether any was slow.
   bool forget_slow() {
     bool any = false;
     for (int c = 0; c < n; ++c) {
@@ -204,7 +207,7 @@ class FollowedPoints {
     return any;
   }
 
-  // The velocity along point c's friction, positive where it slides on.
+  // Sliding velocity of point c along its direction; negative if it slides back.
   double along(int c) const {
     double sum = 0.0;
     for (int d = 1; d < 3; ++d) sum += hdot[3 * c + d] * dot3(frame[c] + 3 * d, at[c].along);
@@ -260,29 +263,29 @@ class FollowedPoints {
     for (int r = 0; r < M; ++r) tension[r] = from.row[r];
   }
 
-  // gamma: derivatives of hdot along the motion without accelerations of the puppet but with those
-  // of the driven coordinates. If a point is lost ahead or enters another region, as at a corner
-  // that it is about to reach, they are taken from behind, or with a smaller step; one that is lost
-  // here keeps its latest.
+  // Sets gamma: derivatives of hdot along the motion without accelerations of the puppet but with
+  // those of the driven coordinates. If a point is lost ahead or enters another region, as at a
+  // corner, differences are taken backwards or with a smaller step; a point lost here keeps its
+  // latest gamma.
   template <class F>
   void differ(const F& f, const double* q_D, const double* v_D) {
     double rate = Tolerance::slowest;
     for (int c = 0; c < n; ++c)
       rate = fmax(rate, points_.rate_of_turning(*in, at[c].pair, speed(c)));
     bool done[array_size(C)];
-    int left = n;
+    int remaining = n;
     for (int c = 0; c < n; ++c) {
       done[c] = !known_[c];
-      left -= done[c];
+      remaining -= done[c];
     }
-    for (double step = Tolerance::turn / rate; left > 0 && step * rate > Tolerance::least_turn;
+    for (double step = Tolerance::turn / rate; remaining > 0 && step * rate > Tolerance::least_turn;
          step *= Tolerance::finer)
-      for (const Differences& by : ways_) {
-        if (left > 0) left -= differ(f, q_D, v_D, by, step, done);
+      for (const Differences& scheme : schemes_) {
+        if (remaining > 0) remaining -= differ(f, q_D, v_D, scheme, step, done);
       }
   }
 
-  // The gaps of the points at a configuration, negated, at out[3 c]; 0 for those that are lost.
+  // Writes the points' negated gaps at a configuration to out[3 c]; 0 for points that are lost.
   template <class F>
   void measure_gaps(const F& f, const double* q_D, double* out) {
     const double v_D[array_size(N)] = {}, v_K[array_size(NK)] = {};
@@ -296,41 +299,41 @@ class FollowedPoints {
   }
 
  private:
-  // Positions in steps, weights over 12, and the weight of the present position.
+  // Positions in steps and weights times 12; `own`: the weight of the present position.
   struct Differences {
     double at[4], weight[4], own;
   };
 
-  // Fourth order: about the present, from behind and from ahead.
-  static constexpr Differences ways_[] = {
+  // Fourth-order differences: central, backward and forward.
+  static constexpr Differences schemes_[] = {
       {{-2, -1, 1, 2}, {1, -8, 8, -1}, 0},
       {{-4, -3, -2, -1}, {3, -16, 36, -48}, 25},
       {{1, 2, 3, 4}, {48, -36, 16, -3}, -25},
   };
 
-  // Differences for the points that are not done and exist at all positions. Returns their number.
+  // Sets gamma of the points that are not done and exist at all positions. Returns their number.
   template <class F>
   int differ(
-      const F& f, const double* q_D, const double* v_D, const Differences& by, double step,
+      const F& f, const double* q_D, const double* v_D, const Differences& scheme, double step,
       bool* done) {
     double sum[array_size(3 * C)];
     bool all[array_size(C)];
     for (int c = 0; c < n; ++c) {
       all[c] = !done[c];
-      for (int d = 0; d < 3; ++d) sum[3 * c + d] = -by.own * hdot[3 * c + d];
+      for (int d = 0; d < 3; ++d) sum[3 * c + d] = -scheme.own * hdot[3 * c + d];
     }
     for (int k = 0; k < 4; ++k) {
-      const double tau = by.at[k] * step;
-      double there[array_size(NQ)], there_K[array_size(NQK)], move[array_size(N)],
+      const double tau = scheme.at[k] * step;
+      double q_next[array_size(NQ)], q_K_next[array_size(NQK)], move[array_size(N)],
           move_K[array_size(NK)], v_K[array_size(NK)];
       for (int j = 0; j < N; ++j) move[j] = tau * v_D[j];
       for (int j = 0; j < NK; ++j) {
         move_K[j] = tau * f.v_K[j];
         v_K[j] = f.v_K[j] + tau * f.acc_K[j];
       }
-      retract<typename Model::Dynamic>(q_D, move, there);
-      retract<typename Model::Driven>(f.q_K, move_K, there_K);
-      near_.pose(*in, there, v_D, there_K, v_K, f.p);
+      retract<typename Model::Dynamic>(q_D, move, q_next);
+      retract<typename Model::Driven>(f.q_K, move_K, q_K_next);
+      near_.pose(*in, q_next, v_D, q_K_next, v_K, f.p);
       for (int c = 0, pair = -1; c < n; ++c) {
         if (!all[c]) continue;
         if (at[c].pair != pair) {
@@ -343,8 +346,8 @@ class FollowedPoints {
         if (!all[c]) continue;
         double u[3];
         near_.velocity(*in, i, u);
-        sum[3 * c] += by.weight[k] * dot3(u, near_.point(i).frame);
-        for (int d = 1; d < 3; ++d) sum[3 * c + d] += by.weight[k] * dot3(u, frame[c] + 3 * d);
+        sum[3 * c] += scheme.weight[k] * dot3(u, near_.point(i).frame);
+        for (int d = 1; d < 3; ++d) sum[3 * c + d] += scheme.weight[k] * dot3(u, frame[c] + 3 * d);
       }
     }
     int count = 0;
@@ -357,8 +360,8 @@ class FollowedPoints {
     return count;
   }
 
-  // Takes the position of point c, its rows and its velocity from the point i of `points_`.
-  void take(int i, int c, const double* v_D) {
+  // Loads the position of point c, its rows and its velocity from point i of `points_`.
+  void load(int i, int c, const double* v_D) {
     const auto& from = points_.point(i);
     gap[c] = from.gap;
     region_[c] = from.region;
@@ -374,7 +377,8 @@ class FollowedPoints {
     }
   }
 
-  int place(const typename Points::Point& point) const {
+  // Index of a followed point; -1 if it is not followed.
+  int index_of(const typename Points::Point& point) const {
     for (int c = 0; c < n; ++c)
       if (Points::matches(at[c], point.pair, point.feature, point.region)) return c;
     return -1;
@@ -389,9 +393,9 @@ class FollowedPoints {
   void sort() {
     for (int c = 1; c < n; ++c)
       for (int b = c; b > 0 && is_before(at[b], at[b - 1]); --b) {
-        const Contact held = at[b];
+        const Contact earlier = at[b];
         at[b] = at[b - 1];
-        at[b - 1] = held;
+        at[b - 1] = earlier;
       }
   }
 
@@ -422,7 +426,7 @@ class FollowedPoints {
   }
 
   Points points_, near_;       // of the latest evaluation; at displaced configurations
-  bool known_[array_size(C)];  // as found, but also where the features alone define it
+  bool known_[array_size(C)];  // exists, or its features alone define it
   int region_[array_size(C)];
 };
 

@@ -31,7 +31,7 @@ struct DenseLu {
   static constexpr int N = padded(array_size(capacity));
 
   int n = 0, stride = 0;
-  double A[N * N];  // row i, column j at i * stride + j; what follows column n in a row must be 0
+  double A[N * N];  // row i, column j at i * stride + j; entries of a row after column n must be 0
 
   FAN_FN void resize(int rows) {
     n = rows;
@@ -41,15 +41,15 @@ struct DenseLu {
   // Replaces A by its factors; false if a pivot is 0 or not finite.
   FAN_FN bool factorise() {
     const int n = this->n, stride = this->stride;  // in registers: stores may alias the members
-    double top[N];                                 // of the pivot's row what is right of the pivot
+    double top[N];                                 // the pivot's row, right of the pivot
     for (int k = 0; k < n; ++k) {
       int p = k;
-      double most = fabs(A[k * stride + k]);
+      double largest = fabs(A[k * stride + k]);
       const double* below = A + k * stride + k;
       for (int i = k + 1; i < n; ++i) {
         below += stride;
-        if (!(fabs(*below) > most)) continue;
-        most = fabs(*below);
+        if (!(fabs(*below) > largest)) continue;
+        largest = fabs(*below);
         p = i;
       }
       swap_[k] = p;
@@ -60,7 +60,7 @@ struct DenseLu {
       const int first = (k + 1) / 4 * 4;
       for (int j = first; j < stride; j += 4) quad(top + j) = quad(A + k * stride + j);
       for (int j = first; j <= k; ++j) top[j] = 0.0;
-      for (int i = k + 1; i < n; ++i) share_[i] = A[i * stride + k] * inverse_[k];
+      for (int i = k + 1; i < n; ++i) multiplier_[i] = A[i * stride + k] * inverse_[k];
       int j = first;
       for (; j + 16 <= stride; j += 16) eliminate<4>(k, j, top + j);
       if (j + 8 <= stride) {
@@ -68,7 +68,7 @@ struct DenseLu {
         j += 8;
       }
       if (j < stride) eliminate<1>(k, j, top + j);
-      for (int i = k + 1; i < n; ++i) A[i * stride + k] = share_[i];
+      for (int i = k + 1; i < n; ++i) A[i * stride + k] = multiplier_[i];
     }
     return true;
   }
@@ -78,29 +78,29 @@ struct DenseLu {
     const int n = this->n, stride = this->stride;
     double y[N], sum[4];
     for (int k = 0; k < n; ++k) {
-      const double held = r[swap_[k]];
+      const double saved = r[swap_[k]];
       r[swap_[k]] = r[k];
-      r[k] = held;
+      r[k] = saved;
     }
     for (int i = n; i < stride; ++i) y[i] = 0.0;
     for (int i = 0; i < n; i += 4) {
       const int rows = n - i < 4 ? n - i : 4;
       products(i, rows, y, 0, i, sum);
       for (int k = 0; k < rows; ++k) {
-        const double* own = A + (i + k) * stride + i;
-        double left = r[i + k] - sum[k];
-        for (int m = 0; m < k; ++m) left -= own[m] * y[i + m];
-        y[i + k] = left;
+        const double* row = A + (i + k) * stride + i;
+        double remainder = r[i + k] - sum[k];
+        for (int m = 0; m < k; ++m) remainder -= row[m] * y[i + m];
+        y[i + k] = remainder;
       }
     }
     for (int i = stride - 4; i >= 0; i -= 4) {
       const int rows = n - i < 4 ? n - i : 4;
       products(i, rows, y, i + 4, stride, sum);
       for (int k = rows - 1; k >= 0; --k) {
-        const double* own = A + (i + k) * stride + i;
-        double left = y[i + k] - sum[k];
-        for (int m = rows - 1; m > k; --m) left -= own[m] * y[i + m];
-        y[i + k] = left * inverse_[i + k];
+        const double* row = A + (i + k) * stride + i;
+        double remainder = y[i + k] - sum[k];
+        for (int m = rows - 1; m > k; --m) remainder -= row[m] * y[i + m];
+        y[i + k] = remainder * inverse_[i + k];
       }
     }
     for (int i = 0; i < n; ++i) r[i] = y[i];
@@ -118,8 +118,8 @@ struct DenseLu {
     }
     Quad sum[4] = {};
     for (int j = begin; j < end; j += 4) {
-      const Quad by = quad(y + j);
-      FAN_UNROLL for (int k = 0; k < 4; ++k) sum[k] += quad(row + k * stride + j) * by;
+      const Quad factor = quad(y + j);
+      FAN_UNROLL for (int k = 0; k < 4; ++k) sum[k] += quad(row + k * stride + j) * factor;
     }
     FAN_UNROLL for (int k = 0; k < 4; ++k) out[k] =
         (sum[k][0] + sum[k][1]) + (sum[k][2] + sum[k][3]);
@@ -128,25 +128,26 @@ struct DenseLu {
   // Subtracts multiples of `top` from the rows below k, in 4 `quads` columns from j.
   template <int quads>
   FAN_FN void eliminate(int k, int j, const double* top) {
-    Quad held[quads];
-    FAN_UNROLL for (int q = 0; q < quads; ++q) held[q] = quad(top + 4 * q);
+    Quad saved[quads];
+    FAN_UNROLL for (int q = 0; q < quads; ++q) saved[q] = quad(top + 4 * q);
     const int step = stride;
     double* row = A + (k + 1) * step + j;
-    const double *share = share_ + k + 1, *const end = share_ + n;
-    for (; share < end; ++share, row += step)
-      FAN_UNROLL for (int q = 0; q < quads; ++q) quad(row + 4 * q) -= *share * held[q];
+    const double *multiplier = multiplier_ + k + 1, *const end = multiplier_ + n;
+    for (; multiplier < end; ++multiplier, row += step)
+      FAN_UNROLL for (int q = 0; q < quads; ++q) quad(row + 4 * q) -= *multiplier * saved[q];
   }
 
+  // Exchanges two rows.
   FAN_FN void exchange(double* a, double* b) const {
     for (int j = 0; j < stride; j += 4) {
-      const Quad held = quad(a + j);
+      const Quad saved = quad(a + j);
       quad(a + j) = quad(b + j);
-      quad(b + j) = held;
+      quad(b + j) = saved;
     }
   }
 
   int swap_[N];
-  double inverse_[N], share_[N];
+  double inverse_[N], multiplier_[N];
 };
 
 }  // namespace fan

@@ -20,28 +20,29 @@ FAN_ALWAYS_INLINE void unrolled(const F& f) {
 // Calls f(0), ..., f(n - 1), which must be independent: the compiler may compute several at once.
 template <int n, class F>
 FAN_ALWAYS_INLINE void each(const F& f) {
-  constexpr int whole = n / 8 * 8;
+  constexpr int multiple = n / 8 * 8;
   FAN_INDEPENDENT
-  for (int k = 0; k < whole; ++k) f(k);
-  unrolled<whole, n>(f);
+  for (int k = 0; k < multiple; ++k) f(k);
+  unrolled<multiple, n>(f);
 }
 
 // Calls f(k, j) for k from 0 to n - 1 with the constant j = k % step, for `step` independent sums:
 // each addition waits for the previous one of its sum.
 template <int step, int n, class F>
 FAN_ALWAYS_INLINE void unrolled_by(const F& f) {
-  constexpr int whole = n / step * step;
-  for (int k = 0; k < whole; k += step) unrolled<0, step>([&](auto j) FAN_INLINE { f(k + j, j); });
-  unrolled<0, n - whole>([&](auto j) FAN_INLINE { f(whole + j, j); });
+  constexpr int multiple = n / step * step;
+  for (int k = 0; k < multiple; k += step)
+    unrolled<0, step>([&](auto j) FAN_INLINE { f(k + j, j); });
+  unrolled<0, n - multiple>([&](auto j) FAN_INLINE { f(multiple + j, j); });
 }
 
 // The largest of f(0), ..., f(n - 1); -unbounded for n = 0.
 template <int n, class F>
 FAN_ALWAYS_INLINE auto largest_of(const F& f) {
   using Real = std::decay_t<decltype(f(0))>;
-  Real most[4] = {Real(-unbounded), Real(-unbounded), Real(-unbounded), Real(-unbounded)};
-  unrolled_by<4, n>([&](int k, auto j) FAN_INLINE { most[j] = maximum(f(k), most[j]); });
-  return maximum(maximum(most[0], most[1]), maximum(most[2], most[3]));
+  Real largest[4] = {Real(-unbounded), Real(-unbounded), Real(-unbounded), Real(-unbounded)};
+  unrolled_by<4, n>([&](int k, auto j) FAN_INLINE { largest[j] = maximum(f(k), largest[j]); });
+  return maximum(maximum(largest[0], largest[1]), maximum(largest[2], largest[3]));
 }
 
 // The sum of n squares.

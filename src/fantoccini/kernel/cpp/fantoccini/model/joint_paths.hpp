@@ -23,10 +23,10 @@ struct JointPaths {
   using Tol = JointPathTolerances;
   static constexpr int L = Model::n_links, S = Model::n_strings;
 
-  Real slide[array_size(L)], turn[array_size(L)],
-      wound[array_size(S)];  // of links, and of the strings' lengths
-  Real loose[array_size(
-      S)];  // 1.0 for strings that may go slack on the way although they are straight now
+  Real slide[array_size(L)], turn[array_size(L)];
+  Real wound[array_size(S)];  // bounds of the changes of the strings' lengths
+  // 1.0 for strings that may go slack on the way although they are straight now; else 0.0.
+  Real loose[array_size(S)];
   // Bounds of a string's length minus its span, if known; otherwise they are computed from the
   // paths.
   bool known = false;
@@ -38,10 +38,10 @@ struct JointPaths {
     for (int i = 0; i < S; ++i) wound[i] = loose[i] = Real(0.0);
   }
 
-  // Adds `share` times the motion of the joints between two configurations at constant velocity.
+  // Adds `fraction` times the motion of the joints between two configurations at constant velocity.
   FAN_FN void add(
       const ClearanceArrays& in, const Real* q_D, const Real* q_K, const Real* to_D,
-      const Real* to_K, double share = 1.0) {
+      const Real* to_K, double fraction = 1.0) {
     using std::abs;
     using std::sqrt;
     for (int i = 0; i < L; ++i) {
@@ -51,15 +51,15 @@ struct JointPaths {
       const Real* to = (joint.role == 1 ? to_D : to_K) + joint.q;
       Real square = Real(0.0);
       for (int k = 0; k < joint.slides; ++k) square += (to[k] - from[k]) * (to[k] - from[k]);
-      if (joint.slides) slide[i] += share * sqrt(square);
+      if (joint.slides) slide[i] += fraction * sqrt(square);
       from += joint.slides;
       to += joint.slides;
-      if (joint.turns == 1) turn[i] += share * abs(to[0] - from[0]);
-      if (joint.turns == 4) turn[i] += share * angle_bound(from, to);
+      if (joint.turns == 1) turn[i] += fraction * abs(to[0] - from[0]);
+      if (joint.turns == 4) turn[i] += fraction * angle_bound(from, to);
     }
     for (int i = 0; i < S; ++i)
-      wound[i] += share * abs(string_length<Model, Real>(i, to_D, to_K) -
-                              string_length<Model, Real>(i, q_D, q_K));
+      wound[i] += fraction * abs(string_length<Model, Real>(i, to_D, to_K) -
+                                 string_length<Model, Real>(i, q_D, q_K));
   }
 
   // Bound of the path of all points within `beyond` of a point x of a link; link -1 is the world.
@@ -80,26 +80,26 @@ struct JointPaths {
     return moved;
   }
 
-  // Bound of the change of a string's sag if its excess (length less span) changes by up to `x`. A
-  // shallow string sags by sqrt(3/8 length excess), a steep one by half of the excess.
+  // Bound of the change of a string's sag if its excess (length same_sign span) changes by up to
+  // `x`. A shallow string sags by sqrt(3/8 length excess), a steep one by half of the excess.
   FAN_FN static Real sag(const Real& length, const Real& span, const Real& x) {
     using std::sqrt;
-    const Real none = Real(0.0), excess = length - span,
-               scale = Tol::parabola * maximum(Real(length + x), none);
-    const Real most = maximum(excess + x, none), least = maximum(excess - x, none);
-    return select(most > none, Real(sqrt(scale * most) - sqrt(scale * least) + x), none);
+    const Real zero = Real(0.0), excess = length - span,
+               scale = Tol::parabola * maximum(Real(length + x), zero);
+    const Real high = maximum(excess + x, zero), low = maximum(excess - x, zero);
+    return select(high > zero, Real(sqrt(scale * high) - sqrt(scale * low) + x), zero);
   }
 
  private:
   // Bound of the angle between orientations: |a - b| = 2 sin(angle / 4) for unit quaternions.
   FAN_FN static Real angle_bound(const Real* a, const Real* b) {
     using std::sqrt;
-    Real less = Real(0.0), more = Real(0.0);
+    Real same_sign = Real(0.0), opposite_sign = Real(0.0);
     for (int k = 0; k < 4; ++k) {
-      less += (a[k] - b[k]) * (a[k] - b[k]);
-      more += (a[k] + b[k]) * (a[k] + b[k]);
+      same_sign += (a[k] - b[k]) * (a[k] - b[k]);
+      opposite_sign += (a[k] + b[k]) * (a[k] + b[k]);
     }
-    const Real half = 0.5 * sqrt(minimum(less, more));
+    const Real half = 0.5 * sqrt(minimum(same_sign, opposite_sign));
     return 4.0 * (half + Tol::arcsine * half * half * half);
   }
 };

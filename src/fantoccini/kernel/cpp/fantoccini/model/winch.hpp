@@ -24,10 +24,10 @@ struct WinchTolerances {
   // m: largest negative slip, or difference from its string's gap, with redundant strings that
   // contradict one another.
   static constexpr double max_length_error = 1e-10;
-  // Braking begins at a slip larger by this share, so that the end of a stretch lies in the next
+  // Braking begins at a slip larger by this fraction, so that the end of a stretch lies in the next
   // one.
   static constexpr double braking_margin = 1e-9;
-  static constexpr double clock = 1e-15;  // resolution of the time, relative to it or 1 s
+  static constexpr double clock = 1e-15;  // resolution of times, relative to them or to 1 s
 };
 
 // Slip while it is rewound [m, m/s, m/s^2].
@@ -48,10 +48,10 @@ struct Winches {
   void set(const double* table) {
     some_slip = false;
     for (int i = 0; i < S; ++i) {
-      const double* own = table + WinchLayout::width * i;
-      max_tension[i] = own[WinchLayout::max_tension];
-      rewind_speed[i] = own[WinchLayout::rewind_speed];
-      restitution[i] = own[WinchLayout::restitution];
+      const double* numbers = table + WinchLayout::width * i;
+      max_tension[i] = numbers[WinchLayout::max_tension];
+      rewind_speed[i] = numbers[WinchLayout::rewind_speed];
+      restitution[i] = numbers[WinchLayout::restitution];
       some_slip = some_slip || slips(i);
     }
   }
@@ -68,7 +68,7 @@ struct Winches {
     return braked < rewind_speed[i] ? -braked : -rewind_speed[i];
   }
 
-  // The same over a fixed step, which winds back no more than there is.
+  // The same over a fixed step, in which at most the whole slip is rewound.
   template <class Real>
   FAN_FN Real winding(int i, const Real& slip, double dt) const {
     using std::sqrt;
@@ -77,13 +77,13 @@ struct Winches {
     return -minimum(Real(slip * (1.0 / dt)), minimum(braked, Real(rewind_speed[i])));
   }
 
-  // The slip a time after it was `slip`; valid for times up to `stretch`.
+  // The slip a time after it was `slip`, for times up to `stretch`.
   Wound wound(int i, double slip, double time) const {
     const double speed = rewind_speed[i];
     if (!(slip > Tolerance::max_resting_slip && speed > 0.0)) return {slip, 0.0, 0.0};
     if (slip > braking(i)) return {slip - speed * time, -speed, 0.0};
-    const double left = sqrt(2.0 * slip / Tolerance::brake) - time;
-    return {0.5 * Tolerance::brake * left * left, -Tolerance::brake * left, Tolerance::brake};
+    const double rest = sqrt(2.0 * slip / Tolerance::brake) - time;
+    return {0.5 * Tolerance::brake * rest * rest, -Tolerance::brake * rest, Tolerance::brake};
   }
 
   // s: time of constant acceleration: until the winch brakes, or until it stops; 0 if it rests.
@@ -94,14 +94,14 @@ struct Winches {
                              : sqrt(2.0 * slip / Tolerance::brake);
   }
 
-  // A slip at `time`: that at the end of its stretch, if the clock does not resolve the rest of it;
-  // 0 if it is negligible.
+  // A slip at `time`: that at the end of its stretch if the rest of the stretch is below the
+  // resolution of times; 0 if it is negligible.
   double resolved(int i, double slip, double time) const {
     if (!(slip > Tolerance::negligible_slip))
       return slip < 0.0 && slip >= -Tolerance::max_length_error ? slip : 0.0;
-    const double left = stretch(i, slip);
-    const double finest = Tolerance::clock * (fabs(time) > 1.0 ? fabs(time) : 1.0);
-    if (left == 0.0 || left > finest) return slip;
+    const double rest = stretch(i, slip);
+    const double resolution = Tolerance::clock * (fabs(time) > 1.0 ? fabs(time) : 1.0);
+    if (rest == 0.0 || rest > resolution) return slip;
     return slip > braking(i) ? 0.5 * rewind_speed[i] * rewind_speed[i] / Tolerance::brake : 0.0;
   }
 

@@ -31,7 +31,7 @@ class StageProgramSolver {
   }
 
  private:
-  static constexpr double first_barrier = 0.1, first_room = 1e-2;
+  static constexpr double first_barrier = 0.1, first_slack = 1e-2;
 
   // sign x <= limit (a bound), or sign C x - s <= limit (a side of a row).
   struct Side {
@@ -41,7 +41,8 @@ class StageProgramSolver {
   // The violation s of a row.
   struct Elastic {
     double price, s, multiplier, ds, dmultiplier, target;  // target: of s times its multiplier
-    double bend, pull;  // of the stationarity of s after the sides are eliminated
+    // Coefficient and right-hand side of the stationarity of s after the sides are eliminated.
+    double curvature, slope;
   };
 
   StageRiccati riccati_;
@@ -49,14 +50,12 @@ class StageProgramSolver {
   std::vector<int> first_side_;  // (N m + 1,) sides of a row
   std::vector<Elastic> elastic_;
   std::vector<double> g_, e_, x_, dx_, gradient_, costate_, slope_, value_;
-  int per_ = 0;  // length of x in the caller's arrays
 
   double* row_of(std::vector<double>& a, int i) { return a.data() + size_t(i) * riccati_.ld; }
 
   void read(const StageProgramArrays& in) {
     StageRiccati& r = riccati_;
     const int N = int(in.N), n_z = in.n_z, k = in.k, m = in.m, s = n_z + k;
-    per_ = s;
     const double scale = 1.0 / in.unit;
     bool couples = false;
     for (int i = 0; i < N && !couples; ++i) {
@@ -132,7 +131,8 @@ class StageProgramSolver {
     slope_.assign(size_t(N) * m, 0.0), value_.assign(size_t(N) * m, 0.0);
   }
 
-  // The minimum without bounds, if it satisfies them; else a start.
+  // Sets x to the minimum without bounds, a solution if it satisfies them, else the start of the
+  // iteration. Returns false if the problem is not convex.
   bool start(StageProgramArrays& in) {
     StageRiccati& r = riccati_;
     for (int i = 0; i < r.N; ++i) {
@@ -149,35 +149,35 @@ class StageProgramSolver {
     for (size_t j = 0; j < x_.size(); ++j) x_[j] += dx_[j];
     rows_of(x_, value_);
     double least = HUGE_VAL;
-    for (const Side& b : bounds_) least = std::min(least, room_of(b));
-    for (const Side& b : sides_) least = std::min(least, room_of_row(b));
+    for (const Side& b : bounds_) least = std::min(least, slack_of(b));
+    for (const Side& b : sides_) least = std::min(least, slack_of_row(b));
     if (least >= 0.0) {
       in.solved = 1;
       return true;
     }
-    const double inner = std::max(first_room, 0.1 * std::min(-least, 1.0));
+    const double inner = std::max(first_slack, 0.1 * std::min(-least, 1.0));
     for (Side& b : bounds_) {
-      b.t = std::max(room_of(b), inner);
+      b.t = std::max(slack_of(b), inner);
       b.multiplier = first_barrier / b.t;
     }
     for (size_t row = 0; row < elastic_.size(); ++row) {
-      Elastic& own = elastic_[row];
-      own.s = inner;
+      Elastic& elastic = elastic_[row];
+      elastic.s = inner;
       for (int j = first_side_[row]; j < first_side_[row + 1]; ++j) {
-        own.s = std::max(own.s, inner - room_of_row(sides_[j]));
+        elastic.s = std::max(elastic.s, inner - slack_of_row(sides_[j]));
       }
-      own.multiplier = first_barrier / own.s;
+      elastic.multiplier = first_barrier / elastic.s;
       for (int j = first_side_[row]; j < first_side_[row + 1]; ++j) {
         Side& b = sides_[j];
-        b.t = std::max(room_of_row(b) + own.s, inner);
+        b.t = std::max(slack_of_row(b) + elastic.s, inner);
         b.multiplier = first_barrier / b.t;
       }
     }
     return true;
   }
 
-  double room_of(const Side& b) { return b.limit - b.sign * row_of(x_, b.stage)[b.place]; }
-  double room_of_row(const Side& b) {
+  double slack_of(const Side& b) { return b.limit - b.sign * row_of(x_, b.stage)[b.place]; }
+  double slack_of_row(const Side& b) {
     return b.limit - b.sign * value_[size_t(b.stage) * riccati_.m + b.place];
   }
 
@@ -200,7 +200,7 @@ class StageProgramSolver {
     for (Side& b : sides_) b.target = 0.0;
     for (Elastic& s : elastic_) s.target = 0.0;
     direction();
-    const double reach = longest();
+    const double reach = longest_step();
     double after = 0.0;
     for (const auto* all : {&bounds_, &sides_}) {
       for (const Side& b : *all)
@@ -210,14 +210,14 @@ class StageProgramSolver {
       after += (s.s + reach * s.ds) * (s.multiplier + reach * s.dmultiplier);
     }
     after /= double(bounds_.size() + sides_.size() + elastic_.size());
-    const double share = after / barrier, least = std::max(in.barrier, 0.1 * in.tolerance);
-    const double aim = std::max(share * share * share * barrier, least);
+    const double ratio = after / barrier, least = std::max(in.barrier, 0.1 * in.tolerance);
+    const double target = std::max(ratio * ratio * ratio * barrier, least);
     for (auto* all : {&bounds_, &sides_}) {
-      for (Side& b : *all) b.target = aim - b.dt * b.dmultiplier;
+      for (Side& b : *all) b.target = target - b.dt * b.dmultiplier;
     }
-    for (Elastic& s : elastic_) s.target = aim - s.ds * s.dmultiplier;
+    for (Elastic& s : elastic_) s.target = target - s.ds * s.dmultiplier;
     direction();
-    const double alpha = std::min(1.0, (1.0 - std::min(0.01, 0.1 * barrier)) * longest());
+    const double alpha = std::min(1.0, (1.0 - std::min(0.01, 0.1 * barrier)) * longest_step());
     if (!(alpha > 1e-10)) return false;
     for (size_t j = 0; j < x_.size(); ++j) x_[j] += alpha * dx_[j];
     for (auto* all : {&bounds_, &sides_}) {
@@ -238,81 +238,84 @@ class StageProgramSolver {
 
   // W of a row: weight of (C dx)^2 / 2 after its sides and its violation are eliminated.
   double weight_of(size_t row) {
-    Elastic& own = elastic_[row];
-    const double soft = own.price + own.multiplier / own.s;
+    Elastic& elastic = elastic_[row];
+    const double soft = elastic.price + elastic.multiplier / elastic.s;
     double sum = 0.0, product = 1.0;
     int count = 0;
     for (int j = first_side_[row]; j < first_side_[row + 1]; ++j, ++count) {
       const double w = sides_[j].multiplier / sides_[j].t;
       sum += w, product *= w;
     }
-    own.bend = soft + sum;
-    return ((count == 2 ? 4.0 * product : 0.0) + sum * soft) / own.bend;
+    elastic.curvature = soft + sum;
+    return ((count == 2 ? 4.0 * product : 0.0) + sum * soft) / elastic.curvature;
   }
 
   // Residual of a side's equation.
-  double off(const Side& b, bool row) {
-    if (!row) return b.t - room_of(b);
-    return b.t - room_of_row(b) - elastic_[size_t(b.stage) * riccati_.m + b.place].s;
+  double residual_of(const Side& b, bool row) {
+    if (!row) return b.t - slack_of(b);
+    return b.t - slack_of_row(b) - elastic_[size_t(b.stage) * riccati_.m + b.place].s;
   }
 
   double elastic_residual(size_t row) const {
-    const Elastic& own = elastic_[row];
-    double sum = own.price * (1.0 + own.s) - own.multiplier;
+    const Elastic& elastic = elastic_[row];
+    double sum = elastic.price * (1.0 + elastic.s) - elastic.multiplier;
     for (int j = first_side_[row]; j < first_side_[row + 1]; ++j) sum -= sides_[j].multiplier;
     return sum;
   }
 
-  // Newton's step for the products t multiplier = target, with the current factors.
+  // Computes Newton's step for the products t multiplier = target, with the current factors.
   void direction() {
     StageRiccati& r = riccati_;
     std::vector<double>& q = costate_;  // workspace for the gradient of the step
     q = gradient_;
-    auto shift = [](const Side& b, double apart) {
-      return (b.target - b.t * b.multiplier + b.multiplier * apart) / b.t;
+    auto shift = [](const Side& b, double residual) {
+      return (b.target - b.t * b.multiplier + b.multiplier * residual) / b.t;
     };
     for (const Side& b : bounds_) {
-      row_of(q, b.stage)[b.place] += b.sign * (b.multiplier + shift(b, off(b, false)));
+      row_of(q, b.stage)[b.place] += b.sign * (b.multiplier + shift(b, residual_of(b, false)));
     }
     for (size_t row = 0; row < elastic_.size(); ++row) {
-      Elastic& own = elastic_[row];
+      Elastic& elastic = elastic_[row];
       double sum = 0.0, signed_sum = 0.0;
-      own.pull = -elastic_residual(row) + (own.target - own.s * own.multiplier) / own.s;
+      elastic.slope =
+          -elastic_residual(row) + (elastic.target - elastic.s * elastic.multiplier) / elastic.s;
       for (int j = first_side_[row]; j < first_side_[row + 1]; ++j) {
         const Side& b = sides_[j];
-        const double a = shift(b, off(b, true));
-        own.pull += a;
+        const double a = shift(b, residual_of(b, true));
+        elastic.slope += a;
         sum += b.sign * (b.multiplier + a);
         signed_sum += b.sign * b.multiplier / b.t;
       }
-      slope_[row] = sum - signed_sum * own.pull / own.bend;
+      slope_[row] = sum - signed_sum * elastic.slope / elastic.curvature;
     }
     add_rows(slope_, q);
     r.solve(q.data(), dx_.data());
     for (Side& b : bounds_) {
-      const double apart = off(b, false);
-      b.dt = -apart - b.sign * row_of(dx_, b.stage)[b.place];
+      const double residual = residual_of(b, false);
+      b.dt = -residual - b.sign * row_of(dx_, b.stage)[b.place];
       b.dmultiplier = (b.target - b.t * b.multiplier - b.multiplier * b.dt) / b.t;
     }
     rows_of(dx_, slope_);
     for (size_t row = 0; row < elastic_.size(); ++row) {
-      Elastic& own = elastic_[row];
-      double sum = own.pull;
+      Elastic& elastic = elastic_[row];
+      double sum = elastic.slope;
       for (int j = first_side_[row]; j < first_side_[row + 1]; ++j) {
         sum += sides_[j].sign * sides_[j].multiplier / sides_[j].t * slope_[row];
       }
-      own.ds = sum / own.bend;
-      own.dmultiplier = (own.target - own.s * own.multiplier - own.multiplier * own.ds) / own.s;
+      elastic.ds = sum / elastic.curvature;
+      elastic.dmultiplier =
+          (elastic.target - elastic.s * elastic.multiplier - elastic.multiplier * elastic.ds) /
+          elastic.s;
       for (int j = first_side_[row]; j < first_side_[row + 1]; ++j) {
         Side& b = sides_[j];
-        b.dt = -off(b, true) - b.sign * slope_[row] + own.ds;
+        b.dt = -residual_of(b, true) - b.sign * slope_[row] + elastic.ds;
         b.dmultiplier = (b.target - b.t * b.multiplier - b.multiplier * b.dt) / b.t;
       }
     }
   }
 
   // The longest step that keeps all slacks and multipliers positive.
-  double longest() const {
+  double longest_step() const {
     double alpha = 1.0;
     auto keep = [&](double value, double change) {
       if (value + alpha * change < 0.0) alpha = -value / change;
@@ -326,8 +329,8 @@ class StageProgramSolver {
 
   bool converged(StageProgramArrays& in, double barrier) {
     double primal = 0.0, dual = 0.0, size = 1.0;
-    for (const Side& b : bounds_) primal = std::max(primal, std::fabs(off(b, false)));
-    for (const Side& b : sides_) primal = std::max(primal, std::fabs(off(b, true)));
+    for (const Side& b : bounds_) primal = std::max(primal, std::fabs(residual_of(b, false)));
+    for (const Side& b : sides_) primal = std::max(primal, std::fabs(residual_of(b, true)));
     for (size_t row = 0; row < elastic_.size(); ++row) {
       dual = std::max(dual, std::fabs(elastic_residual(row)));
     }
@@ -338,7 +341,7 @@ class StageProgramSolver {
            barrier <= std::max(10.0 * in.tolerance, 1.5 * in.barrier);
   }
 
-  // H x + g and the terms that couple stages.
+  // Sets the gradient: H x + g and the terms that couple stages.
   void cost_gradient() {
     StageRiccati& r = riccati_;
     for (int i = 0; i < r.N; ++i) {
@@ -353,7 +356,7 @@ class StageProgramSolver {
     }
   }
 
-  // C (x_{i-1}, u_i) of all rows.
+  // Sets `out` to C (x_{i-1}, u_i) of all rows.
   void rows_of(std::vector<double>& x, std::vector<double>& out) {
     StageRiccati& r = riccati_;
     for (int i = 0; i < r.N; ++i) {
@@ -379,7 +382,7 @@ class StageProgramSolver {
     }
   }
 
-  // The adjoint variables, and the largest slope of the Lagrangian along inputs.
+  // Sets the adjoint variables. Returns the largest slope of the Lagrangian along inputs.
   double residual() {
     StageRiccati& r = riccati_;
     costate_ = gradient_;
@@ -392,15 +395,15 @@ class StageProgramSolver {
       slope_[row] = sum;
     }
     add_rows(slope_, costate_);
-    double most = 0.0;
+    double largest = 0.0;
     std::vector<double> h(r.ld);
     for (int i = r.N - 1; i >= 0; --i) {
       double* p = row_of(costate_, i);
       r.multiply_transposed(i, p, h.data());
-      for (int a = r.n_z; a < r.n_x; ++a) most = std::max(most, std::fabs(p[a] + h[a]));
+      for (int a = r.n_z; a < r.n_x; ++a) largest = std::max(largest, std::fabs(p[a] + h[a]));
       for (int a = 0; a < r.n_z && i; ++a) p[a - r.ld] += h[a];
     }
-    return most;
+    return largest;
   }
 
   void write(StageProgramArrays& in) {
@@ -417,11 +420,11 @@ class StageProgramSolver {
     }
     rows_of(x_, value_);
     for (size_t row = 0; row < elastic_.size(); ++row) {
-      double most = 0.0;
+      double violation = 0.0;
       for (int j = first_side_[row]; j < first_side_[row + 1]; ++j) {
-        most = std::max(most, -room_of_row(sides_[j]));
+        violation = std::max(violation, -slack_of_row(sides_[j]));
       }
-      in.passed[row] = most;
+      in.passed[row] = violation;
       in.force[row] = in.unit * slope_[row];
     }
     if (in.gain) r.first_gain(in.gain);

@@ -36,14 +36,14 @@ struct ActiveSetTolerances {
   // Distance of a column from the basis' span, relative to the column, below which the row depends
   // on the basis: its multiplier |s| / distance^2 would magnify rounding 1e12 times.
   static constexpr double dependent_distance = 1e-6;
-  // The same for complete(): above it a row with x = 0 may join, well conditioned; below it a row
-  // that holds is idle or pinned.
+  // The same for complete(): above it a row with x = 0 may join the basis; below it a row that
+  // holds is idle or pinned.
   static constexpr double independent_distance = 1e-3;
   // The same for LeastNorm: rows at a larger distance keep their tension, since sharing it would
   // change the motion.
   static constexpr double sharing_distance = 1e-9;
-  // Distance from the span, relative to the largest column, below which a row is also dependent: it
-  // moves nothing.
+  // Distance from the span, relative to the largest column, below which a row is dependent, too:
+  // its multiplier moves nothing.
   static constexpr double negligible_column = 1e-9;
   // Change of a multiplier per unit of the raised one; a smaller one is rounding.
   static constexpr double negligible_rate = 1e-13;
@@ -59,11 +59,11 @@ struct ActiveSet {
   enum Place : signed char { LOW, BASIC, HIGH, IDLE, PINNED };
 
   int n = 0, dim = n_dimensions;
-  double noise = 0.0;  // of b: dependent rows may disagree by this
+  double noise = 0.0;  // error of b, by which dependent rows may disagree
   const double* column[C];
   double b[C], upper[C];  // solve() sets b below `negligible` to 0
   bool two_sided[C];
-  Place place[C];  // on entry the guess
+  Place place[C];  // before solve(), the guess
   double x[C], s[C];
   double terms[C];  // sum of the magnitudes of the terms of s
   double ray[C];    // of an infeasible problem
@@ -83,7 +83,7 @@ struct ActiveSet {
     return Solved::UNSETTLED;
   }
 
-  // Takes x and the places from another solver's solution; computes the basis, but not s.
+  // Continues from x and places of another solver's solution: computes the basis, but not s.
   void adopt() {
     bool basic[C];
     measure();
@@ -99,8 +99,8 @@ struct ActiveSet {
     return fabs(s[i]) <= Tolerance::consistent_residual * terms[i] + noise;
   }
 
-  // Takes every row that holds into the basis or, where it depends on the basis, marks it idle or
-  // pinned. A row with x = 0 joins the basis only if it `stays`. Call it after solve().
+  // Adds every row that holds to the basis or, where it depends on the basis, marks it idle or
+  // pinned. A row with x = 0 joins the basis only if it `stays`. Call this after solve().
   void complete(const bool* stays) {
     bool wanted[C];
     for (int i = 0; i < n; ++i)
@@ -109,8 +109,8 @@ struct ActiveSet {
                   project(i) > Tolerance::independent_distance * size_[i];
     join_all(wanted);
     for (int i = 0; i < n; ++i) {
-      const bool leans = holds(i) && project(i) <= Tolerance::independent_distance * size_[i];
-      if (place[i] == BASIC || !(two_sided[i] || leans)) continue;
+      const bool depends = holds(i) && project(i) <= Tolerance::independent_distance * size_[i];
+      if (place[i] == BASIC || !(two_sided[i] || depends)) continue;
       place[i] = place[i] == LOW ? IDLE : PINNED;
     }
   }
@@ -118,10 +118,10 @@ struct ActiveSet {
   // Coefficients of column i on the basis, column i = sum_j c_j column[basis[j]]. Returns the
   // distance of the column from that, relative to its length.
   double coefficients(int i, double* c) {
-    const double apart = project(i);
+    const double distance = project(i);
     for (int j = 0; j < k_; ++j) c[j] = along_[j];
     back_substitute(c);
-    return size_[i] > 0.0 ? apart / size_[i] : 0.0;
+    return size_[i] > 0.0 ? distance / size_[i] : 0.0;
   }
 
   int basis_size() const { return k_; }
@@ -158,24 +158,24 @@ struct ActiveSet {
     while (!drop_beyond(0.0));
   }
 
-  // Raises (or lowers) x_d until row d holds, a bound of x_d is met, or nothing stops it.
+  // Raises (or lowers) x_d until row d holds or a bound of x_d is met.
   Solved raise(int d) {
     const double sign = s[d] < 0.0 ? 1.0 : -1.0;
     double c[D];
     for (int inner = 0; inner <= n + 1; ++inner) {
-      const double apart = project(d);
-      const bool depends = is_dependent(d, apart);
+      const double distance = project(d);
+      const bool depends = is_dependent(d, distance);
       if (depends && holds(d)) {
         implied_[d] = true;
         return Solved::YES;
       }
       for (int j = 0; j < k_; ++j) c[j] = along_[j];
       back_substitute(c);
-      double t = depends ? unbounded : fabs(s[d]) / (apart * apart);
+      double t = depends ? unbounded : fabs(s[d]) / (distance * distance);
       int stop = -1;  // place in the basis of the row that meets a bound; k_: x_d itself
-      const double own = sign > 0.0 ? upper[d] - x[d] : x[d];
-      if (!two_sided[d] && own < t) {
-        t = own;
+      const double own_range = sign > 0.0 ? upper[d] - x[d] : x[d];
+      if (!two_sided[d] && own_range < t) {
+        t = own_range;
         stop = k_;
       }
       for (int j = 0; j < k_; ++j) {
@@ -184,9 +184,9 @@ struct ActiveSet {
         const double rate = -sign * c[j];
         if (fabs(rate) <= Tolerance::negligible_rate) continue;
         if (rate > 0.0 && upper[i] >= unbounded) continue;
-        const double left = rate < 0.0 ? x[i] : upper[i] - x[i];
-        if (left < t * fabs(rate)) {
-          t = left / fabs(rate);
+        const double range = rate < 0.0 ? x[i] : upper[i] - x[i];
+        if (range < t * fabs(rate)) {
+          t = range / fabs(rate);
           stop = j;
         }
       }
@@ -204,7 +204,7 @@ struct ActiveSet {
       for (int i = 0; i < n; ++i) implied_[i] = false;
       x[d] += sign * t;
       for (int j = 0; j < k_; ++j) x[basis_[j]] -= sign * t * c[j];
-      if (!depends) s[d] += sign * t * apart * apart;
+      if (!depends) s[d] += sign * t * distance * distance;
       if (stop < 0) {
         place[d] = BASIC;
         join(d);
@@ -226,20 +226,20 @@ struct ActiveSet {
 
   int most_violated() const {
     int worst = -1;
-    double most = Tolerance::violated_residual;
+    double largest = Tolerance::violated_residual;
     for (int i = 0; i < n; ++i) {
       if (place[i] == BASIC || implied_[i]) continue;
       const double wrong = two_sided[i] ? fabs(s[i]) : (place[i] == HIGH ? s[i] : -s[i]);
-      if (wrong > most * terms[i]) {
-        most = wrong / terms[i];
+      if (wrong > largest * terms[i]) {
+        largest = wrong / terms[i];
         worst = i;
       }
     }
     return worst;
   }
 
-  // Recomputes x of the basis without the rounding of the rounds. Returns false if a row had to
-  // leave.
+  // Recomputes x of the basis, without the rounding errors of the rounds. Returns false if a row
+  // had to leave.
   bool polish() {
     fit();
     double largest = 0.0;
@@ -268,25 +268,25 @@ struct ActiveSet {
     return none;
   }
 
-  // x of the basis from R^T R x = b_B - W_B^T W_H upper_H, with one refinement; the others' x from
-  // their places.
+  // Solves R^T R x = b_B - W_B^T W_H upper_H for x of the basis, with one refinement; other x
+  // follow from their places.
   void fit() {
-    double sum[D], left[D];
+    double sum[D], residual[D];
     for (int a = 0; a < dim; ++a) sum[a] = 0.0;
     for (int i = 0; i < n; ++i) {
       x[i] = place[i] == HIGH ? upper[i] : 0.0;
       for (int a = 0; a < dim && x[i] != 0.0; ++a) sum[a] += column[i][a] * x[i];
     }
     for (int round = 0; round < 2; ++round) {
-      for (int j = 0; j < k_; ++j) left[j] = b[basis_[j]] - product(column[basis_[j]], sum);
+      for (int j = 0; j < k_; ++j) residual[j] = b[basis_[j]] - product(column[basis_[j]], sum);
       for (int j = 0; j < k_; ++j) {
-        for (int l = 0; l < j; ++l) left[j] -= R_[l * D + j] * left[l];
-        left[j] /= R_[j * D + j];
+        for (int l = 0; l < j; ++l) residual[j] -= R_[l * D + j] * residual[l];
+        residual[j] /= R_[j * D + j];
       }
-      back_substitute(left);
+      back_substitute(residual);
       for (int j = 0; j < k_; ++j) {
-        x[basis_[j]] += left[j];
-        for (int a = 0; a < dim; ++a) sum[a] += column[basis_[j]][a] * left[j];
+        x[basis_[j]] += residual[j];
+        for (int a = 0; a < dim; ++a) sum[a] += column[basis_[j]][a] * residual[j];
       }
     }
   }
@@ -311,29 +311,29 @@ struct ActiveSet {
     }
   }
 
-  // Takes row i into the basis unless its column depends on it.
+  // Adds row i to the basis unless its column depends on the basis.
   bool join(int i) {
     if (k_ == dim) return false;
-    const double apart = project(i);
-    if (is_dependent(i, apart)) return false;
+    const double distance = project(i);
+    if (is_dependent(i, distance)) return false;
     for (int j = 0; j < k_; ++j) R_[j * D + k_] = along_[j];
-    R_[k_ * D + k_] = apart;
-    for (int a = 0; a < dim; ++a) Q_[k_][a] = rest_[a] / apart;
+    R_[k_ * D + k_] = distance;
+    for (int a = 0; a < dim; ++a) Q_[k_][a] = rest_[a] / distance;
     basis_[k_++] = i;
     return true;
   }
 
-  // Takes the wanted rows into the basis, those farthest from its span first, so that of redundant
+  // Adds the wanted rows to the basis, those farthest from its span first, so that of redundant
   // rows the best conditioned are included.
   void join_all(bool* wanted) {
     for (;;) {
       int best = -1;
-      double most = -1.0;
+      double farthest = -1.0;
       for (int i = 0; i < n; ++i) {
         if (!wanted[i]) continue;
-        const double apart = project(i);
-        if (apart > most) {
-          most = apart;
+        const double distance = project(i);
+        if (distance > farthest) {
+          farthest = distance;
           best = i;
         }
       }
@@ -343,7 +343,7 @@ struct ActiveSet {
     }
   }
 
-  // Removes the row at place j from the basis.
+  // Removes the row at index j from the basis.
   void leave(int j) {
     int after[D], n_after = 0;
     for (int l = j + 1; l < k_; ++l) after[n_after++] = basis_[l];
@@ -352,8 +352,8 @@ struct ActiveSet {
       if (!join(after[l])) place[after[l]] = LOW;
   }
 
-  // Projects column i on the basis (along_); rest_ is the difference. Returns the length of the
-  // latter.
+  // Projects column i on the basis: along_ are its coefficients, rest_ is the difference, whose
+  // length is returned.
   double project(int i) {
     for (int a = 0; a < dim; ++a) rest_[a] = column[i][a];
     for (int j = 0; j < k_; ++j) along_[j] = 0.0;
@@ -366,9 +366,9 @@ struct ActiveSet {
     return sqrt(product(rest_, rest_));
   }
 
-  bool is_dependent(int i, double apart) const {
-    return apart <= Tolerance::dependent_distance * size_[i] ||
-           apart <= Tolerance::negligible_column * top_;
+  bool is_dependent(int i, double distance) const {
+    return distance <= Tolerance::dependent_distance * size_[i] ||
+           distance <= Tolerance::negligible_column * top_;
   }
 
   // c <- R^-1 c.

@@ -73,9 +73,9 @@ struct Complementarity {
   // Entry (i, j) of G of a problem for solve().
   FAN_ALWAYS_INLINE const Real& at(int i, int j) const { return at_with<leading>(i, j); }
 
-  // The factor of the active rows, the diagonal raised by eps times its largest entry.
+  // Factorises the active rows, the diagonal raised by eps times its largest entry.
   FAN_FN void factorise(double eps) {
-    choose<0>();
+    list_rows<0>();
     raise_ = eps * largest_;
     factor<0>(0.0);
   }
@@ -96,8 +96,8 @@ struct Complementarity {
   // r <- (active block)^-1 r; the other rows are unchanged.
   FAN_FN void substitute(Real* r) const { substitute_with<0>(r); }
 
-  // x of the active rows from s_i = 0, of the others from their bounds; then s of all rows. Refines
-  // until the residuals are rounding; a converged lane no longer changes.
+  // Sets x of the active rows from s_i = 0, of the others from their bounds; then s of all rows.
+  // Refines until the residuals are rounding; a converged lane no longer changes.
   FAN_FN void solve_active(double eps, int max_refinements) {
     factorise(eps);
     first_solution<0>();
@@ -117,8 +117,8 @@ struct Complementarity {
     Mask solved = Real(0.0) > Real(1.0);
     rows<leading>([&](auto i)
                       FAN_INLINE { b[i] = select(abs(b[i]) < negligible, Real(0.0), b[i]); });
-    if (!again) standing_ = false;
-    if (!standing_) raised_ = solved;
+    if (!again) has_factor_ = false;
+    if (!has_factor_) raised_ = solved;
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
       factorise_as_needed(eps);
       first_solution<leading>();
@@ -143,10 +143,10 @@ struct Complementarity {
       fewest = select(better, count, fewest);
       patience = select(better, Real(Tolerance::patience), Real(patience - 1.0));
       const Mask block = patience > Real(-0.5);
-      Mask taken = block;
+      Mask flipped = block;
       for (int i = n - 1; i >= 0; --i) {
-        const Mask flip = wrong[i] && (block || !taken) && !solved;
-        taken = taken || wrong[i];
+        const Mask flip = wrong[i] && (block || !flipped) && !solved;
+        flipped = flipped || wrong[i];
         high[i] = (high[i] && !flip) || (above[i] && flip);
         active[i] = (active[i] && !flip) || (!active[i] && flip);
       }
@@ -158,8 +158,8 @@ struct Complementarity {
   // Solves the problem, with larger raises in lanes in which pivoting does not terminate. Returns
   // the solved lanes and the idle ones.
   FAN_FN Mask solve_firmly(const Mask& idle) {
-    const int most = Tolerance::max_iterations(n);
-    Mask settled = solve(Tolerance::raise, 1, Tolerance::pivoting, most) || idle;
+    const int max_iterations = Tolerance::max_iterations(n);
+    Mask settled = solve(Tolerance::raise, 1, Tolerance::pivoting, max_iterations) || idle;
     if (!any(!settled)) return settled;
     Real x_before[N], s_before[N];
     Mask high_before[N];
@@ -169,7 +169,7 @@ struct Complementarity {
       high_before[i] = high[i];
     }
     for (const double eps : Tolerance::firmer_raises) {
-      const Mask now = solve(eps, 1, Tolerance::pivoting, most);
+      const Mask now = solve(eps, 1, Tolerance::pivoting, max_iterations);
       // A lane that was solved before keeps its solution.
       for (int i = 0; i < n; ++i) {
         x[i] = x_before[i] = select(settled, x_before[i], x[i]);
@@ -200,9 +200,9 @@ struct Complementarity {
   // matrix, not for two that alternate. The other lanes are solved to rounding and need no
   // refinement.
   FAN_FN void factorise_as_needed(double eps) {
-    if (standing_ && stands()) return;
-    choose<leading>();
-    standing_ = true;
+    if (has_factor_ && is_current()) return;
+    list_rows<leading>();
+    has_factor_ = true;
     rows<leading>([&](auto i) FAN_INLINE { factored_[i] = active[i]; });
     raise_ = select(raised_, eps * largest_, Real(0.0));
     factor<leading>(Tolerance::firm_pivot * eps);
@@ -214,24 +214,24 @@ struct Complementarity {
   }
 
   // Whether the factor is that of the active rows.
-  FAN_FN bool stands() const {
+  FAN_FN bool is_current() const {
     Mask differs = Real(0.0) > Real(1.0);
     for (int i = 0; i < n; ++i) differs = differs || factored_[i] != active[i];
     return !any(differs);
   }
 
-  // Finds the first rows and those that are active in some lane, and the largest diagonal entry of
-  // each lane's active rows.
+  // Lists the first rows and those that are active in some lane, and finds the largest diagonal
+  // entry of each lane's active rows.
   template <int first>
-  FAN_FN void choose() {
+  FAN_FN void list_rows() {
     largest_ = Real(Tolerance::smallest_diagonal);
     n_rows_ = first;
     rows<first>([&](auto j) FAN_INLINE {
       if (j < first) rows_[j] = j;
       else if (any(active[j])) rows_[n_rows_++] = j;
       else return;
-      const Real own = select(active[j], at_with<first>(j, j), Real(0.0));
-      largest_ = maximum(own, largest_);
+      const Real diagonal = select(active[j], at_with<first>(j, j), Real(0.0));
+      largest_ = maximum(diagonal, largest_);
     });
   }
 
@@ -241,15 +241,15 @@ struct Complementarity {
     loose_ = Real(0.0) > Real(1.0);
     const Real low = least * largest_;
     // The Schur complement of the leading block, for which D L^T is not stored.
-    Real left[array_size(first)][array_size(first)];
+    Real complement[array_size(first)][array_size(first)];
     unrolled<0, first>([&](auto d) FAN_INLINE {
-      unrolled<0, d + 1>([&](auto c) FAN_INLINE { left[d][c] = entry<first>(d, c); });
+      unrolled<0, d + 1>([&](auto c) FAN_INLINE { complement[d][c] = entry<first>(d, c); });
     });
     unrolled<0, first>([&](auto c) FAN_INLINE {
-      take_pivot<first>(c, left[c][c], low);
+      take_pivot<first>(c, complement[c][c], low);
       unrolled<c + 1, first>([&](auto d) FAN_INLINE {
-        const Real part = left[d][c] * inverse_[c];
-        unrolled<d, first>([&](auto e) FAN_INLINE { left[e][d] -= left[e][c] * part; });
+        const Real part = complement[d][c] * inverse_[c];
+        unrolled<d, first>([&](auto e) FAN_INLINE { complement[e][d] -= complement[e][c] * part; });
         factor_[d * N + c] = part;
       });
     });
@@ -267,9 +267,9 @@ struct Complementarity {
   // Entry (i, j) of the matrix to factorise.
   template <int first>
   FAN_ALWAYS_INLINE Real entry(int i, int j) const {
-    const Real& own = at_with<first>(i, j);
-    if (i == j) return select(active[i], Real(own + raise_), Real(1.0));
-    return select(active[i] && active[j], own, Real(0.0));
+    const Real& value = at_with<first>(i, j);
+    if (i == j) return select(active[i], Real(value + raise_), Real(1.0));
+    return select(active[i] && active[j], value, Real(0.0));
   }
 
   template <int first>
@@ -330,14 +330,14 @@ struct Complementarity {
     rows<first>([&](auto i) FAN_INLINE { x[i] = select(active[i], x[i], known[i]); });
   }
 
-  // Refines x in the lanes `where` until the residuals are rounding, at most `most` times. On entry
-  // s must be that of x.
+  // Refines x in the lanes `where` until the residuals are rounding, at most `max_rounds` times. On
+  // entry s must be that of x.
   template <int first>
-  FAN_FN void refine(int most, const Mask& where) {
+  FAN_FN void refine(int max_rounds, const Mask& where) {
     using std::abs;
     if (!any(where)) return;
     Real r[N];
-    for (int round = 0; round < most; ++round) {
+    for (int round = 0; round < max_rounds; ++round) {
       Mask rough = Real(0.0) > Real(1.0);
       for (int i = 0; i < n; ++i)
         rough =
@@ -350,17 +350,17 @@ struct Complementarity {
     }
   }
 
-  // s, and the magnitude of its terms. Active rows, whose s is 0 up to rounding and the raise, only
-  // in the lanes `also`.
+  // Sets s and the magnitude of its terms; of active rows, whose s is 0 up to rounding and the
+  // raise, only in the lanes `also`.
   template <int first>
   FAN_FN void residuals(const Mask& also) {
     using std::abs;
-    Mask wanted = also;
+    Mask needed = also;
     rows<first>([&](auto i) FAN_INLINE {
       s[i] = terms_[i] = Real(0.0);
-      wanted = wanted || !active[i];
+      needed = needed || !active[i];
     });
-    if (!any(wanted)) return;
+    if (!any(needed)) return;
     int pulls[N], n_pulls = 0;
     for (int j = 0; j < n; ++j)
       if (any(x[j] != Real(0.0))) pulls[n_pulls++] = j;
@@ -381,7 +381,7 @@ struct Complementarity {
   int stride_ = 0;
   Real raise_, largest_, terms_[N];
   Mask loose_, raised_;
-  bool standing_ = false;     // whether there is a factor to reuse
+  bool has_factor_ = false;   // whether there is a factor to reuse
   Mask factored_[N];          // active rows of the factor
   int rows_[N], n_rows_ = 0;  // rows of the factor, in order
   // These rows' block is L D L^T with ones on L's diagonal: L below the diagonal, D L^T above it

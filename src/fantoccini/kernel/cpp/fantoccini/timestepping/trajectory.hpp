@@ -81,15 +81,15 @@ struct TimeSteppingTrajectory {
     out[4] = friction;
   }
 
-  // Sets new inputs from here on.
+  // Sets new inputs from the present time on.
   template <class Drive>
   FAN_FN void restart(Drive& drive) {
     drive.start(t, next_inputs());
-    take_inputs();
+    advance_inputs();
   }
 
-  // Resumes an earlier trajectory, at state() and new inputs: first the inputs, then its memory,
-  // then the rest.
+  // Resumes an earlier trajectory from state() and new inputs. Its memory is to be read next, and
+  // continue_from() called then.
   template <class Drive>
   void resume(Drive& drive) {
     restart(drive);
@@ -97,7 +97,8 @@ struct TimeSteppingTrajectory {
   }
   void continue_from() { at.idle = !runs(); }
 
-  // Call it after its bytes were read (runs/snapshot.hpp): pointers among them are invalid.
+  // To be called after the bytes of this object were read (runs/snapshot.hpp): their pointers are
+  // invalid.
   void attach(const ContactArrays* solids) {
     opt.contacts = at.solids = solids;
     inputs().still = next_inputs().still = 0;  // another drive has its own numbers
@@ -159,9 +160,9 @@ struct TimeSteppingTrajectory {
 
  private:
   // Makes the coming inputs the present ones.
-  FAN_FN void take_inputs() { inputs_at_ = 1 - inputs_at_; }
+  FAN_FN void advance_inputs() { inputs_at_ = 1 - inputs_at_; }
 
-  // A step to the coming inputs.
+  // Steps to the coming inputs.
   FAN_FN void advance(double dt) {
     Real slip[array_size(S)];
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
@@ -174,27 +175,30 @@ struct TimeSteppingTrajectory {
       each<NK>([&](int j) FAN_INLINE { mean[j] = (v_K_next[j] - v_K[j]) * (1.0 / dt); });
       step(rate, mean, dt, true);
     }
-    take_loss(dt);
-    judge();
-    const Mask goes = runs();
+    add_loss(dt);
+    set_status();
+    const Mask running = runs();
     State &old = state(), &next_state = stepped();
-    if (any(!goes)) {
-      for (int i = 0; i < NQ; ++i) next_state.q_D[i] = select(goes, next_state.q_D[i], old.q_D[i]);
-      for (int k = 0; k < N; ++k) next_state.v_D[k] = select(goes, next_state.v_D[k], old.v_D[k]);
-      for (int i = 0; i < S; ++i) at.slip[i] = select(goes, at.slip[i], slip[i]);
+    if (any(!running)) {
+      for (int i = 0; i < NQ; ++i)
+        next_state.q_D[i] = select(running, next_state.q_D[i], old.q_D[i]);
+      for (int k = 0; k < N; ++k)
+        next_state.v_D[k] = select(running, next_state.v_D[k], old.v_D[k]);
+      for (int i = 0; i < S; ++i) at.slip[i] = select(running, at.slip[i], slip[i]);
     }
     state_ = 1 - state_;
-    const auto book = [&](Real& sum, const Real& part) { sum += select(goes, part, Real(0.0)); };
-    book(work, at.work);
-    damping = select(goes, Real(lost_ + estimated_loss()), damping);
-    book(impact, at.impact);
-    book(slip_loss, at.slip_loss);
-    book(friction, at.friction);
-    worst_violation = select(goes && at.violation > worst_violation, at.violation, worst_violation);
-    at.idle = !goes;
-    take_inputs();
+    const auto add = [&](Real& sum, const Real& part) { sum += select(running, part, Real(0.0)); };
+    add(work, at.work);
+    damping = select(running, Real(lost_ + estimated_loss()), damping);
+    add(impact, at.impact);
+    add(slip_loss, at.slip_loss);
+    add(friction, at.friction);
+    worst_violation =
+        select(running && at.violation > worst_violation, at.violation, worst_violation);
+    at.idle = !running;
+    advance_inputs();
     const auto& in = inputs();
-    motors.observe(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p_, goes);
+    motors.observe(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p_, running);
   }
 
   // Holds rows that pull at the start, except those that close faster than the forces of a step
@@ -224,7 +228,7 @@ struct TimeSteppingTrajectory {
   //
   // with the powers P = v . D v at its ends, if D v keeps its direction. P+ is known at the next
   // step, which therefore adds the loss of the step before.
-  FAN_FN void take_loss(double dt) {
+  FAN_FN void add_loss(double dt) {
     using std::sqrt;
     const Real power = at.eval.loss, root = sqrt(select(power > Real(0.0), power, Real(0.0)));
     last_loss_ = 0.5 * last_dt_ * root * (root + last_root_);
@@ -236,15 +240,16 @@ struct TimeSteppingTrajectory {
   // Estimate of the last step's loss while only P at its start is known: that of the previous step,
   // at most dt P.
   FAN_FN Real estimated_loss() const {
-    const Real most = last_dt_ * last_root_ * last_root_;
-    return select(last_loss_ < most, last_loss_, most);
+    const Real largest = last_dt_ * last_root_ * last_root_;
+    return select(last_loss_ < largest, last_loss_, largest);
   }
 
-  FAN_FN void judge() {
+  // Sets the status after a step.
+  FAN_FN void set_status() {
     const State& next_state = stepped();
-    const Real most = Real(max_state_norm * max_state_norm), square = squares<NQ>(next_state.q_D);
-    Mask overflow = !(square + at.speed_bound < most);
-    if (any(overflow)) overflow = !(square + squares<N>(next_state.v_D) < most);
+    const Real bound = Real(max_state_norm * max_state_norm), square = squares<NQ>(next_state.q_D);
+    Mask overflow = !(square + at.speed_bound < bound);
+    if (any(overflow)) overflow = !(square + squares<N>(next_state.v_D) < bound);
     Mask empty = Real(0.0) > Real(1.0);
     for (int i = 0; i < S; ++i) empty = empty || is_empty(i);
     const auto stop = [&](const Mask& mask, Status why) {
@@ -253,9 +258,9 @@ struct TimeSteppingTrajectory {
     stop(motors.gone, RUNAWAY);
     stop(!at.settled, NOT_SETTLED);
     if constexpr (touches) {
-      Real crowded = Real(0.0);
-      for (int l = 0; l < width; ++l) lane_of(crowded, l) = at.contacts.too_many(l) ? 1.0 : 0.0;
-      stop(crowded > Real(0.5), TOO_MANY_CONTACTS);
+      Real too_many = Real(0.0);
+      for (int l = 0; l < width; ++l) lane_of(too_many, l) = at.contacts.too_many(l) ? 1.0 : 0.0;
+      stop(too_many > Real(0.5), TOO_MANY_CONTACTS);
     }
     stop(overflow, NOT_FINITE);
     const Mask runs_out = empty && runs();
@@ -279,9 +284,9 @@ struct TimeSteppingTrajectory {
     }
   }
 
-  // J: lost before the last step, and in the previous step; sqrt(P) at the start of the last step.
+  // J: losses before the last step, and of the previous step; sqrt(P) at the last step's start.
   Real lost_, last_loss_, last_root_ = Real(0.0);
-  Real last_dt_ = Real(0.0);  // s: its length, 0 before the first one
+  Real last_dt_ = Real(0.0);  // s: length of the last step; 0 before the first one
   Mask was_[array_size(M)],
       slipped_[array_size(S)];  // before the last step: taut rows, slipping winches
   Real p_[array_size(Model::n_p)];
