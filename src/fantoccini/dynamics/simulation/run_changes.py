@@ -65,7 +65,7 @@ class DrivenChanges(Protocol):
     columns: int
 
     def piece(self, start: float, end: float) -> InputPiece:
-        """Piece between two times without a break between them [s]."""
+        """Piece between two times with no break between them [s]."""
         ...
 
 
