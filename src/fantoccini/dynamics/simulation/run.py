@@ -323,7 +323,7 @@ def trajectory_of_samples(
         effort = Columns(marionette.coordinates.v_K, force, "driven velocity")
     h = marionette.library.evaluate("rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p).h
     h[:, :n_strings] -= part["slip"]
-    violation = np.message(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
+    violation = np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
     result = Trajectory(
         t=part["t"],
         q_D=part["q_D"],
