@@ -140,7 +140,9 @@ def test_one_outer_loop_iterates_quadratic_programs():
         if isinstance(node, ast.For) and "iterations" in ast.unparse(node.iter)
     }
     assert loops == {"optimal/iterations.py: improve"}
-    methods = {name.rsplit(": ", 1)[0] for name in functions(folder) if name.endswith(": learn")}
+    methods = {
+        name.rsplit(": ", 1)[0] for name in functions(folder) if name.endswith(": prepare_next")
+    }
     assert methods == {
         "optimal/iterations.py",
         "optimal/sqp.py",

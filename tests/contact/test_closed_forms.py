@@ -124,12 +124,7 @@ def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
 
 @pytest.mark.parametrize("mu", [0.2, 0.4, 0.6])
 def test_a_rod_that_falls_from_the_vertical_slips_at_the_classical_angle(mu):
-    """It slips at
-
-    F
-
-     = mu N: F = 3/4 m g sin(3 cos - 2), N = m g (3 cos - 1)^2 / 4, from rest.
-    """
+    """It slips where |F| = mu N: F = 3/4 m g sin(3 cos - 2), N = m g (3 cos - 1)^2 / 4."""
     marionette = fan.loads(f"""
 puppet: pencil
 floor: 0

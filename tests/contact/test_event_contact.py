@@ -39,7 +39,7 @@ def test_a_block_above_the_threshold_slides_at_its_acceleration(slope):
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.7])
-def test_a_block_that_slides_stops_after_its_way(mu):
+def test_a_sliding_block_stops_at_its_stopping_distance(mu):
     """s = v^2 / (2 mu g), t = v / (mu g)."""
     marionette, speed = on_slope(0.0, mu), np.hypot(1.0, 0.7)
     x0 = thrown(marionette, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.7})
@@ -135,12 +135,7 @@ def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
 
 @pytest.mark.parametrize("mu", [0.2, 0.4, 0.6])
 def test_a_falling_rod_slips_when_its_forces_leave_the_cone(mu):
-    """A rod with a round foot of radius r rolls;
-
-    F
-
-     = mu N, both from its energy, is a root.
-    """
+    """A rod with a round foot of radius r rolls until |F| = mu N, both from its energy."""
     r, start = 1e-3, 1e-2
     marionette = fan.loads(f"""
 puppet: pencil
@@ -166,12 +161,7 @@ bodies:
     angle_of_slip = 2 * np.arcsin(run["rod.qy"][np.searchsorted(run.t, slide.t)])
 
     def excess(angle: float) -> float:
-        """
-
-        F
-
-         - mu N of the rolling rod: T = A(angle) w^2 / 2, V = g cos(angle) / 2.
-        """
+        """|F| - mu N of the rolling rod: T = A(angle) w^2 / 2, V = g cos(angle) / 2."""
         s, c = np.sin(angle), np.cos(angle)
         A = (r + c / 2) ** 2 + s**2 / 4 + 1 / 12
         dA = -r * s

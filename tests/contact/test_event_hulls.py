@@ -273,12 +273,7 @@ bodies:
 @pytest.mark.parametrize("is_mesh", [False, True])
 @pytest.mark.parametrize("mu", [0.2, 0.4, 0.6])
 def test_a_falling_plank_slips_when_its_forces_leave_the_cone(tmp_path, mu, is_mesh):
-    """At its lower edge, at l from the middle,
-
-    F
-
-     = mu N, both from the energy, is a root.
-    """
+    """It slips at its lower edge, l from the middle, where |F| = mu N, both from the energy."""
     size, start = (0.02, 0.2, 1.0), 0.03
     puppet = over_edge(
         tmp_path,
@@ -303,12 +298,7 @@ def test_a_falling_plank_slips_when_its_forces_leave_the_cone(tmp_path, mu, is_m
     about = 0.08 + arm**2
 
     def excess(angle: float) -> float:
-        """
-
-        F
-
-         - mu N during the rotation about the edge.
-        """
+        """|F| - mu N during the rotation about the edge."""
         s, c = np.sin(angle), np.cos(angle)
         squared, acc = 2 * G * arm * (np.cos(start) - c) / about, G * arm * s / about
         return float(abs(arm * (c * acc - s * squared)) - mu * (G - arm * (s * acc + c * squared)))

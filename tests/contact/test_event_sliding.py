@@ -71,12 +71,7 @@ bodies:
 
 
 def test_a_block_on_an_accelerating_tray_slides_in_few_steps():
-    """u' = -a_tray - mu g u/
-
-    u
-
-     from u = 0, where friction turns arbitrarily fast, compared with Radau.
-    """
+    """u' = -a_tray - mu g u/|u| from u = 0, where friction turns arbitrarily fast; by Radau."""
     mu = 0.05
     marionette = fan.loads(f"""
 puppet: tray

@@ -1,7 +1,7 @@
 """Strings on slipping winches with contact, event-driven: closed forms, ledgers, fixed steps.
 
 A winch slips while its string pulls with its largest tension: 0 < tau < max: sdot = 0; tau = max:
-sdot >= 0. Its string takes no impulse.
+sdot >= 0. Its string has no impulse.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from fantoccini import Status
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
-CLOSE = 1e-8
-STRETCHED = 1e-10
+TOLERANCE = 1e-8
+MAX_SLIP_ERROR = 1e-10
 """Largest deviation of a slip from its string's gap [m]: WinchTolerances::max_length_error."""
 
 
@@ -25,7 +25,7 @@ def sound(run: fan.Trajectory, residual: float = 1e-9) -> None:
     """Assert that the run reached its end, that nothing overlaps and that the ledger balances."""
     assert run.status is Status.DONE
     assert run.contact.gap.min(initial=0.0) > -1e-12
-    assert run.violation.values.max() < STRETCHED
+    assert run.violation.values.max() < MAX_SLIP_ERROR
     assert np.max(np.abs(run.ledger["residual"])) < residual
 
 
@@ -34,7 +34,7 @@ def kinds(run: fan.Trajectory) -> list[str]:
     return [event.kind.value for event in run.events]
 
 
-def when(run: fan.Trajectory, kind: str) -> float:
+def time_of(run: fan.Trajectory, kind: str) -> float:
     """The time of the only event of a kind."""
     [event] = [event for event in run.events if event.kind == kind]
     return event.t
@@ -71,8 +71,8 @@ def test_a_winch_that_pulls_less_than_friction_holds_slips_beside_a_block_at_res
     sound(run, 1e-12)
     assert kinds(run) == ["slip", "grip"]
     assert np.max(np.abs(run.q_D - run.q_D[0])) < 1e-12
-    assert abs(run.slip["rope"][-1] - 0.8) < CLOSE
-    assert abs(run.ledger["slip"][-1] - 3.0 * 0.8) < CLOSE
+    assert abs(run.slip["rope"][-1] - 0.8) < TOLERANCE
+    assert abs(run.ledger["slip"][-1] - 3.0 * 0.8) < TOLERANCE
     assert run.ledger["friction"][-1] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -98,15 +98,15 @@ def test_a_block_that_a_winch_drags_slips_grips_and_slides_to_a_stop():
     free = brentq(lambda t: v1 + a * (t - slips) - wound(t)[1], 0.5, 0.9, xtol=1e-14)
     assert wound(free)[2] < -MU * G
     speed, way = v1 + a * (free - slips), x1 + v1 * (free - slips) + a * (free - slips) ** 2 / 2
-    assert abs(when(run, "slip") - slips) < CLOSE
-    assert abs(when(run, "release") - free) < CLOSE
-    assert abs(when(run, "stick") - (free + speed / (MU * G))) < CLOSE
+    assert abs(time_of(run, "slip") - slips) < TOLERANCE
+    assert abs(time_of(run, "release") - free) < TOLERANCE
+    assert abs(time_of(run, "stick") - (free + speed / (MU * G))) < TOLERANCE
     end = way + speed**2 / (2 * MU * G)
     slip = wound(free)[0] - way
-    assert abs(run["body.x"][-1] - end) < CLOSE
-    assert abs(run.slip["rope"][-1] - slip) < CLOSE
-    assert abs(run.ledger["slip"][-1] - max_tension * slip) < CLOSE
-    assert abs(run.ledger["friction"][-1] - MU * G * end) < CLOSE
+    assert abs(run["body.x"][-1] - end) < TOLERANCE
+    assert abs(run.slip["rope"][-1] - slip) < TOLERANCE
+    assert abs(run.ledger["slip"][-1] - max_tension * slip) < TOLERANCE
+    assert abs(run.ledger["friction"][-1] - MU * G * end) < TOLERANCE
 
 
 @pytest.mark.parametrize("rewind", [1e-4, 0.5])
@@ -131,18 +131,18 @@ strings:
     sound(run, 1e-11)
     a = G - max_tension
     [touch] = [event for event in run.events if event.kind == "touch"]
-    assert abs(touch.t - np.sqrt(2 * height / a)) < CLOSE
-    assert abs(touch.speed - np.sqrt(2 * a * height)) < CLOSE
-    assert abs(run.ledger["impact"][-1] - a * height) < CLOSE
-    assert abs(run.ledger["slip"][-1] - max_tension * height) < CLOSE
-    assert abs(run.slip["rope"][-1] - height) < CLOSE
+    assert abs(touch.t - np.sqrt(2 * height / a)) < TOLERANCE
+    assert abs(touch.speed - np.sqrt(2 * a * height)) < TOLERANCE
+    assert abs(run.ledger["impact"][-1] - a * height) < TOLERANCE
+    assert abs(run.ledger["slip"][-1] - max_tension * height) < TOLERANCE
+    assert abs(run.slip["rope"][-1] - height) < TOLERANCE
     assert abs(run["body.z"][-1] - 0.1) < 1e-12
-    assert abs(run.tension["rope"][-1] - max_tension) < CLOSE
-    assert abs(run.contact.force_on("body", len(run))[-1][2] - (G - max_tension)) < CLOSE
+    assert abs(run.tension["rope"][-1] - max_tension) < TOLERANCE
+    assert abs(run.contact.force_on("body", len(run))[-1][2] - (G - max_tension)) < TOLERANCE
 
 
 def test_a_rolling_ball_that_its_winch_catches_comes_to_rest_in_a_slipping_phase():
-    """The rope takes no impulse; a = -5/7 max / m until the ball rests, and its point sticks."""
+    """The rope has no impulse; a = -5/7 max / m until the ball rests, and its point sticks."""
     max_tension, v, start = 2.0, 1.5, 0.3
     ball = pulled(max_tension, "sphere")
     x0 = thrown(
@@ -154,13 +154,13 @@ def test_a_rolling_ball_that_its_winch_catches_comes_to_rest_in_a_slipping_phase
     sound(run, 1e-10)
     assert kinds(run)[:3] == ["catch", "slip", "grip"]
     catch = run.events[0]
-    assert abs(catch.t - start / v) < CLOSE and abs(catch.speed - v) < CLOSE
+    assert abs(catch.t - start / v) < TOLERANCE and abs(catch.speed - v) < TOLERANCE
     assert catch.impulse == 0.0
     a = max_tension / 1.4
-    assert abs(when(run, "grip") - (start / v + v / a)) < CLOSE
-    assert abs(run.slip["rope"][-1] - v**2 / (2 * a)) < CLOSE
-    assert abs(run["body.x"][-1] - (1.0 - start - v**2 / (2 * a))) < CLOSE
-    assert abs(run.ledger["slip"][-1] - 0.7 * v**2) < CLOSE
+    assert abs(time_of(run, "grip") - (start / v + v / a)) < TOLERANCE
+    assert abs(run.slip["rope"][-1] - v**2 / (2 * a)) < TOLERANCE
+    assert abs(run["body.x"][-1] - (1.0 - start - v**2 / (2 * a))) < TOLERANCE
+    assert abs(run.ledger["slip"][-1] - 0.7 * v**2) < TOLERANCE
     assert np.max(np.abs(run.ledger["friction"])) < 1e-10
 
 
@@ -174,8 +174,8 @@ def test_a_ball_thrown_sliding_is_caught_while_it_slides():
     catch = brentq(lambda t: v * t - MU * G * t**2 / 2 - start, 0.0, 0.1, xtol=1e-15)
     speed, spin = v - MU * G * catch, 2.5 * MU * G * catch
     roll = catch + (speed - spin) / (3.5 * MU * G + max_tension)
-    assert abs(when(run, "catch") - catch) < CLOSE
-    assert abs(when(run, "stick") - roll) < CLOSE
+    assert abs(time_of(run, "catch") - catch) < TOLERANCE
+    assert abs(time_of(run, "stick") - roll) < TOLERANCE
 
 
 def with_winches(text: str, ends: list[list[float]]) -> fan.Marionette:
@@ -198,7 +198,7 @@ def wound_in(
     low: list[float],
     high: list[float],
     most: float,
-    ways: list[tuple[float, float, float]],
+    wound_lengths: list[tuple[float, float, float]],
 ) -> tuple[fan.Marionette, fan.State, fan.Input]:
     """The puppet with random winches between two corners, slightly slack ropes, and their inputs.
 
@@ -208,7 +208,7 @@ def wound_in(
         place: places of the bodies.
         low, high: corners that the winches lie between [m].
         most: largest max_tension [N].
-        ways: (time, least, most) wound length at that time [s, m, m].
+        wound_lengths: (time, least, most) wound length at that time [s, m, m].
     """
     numbers = {}
     for i in range(2):
@@ -219,7 +219,7 @@ def wound_in(
     start, inputs = dict(place), {}
     for i, h in enumerate(_straight(puppet, place)):
         L = start[f"s{i}.length"] = float(h + rng.uniform(0.0, 0.03))
-        pulls = [(t, L - float(rng.uniform(lowest, top))) for t, lowest, top in ways]
+        pulls = [(t, L - float(rng.uniform(lowest, top))) for t, lowest, top in wound_lengths]
         inputs[f"s{i}.length"] = [(0, L), *pulls]
     return puppet, puppet.state(start), fan.Input.waypoints(puppet, inputs)
 

@@ -42,7 +42,7 @@ def table(folder: Path, shapes: list[str], more: str = "") -> fan.Marionette:
 
 
 @pytest.fixture
-def both(tmp_path: Path) -> tuple[fan.Marionette, fan.Marionette]:
+def tables(tmp_path: Path) -> tuple[fan.Marionette, fan.Marionette]:
     """The table as boxes, and as one file."""
     writer = Writer()
     writer.boxes(*((np.abs(UP.T @ size), UP.T @ at) for size, at in BOXES))
@@ -54,11 +54,11 @@ def both(tmp_path: Path) -> tuple[fan.Marionette, fan.Marionette]:
     return table(tmp_path, boxes), table(tmp_path, mesh)
 
 
-def test_mass_and_centre_are_those_of_the_boxes(both):
-    boxes, mesh = both
+def test_mass_and_centre_are_those_of_the_boxes(tables):
+    boxes, mesh = tables
     assert mesh.mass == pytest.approx(boxes.mass, rel=1e-12)
     x = thrown(boxes, {"body.z": 1.0}, {"body.x": 0.4, "body.wx": 1.0, "body.wz": -2.0})
-    for model in both:
+    for model in tables:
         # In free flight, accelerations depend on all of mass, centre and inertia.
         run = fan.simulate(model, x, t_end=0.2, method="event")
         if model is boxes:
@@ -66,10 +66,10 @@ def test_mass_and_centre_are_those_of_the_boxes(both):
     assert np.max(np.abs(run.q_D[-1] - first.q_D[-1])) < 1e-10
 
 
-def test_it_lands_slides_and_rests_as_the_boxes_do(both):
+def test_it_lands_slides_and_rests_as_the_boxes_do(tables):
     """Dropped with a turn, so that a leg lands first; it slides to the post and comes to rest."""
     runs = []
-    for model in both:
+    for model in tables:
         x0 = thrown(model, {"body.z": 0.12}, {"body.x": 0.8, "body.wy": 0.6, "body.wx": 0.3})
         runs.append(stepped(model, x0, 1.0, 1e-3))
     boxes, mesh = runs
@@ -82,10 +82,10 @@ def test_it_lands_slides_and_rests_as_the_boxes_do(both):
     assert np.max(np.abs(boxes.v_D - mesh.v_D)[before]) < 1e-10
     assert np.max(np.abs(boxes.q_D - mesh.q_D)) < 1e-6
     force = mesh.contact.force_on("body", len(mesh))[-1]
-    assert force[2] == pytest.approx(9.81 * both[1].mass, rel=1e-3)
+    assert force[2] == pytest.approx(9.81 * tables[1].mass, rel=1e-3)
 
 
-def test_a_ball_rolls_between_the_legs(both, tmp_path):
+def test_a_ball_rolls_between_the_legs(tables, tmp_path):
     """Pieces are not merged: a ball passes between the legs, impossible for a hull."""
     more = (
         "- name: ball\n  joint: {type: free}\n  shapes: [{type: sphere, radius: 0.05, mass: 0.1}]\n"

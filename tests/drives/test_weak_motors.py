@@ -230,7 +230,7 @@ def test_a_controller_that_asks_for_too_little_runs_away(soft, method, capsys):
     """The puppet used to fall for ever below the motor's bound, and the run ended DONE."""
     hoist = fan.loads(HOIST + soft)
     x0 = hoist.project(hoist.state({"line.length": 0.5}))
-    with pytest.raises(SimulationError, match=r"controller asks for too little") as caught:
+    with pytest.raises(SimulationError, match=r"controller requests too little") as caught:
         fan.simulate(hoist, x0, t_end=5.0, method=fine(method))
     run = caught.value.trajectory
     (event,) = [e for e in run.events if e.kind == "runaway"]

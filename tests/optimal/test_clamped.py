@@ -43,7 +43,7 @@ def task_of(arm: fan.Marionette, by: float, **bounds: object) -> fan.Task:
     )
 
 
-def both(arm: fan.Marionette, task: fan.Task, nodes: Nodes):
+def step_and_reference(arm: fan.Marionette, task: fan.Task, nodes: Nodes):
     """The step, the program, and its solution by the interior point method."""
     objective, steps = Objective(task), ClampedSteps(arm, 0.01, 1)
     step = steps.solve(objective, nodes, steps.linearise(nodes, True), DAMPING, -1)
@@ -79,7 +79,7 @@ def decrease(program: StageProgram, u: np.ndarray) -> float:
 )
 def test_the_step_is_that_of_the_interior_point_method(arm, by, bounds):
     task = task_of(arm, by, **bounds)
-    step, program, solution, objective = both(arm, task, motion(arm, task))
+    step, program, solution, objective = step_and_reference(arm, task, motion(arm, task))
     _, u, _ = objective.widened(solution)
     assert step.decrease == pytest.approx(decrease(program, solution.u), rel=1e-5)
     if step.solved:  # else it ended where the cost is flat
@@ -99,11 +99,11 @@ def test_steps_from_a_motion_in_its_bounds_are_as_good(arm):
         sign = random.choice([-1.0, 1.0])
         acc_K[:3, j], acc_K[20:26, j] = sign * 2.0, -sign * 2.0
     nodes = motion(arm, task, acc_K)
-    step, program, solution, _ = both(arm, task, nodes)
+    step, program, solution, _ = step_and_reference(arm, task, nodes)
     assert step.decrease == pytest.approx(decrease(program, solution.u), rel=1e-4)
 
 
-def test_every_motion_keeps_its_bounds_with_any_amount_of_work(arm, monkeypatch):
+def test_every_motion_keeps_its_bounds_with_any_number_of_factorisations(arm, monkeypatch):
     task = task_of(arm, 0.4, acceleration=2.0, speed=0.3, position={"hand.x": (0.2, 0.52)})
     nodes = motion(arm, task)
     place = arm.coordinates.v_K.index("hand.x")
@@ -127,16 +127,16 @@ def test_soft_bounds_have_their_price(arm):
     free = task_of(arm, 0.2, acceleration=20.0)
     task = task_of(arm, 0.2, acceleration=20.0, joint={"elbow": (0.2, 1.55)})
     nodes = motion(arm, task)
-    step, _, solution, objective = both(arm, task, nodes)
+    step, _, solution, objective = step_and_reference(arm, task, nodes)
     _, u, _ = objective.widened(solution)
-    assert np.max(np.abs(u - both(arm, free, nodes)[0].u)) > 1.0
+    assert np.max(np.abs(u - step_and_reference(arm, free, nodes)[0].u)) > 1.0
     assert step.u == pytest.approx(u, abs=0.05 * np.max(np.abs(u)))
 
 
 def test_bounds_of_jerks_are_kept_by_the_interior_point_method(arm):
     task = task_of(arm, 0.02, acceleration=20.0, jerk=200.0)
     nodes = motion(arm, task)
-    step, _, solution, _ = both(arm, task, nodes)
+    step, _, solution, _ = step_and_reference(arm, task, nodes)
     jumps = np.diff(nodes.acc_K + step.u, axis=0, prepend=0.0)
     assert np.max(np.abs(jumps)) < 200.0 * INTERVAL + np.max(solution.violation) + 0.02
     assert np.max(np.abs(jumps)) > 3.9
@@ -147,7 +147,7 @@ def test_a_tracked_tension_is_part_of_the_program(arm):
     pull = float(arm.forward_dynamics(arm.rest()).tension[0])
     more = fan.control.Track.tension("hand", 1.2 * pull, weight=1.0)
     task = replace(task, x0=arm.rest(), tracks=[*task.tracks, more])
-    step, _, solution, objective = both(arm, task, motion(arm, task))
+    step, _, solution, objective = step_and_reference(arm, task, motion(arm, task))
     _, u, _ = objective.widened(solution)
     assert np.max(np.abs(u)) > 0.1
     assert step.u == pytest.approx(u, abs=2e-3)

@@ -70,7 +70,7 @@ def test_the_search_continues_after_an_unconfirmed_plan(boxes, monkeypatch, tmp_
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert plan and plan.verify(method="event").arrives
     assert plan.refused >= 2 and len(plans) == plan.refused + 1
-    assert f"{plan.refused} refused that do not hold in simulation" in repr(plan)
+    assert f"{plan.refused} refused, which do not hold in simulation" in repr(plan)
     plan.save(tmp_path / "plan.npz")
     assert PlanResult.load(tmp_path / "plan.npz", boxes).refused == plan.refused
     monkeypatch.setattr(search, "confirmed", refused)

@@ -170,12 +170,12 @@ def test_a_start_in_collision_is_reported():
 def test_a_goal_out_of_reach_is_reported():
     bent = fan.plan(ARM, HANGING, {"elbow": 3.0})
     assert bent.status is fan.control.AnswerStatus.INFEASIBLE_GOAL and not bent and bent.tried == 0
-    assert "elbow is to be at 3, beyond its upper limit 2.6" in bent.reason
+    assert "elbow is required at 3, beyond its upper limit 2.6" in bent.reason
     assert fan.plan(ARM, HANGING, {"elbow": (2.0, 3.0)}, iterations=64).tried > 0
     distant = fan.control.Goal.point(ARM, "lower", [0.5, 0.0, -0.5], at=[0, 0, -0.3])
     result = fan.plan(ARM, HANGING, distant, tolerance=0.05)
     assert result.status is fan.control.AnswerStatus.INFEASIBLE_GOAL
-    assert "0.707 m from shoulder, and lower reaches no farther than 0.6 m" in result.reason
+    assert "0.707 m from shoulder, and lower reaches at most 0.6 m" in result.reason
     assert fan.plan(ARM, HANGING, distant, tolerance=0.11, iterations=64).tried > 0
 
 

@@ -109,7 +109,7 @@ def test_a_wrong_segment_is_reported_with_its_line(tmp_path, segment):
         fan.control.load_problem(written(tmp_path, GOOD + f"segment: {segment}\n"))
 
 
-def test_a_puppet_may_lie_beside_its_problem(tmp_path):
+def test_a_puppet_may_be_in_the_folder_of_its_problem(tmp_path):
     text = fan.puppets.path("arm3d").read_text(encoding="utf-8")
     (tmp_path / "mine.yaml").write_text(text)
     problem = fan.control.load_problem(written(tmp_path, GOOD.replace("arm3d", "mine.yaml")))
@@ -117,7 +117,7 @@ def test_a_puppet_may_lie_beside_its_problem(tmp_path):
     assert file.endswith("mine.yaml") and line is not None
 
 
-def test_the_schema_takes_bundled_problems_and_refuses_others(tmp_path):
+def test_the_schema_accepts_bundled_problems_and_refuses_others(tmp_path):
     schema = problem_schema()
     for name in problem_names():
         path = Path(problems.__file__).parent / "bundled" / f"{name}.yaml"

@@ -41,7 +41,7 @@ def test_candidates_are_the_plans_own_rollouts(boxes, shooting, V):
     )
     every = boxes.rollouts.options.steps_per_check
     np.testing.assert_allclose(candidate.nodes.q_D[0], run.q_D[::every], atol=1e-10)
-    # Spare tension: constraints contain 0.3 of its part of the weight, and 2 % of the wanted one.
+    # Spare tension: constraints contain 0.3 of its part of the weight, and 2 % of the target.
     spare = candidate.constraints[0, :, -1] / 0.3 + 0.02
     after = run.tension["hand"][every::every] / boxes.marionette.weight
     # The time-stepper's tension is that of a step: it lags by less than the interval of checks.
@@ -76,26 +76,26 @@ def test_first_segments_are_kept_on_request(shooting, V):
 
 
 def test_steps_keep_bounds_and_reduce_the_distance(boxes, shooting, V):
-    """They start from paths that were turned aside."""
+    """They start from deflected paths."""
     random, bounds = np.random.default_rng(1), boxes.rollouts.bounds
     for _ in range(3):
-        aside = shooting.within(V + 0.02 * random.normal(size=V.shape))
-        candidate = shooting.candidates(aside[None])
+        deflected = shooting.within(V + 0.02 * random.normal(size=V.shape))
+        candidate = shooting.candidates(deflected[None])
         by = shooting.derivatives(candidate)
         x = step(shooting, candidate, by, trust=0.1)
         assert np.max(np.abs(x)) <= 0.1 + 1e-6
-        to = shooting.changed(aside, by.basis, x)
+        to = shooting.changed(deflected, by.basis, x)
         assert np.all(np.abs(to) <= bounds.speed + 1e-6)
         assert np.all(np.abs(shooting.accelerations(to)) <= bounds.acceleration + 1e-5)
-        tried = [shooting.changed(aside, by.basis, part * x) for part in 0.5 ** np.arange(8)]
+        tried = [shooting.changed(deflected, by.basis, part * x) for part in 0.5 ** np.arange(8)]
         better = shooting.candidates(shooting.within(np.stack(tried))).best
         assert better.merit[0] < 0.95 * candidate.merit[0]
 
 
 def test_velocities_are_followed_as_bounds_allow(boxes, shooting):
     bounds = boxes.rollouts.bounds
-    wild = 3.0 * np.random.default_rng(2).normal(size=(4, 30, 3))
-    limited = shooting.within(wild)
+    too_fast = 3.0 * np.random.default_rng(2).normal(size=(4, 30, 3))
+    limited = shooting.within(too_fast)
     assert np.all(np.abs(limited) <= bounds.speed)
     assert np.all(np.abs(shooting.accelerations(limited)) <= bounds.acceleration * (1 + 1e-9))
     np.testing.assert_array_equal(shooting.within(limited), limited)

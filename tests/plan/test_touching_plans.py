@@ -124,7 +124,7 @@ def test_rollouts_end_at_forbidden_contact(past_post, touch):
     """This holds between checks too: clearance is not measured here."""
     rollouts, start = past_post.rollouts, np.zeros(1, dtype=int)
     acceleration = touch.acceleration[None]
-    done = rollouts.where(tolerance=-1.0).simulate(past_post.root, start, acceleration)
+    done = rollouts.with_tolerance(tolerance=-1.0).simulate(past_post.root, start, acceleration)
     assert np.all(done.n_checks > 0)
     every = np.ones(len(past_post.touches.may_touch), dtype=bool)
     strict = Rollouts(
@@ -149,7 +149,7 @@ def test_a_table_out_of_reach_is_recognised():
     goal = fan.control.Goal.touch(ARM, [("hand", "shelf")])
     plan = fan.plan(ARM, START, goal, [shelf], time_limit=60.0)
     assert plan.status is fan.control.AnswerStatus.INFEASIBLE_GOAL and not plan
-    assert "shelf is at least" in plan.message and "hand reaches no farther than" in plan.message
+    assert "shelf is at least" in plan.message and "hand reaches at most" in plan.message
 
 
 def test_a_failed_touch_reports_its_distance():

@@ -240,7 +240,7 @@ def test_a_ledger_is_checked_in_pieces_as_in_one():
 
 @pytest.mark.parametrize("w, dt", [(40, 0.002), (113, 0.002), (113, 0.0005), (300, 0.002)])
 def test_live_runs_are_judged_as_they_go(w, dt):
-    """A stepper, and batches of them, end with the status of `simulate`, and go on.
+    """A stepper, and batches of them, have the status of `simulate`, and continue.
 
     They were DONE with any energy.
     """
@@ -278,7 +278,7 @@ def test_a_live_run_says_when_its_energy_is_lost():
 
 
 @pytest.mark.parametrize("k", [25.0, 5000.0])
-def test_springs_that_swing_by_their_own_size_are_no_fault_of_live_runs(k):
+def test_live_runs_with_oscillating_spring_energy_are_sound(k):
     puppet = fan.loads(SPRUNG).with_parameters({"k": k})
     x = puppet.state().replace(q_D=np.array([0.0, 0.0, 0.11]))
     method = fan.TimeStepping(dt=0.005)

@@ -1,4 +1,4 @@
-"""optimise: the motion of least cost; follow: its short form for paths."""
+"""Optimal motions: optimise, and its short form for paths, follow."""
 
 from __future__ import annotations
 
@@ -80,13 +80,12 @@ def optimise(
     answer holds without correction. Derivatives are those of time steps along it, with its taut
     strings; steps come from Riccati's recursion, within an interior point method if bounds are
     active. Strings with a lower bound of tension stay taut; others may go slack, and the
-    derivatives then hold for the present order of events only. Once iterations decrease the cost
-    little, the search continues with exact derivatives of the run, except for puppets with contact
+    derivatives then hold for the present order of events only. When iterations hardly decrease the
+    cost, the search continues with exact derivatives of the run, except for puppets with contact
     or driven rotations. Ctrl-C ends the search with the best motion so far; before a first motion
     it raises.
 
-    A task that explores is searched through modes: see
-    :mod:`fantoccini.control.optimal.multi_start`.
+    For tasks with explorations see :mod:`fantoccini.control.optimal.multi_start`.
 
     For puppets with contact, the first iterates are runs of time steps, whose derivatives hold for
     the points that stick, slide or are open there. The answer is simulated event-driven, and is
@@ -94,8 +93,8 @@ def optimise(
 
     Args:
         task: the task.
-        guess: initial motion of the inputs, or an earlier answer; by default that of the task, and
-            if it has none, the inputs hold still.
+        guess: initial motion of the inputs, or an earlier answer; by default that of the task, or
+            inputs that hold still.
         tolerance: tolerance of the KKT residual.
         cost_tolerance: relative decrease of the cost; the search ends after four successive steps
             with a smaller one. With 0, only ``tolerance`` ends it.
@@ -103,7 +102,7 @@ def optimise(
         time_limit: time limit [s].
         threads: number of threads for derivatives and batches; all processors by default.
         seed: seed of the random numbers of explorations.
-        exact: whether to take derivatives of the event-driven run itself, through its catches, from
+        exact: whether to use exact derivatives of the event-driven run, through its catches, from
             the first iteration on.
         progress: called after every iteration; ``best`` is the motion with its cost.
 
@@ -120,13 +119,13 @@ def optimise(
     marionette = task.marionette
     rotates = bool(marionette.coordinates.rotations)
     if exact and rotates:
-        raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
+        raise StateError("optimise: exact derivatives need driven coordinates that are scalars")
     chosen = ChosenParameters(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension or task.bounds.force)
     pulls = pulls or any(track.kind == "tension" for track in task.tracks)
     has_contact = marionette.contacts is not None
     if exact and has_contact:
-        raise StateError("optimise: exact derivatives want a puppet without contact")
+        raise StateError("optimise: exact derivatives need a puppet without contact")
     longest = task.durations[1] / task.n_intervals
     steps = TimeSteps(marionette, task.dt, threads, chosen, pulls, longest)
     runs: EventRuns = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
@@ -197,7 +196,7 @@ def optimise(
         if status is not AnswerStatus.SOLVED:
             reason = largest_residual(objective, at, tolerance)
     if end.size > tolerance and end.text in reason and not len(at.nodes.parameters):
-        with contextlib.suppress(StateError, SimulationError):  # a remark is not worth the result
+        with contextlib.suppress(StateError, SimulationError):  # the note is optional
             reason += no_input_note(
                 at.nodes, steps.linearise(at.nodes), objective.end_gap(at.nodes)
             )
@@ -236,7 +235,7 @@ def follow(
     interval: float | None = None,
     **options: Any,
 ) -> Optimum:
-    """Inputs with which parts of a puppet follow paths: the short form of :func:`optimise`.
+    """The motion in which parts of a puppet follow paths: the short form of :func:`optimise`.
 
     It warns before the search if the puppet cannot hang at the paths of points; see :func:`reach`.
 
@@ -282,7 +281,7 @@ def tracks_of(
     duration: float,
     weight: float,
 ) -> list[Track]:
-    """Tracks of names and paths, as :func:`follow` takes them.
+    """Tracks of names and paths, the arguments of :func:`follow`.
 
     Args:
         marionette, targets, weight: see :func:`follow`.
@@ -334,18 +333,18 @@ def _check(task: Task) -> None:
     marionette = task.marionette
     refuse_winches(marionette, "optimise")
     if task.end is not None and task.goal is None:
-        raise StateError("optimise: the task's end is that of a plan; needed: a state, or tracks")
+        raise StateError("optimise: the task's end is for plans; needed: a state, or tracks")
     if task.is_free and any(
         callable(x.path) or isinstance(x.path, (tuple, Clip)) for x in task.tracks
     ):
         raise StateError(
-            "optimise: where the duration is free, paths must be values: a path of time has no "
-            "derivative by the duration here"
+            "optimise: where the duration is free, paths must be values: paths of "
+            "time have no derivative by the duration"
         )
     if task.is_free and np.any(
         np.isfinite(jerk := task.bounds.magnitudes(marionette, "jerk")) & (jerk > 0.0)
     ):
-        raise StateError("optimise: a bound of jerk needs a duration that is given")
+        raise StateError("optimise: a bound of jerk needs a fixed duration")
     if not task.parameters:
         task.bounds.check_moves(marionette)
     task.bounds.check_state(marionette, task.x0, "at the start")

@@ -34,8 +34,8 @@ class Window:
 def nearest(off: OffsetFunction, windows: Sequence[Window], step: float) -> Times:
     """The moments of least distance.
 
-    If a point stands still, so that all moments are equally near, its touches are spread evenly, in
-    their order.
+    Touches of a point at rest, for which all moments are equally near, are spread evenly in their
+    order.
 
     Args:
         off: see :data:`OffsetFunction`.
@@ -99,11 +99,11 @@ def _refined(
         elif slopes[0] <= 0.0 and slopes[1] <= 0.0 and any(slopes):
             t = b
         else:  # it stands still, or its distance has a maximum between
-            t = min((a, min(max(t, a), b), b), key=lambda x: _square(off, k, x, t))
+            t = min((a, min(max(t, a), b), b), key=lambda x: _square_with_spread(off, k, x, t))
     return float(t)
 
 
-def _square(off: OffsetFunction, k: int, time: float, middle: float) -> float:
+def _square_with_spread(off: OffsetFunction, k: int, time: float, middle: float) -> float:
     square = float(np.sum(np.square(off(k, np.array([time])))))
     return square + _SPREAD_WEIGHT * (time - middle) ** 2
 

@@ -244,11 +244,11 @@ class MPC:
         accelerations = np.array([self.acceleration(at + 1e-6 * h) for at in times])
         prediction = None
         if first is not None:
-            prediction = self._predictions.make(first, t, h, accelerations[None])[0]
+            prediction = self._predictions.predicted(first, t, h, accelerations[None])[0]
         if prediction is None and first is not None:
             accelerations = np.repeat(self._braking(first)[None], N, axis=0)
             accelerations[1:] = 0.0
-            prediction = self._predictions.make(first, t, h, accelerations[None])[0]
+            prediction = self._predictions.predicted(first, t, h, accelerations[None])[0]
         if first is None or prediction is None:
             return self._record(MPCStatus.BRAKES, t, self._braking(x)[None], None, math.nan)
         objective = self._objective(prediction[0])
@@ -272,7 +272,7 @@ class MPC:
         while x.t < t - 1e-9:
             starts = [plan.start for plan in self._plans if plan.start > x.t + 1e-9]
             until = min([t, x.t + self.interval, *starts])
-            next_state = self._predictions.after(x, self.acceleration(x.t), until - x.t)
+            next_state = self._predictions.state_after(x, self.acceleration(x.t), until - x.t)
             if next_state is None:
                 return None
             x = next_state
@@ -315,7 +315,7 @@ class MPC:
             np.zeros(ends.taut.shape[1], bool),
         )
         best, lowest = nodes, cost_before
-        for prediction in self._predictions.make(first, nodes.start, nodes.interval, trials):
+        for prediction in self._predictions.predicted(first, nodes.start, nodes.interval, trials):
             if prediction is None:
                 continue
             cost = self._merit(objective, *prediction)
@@ -327,7 +327,9 @@ class MPC:
     def _warm_up(self) -> None:
         """Loads and compiles the functions of updates, so that the first one is in time, too."""
         zeros = np.zeros((1, self.nodes, self.marionette.coordinates.n_vK))
-        prediction = self._predictions.make(self._task.x0, self._task.x0.t, self.interval, zeros)[0]
+        prediction = self._predictions.predicted(
+            self._task.x0, self._task.x0.t, self.interval, zeros
+        )[0]
         if prediction is not None:
             self._steps.linearise(prediction[0], False)
 

@@ -39,10 +39,10 @@ class Predictions:
         self._record = LaneRecord(lanes, library.sizes)
         self._steppers = LaneSteppers(library, self._record, 1, options, marionette.winches)
 
-    def make(
+    def predicted(
         self, x0: State, start: float, interval: float, acc_K: Array
     ) -> list[tuple[Nodes, Ends] | None]:
-        """The nodes and interval ends of every prediction; None for one that failed.
+        """Nodes and interval ends of every prediction; None for a failed one.
 
         Args:
             x0: start of all predictions; its time is ignored.
@@ -75,7 +75,7 @@ class Predictions:
             predictions.append((nodes, Ends(e, pull, pull > 0.0, np.ones(N, dtype=bool))))
         return predictions
 
-    def after(self, x0: State, acc_K: Array, duration: float) -> State | None:
+    def state_after(self, x0: State, acc_K: Array, duration: float) -> State | None:
         """The state after a duration with constant accelerations; None if the steps failed."""
         record = self._restarted(x0)
         acc = np.repeat(np.asarray(acc_K)[None], self._n, axis=0)

@@ -35,11 +35,11 @@ class PlanResult(Answer):
     Attributes:
         plan_path: the plan as a path through the tree, and its simulations.
         status: status at the end of the search.
-        search: the search, which can go on.
+        search: the search, which can be continued.
         tried: number of rollouts.
         seconds: time of the search [s].
         curve: (seconds, rollouts, duration) of every plan that was the best, in order.
-        refused: number of plans that arrive by the time-stepper, but not in a second simulation.
+        refused: number of plans that arrive with the time-stepper, but not in a second simulation.
         polished: the outcome of polishing the plan; None if it was not attempted.
     """
 
@@ -151,15 +151,14 @@ class PlanResult(Answer):
 
     @classmethod
     def load(cls, path: str | Path, problem: Problem, planner: Planner | None = None) -> PlanResult:
-        """The plan in a file that :meth:`save` wrote; the search can go on.
+        """The plan in a file that :meth:`save` wrote; the search can be continued.
 
-        It goes on as if it had never stopped, except that the search for a better plan begins a new
-        tree.
+        It continues as without an interruption, but a search for a better plan begins a new tree.
 
         Args:
             path: path of the file.
             problem: the planning problem.
-            planner: planner of the search, if it is not one with a name.
+            planner: planner of the search, if it has no name.
 
         Raises:
             FileError: file that is not a plan, or belongs to another problem.
@@ -167,10 +166,10 @@ class PlanResult(Answer):
         return cls.of(archive.load(path, problem, planner))
 
     def grow(self, seconds: float = 1.0, iterations: int | None = None) -> PlanResult:
-        """The result after continuing the search: for a plan, or for a better one.
+        """The result of a continued search, for a plan or a better one.
 
         Args:
-            seconds: time to go on [s].
+            seconds: time of the continued search [s].
             iterations: largest number of rollouts.
 
         Raises:
@@ -209,7 +208,7 @@ class PlanResult(Answer):
 
     @property
     def _missing(self) -> str:
-        """Description of anything missing at the goal, if there is no plan."""
+        """Missing conditions at the goal, in words, if there is no plan."""
         problem = self.problem
         if self.reason or self.distance <= problem.tolerance:
             return ""
@@ -227,7 +226,7 @@ class PlanResult(Answer):
 
     @property
     def _notes(self) -> str:
-        text = f"; {self.refused} refused that do not hold in simulation" if self.refused else ""
+        text = f"; {self.refused} refused, which do not hold in simulation" if self.refused else ""
         text += f" ({self.search.fault})" if self.refused and self.search.fault else ""
         text += f"; polish: {self.polished}" if self.polished is not None else ""
         return text + (f"; {_TIME_LIMIT_NOTE}" if self.ended_by_clock else "")
@@ -241,14 +240,14 @@ class PlanResult(Answer):
     def polish(self, distance: float = 1e-3, seconds: float = 0.5) -> PlanResult:
         """The plan with its end nearer to the goal, and shorter where possible.
 
-        It may last longer if it cannot come nearer otherwise.
+        It may become longer if necessary.
 
         Args:
             distance: required distance from the goal.
-            seconds: time to shorten the plan once it is so near [s].
+            seconds: time limit for shortening the plan after that [s].
 
         Returns:
-            The plan, unchanged if it cannot be brought so near; ``polished`` gives the reason.
+            The plan, unchanged if that distance is not reached; ``polished`` has the reason.
 
         Raises:
             ValueError: result without a plan, goal that is a function, possible touches, or a
@@ -263,7 +262,7 @@ class PlanResult(Answer):
 
     @property
     def reason(self) -> str:
-        """The reason why no plan can exist, with names and numbers; empty if one may."""
+        """Reason why no plan can exist, with names and numbers; may be empty."""
         return self.problem.infeasible
 
     @property
@@ -293,7 +292,7 @@ class PlanResult(Answer):
 
     @property
     def touches(self) -> tuple[Meeting, ...]:
-        """Touches of bodies with parts that are not their own, in ``trajectory``, in order."""
+        """Touches of bodies with other parts in ``trajectory``, in order."""
         return self.problem.touches.meetings(self.trajectory)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
@@ -309,8 +308,7 @@ class PlanResult(Answer):
     def traces(self) -> tuple[Array, Array]:
         """Positions of one point of the puppet: (n, 3) at the tree's nodes, (T, 3) along the plan.
 
-        It is the goal's point, if it has one, otherwise the first moving point of the last string
-        [m].
+        The point is that of the goal, or the first moving point of the last string [m].
         """
         return self._point(self.tree.q_D, self.tree.q_K), self._point(
             self.trajectory.q_D, self.trajectory.q_K

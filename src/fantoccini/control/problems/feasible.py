@@ -18,7 +18,7 @@ _TRANSLATING = ("prismatic", "translation", "free")
 
 
 def out_of_reach(goal: Goal, tolerance: float) -> str:
-    """The reason why a goal is out of reach; empty if it may be within reach.
+    """Reason why a goal is out of reach; may be empty.
 
     Either a pose is beyond a joint's limits, or a point is farther from the root of its chain of
     bodies than the chain is long. Effects of strings and obstacles are not considered.
@@ -46,14 +46,14 @@ def _beyond_limits(goal: Goal, tolerance: float) -> str:
         if weight * excess > tolerance:
             interval = f"{low:g}" if low == high else f"{low:g} to {high:g}"
             return (
-                f"{link.joint} is to be at {interval}, beyond its {limit.side} limit "
+                f"{link.joint} is required at {interval}, beyond its {limit.side} limit "
                 f"{limit.bound:g} by more than the tolerance"
             )
     return ""
 
 
 def too_far_to_touch(goal: Goal) -> str:
-    """The reason why a required touch is out of reach; empty if it may be within reach.
+    """Reason why a required touch is out of reach; may be empty.
 
     An obstacle or the floor is out of reach if the body's chain of bodies is too short.
     """
@@ -69,14 +69,14 @@ def too_far_to_touch(goal: Goal) -> str:
                 continue
             reach = chain.reach + max(map(_size, marionette.tree.links[bodies[body]].shapes))
             if other == FLOOR:
-                dist = float(chain.root[2]) - (puppet.floor or 0.0)
+                distance = float(chain.root[2]) - (puppet.floor or 0.0)
             else:
-                centre, size = _ball(obstacles[other])
-                dist = float(np.linalg.norm(chain.root - centre)) - size
-            if dist > reach:
+                centre, size = _bounding_sphere(obstacles[other])
+                distance = float(np.linalg.norm(chain.root - centre)) - size
+            if distance > reach:
                 return (
-                    f"{other} is at least {dist:.3g} m from {chain.joint}, and {body} reaches no "
-                    f"farther than {reach:.3g} m"
+                    f"{other} is at least {distance:.3g} m from {chain.joint}, and {body} reaches "
+                    f"at most {reach:.3g} m"
                 )
     return ""
 
@@ -110,7 +110,7 @@ def _chain(marionette: Marionette, link: int, reach: float) -> _Chain | None:
         link = entry.parent
 
 
-def _ball(shape: Shape) -> tuple[Array, float]:
+def _bounding_sphere(shape: Shape) -> tuple[Array, float]:
     """Centre and radius of a ball around a shape; infinite radius for a mesh [m]."""
     match shape:
         case Capsule():
@@ -128,7 +128,7 @@ def _ball(shape: Shape) -> tuple[Array, float]:
 
 def _size(shape: Shape) -> float:
     """Largest distance of a shape from its body's origin [m]."""
-    centre, radius = _ball(shape)
+    centre, radius = _bounding_sphere(shape)
     return float(np.linalg.norm(centre)) + radius
 
 
@@ -138,10 +138,10 @@ def _too_far(goal: Goal, tolerance: float) -> str:
     if chain is None:
         return ""
     nearest = np.clip(chain.root, numbers.place, numbers.place_high)
-    dist = float(np.linalg.norm(chain.root - nearest))
-    if dist <= chain.reach + tolerance:
+    distance = float(np.linalg.norm(chain.root - nearest))
+    if distance <= chain.reach + tolerance:
         return ""
     return (
-        f"the place is {dist:.3g} m from {chain.joint}, and "
-        f"{marionette.tree.links[numbers.link].name} reaches no farther than {chain.reach:.3g} m"
+        f"the place is {distance:.3g} m from {chain.joint}, and "
+        f"{marionette.tree.links[numbers.link].name} reaches at most {chain.reach:.3g} m"
     )

@@ -62,18 +62,18 @@ class PointGoal(Model):
     def _has_place(self) -> PointGoal:
         check_one_of(self, "place", "by")
         if self.by is not None and (self.to is not None or any(self.at)):
-            raise mistake("found `by` with `at` or `to`, which go with `place`")
+            raise mistake("found `by` with `at` or `to`, which are for `place`")
         return self
 
 
-Names = Annotated[tuple[str, str], entries(2, 2)]
+NamePair = Annotated[tuple[str, str], entries(2, 2)]
 """Two names: bodies, props, obstacles, puppets, or `floor`."""
 
 
 class StandGoal(Model):
     """The puppet stands at rest."""
 
-    on: Annotated[tuple[Names, ...], Field(min_length=1)]
+    on: Annotated[tuple[NamePair, ...], Field(min_length=1)]
     """Pairs that must touch: feet and their supports."""
     share: RealShare = 0.1
     """Least share of the puppets' weight on them, 0 to 1."""
@@ -82,7 +82,7 @@ class StandGoal(Model):
 class ContactFile(Model):
     """Pairs that may touch."""
 
-    touch: tuple[Names, ...]
+    touch: tuple[NamePair, ...]
     """Pairs that may touch."""
 
 
@@ -95,7 +95,7 @@ class GoalFile(Model):
     """Coordinate of the pose -> weight; 1 by default."""
     point: PointGoal | None = None
     """Point of a body at a place."""
-    touch: tuple[Names, ...] = ()
+    touch: tuple[NamePair, ...] = ()
     """Pairs that must touch."""
     stand: StandGoal | None = None
     """Stance of the puppet."""
@@ -204,7 +204,7 @@ def load_problem(
     if file.goal.point is not None and file.goal.point.by is not None:
         goal = _goal(reading, start)
     names = ("hold", "tolerance", "objective", "slack")
-    assert goal is not None and n_checks is not None  # or they were refused
+    assert goal is not None and n_checks is not None  # otherwise mistakes were reported
     rollouts = RolloutOptions(n_checks=n_checks, reserve=file.reserve, strings=file.strings)
     if threads is not None:
         rollouts = check.need((), lambda: replace(rollouts, threads=threads))
@@ -306,5 +306,5 @@ def _point(
 ) -> Goal:
     if point.by is not None:
         return Goal.moved(marionette, point.body, point.by, start, **weight)
-    assert point.place is not None  # or it was refused
+    assert point.place is not None  # otherwise a mistake was reported
     return Goal.point(marionette, point.body, point.place, at=point.at, to=point.to, **weight)

@@ -58,7 +58,7 @@ class RunFile(Model):
     """A clip of a saved run."""
 
     file: str
-    """The run: an npz file beside this one, as `simulate --out` writes it."""
+    """The run: an npz file of `simulate --out` in the same folder."""
     of: str | None = None
     """Name of the followed part in the run; by default the track's name."""
     begin: Sized | None = None
@@ -87,12 +87,12 @@ class TrackFile(Model):
     value: Value | None = None
     """Constant value."""
     times: tuple[Sized, ...] = ()
-    """Times of `values`, rising [s]; linear between them."""
+    """Times of `values`, increasing [s]; linear between them."""
     values: tuple[Value, ...] | None = None
     """Values at `times`."""
     csv: str | None = None
-    """A CSV file beside this one: columns `t`, and `x`, `y`, `z` for a point, `qw`, `qx`, `qy` and
-    `qz` for an orientation, otherwise `value`."""
+    """A CSV file in the same folder: columns `t`, and `x`, `y`, `z` for a point, `qw`, `qx`, `qy`
+    and `qz` for an orientation, otherwise `value`."""
     circle: CircleFile | None = None
     """Circle that a point follows."""
     run: RunFile | None = None
@@ -118,7 +118,7 @@ class TrackFile(Model):
         if self.point is None and any(self.at):
             raise mistake("found `at`, which is for `point`")
         if bool(self.times) != (self.values is not None):
-            raise mistake("found one of `times` and `values`; they go together")
+            raise mistake("found one of `times` and `values`; needed: both")
         if self.start is not None and self.end is not None and self.start >= self.end:
             raise mistake(
                 f"found the start {self.start:g} and the end {self.end:g}; the start must be less"
@@ -170,7 +170,7 @@ Magnitudes = Real | dict[str, Real] | None
 
 
 class BoundsFile(Model):
-    """Bounds of the motion. Names that are not mentioned are free."""
+    """Bounds of the motion; names without an entry are free."""
 
     position: dict[str, Span] = Field(default_factory=dict)
     """Driven scalar coordinate -> [low, high]; null for no limit [m or rad]."""
@@ -187,15 +187,15 @@ class BoundsFile(Model):
     jerk: Magnitudes = None
     """Largest jerk, likewise [m/s^3 or rad/s^3]."""
     voltage: Magnitudes = None
-    """Largest voltage that controllers ask of dc motors, for all or by the command's name [V]."""
+    """Largest voltage that controllers request from dc motors, for all or by command [V]."""
     current: Magnitudes = None
     """Largest current, likewise [A]."""
     held: tuple[str, ...] = ()
     """Driven velocities that stay 0."""
     clearance: Annotated[NotNegative | None, SIZED] = None
-    """Least distance of bodies and strings from obstacles and other puppets [m]."""
+    """Smallest distance of bodies and strings from obstacles and other puppets [m]."""
     own_body: bool = False
-    """Whether bodies of one puppet that no joint connects keep the clearance, too."""
+    """Whether the clearance also applies to bodies of one puppet that no joint connects."""
 
 
 def _duration(value: Any) -> Any:
@@ -247,7 +247,7 @@ class TaskFile(ControlFile):
     parameters: dict[str, Between] = Field(default_factory=dict)
     """Parameter of the puppet -> [low, high]; it is chosen along with the motion."""
     guess: str | None = None
-    """A performance file beside this one: the initial guess of the motion."""
+    """A performance file in the same folder: the initial guess of the motion."""
     slack: bool = False
     """Whether strings that pull at the start may go slack."""
     explore: Annotated[int, Field(ge=0)] = 0

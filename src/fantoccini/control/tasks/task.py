@@ -29,12 +29,12 @@ class PlanConditions:
         tolerance: largest distance from the end, in its unit [rad and m for poses and states, m for
             points].
         hold: time for which the puppet must stay at the end, with the inputs brought to rest [s];
-            1 s if it is to touch something, to stand or to push a prop, otherwise 0.
+            1 s if it must touch something, stand or push a prop, otherwise 0.
         contact: ``"keep off"``: the puppets touch nothing but themselves; or
             ``{"touch": [("hand", "table")]}``, the pairs that may touch. Pairs that must touch at
             the end may touch before, and so may props and the parts that they lie on.
         slack: whether taut strings may go slack on the way. Plans in which no string goes slack
-            depend less on how exactly they are followed.
+            are less sensitive to deviations.
 
     Raises:
         ValueError: number out of range.
@@ -79,8 +79,8 @@ class Task:
         name: name of the task, for pictures and reports.
         parameters: name -> lowest and highest value of parameters that are chosen along with the
             motion; see :class:`fantoccini.control.tasks.chosen_parameters.ChosenParameters`.
-        explore: number of random explorations for motions through strings that go slack and are
-            caught, with more of them until one holds; with 0 the initial guess is improved.
+        explore: number of random explorations for motions with slack strings and catches, and more
+            until a motion holds; with 0 the initial guess is improved.
         touches: places that points of bodies pass, at times that the search finds.
         obstacles: obstacles in addition to the world's.
         conditions: conditions of plans.

@@ -271,7 +271,7 @@ class _Reader:
 
 def _number(kind: str, value: float | tuple[float, ...] | None) -> Array:
     """(width,) one value of a path."""
-    assert value is not None  # or it was refused
+    assert value is not None  # otherwise a mistake was reported
     numbers = np.atleast_1d(np.asarray(value, dtype=float))
     if kind == "orientation" and len(numbers) == 3:
         return np.array(rotation_vector_quaternion(tuple(numbers)))

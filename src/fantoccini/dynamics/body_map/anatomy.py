@@ -122,22 +122,22 @@ class Anatomy:
         """Height of the highest point above the lowest one [m]."""
         return max(float(np.ptp(self.outline[:, 2])), 1e-9)
 
-    def below(self, segment: int) -> Iterator[int]:
-        """A segment and all that it carries, parents first."""
+    def branch(self, segment: int) -> Iterator[int]:
+        """Indices of a segment and all segments that it carries, parents first."""
         stack = [segment]
         while stack:
             k = stack.pop()
             yield k
             stack += self.segments[k].children
 
-    def low(self, segment: int) -> float:
-        """Height of the lowest point of a branch above the ground, relative to the height."""
-        lowest = min(self.segments[k].outline[:, 2].min() for k in self.below(segment))
+    def lowest_height(self, segment: int) -> float:
+        """Height of a branch's lowest point above the ground, relative to the puppet's height."""
+        lowest = min(self.segments[k].outline[:, 2].min() for k in self.branch(segment))
         return (float(lowest) - self.ground) / self.height
 
-    def tied(self, segment: int) -> list[Tie]:
-        """Points where strings are tied to a branch."""
-        own = set(self.below(segment))
+    def ties_of(self, segment: int) -> list[Tie]:
+        """Ties of strings to a branch."""
+        own = set(self.branch(segment))
         return [tie for tie in self.ties if tie.segment in own]
 
     def top(self, segments: Iterable[int]) -> float:
@@ -188,7 +188,7 @@ def anatomy_of(puppet: CompiledPuppet, member: str, x: State | None) -> Anatomy:
                     at=segments[k].pose[:, :3].T @ (tied - segments[k].joint),
                     place=tied,
                     above=place(poses, other, number)[0],
-                    holder=_holder(puppet, other),
+                    holder=_driven_body(puppet, other),
                     share=forces.get(row.name, np.inf) / weight,
                 )
             )
@@ -230,7 +230,7 @@ def _segments(
 def _leaders(puppet: CompiledPuppet, member: str) -> dict[int, int]:
     """Link of a body -> link of the body on which it is fixed, or its own.
 
-    Props are left out, and frames in the world on which the puppets of a scene stand.
+    Props are omitted, as are frames in the world on which puppets of a scene stand.
     """
     links, prefix = puppet.tree.links, f"{member}." if member else ""
     bodies = {body.name for body in puppet.puppet.expanded().bodies}
@@ -288,7 +288,7 @@ def _forces(puppet: CompiledPuppet, x: State, poses: Array) -> dict[str, float]:
     return forces
 
 
-def _holder(puppet: CompiledPuppet, point: Point) -> str:
+def _driven_body(puppet: CompiledPuppet, point: Point) -> str:
     """Driven body from which a string hangs: the last on the way to the world."""
     links, names = puppet.tree.links, {body.name for body in puppet.puppet.expanded().bodies}
     chain = [] if point.link == WORLD else puppet.tree.ancestors(point.link)

@@ -162,7 +162,7 @@ def _with_strings(body_map: BodyMap, anatomy: Anatomy, rig: Rig, doubts: list[Do
     bodies = [] if body_map.head is None else [body_map.head.body]
     bodies += [name for limb in body_map.limbs if limb.kind == "neck" for name in limb.bodies]
     looking = _names(
-        tie.string for name in bodies if name in index for tie in anatomy.tied(index[name])
+        tie.string for name in bodies if name in index for tie in anatomy.ties_of(index[name])
     )
     if body_map.head is not None and not looking and rig.looking is None:
         doubts.append(Doubt("head", "no string moves it"))
@@ -212,7 +212,7 @@ def _strings_of_limb(
     for k in reversed(chain):
         names += [tie.string for tie in anatomy.ties if tie.segment == k]
         carried = [child for child in anatomy.segments[k].children if child not in (*chain, *heads)]
-        names += [tie.string for child in carried for tie in anatomy.tied(child)]
+        names += [tie.string for child in carried for tie in anatomy.ties_of(child)]
     return _names(names)
 
 

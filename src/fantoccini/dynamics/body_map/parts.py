@@ -114,10 +114,10 @@ def parts_of(anatomy: Anatomy, name: str) -> Parts:
 def is_limb_pair(anatomy: Anatomy, pair: tuple[int, int]) -> bool:
     """Whether branches are limbs, and not ears: of two bodies, on the ground, or on strings."""
     first = pair[0]
-    if anatomy.segments[first].children or anatomy.low(first) <= MAX_GROUND_HEIGHT:
+    if anatomy.segments[first].children or anatomy.lowest_height(first) <= MAX_GROUND_HEIGHT:
         return True
     long = _length(anatomy, _branch(anatomy, first)) >= MIN_LIMB_LENGTH * anatomy.size
-    return long and bool(anatomy.tied(first))
+    return long and bool(anatomy.ties_of(first))
 
 
 def far_end(anatomy: Anatomy, segment: int) -> Array:
@@ -179,10 +179,10 @@ def _pair(anatomy: Anatomy, trunk: tuple[int, ...], pair: tuple[int, int]) -> li
         if kind == "leg":
             # A foot ends at its sole, not at the string that lifts it.
             limb = replace(limb, end=far_end(anatomy, limb.chain[-1]))
-        elif anatomy.low(own) <= MAX_DOUBTFUL_HEIGHT:
-            share = f"{anatomy.low(own):.0%} of the height"
+        elif anatomy.lowest_height(own) <= MAX_DOUBTFUL_HEIGHT:
+            share = f"{anatomy.lowest_height(own):.0%} of the height"
             limb = limb.doubted(f"it ends {share} above the lowest point; it could be a leg")
-        if kind != "leg" and not anatomy.tied(own):
+        if kind != "leg" and not anatomy.ties_of(own):
             limb = limb.doubted("no string lifts it")
         limbs.append(limb)
     return limbs
@@ -195,7 +195,7 @@ def _kind(anatomy: Anatomy, trunk: tuple[int, ...], first: int) -> LimbKind:
     low_down = (
         joint[2] < anatomy.middle(trunk)[2] and straight <= MAX_GROUND_HEIGHT * anatomy.height
     )
-    if anatomy.low(first) <= MAX_GROUND_HEIGHT or low_down:
+    if anatomy.lowest_height(first) <= MAX_GROUND_HEIGHT or low_down:
         return "leg"
     return "wing" if _is_flat(anatomy, first) else "arm"
 
@@ -218,7 +218,7 @@ def _without_wings_as_legs(anatomy: Anatomy, limbs: list[Branch]) -> list[Branch
 def _is_flat(anatomy: Anatomy, first: int) -> bool:
     """Whether the larger part of a branch's area belongs to flat bodies."""
     flat = total = 0.0
-    for k in anatomy.below(first):
+    for k in anatomy.branch(first):
         thin, broad, long = anatomy.segments[k].box
         total += broad * long
         if thin < MAX_THICKNESS * broad and broad > MIN_BREADTH * long:
@@ -240,8 +240,8 @@ def _head(
     scores = []
     for branch, k in zip(middles, largest, strict=True):
         box = anatomy.segments[k].box
-        score = 1.0 if anatomy.top(anatomy.below(branch.chain[0])) > middle else 0.0
-        score += 1.0 if anatomy.tied(branch.chain[0]) else 0.0
+        score = 1.0 if anatomy.top(anatomy.branch(branch.chain[0])) > middle else 0.0
+        score += 1.0 if anatomy.ties_of(branch.chain[0]) else 0.0
         score += box[0] / max(box[2], 1e-9) + _bulk(anatomy, k) / max(max_bulk, 1e-12)
         scores.append(score)
     order = sorted(range(len(middles)), key=lambda k: -scores[k])
@@ -257,7 +257,7 @@ def _head(
     if len(order) > 1 and scores[order[0]] - scores[order[1]] < CLEAR_MARGIN:
         rival = anatomy.segments[middles[order[1]].chain[0]].name
         head = head.doubted(f"{rival} could be the head as well")
-    elif anatomy.top(anatomy.below(best.chain[0])) < top + CLEAR_RISE * anatomy.height:
+    elif anatomy.top(anatomy.branch(best.chain[0])) < top + CLEAR_RISE * anatomy.height:
         head = head.doubted("it is as high as the trunk; it could be a tail")
     return head, [replace(middles[k], kind="tail") for k in order[1:]]
 
@@ -285,7 +285,7 @@ def _length(anatomy: Anatomy, branch: Branch) -> float:
 def _depth(anatomy: Anatomy, segment: int) -> float:
     """Length of the longest chain of a branch [m]."""
     way = {segment: 0.0}
-    for k in anatomy.below(segment):
+    for k in anatomy.branch(segment):
         for child in anatomy.segments[k].children:
             between = anatomy.segments[child].joint - anatomy.segments[k].joint
             way[child] = way[k] + float(np.linalg.norm(between))

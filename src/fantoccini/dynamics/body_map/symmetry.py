@@ -130,9 +130,9 @@ def _score(anatomy: Anatomy, plane: Plane) -> float:
     score, axial = 0.0, [0]
     for segment in axial:
         branches = branches_of(anatomy, plane, segment)
-        score += sum(len(list(anatomy.below(k))) for pair in branches.pairs for k in pair)
+        score += sum(len(list(anatomy.branch(k))) for pair in branches.pairs for k in pair)
         score += len(branches.middle)
-        score -= sum(len(list(anatomy.below(k))) for k in branches.odd)
+        score -= sum(len(list(anatomy.branch(k))) for k in branches.odd)
         axial += branches.middle
     sides = [plane.side(tie.place) for tie in anatomy.ties if tie.segment in axial]
     tolerance = SIZE_TOLERANCE * anatomy.size

@@ -57,7 +57,7 @@ def advance(path: Path, measure: Measure, criterion: Criterion) -> None:
     for first in range(0, last + 1, _BATCH_SIZE):
         k = np.arange(first, min(first + _BATCH_SIZE, last + 1))
         at = Places(k, np.zeros(len(k)), path.t[k], path.q_D[k], path.q_K[k])
-        moves = Moves(*(x[k] for x in path.around))
+        moves = Moves(*(x[k] for x in path.moves_to_midpoints))
         around = k[criterion(at, *measure(at.q_D, at.q_K, moves))]
         before, after = around[around > 0] - 1, around[around < last]
         piece = np.concatenate([before, after])

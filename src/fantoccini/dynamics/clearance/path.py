@@ -138,10 +138,10 @@ class Path:
                 wound[:, i] = np.abs(steps[string.length_role][:, string.length_index[1]]).sum(
                     axis=1
                 )
-        return Moves(slide, turn, wound, self._loose[piece])
+        return Moves(slide, turn, wound, self._slack_factors[piece])
 
     @cached_property
-    def _loose(self) -> Array:
+    def _slack_factors(self) -> Array:
         """1.0 for strings that are slack at an end of a piece, else 0.0: (T - 1, n_strings)."""
         marionette = self.marionette
         lengths = marionette.string_lengths(self.q_D, self.q_K)
@@ -153,7 +153,7 @@ class Path:
         return np.array(slack[1:] | slack[:-1], dtype=float)
 
     @cached_property
-    def around(self) -> Moves:
+    def moves_to_midpoints(self) -> Moves:
         """Bounds (T, ...) of moves from each sample to the middles of the adjacent pieces."""
         pieces, half = np.arange(len(self.h)), 0.5 * self.h
         before = self.moves(pieces, half, self.h)

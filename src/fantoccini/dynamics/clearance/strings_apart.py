@@ -26,7 +26,7 @@ from fantoccini.dynamics.clearance.winding import Crossing, Winding, crossings, 
 from fantoccini.dynamics.marionette import Marionette
 
 _DISTANCE_TOLERANCE = 1e-5
-"""Improvement of a least distance below which no nearer sample is sought [m]."""
+"""Smallest improvement of a least distance for which a nearer sample is searched [m]."""
 _MAX_MOVE, _MAX_MOVE_RATIO = 1e-4, 0.02
 """Largest move that is not refined further [m], and its ratio to the distance."""
 _AT_SAMPLE = -1.0
@@ -84,16 +84,16 @@ class StringsApart:
     ends. Up to a sag of 0.01 mm it is straight. The slip of winches is ignored.
 
     Strings through the same point are not measured against each other, nor strings against the
-    bodies to which they are tied. From capsules, spheres and boxes distances are exact. Those from
-    ellipsoids are lower bounds that are exact where they touch; those from meshes are from the box
-    around them. Obstacles are left to :class:`Clearance`. Chains of masses that stand for elastic
+    bodies to which they are tied. Distances from capsules, spheres and boxes are exact. Those from
+    ellipsoids are lower bounds that are exact where they touch; meshes count as the box around
+    them. For obstacles see :class:`Clearance`. Chains of masses that represent elastic
     strings are not measured.
 
     Args:
         marionette: a puppet or a scene.
         radius: half the thickness of strings [m].
-        own: whether to measure distances within one puppet as well. They take longest, because its
-            parts are usually near each other. Crossings within it are found in any case.
+        own: whether to measure distances within one puppet as well, which is slow, because its
+            parts are near each other. Crossings within a puppet are always detected.
 
     Raises:
         ValueError: ``radius`` is not a finite number of at least 0.
@@ -179,7 +179,7 @@ class StringMotion:
                 + pairs.swollen[pair]
             )
 
-        def take(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
+        def record(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
             distance, group = distance - pairs.swollen[pair], pairs.group[pair]
             first = _firsts(group, distance)
             first = first[distance[first] < best[group[first]]]
@@ -187,7 +187,7 @@ class StringMotion:
             which[group[first]], when[group[first]] = pair[first], k[first]
             later[group[first]] = s[first]
 
-        self._search(limit, take)
+        self._search(limit, record)
         near = np.flatnonzero(which >= 0)
         return self._approaches(which[near], when[near], later[near], best[near])
 
@@ -209,7 +209,7 @@ class StringMotion:
             early = before(pairs.group[pair], k, s)
             return np.where(early, margin + pairs.swollen[pair], -np.inf)
 
-        def take(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
+        def record(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
             near = np.flatnonzero(distance - pairs.swollen[pair] < margin)
             pair, k, s, group = pair[near], k[near], s[near], pairs.group[pair[near]]
             first = _firsts(group, self.t[k] + s)
@@ -217,7 +217,7 @@ class StringMotion:
             which[group[first]], when[group[first]] = pair[first], k[first]
             later[group[first]] = s[first]
 
-        self._search(limit, take)
+        self._search(limit, record)
         near = np.flatnonzero(when < never)
         rank = self.t[when[near]] + later[near]
         return self._approaches(which[near], when[near], later[near], rank)
@@ -237,14 +237,14 @@ class StringMotion:
         """
         return windings(self.cores, self.pairs)
 
-    def _search(self, limit: Limit, take: Take) -> None:
+    def _search(self, limit: DistanceLimit, record: PairCallback) -> None:
         """Measures samples, and refines between them where pairs may be nearer than a limit."""
         pairs, zeros = self.pairs.every, np.zeros(len(self.pairs.every))
         pair, k = search(
             self.cores,
             pairs,
             lambda pair, k: limit(pair, k, np.full(len(k), _AT_SAMPLE)),
-            lambda pair, k, distance: take(pair, k, np.zeros(len(k)), distance),
+            lambda pair, k, distance: record(pair, k, np.zeros(len(k)), distance),
         )
         within = k + 1 < len(self.t)
         pair, k = pair[within], k[within]
@@ -259,7 +259,7 @@ class StringMotion:
             cores = self.placed(*self.path.at(piece, marks))
             i, j, at = pairs.i[pair], pairs.j[pair], 3 * own + 1
             distance, _ = cores.exact(i, j, at)
-            take(pair, k, middle, distance)
+            record(pair, k, middle, distance)
             moved = zeros[pair]
             for core in (i, j):
                 there = cores.travelled[core, at]
@@ -295,10 +295,10 @@ class StringMotion:
         return Approaches(*(tuple(entry) for entry in approaches.values()))
 
 
-Limit = Callable[[Indices, Indices, Array], Array]
+DistanceLimit = Callable[[Indices, Indices, Array], Array]
 """Callback: pairs (m,), samples, times after them -> limits of the distance without radii [m]."""
 
-Take = Callable[[Indices, Indices, Array, Array], None]
+PairCallback = Callable[[Indices, Indices, Array, Array], None]
 """Callback: pairs (m,), samples, times after them, and distances without radii [m]."""
 
 

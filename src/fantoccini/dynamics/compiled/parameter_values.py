@@ -20,7 +20,7 @@ def parameter_rows(marionette: CompiledPuppet, values: Mapping[str, Array | floa
         values: name -> a number or (n,) numbers.
 
     Raises:
-        UnknownNameError: the puppet does not have a name.
+        UnknownNameError: the puppet has no such parameter.
         StateError: a number is not finite, or the parameter belongs to a winch, shared by all runs.
         PuppetError: a value is out of range.
         ValueError: arrays are not of equal length, or not of numbers.
@@ -45,7 +45,7 @@ def parameter_rows(marionette: CompiledPuppet, values: Mapping[str, Array | floa
             sizes[name] = len(x)
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{n} of {name}" for name, n in sizes.items())
-        raise ValueError(f"parameters must have one number of values; found {listed}")
+        raise ValueError(f"parameters must have equal numbers of values; found {listed}")
     # The allowed values are an interval: checking both ends is enough.
     for end in (np.min, np.max):
         if arrays:

@@ -18,7 +18,7 @@ from fantoccini.dynamics.compiled import (
 from fantoccini.dynamics.derivatives import balanced_state, with_active_set
 from fantoccini.dynamics.equilibrium import descent, relaxation
 from fantoccini.dynamics.equilibrium.newton import Equilibrium, as_asked, sizes
-from fantoccini.dynamics.equilibrium.projection import onto_rows, overstepped, positioned
+from fantoccini.dynamics.equilibrium.projection import onto_rows, positioned, violated_rows
 from fantoccini.dynamics.equilibrium.settling import settled
 from fantoccini.dynamics.equilibrium.support import falling, falls
 from fantoccini.kernel.contract import WINCH_AT
@@ -132,7 +132,7 @@ def _brought_onto_rows(marionette: CompiledPuppet, x: State) -> State:
 def _rejection(marionette: CompiledPuppet, start: State, resting_point: Equilibrium) -> str:
     """Reason for not accepting an equilibrium, in words; "" if it is accepted."""
     mass, weight = sizes(marionette)
-    left = overstepped(marionette, resting_point.x)
+    left = violated_rows(marionette, resting_point.x)
     if left:
         return f"where forces balance, {left}"
     at = Evaluation.of(marionette, resting_point.x)

@@ -1,7 +1,7 @@
 """States moved to satisfy strings and limits, by the smallest move.
 
 Each search uses the rows' linearisation h + A dq at the present configuration. Every row is
-one-sided again in every round: a row that was corrected can open later.
+one-sided in every round: corrected rows can open later.
 
 1. Onto the rows: min |dq|_M with h + A dq <= 0. Where no dq satisfies the rows together, the sum of
    squares of their violations is minimised.
@@ -37,7 +37,7 @@ class Search:
     """Bounds of the searches. Moves are in rad or m; gaps are relative to the row's scale."""
 
     max_move: float = 0.3
-    """Longest move of one round: rows are curved, so that their slopes are wrong farther away."""
+    """Longest move of one round: slopes of curved rows are valid nearby only."""
     near_gap: float = 0.5  # -h below which a move may reach a row
     near_taut_gap: float = 0.05
     """-h below which a move may reach a row while taut rows are closed, by shorter moves."""
@@ -46,7 +46,7 @@ class Search:
     violation_cost: float = 1e8
     """Weight of violations against moves if rows contradict one another [1/m^2]."""
     max_decrease_ratio: float = 0.999
-    """Factor by which a move must reduce the violation; converging searches reduce it far more."""
+    """Largest ratio of violations after and before a move; usually it is far smaller."""
     nearest_move: float = 1e-12  # Move below which a state counts as the nearest
     release_move: float = 1e-4  # Move below which Newton's method releases rows that push
     distance_growth: float = 0.01
@@ -80,7 +80,7 @@ def project(marionette: CompiledPuppet, x: State) -> State:
     """The nearest admissible state; see :meth:`Marionette.project`.
 
     Positions first: M (q - q_0) + A_D^T y = 0 with h <= 0, y >= 0 and y . h = 0 or, if that does
-    not converge, a state near by with h <= 0. Then velocities: hdot <= 0 on closed rows.
+    not converge, a nearby state with h <= 0. Then velocities: hdot <= 0 on closed rows.
     """
     taut = ActiveSet.of(marionette, x, Evaluation.of(marionette, x)).held & taut_mask(marionette, x)
     solution, remaining = positioned(marionette, x)
@@ -95,9 +95,11 @@ def project(marionette: CompiledPuppet, x: State) -> State:
     at = Evaluation.of(marionette, solution)
     scale = marionette.row_scales(solution.q_D, solution.q_K)
     # Winches that slip absorb the speed instead.
-    firm = (np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale) & ~np.isfinite(marionette.upper)
+    is_firmly_held = (np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale) & ~np.isfinite(
+        marionette.upper
+    )
     wires = marionette.two_sided
-    rows = np.flatnonzero(firm | wires)
+    rows = np.flatnonzero(is_firmly_held | wires)
     impulse = at.complementarity(rows, at.hdot[rows], wires | solution.taut)
     if not impulse.solved:
         impulse = at.complementarity(rows, at.hdot[rows], wires)
@@ -121,19 +123,19 @@ def positioned(marionette: CompiledPuppet, x: State) -> tuple[State, str]:
         if worst < smallest:
             best, smallest = solution, worst
     if worst > ROW_TOLERANCES.start_gap:
-        return best, overstepped(marionette, best)
+        return best, violated_rows(marionette, best)
     if solution is not x:
         solution = _nearest(marionette, solution, x)
     return solution, ""
 
 
-def overstepped(marionette: CompiledPuppet, x: State) -> str:
-    """The rows that a state violates, with their violations, in words; "" without any."""
+def violated_rows(marionette: CompiledPuppet, x: State) -> str:
+    """Violated rows with their violations, in words; may be ""."""
     h, scale = Evaluation.of(marionette, x).h, marionette.row_scales(x.q_D, x.q_K)
     strings, texts = len(marionette.tree.strings), []
     for i in np.flatnonzero(_violation(marionette, h) > ROW_TOLERANCES.start_gap * scale):
         if i >= strings:
-            text = f"is passed by {h[i]:.3g}"
+            text = f"is exceeded by {h[i]:.3g}"
         elif h[i] > 0.0:
             text = f"is too short by {1e3 * h[i]:.3g} mm"
         else:
@@ -160,7 +162,7 @@ def onto_rows(marionette: CompiledPuppet, x: State) -> tuple[State, float]:
             break
         rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
         move = at.solve_factor(_shortest(marionette, at, rows))
-        size = _size(move)
+        size = _largest_entry(move)
         if not SEARCH.move_rounding < size < np.inf:
             break
         part = min(1.0, SEARCH.max_move / size)
@@ -197,7 +199,7 @@ def _onto_taut_rows(marionette: CompiledPuppet, x: State, taut: MaskRows) -> Sta
         if not solution.solved:
             break
         move = -at.solve_factor(at.W[:, rows] @ solution.x)
-        move *= min(1.0, SEARCH.max_move / max(_size(move), SEARCH.max_move))
+        move *= min(1.0, SEARCH.max_move / max(_largest_entry(move), SEARCH.max_move))
         moved = moved.replace(q_D=integrate(marionette, moved.q_D, move))
     h = Evaluation.of(marionette, moved).h
     met = np.abs(h) <= ROW_TOLERANCES.start_gap * scale
@@ -207,7 +209,7 @@ def _onto_taut_rows(marionette: CompiledPuppet, x: State, taut: MaskRows) -> Sta
     return _onto_taut_rows(marionette, x, fewer if np.any(fewer != taut) else np.zeros_like(taut))
 
 
-def _size(move: Array) -> float:
+def _largest_entry(move: Array) -> float:
     """Largest part of a move [rad or m]."""
     return float(np.max(np.abs(move), initial=0.0))
 
@@ -244,7 +246,7 @@ def _nearest(marionette: CompiledPuppet, x: State, origin: State) -> State:
         W, free_move = at.W[:, rows], away / (1.0 + mu)
         solution = at.complementarity(rows, at.h[rows] + W.T @ free_move, wires)
         move = at.solve_factor(free_move - W @ solution.x)
-        size = _size(move)
+        size = _largest_entry(move)
         if not solution.solved or not SEARCH.nearest_move < size < np.inf:
             return x
         move *= min(1.0, SEARCH.max_move / size)
@@ -281,7 +283,7 @@ def _stationary(
         by_q = difference_quotient(marionette, x.q_D, residual, SEARCH.difference)
         W = np.vstack([-Evaluation.of(marionette, x).W[:, rows], np.zeros((len(rows), len(rows)))])
         step = np.linalg.lstsq(np.hstack([by_q, W]), -residual(x.q_D), rcond=1e-12)[0]
-        size = _size(step[:n])
+        size = _largest_entry(step[:n])
         if not size < SEARCH.max_move:
             return None
         x = x.replace(q_D=retract(marionette, x.q_D, step[:n]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.base import ARRIVED, Array, Status, Times
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.judging import ends_fast, left_by_last_step
+from fantoccini.dynamics.simulation.judging import ends_fast, violations_after_last_step
 from fantoccini.dynamics.steppers import (
     CONTRADICTION_STATUSES,
     Contradiction,
@@ -129,7 +129,9 @@ class BatchVerdicts:
         largest = float(batch.violation[i])
         if self._fast[i]:
             q_K = self._inputs[self._own(i)].evaluate(batch.t_end)[0]
-            largest = max([largest, *left_by_last_step(marionette, batch.end_q_D[i], q_K).values()])
+            largest = max(
+                [largest, *violations_after_last_step(marionette, batch.end_q_D[i], q_K).values()]
+            )
 
         def swing() -> bool:
             q_K = self._inputs[self._own(i)].evaluate(batch.t)[0]

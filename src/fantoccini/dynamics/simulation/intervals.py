@@ -32,8 +32,10 @@ _SAME_TIME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class IntervalDerivatives:
-    """Derivatives over N intervals. A change at a start that would stretch or slacken taut rows is
-    replaced by the nearest one that does not, in the metric of M_DD.
+    """Derivatives over N intervals.
+
+    A change at a start that would stretch or slacken taut rows is replaced by the nearest one that
+    does not, in the metric of M_DD.
 
     Attributes:
         A: (N, n_z, n_z) derivatives by (dq_D, dv_D, dq_K, dv_K) at the start.
@@ -98,7 +100,7 @@ def interval_derivatives(
     return IntervalDerivatives(A, B, C, tuple(passages))
 
 
-def _check(marionette: Marionette, run: Trajectory, inputs: Input, found: Array) -> None:
+def _check(marionette: Marionette, run: Trajectory, inputs: Input, sample_times: Array) -> None:
     """Raises InputError unless accelerations are constant and samples are at their breaks."""
     table, mistakes = marionette.coordinates, list[Mistake]()
     for name in table.rotations:
@@ -108,7 +110,7 @@ def _check(marionette: Marionette, run: Trajectory, inputs: Input, found: Array)
         if np.any(inputs.coef[:, v, 3:]):
             text = "has an acceleration that is not constant between the breaks"
             mistakes.append(Mistake("inputs", None, table.q_K[q], text))
-    missing = inputs.breaks[~(np.abs(found - inputs.breaks) <= _SAME_TIME)]
+    missing = inputs.breaks[~(np.abs(sample_times - inputs.breaks) <= _SAME_TIME)]
     if len(missing):
         text = f"break at {missing[0]:g} s, where the run has no sample"
         mistakes.append(Mistake("inputs", None, "", text))
@@ -137,11 +139,11 @@ class _IntervalChanges:
             self._moved[power, :, :, power] = size * np.eye(k)
 
     def piece(self, start: float, end: float) -> InputPiece:
-        """Piece between two times without a break between them [s]."""
+        """Piece between two times with no break between them [s]."""
         i = np.searchsorted(self.breaks, 0.5 * (start + end), side="right") - 1
         k, n = self._moved.shape[1], len(self._variation.u_D)
-        late = np.full(3 * k, start - self.breaks[i])
-        moved = shifted(self._moved.reshape(3 * k, k, N_COEF), late)
+        delay = np.full(3 * k, start - self.breaks[i])
+        moved = shifted(self._moved.reshape(3 * k, k, N_COEF), delay)
         powers = in_powers(moved, np.zeros((3 * k, n, N_COEF)), end - start)
         piece = one_piece(self.inputs, start, end)
         return InputPiece(self._variation, piece, powers, start, end)

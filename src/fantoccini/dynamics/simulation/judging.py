@@ -26,7 +26,7 @@ _PIECE = 1024
 
 
 def ends_fast(v_D: Array, dt: float) -> Mask:
-    """Whether the last step of a run may have caused violations that no step has measured: (...,).
+    """Whether the last step of a run may have caused unmeasured violations: (...,).
 
     Steps measure violations at their start, and add to them by their curvature only. ``v_D``
     (..., n_vD) is the velocity at the end, ``dt`` the length of the step [s].
@@ -34,7 +34,7 @@ def ends_fast(v_D: Array, dt: float) -> Mask:
     return ~(dt * np.max(np.abs(v_D), axis=-1, initial=0.0) <= BOUNDS.max_slow_move)
 
 
-def left_by_last_step(marionette: Marionette, q_D: Array, q_K: Array) -> dict[str, float]:
+def violations_after_last_step(marionette: Marionette, q_D: Array, q_K: Array) -> dict[str, float]:
     """Rows and parts that are violated too far at the end of a run -> violation [m or rad].
 
     Strings on winches that may slip are excluded.
@@ -61,8 +61,10 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
     if table is None:
         return Status.DONE, ""
     fast = ends_fast(run.v_D[-1], dt)
-    left = left_by_last_step(marionette, run.q_D[-1], run.q_K[-1]) if fast else {}
-    largest = max([float(np.max(table.values, initial=worst)), *left.values()])
+    after_last_step = (
+        violations_after_last_step(marionette, run.q_D[-1], run.q_K[-1]) if fast else {}
+    )
+    largest = max([float(np.max(table.values, initial=worst)), *after_last_step.values()])
     start = {name: ledger[name][0] for name in ledger.names}
     check = LedgerCheck(marionette, dt, start, run.t[0])
     shares = _shares(check, ledger, run.t)
@@ -73,10 +75,10 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
     status = fault(largest, gain, share)
     advice = _advice(marionette, run, dt)
     if status is Status.OVERSTEPPED:
-        what = _overstepped(run, worst, left)
-        text = f"{what}. {advice}; or the puppet cannot follow the inputs"
+        message = _violation_message(run, worst, after_last_step)
+        text = f"{message}. {advice}; or the puppet cannot follow the inputs"
         if run.contact is None:
-            text += ", which method='event' finds out"
+            text += ", which method='event' decides"
         return status, text
     if status is Status.GAINED_ENERGY:
         text = (
@@ -105,7 +107,7 @@ def _shares(check: LedgerCheck, ledger: Columns, t: Times) -> Array:
     for k in range(1, max(2, len(t)), _PIECE):
         columns = {name: ledger[name][k : k + _PIECE] for name in ledger.names}
         new = check.add(columns, t[k : k + _PIECE])
-        # The first is the last of the piece before, whose damping is known only now.
+        # The first is the last of the piece before, whose damping is available only now.
         shares = [*shares[:-1], *(last[:-1] for last in shares[-1:]), new]
     return np.concatenate(shares)
 
@@ -133,7 +135,7 @@ def prescribed_verdict(overlaps: tuple[Overlap, ...]) -> tuple[Status, str]:
     )
 
 
-def _overstepped(run: Trajectory, worst: float, left: dict[str, float]) -> str:
+def _violation_message(run: Trajectory, worst: float, after_last_step: dict[str, float]) -> str:
     """Violated rows or parts, their violations, and the time of the first, in words."""
     table = run.violation
     assert table is not None
@@ -153,8 +155,8 @@ def _overstepped(run: Trajectory, worst: float, left: dict[str, float]) -> str:
             deepest = int(np.argmin(run.contact.gap))
             name = pair_name(run.contact.names[run.contact.pair[deepest]])
             return f"{name} overlap by {-run.contact.gap[deepest]:.3g} m"
-        return f"by {worst:.3g} m or rad in a step between the samples that were written"
-    names = ", ".join(f"{name} by {x:.3g}" for name, x in left.items())
+        return f"by {worst:.3g} m or rad in a step between the saved samples"
+    names = ", ".join(f"{name} by {x:.3g}" for name, x in after_last_step.items())
     return f"{names} m or rad after the last step, at t = {run.t[-1]:.6g} s"
 
 
@@ -162,8 +164,8 @@ def _advice(marionette: Marionette, run: Trajectory, dt: float) -> str:
     start = run.q_D[0], run.q_K[0], run.tension.values[0]
     longest = critical_step_of_tensions(marionette, *start)
     if dt <= longest:
-        return f"Take a dt shorter than {dt:g} s"
+        return f"Use a dt shorter than {dt:g} s"
     return (
-        f"The tensions at the start make vibrations that grow in steps above {longest:.2g} s: take "
-        f"a dt below that instead of {dt:g} s"
+        f"The tensions at the start cause growing vibrations in steps above {longest:.2g} s: use "
+        f"a shorter dt than {dt:g} s"
     )

@@ -61,7 +61,7 @@ from fantoccini.motion import (
     pair_name,
 )
 
-_KINDS = {
+_EVENT_KINDS = {
     code: EventKind.RUNAWAY if code is contract.EventCode.RAN_AWAY else EventKind[code.name]
     for code in contract.EventCode
 }
@@ -70,7 +70,7 @@ _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKin
 
 @dataclasses.dataclass(frozen=True)
 class Reporting:
-    """Thresholds of messages about runs that stopped."""
+    """Thresholds of messages arguments runs that stopped."""
 
     min_share: float = 0.1
     """Share in causing a status, 0 to 1, above which a row or drive is named."""
@@ -110,7 +110,7 @@ def simulate(
         t_end: end of the run [s]; by default the end of the inputs.
         method: ``event``: adaptive order 8 with located events. ``timestepping``: fixed step, for
             interaction, planning and batches. ``variational``: fixed step of second order whose
-            energy does not drift, with lengths exact at every step; for large steps and long runs.
+            energy does not drift, with exact lengths at every step; for large steps and long runs.
             With options: :class:`Event`, :class:`TimeStepping`, :class:`Variational`.
         save_at: (n,) times of samples besides the start, the end and those of events
             (event-driven only) [s]; by default every step.
@@ -122,12 +122,12 @@ def simulate(
             memory. Runs that cannot fit are refused; an event-driven run ends with
             ``TOO_MANY_SAMPLES`` when its samples no longer fit.
         time_limit: computing time after which the run ends with ``OUT_OF_TIME`` [s]; by default
-            none. Runs that will take minutes warn after some seconds of computing.
+            none. Runs of several minutes warn after some seconds of computing.
 
     Raises:
         StateError: ``x0`` violates a string or limit; ``marionette.project(x0)`` repairs it. Or
             the step is too long for a chain or a spring, or the samples do not fit in memory.
-        InputError: the inputs do not start where ``x0`` is.
+        InputError: the inputs do not start message ``x0`` is.
         TypeError: there are several states or inputs, as for :func:`simulate_batch`.
         ValueError: an argument is invalid.
         SimulationError: the run stopped, or with a fixed step violated rows or gained energy;
@@ -154,8 +154,8 @@ def simulate(
     check_step(marionette, name, x0.q_D, x0.q_K, options.dt)
     save_at = save_times(save_at, save_every, name, x0.t, t_end)
     check_samples(marionette, name, options, x0.t, t_end, save_at)
-    about = options, x0, marionette.p, marionette.winches, bound, save_at
-    run = Run(marionette.libraries.library_of(name), name, *about)
+    arguments = options, x0, marionette.p, marionette.winches, bound, save_at
+    run = Run(marionette.libraries.library_of(name), name, *arguments)
     pieces = list[Piece]()
     pace = Pace(x0.t, t_end, time_limit, lambda: _chatter_text(marionette, pieces))
     written, status = _collect(run, x0.t, t_end, progress, pieces, pace)
@@ -204,8 +204,8 @@ def simulate(
         causes = contradicted.names if contradicted else ()
         result = dataclasses.replace(result, status=verdict.status, causes=causes)
     if result.status is not Status.DONE and throw:
-        where = verdict.text or _where(marionette, result, contradicted)
-        raise SimulationError(result.status, where, result)
+        message = verdict.text or _stop_message(marionette, result, contradicted)
+        raise SimulationError(result.status, message, result)
     return result
 
 
@@ -214,7 +214,7 @@ def _motion_of(run: Trajectory) -> Callable[[int], tuple[State, Array]]:
     return lambda i: (run.state(i), run.acc_K[i])
 
 
-def _where(
+def _stop_message(
     marionette: Marionette, result: Trajectory, contradicted: Contradiction | None = None
 ) -> str:
     """Time and cause of a run's stop, in words."""
@@ -232,7 +232,8 @@ def _where(
         text += f": {chatter(result.t, result.contact, result.events)}"
         text += "; method='timestepping' does not stop there"
     if result.status is Status.NO_UNIQUE_MOTION:
-        text += f", where {_sliding(result)} slide; method='timestepping' continues with an impulse"
+        text += f", where {_sliding_pairs(result)} slide"
+        text += "; method='timestepping' continues with an impulse"
     text += weak_motors(marionette, result)
     last = result.tension.values[-1]
     if np.max(last, initial=0.0) > REPORTING.large_tension * marionette.weight:
@@ -244,14 +245,14 @@ def _where(
 
 
 def _chatter_text(marionette: CompiledPuppet, pieces: list[Piece]) -> str:
-    """Text on the cause of a run's short steps, from the pieces so far."""
+    """Message on the cause of a run's short steps, from the pieces so far."""
     written = Piece.joined(pieces)
     t = marionette.sample_layout.split(written.samples)["t"]
     events = [_event(marionette, event) for event in written.events]
     return chatter(t, _contact_points(marionette, written.contacts, len(t)), events)
 
 
-def _sliding(result: Trajectory) -> str:
+def _sliding_pairs(result: Trajectory) -> str:
     """Names of the pairs that touched at the last samples."""
     contact = result.contact
     if contact is None or not np.any(contact.sample >= len(result) - 3):
@@ -363,14 +364,14 @@ def _contact_points(marionette: CompiledPuppet, rows: Array, n: int) -> ContactP
 
 
 def _in_order(events: Array) -> Array:
-    """Events in order of time: the runtime reports sliding late."""
+    """Events in order of time; the runtime reports sliding with a delay."""
     return events[np.argsort(events[:, contract.EVENT_AT["t"]], kind="stable")]
 
 
 def _event(marionette: CompiledPuppet, event: Array) -> EventRecord:
     tree = marionette.tree
     at = {part.name: float(value) for part, value in zip(contract.EVENT, event, strict=True)}
-    kind, index = _KINDS[contract.EventCode(int(at["kind"]))], int(at["row"])
+    kind, index = _EVENT_KINDS[contract.EventCode(int(at["kind"]))], int(at["row"])
     if index >= len(tree.strings):
         kind = _LIMIT_KINDS.get(kind, kind)
     name = tree.attributable[index] if 0 <= index < len(tree.attributable) else ""

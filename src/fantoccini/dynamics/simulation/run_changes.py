@@ -65,7 +65,7 @@ class DrivenChanges(Protocol):
     columns: int
 
     def piece(self, start: float, end: float) -> InputPiece:
-        """Piece between two times without a break between them [s]."""
+        """Piece between two times with no break between them [s]."""
         ...
 
 
@@ -131,7 +131,7 @@ class RunChanges:
                 for piece in pieces:
                     inside = saved[(saved > piece.start) & (saved < piece.end)]
                     times = np.append(inside, piece.end)
-                    states, changes = self._variation.along(x, held, Z, piece, times, points)
+                    states, changes = self._variation.integrated(x, held, Z, piece, times, points)
                     yield from zip(inside, changes[:-1], strict=True)
                     Z = changes[-1]
                     if piece is pieces[-1]:

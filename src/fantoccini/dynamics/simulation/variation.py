@@ -38,7 +38,7 @@ from fantoccini.motion import State
 FIRST_STEP = 0.01
 """First step of a run [s]; each later piece begins with the last step of the previous one."""
 MAX_ERROR = 1e-6
-"""Largest distance of the integration from the run, relative to 1 or to the state."""
+"""Largest difference of the integration from the run, relative to 1 + |state|."""
 _MIN_STEPS_OF_LONG_PIECE = 5.0
 """Number of steps above which dependent columns of a piece are combined to save time."""
 _ROUNDING = 1e-14
@@ -71,7 +71,7 @@ class Variation:
         They also keep the gaps and velocities of held points.
         """
         if points:
-            return self._projected_with(x, rows, Z, input_change, points)
+            return self._projected_with_points(x, rows, Z, input_change, points)
         n, results = len(x.v_D), row_derivatives_at(self.marionette, x)
         system = KKTSystem(Evaluation.of(self.marionette, x), rows)
         Z_q, Z_v = Z[:n], Z[n:]
@@ -86,7 +86,7 @@ class Variation:
         Z_v = Z_v + system.nearest(rate[rows])
         return np.concatenate([Z_q, Z_v])
 
-    def _projected_with(
+    def _projected_with_points(
         self,
         x: State,
         rows: Indices,
@@ -116,7 +116,7 @@ class Variation:
         system = ModeSystem(at, rows, _frictionless(touching, touching.rows))
         return np.concatenate([Z_q, Z[n:] + system.solve(zeros, rates)[0]])
 
-    def along(
+    def integrated(
         self,
         x: State,
         rows: Indices,
@@ -134,12 +134,12 @@ class Variation:
             SimulationError: steps became too small.
         """
         if points:
-            return self._along_with(x, rows, Z, piece, times, points)
+            return self._integrated_with_points(x, rows, Z, piece, times, points)
         marionette = self.marionette
         held = np.zeros(marionette.tree.n_rows, dtype=bool)
         held[rows] = True
         is_long = times[-1] - x.t > _MIN_STEPS_OF_LONG_PIECE * self._step
-        basis, shares = _spanned(Z, 2 * len(x.v_D)) if is_long else (Z, None)
+        basis, shares = _independent_columns(Z, 2 * len(x.v_D)) if is_long else (Z, None)
         results = marionette.libraries.derivatives.flow(
             (x.t, x.q_D, x.v_D, basis),
             times,
@@ -157,7 +157,7 @@ class Variation:
         changes = results.changes if shares is None else _combined(results.changes, shares)
         return np.concatenate([results.q_D, results.v_D], axis=1), changes
 
-    def _along_with(
+    def _integrated_with_points(
         self,
         x: State,
         rows: Indices,
@@ -206,7 +206,7 @@ class Variation:
         if not error < MAX_ERROR:
             raise SimulationError(
                 Status.NOT_SETTLED,
-                f"the run and its linearisation are {error:.2g} apart at t = {t:.6g} s",
+                f"the run and its linearisation differ by {error:.2g} at t = {t:.6g} s",
             )
 
     def _configuration_rate(self, q_D: Array, v_D: Array) -> Array:
@@ -219,7 +219,7 @@ class Variation:
         return rate
 
 
-def _spanned(Z: Array, own: int) -> tuple[Array, Array | None]:
+def _independent_columns(Z: Array, own: int) -> tuple[Array, Array | None]:
     """Basis of the first ``own`` columns of Z, followed by the other columns; and shares of it.
 
     Taut strings leave changes of the state fewer dimensions than coordinates. Columns that depend

@@ -1,4 +1,4 @@
-"""Text on drives that lost steps or ran away in a run: loads and torques of motors."""
+"""Messages on drives that lost steps or ran away: loads and torques of their motors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MAX_NAMED = 4
 
 
 def weak_motors(marionette: Marionette, run: Trajectory) -> str:
-    """Text on drives that lost steps or ran away: time, error and required torque; "" if none."""
+    """Message on drives that lost steps or ran away: time, error and required torque; may be ""."""
     by_name = run.overloads
     rows = {row.name: row for row in marionette.tree.watched if row.name in by_name}
     if not rows:
@@ -28,29 +28,29 @@ def weak_motors(marionette: Marionette, run: Trajectory) -> str:
     texts = []
     for name in list(rows)[:MAX_NAMED]:
         row, overload, load = rows[name], by_name[name], loads[name]
-        unit = "m" if _moves(row) else "rad"
-        did = "ran away" if overload.ran_away else "lost steps"
-        off = overload.error
-        where = "" if off is None else f", {abs(off):.3g} {unit} off at the end"
-        force = "N" if _moves(row) and row.drive.drum is None else "N m"
-        has = _max_torque(marionette, row)
-        need = f"its load takes {load:.3g} {force} to follow the command, "
+        unit = "m" if _is_linear(row) else "rad"
+        failure = "ran away" if overload.ran_away else "lost steps"
+        error = overload.error
+        error_text = "" if error is None else f", {abs(error):.3g} {unit} error at the end"
+        force = "N" if _is_linear(row) and row.drive.drum is None else "N m"
+        max_torque = _max_torque(marionette, row)
+        cause = f"its load needs {load:.3g} {force} to follow the command, "
         if row.drive.motor is None:
-            need += "and its controller asks for too little"
-        elif load > has:
-            need += f"its motor has {has:.3g}"
+            cause += "and its controller requests too little"
+        elif load > max_torque:
+            cause += f"its motor has {max_torque:.3g}"
         else:
-            need += f"its motor has {has:.3g} and gives way to catches and accelerations"
+            cause += f"its motor has {max_torque:.3g} and yields at catches and accelerations"
             if not row.steps:
-                need += ", or its controller asks for too little"
-        texts.append(f"{name} {did} from t = {overload.since:.6g} s on{where}: {need}")
+                cause += ", or its controller requests too little"
+        texts.append(f"{name} {failure} from t = {overload.since:.6g} s on{error_text}: {cause}")
     if len(rows) > MAX_NAMED:
         texts.append(f"{len(rows) - MAX_NAMED} more")
-    advice = "give them stronger motors, more gear or stiffer control, or ask less of them"
+    advice = "give them stronger motors, more gear, stiffer control or easier motions"
     return "".join(f"; {text}" for text in texts) + f"; {advice}"
 
 
-def _moves(row: DriveRow) -> bool:
+def _is_linear(row: DriveRow) -> bool:
     """Whether a drive's coordinate is a length."""
     return row.drive.drum is not None or row.drive.mass is not None
 
@@ -74,10 +74,10 @@ def _loads(marionette: Marionette, run: Trajectory, before: float) -> dict[str, 
     """
     last = max(1, int(np.searchsorted(run.t, before)))
     samples = np.unique(np.linspace(0, last - 1, min(last, N_SAMPLES)).astype(int))
-    led = [row for row in marionette.tree.drives if row.command is not None]
-    largest = np.max([np.abs(_forces(marionette, run, i, led)) for i in samples], axis=0)
+    following = [row for row in marionette.tree.drives if row.command is not None]
+    largest = np.max([np.abs(_forces(marionette, run, i, following)) for i in samples], axis=0)
     by_name, at = {}, 0
-    for row in led:
+    for row in following:
         width = row.v.stop - row.v.start
         size = float(np.linalg.norm(largest[at : at + width]))
         by_name[row.name] = size / row.ratio(marionette.number)
@@ -85,14 +85,14 @@ def _loads(marionette: Marionette, run: Trajectory, before: float) -> dict[str, 
     return by_name
 
 
-def _forces(marionette: Marionette, run: Trajectory, i: int, led: list[DriveRow]) -> Array:
+def _forces(marionette: Marionette, run: Trajectory, i: int, following: list[DriveRow]) -> Array:
     """Forces with which drives follow their commands at sample ``i`` of a run."""
     x, acc_K, n = run.state(i), run.acc_K[i], marionette.coordinates.n_vD
-    places = np.array([k for row in led for k in range(row.v.start, row.v.stop)])
+    places = np.array([k for row in following for k in range(row.v.start, row.v.stop)])
     commanded = np.array(
         [
             acc_K[row.command[1] + k]
-            for row in led
+            for row in following
             if row.command is not None
             for k in range(row.v.stop - row.v.start)
         ]

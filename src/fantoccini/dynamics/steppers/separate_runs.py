@@ -18,7 +18,7 @@ _STATE = ("q_D", "v_D", "q_K", "v_K", "slip")
 
 
 class Engine(Protocol):
-    """Advances the runs of a lane record; a checkpoint is its memory beyond the record."""
+    """Advances the runs of a lane record; a checkpoint has the memory that the record lacks."""
 
     def checkpoint(self) -> Any: ...
 
@@ -59,16 +59,16 @@ class SeparateRuns:
         return stepper
 
     def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None:
-        def one(i: int) -> None:
+        def advance_run(i: int) -> None:
             self._begin(i)
             stepper = self.stepper(i)
             start = stepper.state.t
             if duration > 0.0 and (stepper.status is Status.RUNNING or stepper.arrived):
                 force = None if u_D is None else u_D[i % len(u_D)]
                 stepper.advance(duration, acc_K[i % len(acc_K)], u_D=force, throw=False)
-            self._take(i, stepper, stepper.state.t - start)
+            self._store(i, stepper, stepper.state.t - start)
 
-        list(self._pool.map(one, range(len(self._t))))
+        list(self._pool.map(advance_run, range(len(self._t))))
 
     def _begin(self, i: int) -> None:
         record = self._record
@@ -84,7 +84,7 @@ class SeparateRuns:
         )
         self._steppers[i] = Stepper(marionette, x0, self._method, self._options)
 
-    def _take(self, i: int, stepper: Stepper, advanced: float) -> None:
+    def _store(self, i: int, stepper: Stepper, advanced: float) -> None:
         record, x = self._record, stepper.state
         for name in _STATE:
             getattr(record, name)[i] = getattr(x, name)
