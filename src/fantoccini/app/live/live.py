@@ -21,7 +21,7 @@ from fantoccini.app.live.holder import Holder, Viewer, holder_text
 from fantoccini.app.live.live_panel import LivePanel
 from fantoccini.app.live.recorder import Recorder
 from fantoccini.app.live.stage import Stage
-from fantoccini.app.live.watched_file import WatchedFile, compiled
+from fantoccini.app.live.watched_file import WatchedFile, load_compiled
 from fantoccini.app.pages import (
     REFRESH,
     Handler,
@@ -105,7 +105,7 @@ class Live(PageLoop):
         self.holder = Holder()
         self.paused, self.factor = False, 1.0
         self.stage = Stage(performance, record_to, file, score, show)
-        self._file = None if file is None else WatchedFile(file, compiled)
+        self._file = None if file is None else WatchedFile(file, load_compiled)
         self.pads, self._midi = pad.Pads(), midi.Midi(self._go)
         self.jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._past: deque[tuple[float, np.ndarray]] = deque()
