@@ -28,7 +28,7 @@ from fantoccini.dynamics.simulation import contact_effort
 from fantoccini.dynamics.steppers import undetermined
 from fantoccini.motion import Columns, Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
-from fantoccini.stand.catches import Impacts, Kick, impacts_of
+from fantoccini.stand.catches import CatchImpulse, Impacts, impacts_of
 from fantoccini.stand.limits import Limit, Load, limits_of, load_of
 from fantoccini.stand.motors import Stepper
 from fantoccini.stand.stand_file import Stand, load_stand
@@ -59,7 +59,7 @@ class StandCheck:
         times: (T,) times of the check [s].
         limits: limits of every axis and quantity, in order.
         impacts: impacts of the run; None if it has none.
-        kicks: impulses of catches on axes.
+        catches: impulses of catches on axes.
         lost: axis -> steps that it loses, for steppers that lose some.
         unknown: (T, n) true where the motion does not determine the force of an axis; its torque
             and catches are not judged there.
@@ -72,7 +72,7 @@ class StandCheck:
     times: Times
     limits: tuple[Limit, ...]
     impacts: Impacts | None
-    kicks: tuple[Kick, ...]
+    catches: tuple[CatchImpulse, ...]
     lost: dict[str, LostSteps]
     unknown: Mask
     notes: tuple[str, ...]
@@ -228,14 +228,14 @@ def check_stand(
     impacts = impacts_of(axis_map, marionette, run)
     unknown = _unknown(axis_map, marionette, run, times)
     limits: list[Limit] = []
-    kicks: list[Kick] = []
+    catches: list[CatchImpulse] = []
     lost = {}
     # One axis after the other: arrays for all axes would need gigabytes for an hour's run.
     for k, axis in enumerate(axis_map.axes):
         series = sampled.between(k, times)
         load = load_of(axis, k, times, series, forces[:, k], impacts, unknown[:, k])
         limits += limits_of(stand, axis, times, series, load)
-        kicks += load.kicks
+        catches += load.catches
         steps = _steps_lost_by(axis, marionette, times, load)
         if steps is not None:
             lost[axis.name] = steps
@@ -246,7 +246,7 @@ def check_stand(
         times,
         tuple(limits),
         impacts,
-        tuple(sorted(kicks, key=lambda kick: kick.t)),
+        tuple(sorted(catches, key=lambda catch: catch.t)),
         lost,
         unknown,
         _notes(run, marionette, axis_map, unknown),
@@ -330,7 +330,7 @@ def _steps_lost_by(
         np.where(load.known, np.abs(load.torque), 0.0),
         load.available,
         axis.inertia + puppet_inertia,
-        [hit.t for hit in load.kicks if hit.margin < 0.0],
+        [hit.t for hit in load.catches if hit.margin < 0.0],
     )
 
 

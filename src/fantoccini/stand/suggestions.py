@@ -155,9 +155,9 @@ def _inertia_text(check: StandCheck, axis: Axis, k: int) -> list[str]:
 
 def _catch_text(check: StandCheck, axis: Axis) -> str:
     limit = check.of(axis.name)["catch"]
-    kicks = [kick for kick in check.kicks if kick.axis == axis.name]
-    worst = min(kicks, key=lambda kick: kick.margin)
-    count = sum(kick.margin < 0.0 for kick in kicks)
+    catches = [catch for catch in check.catches if catch.axis == axis.name]
+    worst = min(catches, key=lambda catch: catch.margin)
+    count = sum(catch.margin < 0.0 for catch in catches)
     return (
         f"softer catches of {', '.join(worst.strings)} ({count} are too hard, the worst at t = "
         f"{limit.t:.3f} s), a spring in the string, or a motor that withstands "
