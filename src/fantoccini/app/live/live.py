@@ -45,7 +45,7 @@ class _Timing(NamedTuple):
     """Times of a live page."""
 
     max_frame: float = 0.1
-    """Largest simulated time per frame [s]: after a longer one the puppet slows instead of jumping."""
+    """Largest simulated time per frame [s]: after a longer one the puppet slows down."""
     history: float = 10.0  # Length of the plot [s]
     samples: float = 0.05  # Interval of the plot's samples [s]
     refusals: float = 2.0  # Interval between notices to a viewer who may not move the strings [s]
