@@ -20,7 +20,7 @@ from fantoccini.model.puppet import loads
 pytestmark = pytest.mark.medium
 
 GOLDEN = Path(__file__).parent / "golden"
-"""Prints of small puppets; FANTOCCINI_UPDATE=1 writes them anew, for a review."""
+"""Prints of small puppets; FANTOCCINI_UPDATE=1 writes them again, for a review."""
 
 # Two tilted hinges on a driven slide that carries mass, springs, damping, drag, a limit, a string
 # over two segments of fixed length, and parameters as divisors.
@@ -90,13 +90,15 @@ def random_state(marionette: fan.Marionette, rng: np.random.Generator) -> fan.St
 def numbers(page: Printable, marionette: fan.Marionette, x: fan.State) -> dict[str, np.ndarray]:
     """Every object of a page, evaluated by SymPy's own printer to Python."""
     arrays = {**vars(x), "p": marionette.p}
-    known: dict[sp.Symbol, float] = {}
+    values_of_symbols: dict[sp.Symbol, float] = {}
     for name, symbols in page.notation.symbols.items():
-        known.update(zip(symbols, map(float, arrays[name]), strict=True))
+        values_of_symbols.update(zip(symbols, map(float, arrays[name]), strict=True))
     for symbol, meaning in page.lengths:
-        known[symbol] = float(sp.lambdify(list(known), meaning, "math")(*known.values()))
-    evaluate = sp.lambdify(list(known), list(page.objects.values()), "numpy")
-    values = evaluate(*known.values())
+        values_of_symbols[symbol] = float(
+            sp.lambdify(list(values_of_symbols), meaning, "math")(*values_of_symbols.values())
+        )
+    evaluate = sp.lambdify(list(values_of_symbols), list(page.objects.values()), "numpy")
+    values = evaluate(*values_of_symbols.values())
     return dict(zip(page.objects, map(np.asarray, values), strict=True))
 
 
@@ -108,7 +110,7 @@ def test_the_printed_equations_are_the_puppets(name) -> None:
     for _ in range(3):
         x = random_state(marionette, rng)
         values = numbers(page, marionette, x)
-        wanted = {
+        expected = {
             "M": marionette.mass_matrix(x),
             "M_DK": marionette.mass_matrix_DK(x),
             "C": marionette.interpreted("coriolis", x).C,
@@ -120,7 +122,7 @@ def test_the_printed_equations_are_the_puppets(name) -> None:
             "T": marionette.kinetic_energy(x),
             "V": marionette.potential_energy(x),
         }
-        for key, value in wanted.items():
+        for key, value in expected.items():
             scale = max(1.0, float(np.max(np.abs(value), initial=0.0)))
             assert values[key].size == np.size(value), key
             np.testing.assert_allclose(
@@ -151,7 +153,7 @@ def test_arm2d_has_the_textbooks_form() -> None:
     assert str(decimal(sp.Rational(1, 8) * sp.sqrt(theta_1))) == "0.125*sqrt(theta_1)"
 
 
-def test_a_parameter_with_the_name_of_a_symbol_keeps_apart() -> None:
+def test_a_parameter_with_the_name_of_a_symbol_gets_another_symbol() -> None:
     notation = printable(_cart().equations).notation
     symbols = [s for part in notation.symbols.values() for s in part]
     assert len(set(symbols)) == len(symbols)

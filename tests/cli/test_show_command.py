@@ -33,7 +33,7 @@ def run(tmp_path_factory):
     return path
 
 
-class Shown:
+class ShowProcess:
     """`fantoccini show` in a process of its own, and its output."""
 
     def __init__(self, *arguments: object, folder: Path):
@@ -70,7 +70,7 @@ class Shown:
         return self.process.returncode, self.stderr + stderr
 
 
-def fetched(url: str) -> tuple[int, str]:
+def fetch(url: str) -> tuple[int, str]:
     host, port = re.fullmatch(r"http://([\d.]+):(\d+)", url).groups()
     connection = HTTPConnection(host, int(port), timeout=20)
     connection.request("GET", "/")
@@ -80,9 +80,11 @@ def fetched(url: str) -> tuple[int, str]:
 
 @pytest.mark.parametrize("what", ["puppet", "run"])
 def test_a_page_is_served_until_ctrl_c(what, run, tmp_path):
-    shown = Shown("string_pendulum" if what == "puppet" else run, "--port", 0, folder=tmp_path)
+    shown = ShowProcess(
+        "string_pendulum" if what == "puppet" else run, "--port", 0, folder=tmp_path
+    )
     try:
-        status, body = fetched(shown.url)
+        status, body = fetch(shown.url)
     finally:
         code, stderr = shown.end()
     assert status == 200 and "<title>string_pendulum</title>" in body
@@ -95,7 +97,7 @@ def test_a_page_is_served_until_ctrl_c(what, run, tmp_path):
 def test_a_recording_is_complete_after_any_end_of_the_program(by, tmp_path):
     if not hasattr(signal, by):
         pytest.skip(f"there is no {by} here")
-    shown = Shown("string_pendulum", "--port", 0, folder=tmp_path)
+    shown = ShowProcess("string_pendulum", "--port", 0, folder=tmp_path)
     try:
         with Viewer(shown.url) as viewer:
             viewer.press("Record")
@@ -116,9 +118,9 @@ def test_a_port_in_use_is_reported_and_the_next_free_one_used(tmp_path):
         taken.bind(("127.0.0.1", 0))
         taken.listen(1)
         port = taken.getsockname()[1]
-        shown = Shown("string_pendulum", "--port", port, folder=tmp_path)
+        shown = ShowProcess("string_pendulum", "--port", port, folder=tmp_path)
         try:
-            assert fetched(shown.url)[0] == 200
+            assert fetch(shown.url)[0] == 200
         finally:
             code, stderr = shown.end()
     assert code == 0
@@ -126,7 +128,7 @@ def test_a_port_in_use_is_reported_and_the_next_free_one_used(tmp_path):
 
 
 def test_another_host_is_warned_of(tmp_path):
-    shown = Shown("string_pendulum", "--port", 0, "--host", "0.0.0.0", folder=tmp_path)
+    shown = ShowProcess("string_pendulum", "--port", 0, "--host", "0.0.0.0", folder=tmp_path)
     _, stderr = shown.end()
     assert "anyone who can reach port" in stderr and "no password" in stderr
 
@@ -138,7 +140,7 @@ def test_changes_of_a_score_are_reported(tmp_path):
         "captions: [{at: 0, until: 100, text: One}]\n",
         encoding="utf-8",
     )
-    shown = Shown("marionette", "--port", 0, "--score", score, folder=tmp_path)
+    shown = ShowProcess("marionette", "--port", 0, "--score", score, folder=tmp_path)
     _, stderr = shown.end()
     assert "late.yaml:3: captions[0]" in stderr and "the score ends" in stderr
 
@@ -177,7 +179,7 @@ def test_mistakes_are_reported_with_their_places(run, tmp_path):
     assert "there is no folder" in mistake("show", "arm2d", "--record-to", tmp_path / "none")
 
 
-def test_an_address_that_nobody_can_listen_on_ends_the_command():
+def test_an_unusable_address_ends_the_command():
     result = fantoccini("show", "string_pendulum", "--host", "192.0.2.1", "--no-browser")
     assert result.exit_code == 1
     assert "no page can be served at 192.0.2.1, port 8080" in result.stderr

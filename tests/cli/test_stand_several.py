@@ -10,7 +10,7 @@ import pytest
 from tests.cli.command import fantoccini
 from tests.cli.test_stand_stream import streaming
 from tests.stand.test_several import EIGHT, PUPPET, SHARED, N, eight, run
-from tests.stand.test_walk_through import started
+from tests.stand.test_walk_through import start_emulator
 
 import fantoccini as fan
 
@@ -75,7 +75,7 @@ def test_options_that_do_not_apply_are_refused(files, options, words):
 def test_emulated_controllers_follow_together(files, tmp_path, monkeypatch):
     monkeypatch.chdir(files)
     csv = tmp_path / "motors.csv"
-    emulator, left = started(["stand", "emulate", "stand.yaml", "--out", str(csv)])
+    emulator, left = start_emulator(["stand", "emulate", "stand.yaml", "--out", str(csv)])
     right = emulator.stdout.readline().strip()
     assert left.startswith("left=/dev/") and right.startswith("right=/dev/")
     with streaming(files, "--port", left, "--port", right) as process:

@@ -32,8 +32,8 @@ def test_a_recording_is_inputs(take):
     recording = fan.theatre.Recording.load(take)
     inputs = fan.Input.load(fan.puppets.arm2d(), take)
     t = np.linspace(inputs.start, inputs.end, 50)
-    for mine, theirs in zip(inputs.evaluate(t), recording.inputs.evaluate(t), strict=True):
-        assert np.array_equal(mine, theirs)
+    for actual, expected in zip(inputs.evaluate(t), recording.inputs.evaluate(t), strict=True):
+        assert np.array_equal(actual, expected)
 
 
 def test_a_recording_moves_the_puppet_from_its_start_on_its_winches(take, tmp_path):
@@ -46,9 +46,9 @@ def test_a_recording_moves_the_puppet_from_its_start_on_its_winches(take, tmp_pa
     assert recording.start.v_K.any()  # a state at rest would have no velocities
     assert np.array_equal(run.q_D[0], recording.start.q_D)
     assert np.array_equal(run.v_K[0], recording.start.v_K)
-    alike = fan.simulate(recording.marionette, recording.start, recording.inputs)
-    assert np.array_equal(run.q_D[-1], alike.q_D[-1])
-    assert np.array_equal(run.slip.values[-1], alike.slip.values[-1])
+    repeated = fan.simulate(recording.marionette, recording.start, recording.inputs)
+    assert np.array_equal(run.q_D[-1], repeated.q_D[-1])
+    assert np.array_equal(run.slip.values[-1], repeated.slip.values[-1])
 
 
 def test_a_recording_of_another_puppet_is_a_clear_mistake(take, tmp_path):
@@ -80,14 +80,14 @@ def test_a_file_of_another_kind_is_named(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words, samples",
+    "arguments, samples",
     [((), 31), (("--method", "timestepping"), 31), (("--method", "variational"), 31)],
 )
-def test_samples_per_second(words, samples, tmp_path):
+def test_samples_per_second(arguments, samples, tmp_path):
     """--rate saves this number of samples per second."""
     out = tmp_path / "run.npz"
     result = fantoccini(
-        "simulate", "string_pendulum", "--duration", "0.6", "--rate", "50", *words, "--out", out
+        "simulate", "string_pendulum", "--duration", "0.6", "--rate", "50", *arguments, "--out", out
     )
     assert result.exit_code == 0, result.stderr
     run = fan.Trajectory.load(out)
@@ -97,8 +97,8 @@ def test_samples_per_second(words, samples, tmp_path):
 
 def test_impossible_rates_are_mistakes():
     """A step has one row; impossible rates do not fill the memory."""
-    words = ("simulate", "string_pendulum", "--method", "timestepping", "--dt", "0.01")
-    result = fantoccini(*words, "--rate", "200")
+    arguments = ("simulate", "string_pendulum", "--method", "timestepping", "--dt", "0.01")
+    result = fantoccini(*arguments, "--rate", "200")
     assert result.exit_code == 2 and "at most 100 samples per second" in result.stderr
     result = fantoccini("simulate", "string_pendulum", "--rate", "1e9")
     assert result.exit_code == 2 and "samples exceed the limit" in result.stderr
@@ -156,7 +156,7 @@ def test_pictures_and_films_have_the_requested_style(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words, says",
+    "arguments, message",
     [
         (("--view", "behind", "--out", "a.png"), "three-quarter"),
         (("--view", "10,95", "--out", "a.png"), "AZIMUTH,ELEVATION"),
@@ -170,11 +170,11 @@ def test_pictures_and_films_have_the_requested_style(tmp_path):
         (("--focus", "strings", "--out", "a.png"), "bodies"),
     ],
 )
-def test_unknown_styles_are_mistakes(words, says, tmp_path, monkeypatch):
+def test_unknown_styles_are_mistakes(arguments, message, tmp_path, monkeypatch):
     """Every message lists the allowed values."""
     monkeypatch.chdir(tmp_path)
     for command in ("simulate", "plan"):
-        result = fantoccini(command, "string_pendulum", *words)
+        result = fantoccini(command, "string_pendulum", *arguments)
         assert result.exit_code == 2
-        assert says in result.stderr
+        assert message in result.stderr
     assert not list(tmp_path.iterdir())

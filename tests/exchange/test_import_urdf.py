@@ -255,7 +255,7 @@ WRONG = {
         '<robot name="r">\n<link name="a"><inertial><mass value="1kg"/></inertial></link>',
         ":2: mass: value: found '1kg'; needed: 1 finite number",
     ),
-    "a twin": (LINKS + '<link name="a"/>', ":4: link: 'a' is there already, in line 2"),
+    "a twin": (LINKS + '<link name="a"/>', ":4: link: 'a' occurs already, in line 2"),
     "an unknown link": (
         LINKS + joint("j", "fixed", "a", "c"),
         ":4: joint j: no link is called 'c'",

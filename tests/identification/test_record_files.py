@@ -306,7 +306,7 @@ def test_doubts_have_an_exit_code(folder):
     path.write_text(TEXT + "noise: {wrist.x: 0.0005}\n", encoding="utf-8")
     done = identify(path)
     assert "more than the noise given" in done.output
-    assert "does not determine" not in done.output and "cut short" not in done.output
+    assert "does not determine" not in done.output and "did not converge" not in done.output
     assert done.exit_code == 1
 
 

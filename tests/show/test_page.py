@@ -65,7 +65,7 @@ navigator.getGamepads = () => window.stick.gone ? [] : [{
 """A gamepad controlled by a test."""
 
 
-def still(scene) -> bool:
+def at_rest(scene) -> bool:
     """Whether the puppet is at rest."""
     x = scene.performance.state
     return np.abs(x.v_D).max() < 0.05 and not x.v_K.any()
@@ -86,7 +86,7 @@ def test_a_bead_is_dragged_and_the_puppet_follows(scene, monkeypatch):
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
     monkeypatch.setattr(scene.live.holder, "idle", 60.0)  # a slow machine releases later
-    until(lambda: still(scene), "the puppet hangs still")
+    until(lambda: at_rest(scene), "the puppet hangs still")
     before = scene.performance.place("line")[0]
     bob = scene.performance.state.q_D[:3].copy()
     x, y = pixel(scene.client, before, canvas(scene.browser))
@@ -154,13 +154,13 @@ def test_keys_move_the_handle_that_is_selected(scene):
 def test_a_parameter_changes_during_a_performance(scene):
     from selenium.webdriver.common.keys import Keys
 
-    until(lambda: still(scene), "the puppet hangs still")
+    until(lambda: at_rest(scene), "the puppet hangs still")
     slider = scene.browser.find_elements("css selector", "[role=slider]")[-1]
     t = scene.performance.t
     slider.send_keys(Keys.ARROW_RIGHT * 40)
     until(lambda: scene.performance.marionette.p[0] > 0.4, "the ball is heavier")
     mass = float(scene.performance.marionette.p[0])
-    until(lambda: scene.performance.t > t + 0.3, "the puppet lives on")
+    until(lambda: scene.performance.t > t + 0.3, "the puppet keeps moving")
     until(
         lambda: (
             scene.performance.marionette.p[0]
@@ -193,7 +193,7 @@ def test_saving_the_file_reloads_the_puppet(scene):
     scene.performance.move("line", [0.1, 0.0, 1.0])
     until(lambda: abs(scene.performance.place("line")[0][0] - 0.1) < 1e-3, "the end is there")
     scene.file.write_text(WRONG, encoding="utf-8")
-    until(lambda: "The file has errors" in words(scene.browser), "mistakes are told")
+    until(lambda: "The file has errors" in words(scene.browser), "mistakes are reported")
     text = words(scene.browser)
     assert "toy.yaml:8" in text and "<img src=x" in text  # as text
     assert scene.browser.execute_script("return document.querySelector('img[src=x]')") is None
@@ -231,35 +231,35 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
     browser, performance, live = scene.browser, scene.performance, scene.live
     script = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": PAD})
 
-    def hold(**how) -> None:
-        browser.execute_script("Object.assign(window.stick, arguments[0])", how)
+    def set_gamepad(**state) -> None:
+        browser.execute_script("Object.assign(window.stick, arguments[0])", state)
 
     try:
         browser.refresh()
         until(lambda: browser.execute_script("return window.stick !== undefined"), "a gamepad")
         start = performance.target("line")[0]
-        hold(axes=[1, 0, 0, 0])
+        set_gamepad(axes=[1, 0, 0, 0])
         until(lambda: np.linalg.norm(performance.target("line")[0] - start) > 0.05, "it moves")
-        hold(axes=[0.05, 0, 0, 0])  # no stick rests exactly at 0
+        set_gamepad(axes=[0.05, 0, 0, 0])  # no stick rests exactly at 0
         until(lambda: not live.pads.sticks.moved, "the stick is let go")
         rest = performance.target("line")[0]
         length = performance.wanted_length("line")
-        hold(axes=[0, 0, 0, -1])
+        set_gamepad(axes=[0, 0, 0, -1])
         until(lambda: performance.wanted_length("line") < length - 0.03, "the string is wound in")
-        hold(gone=True)  # as when the gamepad loses its radio
-        until(lambda: not live.pads.sticks.moved, "nobody tells of it")
+        set_gamepad(gone=True)  # as when the gamepad loses its radio
+        until(lambda: not live.pads.sticks.moved, "no stick is moved")
         length = performance.wanted_length("line")
         assert np.array_equal(performance.target("line")[0], rest)
-        hold(gone=False, axes=[0, 0, 0, 0])
+        set_gamepad(gone=False, axes=[0, 0, 0, 0])
         for button, holds in (
             (9, lambda: live.paused),
             (9, lambda: not live.paused),
             (3, lambda: live.recorder.running),
             (3, lambda: not live.recorder.running),
         ):
-            hold(down=[button])
+            set_gamepad(down=[button])
             until(holds, f"button {button}")
-            hold(down=[])
+            set_gamepad(down=[])
             until(lambda: not live.pads.sticks.buttons, "the button is up")
         assert performance.wanted_length("line") == length
     finally:
@@ -291,7 +291,7 @@ def test_two_tabs_compete_for_the_strings(scene, monkeypatch):
     held = performance.wanted_length("line")
     browser.switch_to.window(first)
     slider = slide(Keys.ARROW_RIGHT * 9)
-    until(lambda: "Another viewer holds the strings" in words(browser), "the other is told")
+    until(lambda: "Another viewer holds the strings" in words(browser), "the other is notified")
     until(lambda: float(slider.get_attribute("aria-valuenow")) == pytest.approx(held), "snaps back")
     assert performance.wanted_length("line") == held
     browser.switch_to.window(second)

@@ -242,7 +242,7 @@ def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):
 
 def test_an_unreadable_file_is_reported(tmp_path, monkeypatch):
     path = toy(tmp_path)
-    watched = watched_file.WatchedFile(path, watched_file.compiled)
+    watched = watched_file.WatchedFile(path, watched_file.load_compiled)
     monkeypatch.setattr(watched_file, "load", lambda _: 1 / 0)
     path.write_text(path.read_text() + "\n")
     result = until(lambda: watched.poll(0.0), "it is read")

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 BEAD, RINGS = "/handles/0", "/rings/0"
 
 
-def opened(marionette, folder):
+def open_page(marionette, folder):
     """A live page."""
     page = fan.show(marionette, port=0, browser=False, wait=False, record_to=folder)
     return SimpleNamespace(
@@ -38,7 +38,7 @@ def opened(marionette, folder):
 @pytest.fixture
 def scene(tmp_path):
     """A live page with the ball on a string."""
-    opened_scene = opened(fan.loads(TOY), tmp_path)
+    opened_scene = open_page(fan.loads(TOY), tmp_path)
     yield opened_scene
     opened_scene.page.close()
 
@@ -66,7 +66,7 @@ def test_strings_are_free_after_a_bead_is_released(scene):
         assert scene.performance.target("line")[0][1] == at_the_last_move
 
 
-def test_one_of_two_viewers_holds_and_the_other_is_told(scene, monkeypatch):
+def test_one_of_two_viewers_holds_and_the_other_is_notified(scene, monkeypatch):
     monkeypatch.setattr(scene.live.holder, "idle", 60.0)
     line = "line"
     with Viewer(scene.url) as second:
@@ -116,7 +116,7 @@ def test_a_bead_winds_its_string_without_shift(scene):
 
 def test_rings_are_about_the_handle_that_is_chosen(tmp_path):
     """Only the chosen handle has rings: those of a bar and of a rocker on it would overlap."""
-    scene = opened(fan.loads(ROCKER), tmp_path)
+    scene = open_page(fan.loads(ROCKER), tmp_path)
     controls = scene.live.controls
     try:
         assert {name: ring.visible for name, ring in controls.rings.items()} == {
@@ -135,7 +135,7 @@ def test_rings_are_about_the_handle_that_is_chosen(tmp_path):
 
 def test_a_viewers_last_choice_is_kept(tmp_path):
     """A frame drawn between a choice and its callback does not revert the choice."""
-    scene = opened(fan.loads(ROCKER.replace("length: 0.4", "length: driven")), tmp_path)
+    scene = open_page(fan.loads(ROCKER.replace("length: 0.4", "length: driven")), tmp_path)
     try:
         # viser sets the values before it calls any callback.
         choice, slider = scene.live.panel.handle_choice, scene.live.controls.sliders["left"]
@@ -147,7 +147,7 @@ def test_a_viewers_last_choice_is_kept(tmp_path):
         scene.page.close()
 
 
-def test_a_hand_that_vanishes_in_mid_drag_frees_the_strings(scene):
+def test_a_viewer_who_leaves_during_a_drag_frees_the_strings(scene):
     home = scene.performance.place("line")[0]
     viewer = Viewer(scene.url)
     viewer.drag("start", BEAD, home, home)
@@ -187,7 +187,7 @@ def test_many_tabs_leave_nothing_behind(scene):
 
 
 def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monkeypatch):
-    bar = opened(fan.loads(BAR), tmp_path)
+    bar = open_page(fan.loads(BAR), tmp_path)
     monkeypatch.setattr(bar.live.holder, "idle", 60.0)
     turned = Rotation.from_euler("x", 20.0, degrees=True).as_quat()[[3, 0, 1, 2]]
     other = Rotation.from_euler("y", 60.0, degrees=True).as_quat()[[3, 0, 1, 2]]
@@ -217,7 +217,7 @@ def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monke
 
 
 def test_abuse_leaves_a_puppet_a_page_and_a_whole_recording(tmp_path):
-    scene = opened(fan.puppets.marionette(), tmp_path)
+    scene = open_page(fan.puppets.marionette(), tmp_path)
     performance, rng = scene.performance, np.random.default_rng(6)
     homes = [performance.place(handle.name)[0] for handle in performance.handles]
     try:

@@ -116,7 +116,7 @@ def test_klipper_reads_its_macro(conduct, sequences, tmp_path):
 
 
 @pytest.mark.parametrize("ending", [".json", ".yaml"])
-def test_ros_takes_the_trajectory_as_a_message(conduct, ending, tmp_path):
+def test_ros_reads_the_trajectory_as_a_message(conduct, ending, tmp_path):
     """Every field, and no other; as bytes of ROS 2 and back."""
     points = set_points("six_winches", conduct, controller="ros2", slack=0.01, park=True)
     path = save_points(points, tmp_path / f"conduct{ending}")
@@ -130,18 +130,18 @@ def test_ros_takes_the_trajectory_as_a_message(conduct, ending, tmp_path):
     again = store.deserialize_cdr(
         store.serialize_cdr(message, message.__msgtype__), message.__msgtype__
     )
-    whole = points.whole()
+    motion = points.whole()
     assert again.joint_names == [axis.name for axis in points.axes]
-    assert len(again.points) == len(whole)
+    assert len(again.points) == len(motion)
     for name, values in (
-        ("positions", whole.position),
-        ("velocities", whole.velocity),
-        ("accelerations", whole.acceleration),
+        ("positions", motion.position),
+        ("velocities", motion.velocity),
+        ("accelerations", motion.acceleration),
     ):
         np.testing.assert_array_equal([getattr(p, name) for p in again.points], values)
     stamps = [p.time_from_start for p in again.points]
     t = np.array([s.sec + 1e-9 * s.nanosec for s in stamps])
-    np.testing.assert_allclose(t, whole.t, atol=1e-9)
+    np.testing.assert_allclose(t, motion.t, atol=1e-9)
     assert np.all(np.diff(t) > 0.0)
     with pytest.raises(TypeError):
         typed(store, message.__msgtype__, json.loads('{"joint_names": [], "point": []}'))

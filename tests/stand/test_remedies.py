@@ -122,7 +122,7 @@ def test_numbers_of_advice_are_rounded_to_the_safe_side(hoist, lifted, torque):
     weak = check_stand(stand(torque, **bounds), lifted, hoist)
     (line,) = remedies(weak)
     speed = re.search(rf"top speed of {NUMBER} m/s", line)[1]
-    rate = re.search(rf"makes {NUMBER} steps/s", line)[1]
+    rate = re.search(rf"generates {NUMBER} steps/s", line)[1]
     torques = [float(x) for x in re.findall(rf"{NUMBER} N m at", line)]
     advised_keys = {
         "speed: 1": f"speed: {speed}",

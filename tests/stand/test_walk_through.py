@@ -40,8 +40,8 @@ def test_a_stand_from_its_puppet_to_its_motors(stand, tmp_path, monkeypatch):
     monkeypatch.setattr(sending, "MAX_DELAY", 5.0)  # the machine of the tests may be busy
     (waves,) = [b for b in blocks(PAGE, "yaml") if b.startswith("# waves.yaml")]
     Path("waves.yaml").write_text(waves)
-    done = [c[:2] if c[0] == "stand" else c[:1] for c in commands(stand)]
-    assert done == [
+    names_of_commands = [c[:2] if c[0] == "stand" else c[:1] for c in commands(stand)]
+    assert names_of_commands == [
         ["check"],
         ["simulate"],
         ["stand", "check"],
@@ -51,7 +51,7 @@ def test_a_stand_from_its_puppet_to_its_motors(stand, tmp_path, monkeypatch):
     ]
     for command in commands(stand):
         if command[:2] == ["stand", "emulate"]:
-            emulator, port = started(command)
+            emulator, port = start_emulator(command)
             continue
         if command[:2] == ["stand", "stream"]:
             assert re.fullmatch(r"/dev/pts/\d+|127\.0\.0\.1:\d+", command[-1])
@@ -63,15 +63,15 @@ def test_a_stand_from_its_puppet_to_its_motors(stand, tmp_path, monkeypatch):
     assert ("0 lost" in stderr) or ("0 wrong" in stderr)
     name = STANDS[stand]
     assert any(Path(f"{name}.{ending}").is_file() for ending in ("gcode", "cfg"))
-    compared(stand, Path(f"{name}.csv"), fan.Trajectory.load(f"{name}.npz"))
+    check_motors(stand, Path(f"{name}.csv"), fan.Trajectory.load(f"{name}.npz"))
 
 
-def started(command):
+def start_emulator(command):
     """An emulator in a process of its own, and its address."""
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
-    where = ["--listen", "127.0.0.1:0"] if "osc" in command else []
+    listen = ["--listen", "127.0.0.1:0"] if "osc" in command else []
     process = subprocess.Popen(
-        [sys.executable, "-c", "from fantoccini.app.cli import main; main()", *command, *where],
+        [sys.executable, "-c", "from fantoccini.app.cli import main; main()", *command, *listen],
         env={**os.environ, "PYTHONPATH": path},
         text=True,
         stdout=subprocess.PIPE,
@@ -83,20 +83,20 @@ def started(command):
     return process, process.stdout.readline().strip()
 
 
-def compared(stand, path, run):
+def check_motors(stand, path, run):
     """The motors follow the run, apart from the sequences before and after it."""
     table = np.genfromtxt(path, delimiter=",", names=True)
     t, names = table["t_s"], table.dtype.names[1:]
-    bound = fan.stand.set_points(stand, run, controller="csv").map
+    axis_map = fan.stand.set_points(stand, run, controller="csv").map
     assert names == tuple(load_stand(stand).axes)
-    at = np.column_stack([table[name] for name in names])
-    wanted = bound.motion_of(run, run.t[0] + np.arange(0.0, run.duration, 0.01)).position * 1e3
+    measured = np.column_stack([table[name] for name in names])
+    expected = axis_map.motion_of(run, run.t[0] + np.arange(0.0, run.duration, 0.01)).position * 1e3
     if stand == "gantry21":
         # By the receiver's clock: a packet that is 20 ms late is 20 mm off at 1 m/s.
-        begun = round(100 * round(50 * REPEAT_TIME) / 50)
-        errors = np.abs(at[begun : begun + len(wanted)] - wanted)
+        offset = round(100 * round(50 * REPEAT_TIME) / 50)
+        errors = np.abs(measured[offset : offset + len(expected)] - expected)
         assert np.percentile(errors.max(axis=1), 90) < 30.0
         return
     # Between the table's rows, at up to 0.6 m/s, 5 ms are 3 mm. test_set_points checks steps.
-    tries = range(len(t) - len(wanted) + 1)
-    assert min(np.abs(at[k : k + len(wanted)] - wanted).max() for k in tries) < 7.0
+    offsets = range(len(t) - len(expected) + 1)
+    assert min(np.abs(measured[k : k + len(expected)] - expected).max() for k in offsets) < 7.0

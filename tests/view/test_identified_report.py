@@ -32,13 +32,13 @@ class Page(HTMLParser):
 
     def __init__(self, text: str):
         super().__init__()
-        self.open: list[str] = []
+        self.open_tags: list[str] = []
         self.tables: list[list[list[str]]] = []
         self.sources: list[str] = []
         self.tags: set[str] = set()
         self.words = ""
         self.feed(text)
-        assert not self.open
+        assert not self.open_tags
 
     def handle_starttag(self, tag, attrs):
         self.tags.add(tag)
@@ -52,15 +52,15 @@ class Page(HTMLParser):
         elif tag in ("td", "th"):
             self.tables[-1][-1].append("")
         if tag not in _VOID:
-            self.open.append(tag)
+            self.open_tags.append(tag)
 
     def handle_endtag(self, tag):
-        assert self.open.pop() == tag
+        assert self.open_tags.pop() == tag
 
     def handle_data(self, data):
-        if self.open and self.open[-1] in ("td", "th"):
+        if self.open_tags and self.open_tags[-1] in ("td", "th"):
             self.tables[-1][-1][-1] += data
-        elif "style" not in self.open:
+        elif "style" not in self.open_tags:
             self.words += data
 
     def rows(self, table: int) -> dict[str, dict[str, str]]:
@@ -70,7 +70,7 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def found():
+def identified():
     """Result for an arm with gaps, outliers, a marker of a hostile name, and a weighed mass."""
     data = record(arm(), 10.0, 3, gaps=0.1, outliers=0.005, known={"upper_mass": 0.002})
     markers = [replace(m, name=HOSTILE) if m.name == "tip" else m for m in data.markers]
@@ -81,18 +81,18 @@ def found():
 
 
 @pytest.fixture(scope="module")
-def read(found, tmp_path_factory):
+def page(identified, tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "page.html"
-    assert reports.identified_report(found, path) == path
+    assert reports.identified_report(identified, path) == path
     return Page(path.read_text(encoding="utf-8"))
 
 
-def test_nothing_is_loaded_and_names_are_text(read):
-    assert not read.tags & {"script", "link", "iframe", "b", "object"}
-    assert "a <b>record</b> & more" in read.words
-    assert f"{HOSTILE}.x" in read.tables[1][7][0]
-    assert len(read.sources) == 4  # correlations, residuals, jumps, channels
-    for source in read.sources:
+def test_nothing_is_loaded_and_names_are_text(page):
+    assert not page.tags & {"script", "link", "iframe", "b", "object"}
+    assert "a <b>record</b> & more" in page.words
+    assert f"{HOSTILE}.x" in page.tables[1][7][0]
+    assert len(page.sources) == 4  # correlations, residuals, jumps, channels
+    for source in page.sources:
         kind, data = re.fullmatch(r"data:image/(svg\+xml|png);base64,(.+)", source).groups()
         content = base64.b64decode(data, validate=True)
         if kind == "png":
@@ -102,78 +102,83 @@ def test_nothing_is_loaded_and_names_are_text(read):
             assert b"<svg" in content and b"alert" in content and b"<script" not in content
 
 
-def test_the_table_has_the_numbers_found(found, read):
-    rows, unit = read.rows(0), units(found.record)
-    assert tuple(rows) == found.names
-    for name, begin in zip(found.names, found.record.initial_values, strict=True):
-        row, deviation = rows[name], found.deviation(name)
-        assert abs(float(row["estimate"]) - found[name]) < 0.06 * deviation
+def test_the_table_has_the_numbers_found(identified, page):
+    rows, unit = page.rows(0), units(identified.record)
+    assert tuple(rows) == identified.names
+    for name, begin in zip(identified.names, identified.record.initial_values, strict=True):
+        row, deviation = rows[name], identified.deviation(name)
+        assert abs(float(row["estimate"]) - identified[name]) < 0.06 * deviation
         ends = [float(x) for x in row["95 % interval"].split(" to ")]
-        assert np.max(np.abs(np.subtract(ends, found.interval(name)))) < 0.06 * deviation
+        assert np.max(np.abs(np.subtract(ends, identified.interval(name)))) < 0.06 * deviation
         assert np.isclose(float(row["standard deviation"]), deviation, rtol=0.05)
         assert np.isclose(float(row["start value"]), begin, rtol=1e-5)
         assert row["unit"] == unit[name] != ""
-    share = (found.deviation("upper_mass") / 0.002) ** 2
+    share = (identified.deviation("upper_mass") / 0.002) ** 2
     assert 0.1 < share < 1.0
     assert rows["upper_mass"]["prior"] == "± 0.002"
     assert rows["upper_mass"]["prior share"] == f"{100 * share:.0f} %"
     assert rows["tie"]["prior"] == rows["tie"]["prior share"] == ""
 
 
-def test_the_table_has_every_column(found, read):
-    rows, rms = read.rows(1), found.rms()
-    assert list(rows) == list(rms) == list(found.record.channels.names)
+def test_the_table_has_every_column(identified, page):
+    rows, rms = page.rows(1), identified.rms()
+    assert list(rows) == list(rms) == list(identified.record.channels.names)
     for name, row in rows.items():
         assert np.isclose(float(row["root mean square"]), rms[name], rtol=5e-3)
-        assert np.isclose(float(row["noise"]), found.noise[name], rtol=5e-3)
-        assert int(row["samples"]) == np.sum(np.isfinite(found.record.columns[name]))
+        assert np.isclose(float(row["noise"]), identified.noise[name], rtol=5e-3)
+        assert int(row["samples"]) == np.sum(np.isfinite(identified.record.columns[name]))
     listed = sum(int(row["outliers"]) for row in rows.values())
-    assert listed == len(found.outliers) > 5
-    worst = max(found.outliers, key=lambda one: abs(one.residual))
-    assert f"{worst.column} at {worst.t:.3f} s {worst.residual:+.1f}" in read.words
+    assert listed == len(identified.outliers) > 5
+    worst = max(identified.outliers, key=lambda outlier: abs(outlier.residual))
+    assert f"{worst.column} at {worst.t:.3f} s {worst.residual:+.1f}" in page.words
 
 
-def test_parts_of_a_result_are_consistent(found):
-    data = found.record
-    samples = found.predicted + found.residuals
-    there = np.isfinite(samples)
-    at = np.searchsorted(data.t, found.t)
-    assert np.allclose(samples[there], data.values[at][there], rtol=0, atol=1e-12)
-    assert np.all(np.isfinite(found.predicted)) and not np.all(there)
-    assert found.jumps.shape == (len(found.starts) - 1, 2 * data.marionette.coordinates.n_vD)
-    counted = found.jumps[~np.isin(found.starts[:-1], found.lost)]
-    assert np.isclose(found.drift, np.sqrt(np.median(counted**2)))
-    assert found.allowed == (5e-4, 5e-3)
+def test_parts_of_a_result_are_consistent(identified):
+    data = identified.record
+    samples = identified.predicted + identified.residuals
+    finite = np.isfinite(samples)
+    indices = np.searchsorted(data.t, identified.t)
+    assert np.allclose(samples[finite], data.values[indices][finite], rtol=0, atol=1e-12)
+    assert np.all(np.isfinite(identified.predicted)) and not np.all(finite)
+    assert identified.jumps.shape == (
+        len(identified.starts) - 1,
+        2 * data.marionette.coordinates.n_vD,
+    )
+    counted = identified.jumps[~np.isin(identified.starts[:-1], identified.lost)]
+    assert np.isclose(identified.drift, np.sqrt(np.median(counted**2)))
+    assert identified.allowed == (5e-4, 5e-3)
 
 
-def test_plots_show_samples_gaps_and_outliers(found):
-    names = found.record.channels.names
-    figures = list(identified_plots.channels(found))
+def test_plots_show_samples_gaps_and_outliers(identified):
+    names = identified.record.channels.names
+    figures = list(identified_plots.channels(identified))
     panels = [axes for figure, _ in figures for axes in figure.axes if axes.get_visible()]
     assert [name for _, part in figures for name in part] == list(names)
     circles = 0
     for j, axes in enumerate(panels):
-        dots, outliers, line = sorted(axes.lines, key=lambda one: ".o-".index(_look(one)))
-        seen = found.predicted[:, j] + found.residuals[:, j]
-        assert np.array_equal(dots.get_ydata(), seen, equal_nan=True)
-        assert np.allclose(line.get_ydata(), found.predicted[:, j])
-        assert axes.get_title(loc="left").endswith(f"[{channel_units(found.record)[j]}]")
+        dots, outliers, line = sorted(
+            axes.lines, key=lambda artist: ".o-".index(_marker_or_style(artist))
+        )
+        samples = identified.predicted[:, j] + identified.residuals[:, j]
+        assert np.array_equal(dots.get_ydata(), samples, equal_nan=True)
+        assert np.allclose(line.get_ydata(), identified.predicted[:, j])
+        assert axes.get_title(loc="left").endswith(f"[{channel_units(identified.record)[j]}]")
         circles += len(outliers.get_xdata())
         assert outliers.get_color() == RED
-        hidden = np.sum(np.isnan(found.residuals[:, j])) / 60.0
+        hidden = np.sum(np.isnan(identified.residuals[:, j])) / 60.0
         spans = [p.get_width() for p in axes.patches if p.get_facecolor()[0] < 0.7 and p.get_x()]
         grey = [w for w in spans if w > 0.2]
         assert len(grey) == 1 and abs(grey[0] - hidden) < 0.05
-    assert circles == len(found.outliers)
+    assert circles == len(identified.outliers)
 
 
-def _look(line):
+def _marker_or_style(line):
     return line.get_marker() if line.get_marker() != "None" else line.get_linestyle()
 
 
 def test_long_pauses_break_lines():
     t = np.array([0.0, 0.1, 0.2, 1.2, 1.3])
-    x, y = identified_plots.broken(t, t)
+    x, y = identified_plots.with_gaps(t, t)
     assert np.isnan(x[3]) and np.isnan(y[3]) and len(x) == 6
 
 
@@ -190,10 +195,10 @@ def test_undetermined_numbers_are_reported(tmp_path):
     assert any("does not determine" in doubt for doubt in doubts(result))
 
 
-def test_doubts_are_on_the_page(found, tmp_path):
+def test_doubts_are_on_the_page(identified, tmp_path):
     """Slowly varying prediction errors are not noise."""
-    wave = 3e-3 * np.sin(2.0 * found.t)[:, None]
-    bent = replace(found, residuals=found.residuals + wave)
+    wave = 3e-3 * np.sin(2.0 * identified.t)[:, None]
+    bent = replace(identified, residuals=identified.residuals + wave)
     assert doubts(bent) and all(column.alike for column in columns(bent))
     page = Page(reports.identified_report(bent, tmp_path / "x.html").read_text(encoding="utf-8"))
     for doubt in doubts(bent):
@@ -201,11 +206,11 @@ def test_doubts_are_on_the_page(found, tmp_path):
     assert "No reason for doubt" not in page.words
 
 
-def test_segments_that_do_not_count_are_shaded(found):
-    lost = replace(found, lost=tuple(found.starts[[5, 9]].tolist()))
+def test_segments_that_do_not_count_are_shaded(identified):
+    lost = replace(identified, lost=tuple(identified.starts[[5, 9]].tolist()))
     (figure, _), *_ = identified_plots.residuals(lost)
     red = [p for p in figure.axes[0].patches if p.get_facecolor()[0] > 0.6 and p.get_x() > 0]
-    assert np.allclose([p.get_x() for p in red], found.starts[[5, 9]] + found["delay"])
+    assert np.allclose([p.get_x() for p in red], identified.starts[[5, 9]] + identified["delay"])
     assert np.allclose([p.get_width() for p in red], 0.25)
 
 
@@ -218,8 +223,8 @@ def test_a_record_of_one_segment_has_a_page(tmp_path):
     assert len(page.sources) == 3 and "Jumps" not in page.words
 
 
-def test_errors_of_writing_a_page(found, tmp_path):
+def test_errors_of_writing_a_page(identified, tmp_path):
     with pytest.raises(ValueError, match="ends in"):
-        reports.identified_report(found, tmp_path / "page.pdf")
+        reports.identified_report(identified, tmp_path / "page.pdf")
     with pytest.raises(PictureError, match="no folder"):
-        reports.identified_report(found, tmp_path / "no" / "page.html")
+        reports.identified_report(identified, tmp_path / "no" / "page.html")

@@ -1,10 +1,10 @@
 """Catches of strings: impulses on the axes, and the largest that a stepper withstands.
 
-Where strings snap taut while the driven coordinates move on (Eqs. 13-15), an axis takes
+Where strings snap taut while the driven coordinates move on (Eqs. 13-15), an axis receives
 
     P = J^T (M_KD dv_D + A_K^T Lambda)
 
-if its motor does not give way, as in the run. A motor that gives way moves on together with the
+if its motor does not yield, as in the run. A motor that yields moves on together with the
 bodies that the string caught, whose mass at the axis is m_e = P^2 / sum(Lambda hdot). A stepper
 stays in step if this energy does not carry it past the maximum of its torque T sin(steps/4 angle)
 while it holds the load M:
@@ -31,8 +31,8 @@ MAX_IMPULSE_RATIO = 10.0
 
 
 @dataclass(frozen=True)
-class Kick:
-    """A catch that hits an axis.
+class CatchImpulse:
+    """Impulse of a catch on an axis.
 
     Attributes:
         axis: name of the axis.
@@ -58,21 +58,21 @@ class Impacts:
     Attributes:
         t: (I,) times [s].
         impulse: (I, n) P of the axes on their loads [N s or N m s].
-        lost: (I,) sum(Lambda hdot) of the strings that snapped taut [J].
+        lost_energy: (I,) sum(Lambda hdot) of the strings that snapped taut [J].
         strings: for every impact, the strings that snapped taut.
     """
 
     t: Array
     impulse: Array
-    lost: Array
+    lost_energy: Array
     strings: tuple[tuple[str, ...], ...]
 
 
-def impacts_of(bound: AxisMap, marionette: Marionette, run: Trajectory) -> Impacts | None:
+def impacts_of(axis_map: AxisMap, marionette: Marionette, run: Trajectory) -> Impacts | None:
     """The impacts of an event-driven run with catches; None for other runs.
 
     Args:
-        bound: the stand.
+        axis_map: map from the axes of the stand to driven coordinates.
         marionette: the run's puppet.
         run: a run that has samples at its impacts.
     """
@@ -86,10 +86,10 @@ def impacts_of(bound: AxisMap, marionette: Marionette, run: Trajectory) -> Impac
         if i < len(times) and times[i] == event.t:
             lost[i] += event.impulse * abs(event.speed)
             strings[i][event.name] = None
-    return Impacts(times, impulses[:, bound.v] @ bound.J, lost, tuple(map(tuple, strings)))
+    return Impacts(times, impulses[:, axis_map.v] @ axis_map.J, lost, tuple(map(tuple, strings)))
 
 
-def kicks(
+def catch_impulses(
     impacts: Impacts | None,
     axis: Axis,
     k: int,
@@ -97,7 +97,7 @@ def kicks(
     velocity: Array,
     torque: Array,
     unknown: Mask,
-) -> list[Kick]:
+) -> list[CatchImpulse]:
     """The catches that hit a stepper, in order; other motors have none.
 
     Args:
@@ -112,15 +112,19 @@ def kicks(
     """
     if impacts is None or not isinstance(axis.motor, Stepper):
         return []
-    at = np.minimum(np.searchsorted(t, impacts.t), len(t) - 1)
+    index = np.minimum(np.searchsorted(t, impacts.t), len(t) - 1)
     impulses = np.abs(impacts.impulse[:, k]) / axis.ratio
-    hit = np.flatnonzero((impulses > MIN_IMPULSE) & (impacts.lost > 0.0) & ~unknown[at])
-    samples, impulse = at[hit], impulses[hit]
+    hit = np.flatnonzero((impulses > MIN_IMPULSE) & (impacts.lost_energy > 0.0) & ~unknown[index])
+    samples, impulse = index[hit], impulses[hit]
     speed = velocity[samples] * axis.ratio
-    largest = max_impulse(axis, np.abs(torque[samples]), speed, impulse**2 / impacts.lost[hit])
+    largest = max_impulse(
+        axis, np.abs(torque[samples]), speed, impulse**2 / impacts.lost_energy[hit]
+    )
     margin = 100.0 * (1.0 - impulse / np.maximum(largest, impulse / MAX_IMPULSE_RATIO))
     return [
-        Kick(axis.name, float(impacts.t[i]), impacts.strings[i], float(p), float(m), float(rest))
+        CatchImpulse(
+            axis.name, float(impacts.t[i]), impacts.strings[i], float(p), float(m), float(rest)
+        )
         for i, p, m, rest in zip(hit, impulse, largest, margin, strict=True)
     ]
 

@@ -8,7 +8,7 @@ that turns with it, and needs
 
 f_K = M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda is the run's effort: strings, weight and inertia
 of driven bodies. e = 1 / efficiency where the motor drives its load, efficiency where the load
-drives it. The check assumes winches that follow exactly; one that gives way changes the motion.
+drives it. The check assumes winches that follow exactly; one that slips changes the motion.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from fantoccini.dynamics.simulation import contact_effort
 from fantoccini.dynamics.steppers import undetermined
 from fantoccini.motion import Columns, Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
-from fantoccini.stand.catches import Impacts, Kick, impacts_of
+from fantoccini.stand.catches import CatchImpulse, Impacts, impacts_of
 from fantoccini.stand.limits import Limit, Load, limits_of, load_of
 from fantoccini.stand.motors import Stepper
 from fantoccini.stand.stand_file import Stand, load_stand
@@ -43,7 +43,7 @@ a run exceeds both, peaks may be missed."""
 SAME_TIME = 1e-9
 """Times that differ by less count as the same [s]."""
 INTERPOLATION_REACH = 3
-"""Samples on either side on which an interpolated value depends."""
+"""Number of samples on either side on which an interpolated value depends."""
 MIN_SMOOTH_SAMPLES = 3
 """Smallest number of samples for smooth interpolation; it is linear with fewer."""
 
@@ -53,13 +53,13 @@ class StandCheck:
     """Verdict on whether a stand can do a run; T samples, n axes.
 
     Attributes:
-        map: the stand, bound to the run's puppet.
+        map: map from the stand's axes to the puppet's driven coordinates.
         run: the checked run.
         marionette: the run's puppet.
         times: (T,) times of the check [s].
-        limits: one for every axis and quantity, in order.
+        limits: limits of every axis and quantity, in order.
         impacts: impacts of the run; None if it has none.
-        kicks: catches of strings that hit an axis.
+        catches: impulses of catches on axes.
         lost: axis -> steps that it loses, for steppers that lose some.
         unknown: (T, n) true where the motion does not determine the force of an axis; its torque
             and catches are not judged there.
@@ -72,7 +72,7 @@ class StandCheck:
     times: Times
     limits: tuple[Limit, ...]
     impacts: Impacts | None
-    kicks: tuple[Kick, ...]
+    catches: tuple[CatchImpulse, ...]
     lost: dict[str, LostSteps]
     unknown: Mask
     notes: tuple[str, ...]
@@ -219,62 +219,62 @@ def check_stand(
         run.coordinates.v_K,
     ):
         raise ValueError(f"the run is not one of {marionette.name}: it has other coordinates")
-    bound = AxisMap.of(stand, run.coordinates)
-    sampled = bound.motion_of(run)
+    axis_map = AxisMap.of(stand, run.coordinates)
+    sampled = axis_map.motion_of(run)
     if run.effort is None:
         run = with_effort(run, marionette)
     times = _check_times(run)
-    forces = between(run.t, _forces(bound, run), times)
-    impacts = impacts_of(bound, marionette, run)
-    unknown = _unknown(bound, marionette, run, times)
+    forces = between(run.t, _forces(axis_map, run), times)
+    impacts = impacts_of(axis_map, marionette, run)
+    unknown = _unknown(axis_map, marionette, run, times)
     limits: list[Limit] = []
-    kicks: list[Kick] = []
+    catches: list[CatchImpulse] = []
     lost = {}
-    # One axis after the other: everything about all axes takes gigabytes in an hour.
-    for k, axis in enumerate(bound.axes):
+    # One axis after the other: arrays for all axes would need gigabytes for an hour's run.
+    for k, axis in enumerate(axis_map.axes):
         series = sampled.between(k, times)
         load = load_of(axis, k, times, series, forces[:, k], impacts, unknown[:, k])
         limits += limits_of(stand, axis, times, series, load)
-        kicks += load.kicks
-        steps = _lost(axis, marionette, times, load)
+        catches += load.catches
+        steps = _steps_lost_by(axis, marionette, times, load)
         if steps is not None:
             lost[axis.name] = steps
     return StandCheck(
-        bound,
+        axis_map,
         run,
         marionette,
         times,
         tuple(limits),
         impacts,
-        tuple(sorted(kicks, key=lambda kick: kick.t)),
+        tuple(sorted(catches, key=lambda catch: catch.t)),
         lost,
         unknown,
-        _notes(run, marionette, bound, unknown),
+        _notes(run, marionette, axis_map, unknown),
     )
 
 
-def _forces(bound: AxisMap, run: Trajectory) -> Array:
+def _forces(axis_map: AxisMap, run: Trajectory) -> Array:
     """(T, n) forces of the axes on their loads at a run's samples [N or N m]."""
     assert run.effort is not None
-    return bound.forces(run.effort.values)
+    return axis_map.forces(run.effort.values)
 
 
-def _unknown(bound: AxisMap, marionette: Marionette, run: Trajectory, times: Array) -> Mask:
+def _unknown(axis_map: AxisMap, marionette: Marionette, run: Trajectory, times: Array) -> Mask:
     """(len(times), n) true where the motion does not determine the force of an axis."""
     flags = run.undetermined
     if flags is None:
         flags = undetermined(marionette, run)
-    flags_of_axes = flags.values[:, len(run.tension.names) :][:, bound.v]
-    unknown = np.any(flags_of_axes[:, :, None] & (bound.J != 0.0), axis=1)
+    flags_of_axes = flags.values[:, len(run.tension.names) :][:, axis_map.v]
+    unknown = np.any(flags_of_axes[:, :, None] & (axis_map.J != 0.0), axis=1)
     nearby = np.array(unknown)
     for shift in range(1, INTERPOLATION_REACH + 1):
         nearby[shift:] |= unknown[:-shift]
         nearby[:-shift] |= unknown[shift:]
     repeated = run.t[1:] == run.t[:-1]
     unknown[1:][repeated] |= unknown[:-1][repeated]
-    at = np.searchsorted(run.t, times, side="right") - 1
-    exact = run.t[at] == times
-    return np.where(exact[:, None], unknown[at], nearby[at])
+    index = np.searchsorted(run.t, times, side="right") - 1
+    exact = run.t[index] == times
+    return np.where(exact[:, None], unknown[index], nearby[index])
 
 
 def between(t: Array, values: Array, times: Array) -> Array:
@@ -288,12 +288,12 @@ def between(t: Array, values: Array, times: Array) -> Array:
         samples, stop = slice(first, last), len(times)
         if last < len(t):
             stop = int(np.searchsorted(times, t[last]))
-        wanted = slice(int(np.searchsorted(times, t[first])), stop)
+        inside = slice(int(np.searchsorted(times, t[first])), stop)
         if last - first < MIN_SMOOTH_SAMPLES:
             for k in range(values.shape[1]):
-                out[wanted, k] = np.interp(times[wanted], t[samples], values[samples, k])
-        elif wanted.stop > wanted.start:
-            out[wanted] = Akima1DInterpolator(t[samples], values[samples])(times[wanted])
+                out[inside, k] = np.interp(times[inside], t[samples], values[samples, k])
+        elif inside.stop > inside.start:
+            out[inside] = Akima1DInterpolator(t[samples], values[samples])(times[inside])
     return out
 
 
@@ -317,7 +317,9 @@ def _check_times(run: Trajectory) -> Times:
     return np.union1d(run.t, even[distance > SAME_TIME])
 
 
-def _lost(axis: Axis, marionette: Marionette, times: Times, load: Load) -> LostSteps | None:
+def _steps_lost_by(
+    axis: Axis, marionette: Marionette, times: Times, load: Load
+) -> LostSteps | None:
     """Steps that the motor of an axis loses; None if it is no stepper, or its torque suffices."""
     if not isinstance(axis.motor, Stepper):
         return None
@@ -328,15 +330,15 @@ def _lost(axis: Axis, marionette: Marionette, times: Times, load: Load) -> LostS
         np.where(load.known, np.abs(load.torque), 0.0),
         load.available,
         axis.inertia + puppet_inertia,
-        [hit.t for hit in load.kicks if hit.margin < 0.0],
+        [hit.t for hit in load.catches if hit.margin < 0.0],
     )
 
 
 def _notes(
-    run: Trajectory, marionette: Marionette, bound: AxisMap, unknown: Mask
+    run: Trajectory, marionette: Marionette, axis_map: AxisMap, unknown: Mask
 ) -> tuple[str, ...]:
     notes = []
-    axes = [a.name for a, flags in zip(bound.axes, unknown.T, strict=True) if np.any(flags)]
+    axes = [a.name for a, flags in zip(axis_map.axes, unknown.T, strict=True) if np.any(flags)]
     if axes:
         share = 100.0 * float(np.max(np.mean(unknown, axis=0)))
         notes.append(

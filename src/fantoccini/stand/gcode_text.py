@@ -158,17 +158,13 @@ def slow_feed(points: SetPoints) -> float:
 
 
 class GcodeWriter:
-    """Writer of G-code lines for GRBL, FluidNC and Marlin.
-
-    Attributes:
-        last_words: letter of an axis -> its last position in the text.
-    """
+    """Writer of G-code lines for GRBL, FluidNC and Marlin."""
 
     def __init__(self, points: SetPoints, settings: GrblSettings, inverse: bool, marlin: bool):
         self.points, self.settings = points, settings
         self.inverse, self.marlin = inverse, marlin
         self.scale = gcode_units(points.axes)
-        self.last_words: dict[str, str] = {}
+        self.last_words: dict[str, str] = {}  # letter of an axis -> its last position
 
     def lines_before(self) -> list[str]:
         """Lines before the motion: units, homing, slack, and the move to the start."""

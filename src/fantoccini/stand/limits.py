@@ -16,7 +16,7 @@ import numpy as np
 
 from fantoccini.base import Array, Mask, Times
 from fantoccini.stand.axes import Axis, Series
-from fantoccini.stand.catches import Impacts, Kick, kicks
+from fantoccini.stand.catches import CatchImpulse, Impacts, catch_impulses
 from fantoccini.stand.motors import Stepper
 from fantoccini.stand.stand_file import Stand
 
@@ -75,13 +75,13 @@ class Load:
     Attributes:
         torque, available: (T,) required torque, and the largest available [N m].
         known: (T,) whether the motion determines the torque.
-        kicks: catches of strings that hit the motor.
+        catches: catches of strings that hit the motor.
     """
 
     torque: Array
     available: Array
     known: Mask
-    kicks: list[Kick]
+    catches: list[CatchImpulse]
 
 
 def load_of(
@@ -106,7 +106,7 @@ def load_of(
     """
     torque = torque_of(axis, series, force)
     available = axis.motor.max_torque(axis.ratio * series[1], torque)
-    hits = kicks(impacts, axis, k, t, series[1], torque, unknown)
+    hits = catch_impulses(impacts, axis, k, t, series[1], torque, unknown)
     return Load(torque, available, ~unknown, hits)
 
 
@@ -144,9 +144,9 @@ def limits_of(stand: Stand, axis: Axis, t: Times, series: Series, load: Load) ->
         rates.append(("torque", "N m", torque, load.available))
     for quantity, unit_of_rate, demand, bound in rates:
         limits.append(_limit(axis.name, quantity, unit_of_rate, t, demand, bound))
-    if load.kicks:
-        worst = min(load.kicks, key=lambda kick: kick.margin)
-        broken = [kick.t for kick in load.kicks if kick.margin < 0.0]
+    if load.catches:
+        worst = min(load.catches, key=lambda catch: catch.margin)
+        broken = [catch.t for catch in load.catches if catch.margin < 0.0]
         limits.append(
             Limit(
                 axis.name,

@@ -23,7 +23,7 @@ from fantoccini.stand.motors import Belt, Drum, Motor, Screw, Stepper
 TRIED_RATIOS = np.geomspace(0.25, 4.0, 241)
 """Tried factors of an axis' travel per turn."""
 TORQUE_RESERVE = 1.0 / 0.9
-"""Torque of a suggested motor over the required torque: a tenth of it is kept in reserve."""
+"""Ratio of a suggested motor's torque to the required torque: a tenth of it is kept in reserve."""
 MAX_PEAKS = 3
 """Maximum number of acceleration peaks that are named."""
 MICROSTEPS = (256, 128, 64, 32, 16, 8, 4, 2, 1)
@@ -60,7 +60,7 @@ def remedies(check: StandCheck) -> tuple[str, ...]:
 
 
 def lost_lines(check: StandCheck) -> tuple[str, ...]:
-    """Lost steps, one sentence for each stepper that loses some."""
+    """Sentences about lost steps, one for each stepper that loses some."""
     lines = []
     for name, lost in check.lost.items():
         count = f"at least {lost.steps} full steps" if lost.steps else "perhaps no step"
@@ -102,7 +102,7 @@ def _motor_remedies(check: StandCheck, axis: Axis, k: int, broken: set[str]) -> 
     limits = check.of(axis.name)
     texts = []
     if "step rate" in broken:
-        texts.append(f"a controller that makes {_round_up(limits['step rate'].value)} steps/s")
+        texts.append(f"a controller that generates {_round_up(limits['step rate'].value)} steps/s")
     if "torque" in broken:
         texts.append(_stronger_motor(check, axis, k))
     if "catch" in broken:
@@ -155,9 +155,9 @@ def _inertia_text(check: StandCheck, axis: Axis, k: int) -> list[str]:
 
 def _catch_text(check: StandCheck, axis: Axis) -> str:
     limit = check.of(axis.name)["catch"]
-    kicks = [kick for kick in check.kicks if kick.axis == axis.name]
-    worst = min(kicks, key=lambda kick: kick.margin)
-    count = sum(kick.margin < 0.0 for kick in kicks)
+    catches = [catch for catch in check.catches if catch.axis == axis.name]
+    worst = min(catches, key=lambda catch: catch.margin)
+    count = sum(catch.margin < 0.0 for catch in catches)
     return (
         f"softer catches of {', '.join(worst.strings)} ({count} are too hard, the worst at t = "
         f"{limit.t:.3f} s), a spring in the string, or a motor that withstands "
@@ -218,21 +218,21 @@ def _microsteps_text(axis: Axis, motor: Motor) -> str:
 def _passes(check: StandCheck, changed: Axis, k: int) -> bool:
     """Whether a changed axis keeps all limits that depend on its motor or transmission.
 
-    A tenth of the torque is kept in reserve, or the present reserve if that is smaller and holds.
+    A tenth of the torque is kept in reserve, or the present reserve if it is smaller and enough.
     """
-    now = check.of(changed.name)
+    present_limits = check.of(changed.name)
     limits = {limit.quantity: limit for limit in check.limits_with(k, changed)}
     if any(limits[name].broken is not None for name in MOTOR_QUANTITIES if name in limits):
         return False
-    return _keeps_reserve(limits.get("torque"), now.get("torque"))
+    return _keeps_reserve(limits.get("torque"), present_limits.get("torque"))
 
 
-def _keeps_reserve(changed: Limit | None, now: Limit | None) -> bool:
-    if changed is None or now is None:
+def _keeps_reserve(changed: Limit | None, present: Limit | None) -> bool:
+    if changed is None or present is None:
         return True
     min_margin = 100.0 * (1.0 - 1.0 / TORQUE_RESERVE)
-    if now.broken is None:
-        min_margin = min(min_margin, now.margin)
+    if present.broken is None:
+        min_margin = min(min_margin, present.margin)
     return changed.margin >= min_margin - 100.0 * ROUNDING
 
 
@@ -287,7 +287,7 @@ def _variant_text(axis: Axis, low: float, high: float) -> str:
     part, present = axis.transmission, _changed_number(axis)
     span = f"{low:g} to {high:g}" if high > low else f"{low:g}"
     if isinstance(part, Drum):
-        size = "smaller" if high < present else "bigger" if low > present else "different"
+        size = "smaller" if high < present else "larger" if low > present else "different"
         return f"a {size} drum, radius {span} m instead of {present:.3g} m"
     if isinstance(part, Belt):
         return f"a pulley of {span} teeth instead of {part.teeth}"

@@ -14,7 +14,7 @@ from fantoccini.model.puppet import bundled_files
 from fantoccini.model.tree import WORLD, DriveRow, LimitRow, StringRow
 from fantoccini.output.view import Still
 
-_WINCH = ("restitution", "max_tension", "rewind_speed")
+_OPTIONAL_COLUMNS = ("restitution", "max_tension", "rewind_speed")
 """Columns of the strings' table that are shown only if a string has them."""
 _PURPOSE = {
     "dynamics": "an evaluation of an event-driven run",
@@ -52,7 +52,7 @@ def describe_puppet(file: str) -> None:
         f"{len(tree.limits)} limits"
     )
     moving_mass = f"moving mass {number(puppet.mass)} kg"
-    write(f"{moving_mass}, weight {number(puppet.weight)} N; {_compiled(file)}")
+    write(f"{moving_mass}, weight {number(puppet.weight)} N; {_compilation_text(file)}")
     if (rules := puppet.puppet.touching) is not None:
         write(
             f"contact with {', '.join(rules.meets) or 'nothing'}: friction "
@@ -61,7 +61,7 @@ def describe_puppet(file: str) -> None:
         )
     write()
     names = [link.name for link in tree.links]
-    rotors = [_value(link.armature) for link in tree.links]
+    rotors = [_value_text(link.armature) for link in tree.links]
     with_armature = any(rotor != "0" for rotor in rotors)
     table(
         "Bodies",
@@ -88,12 +88,16 @@ def describe_puppet(file: str) -> None:
                 c.name,
                 c.role,
                 c.unit,
-                "" if c.index is None else _start(*(float(q[c.index]) for q in starts[c.role])),
+                ""
+                if c.index is None
+                else _start_text(*(float(q[c.index]) for q in starts[c.role])),
             )
             for c in coordinates.rows
         ],
     )
-    winch_columns = [key for key in _WINCH if any(getattr(string, key) for string in tree.strings)]
+    winch_columns = [
+        key for key in _OPTIONAL_COLUMNS if any(getattr(string, key) for string in tree.strings)
+    ]
     table(
         "Strings",
         (
@@ -113,7 +117,7 @@ def describe_puppet(file: str) -> None:
     table(
         "Springs",
         ("name", "stiffness", "rest", "damping"),
-        [(s.name, *map(_value, (s.stiffness, s.rest, s.damping))) for s in tree.springs],
+        [(s.name, *map(_value_text, (s.stiffness, s.rest, s.damping))) for s in tree.springs],
     )
     table(
         "Drives",
@@ -127,14 +131,16 @@ def describe_puppet(file: str) -> None:
             (
                 c.name,
                 c.pieces,
-                "driven" if c.length is None else _value(c.length),
-                *map(_value, (c.stiffness, c.damping)),
+                "driven" if c.length is None else _value_text(c.length),
+                *map(_value_text, (c.stiffness, c.damping)),
             )
             for c in tree.chains
         ],
     )
     table(
-        "Limits", ("name", "bound>"), [(limit.name, _bound(puppet, limit)) for limit in tree.limits]
+        "Limits",
+        ("name", "bound>"),
+        [(limit.name, _bound_text(puppet, limit)) for limit in tree.limits],
     )
     _print_body_maps(puppet)
     table("Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()])
@@ -157,8 +163,8 @@ def _print_body_maps(puppet: Marionette) -> None:
             print_body_map(body_map, member)
 
 
-def _compiled(file: str) -> str:
-    """Text on whether the cache has the compiled model."""
+def _compilation_text(file: str) -> str:
+    """Text that says whether the cache has the compiled model."""
 
     def stop(at: Progress) -> None:
         raise _NotCachedError(at.what)
@@ -172,19 +178,19 @@ def _compiled(file: str) -> str:
     return "compiled"
 
 
-def _start(value: float, taut: float) -> str:
+def _start_text(value: float, taut: float) -> str:
     """A start value; a length that the file does not give makes its string just taut."""
     return f"{number(taut)}, just taut" if value != value else number(value)
 
 
-def _value(value: Number | None) -> str:
+def _value_text(value: Number | None) -> str:
     if isinstance(value, Parameter):
         return f"{value.parameter} = {number(float(value.value))}"
     return "driven" if value is None else number(float(value))
 
 
 def _value_or_empty(value: Number | None) -> str:
-    return "" if value is None else _value(value)
+    return "" if value is None else _value_text(value)
 
 
 def _string_cells(puppet: Marionette, string: StringRow) -> tuple[object, ...]:
@@ -193,7 +199,7 @@ def _string_cells(puppet: Marionette, string: StringRow) -> tuple[object, ...]:
         for point in (string.points[0], string.points[-1])
     ]
     kind = "wire" if string.wire else "string"
-    return string.name, _value(string.length), kind, *ends, len(string.points)
+    return string.name, _value_text(string.length), kind, *ends, len(string.points)
 
 
 def _drive_cells(puppet: Marionette, row: DriveRow) -> tuple[object, ...]:
@@ -204,6 +210,6 @@ def _drive_cells(puppet: Marionette, row: DriveRow) -> tuple[object, ...]:
     return row.name, row.command_name, number(n), f"{number(inertia)} {unit}", *parts
 
 
-def _bound(puppet: Marionette, limit: LimitRow) -> str:
+def _bound_text(puppet: Marionette, limit: LimitRow) -> str:
     unit = "m" if puppet.tree.links[limit.link].kind == "prismatic" else "rad"
     return f"{number(float(limit.bound))} {unit}"

@@ -21,7 +21,7 @@ from fantoccini.app.live.holder import Holder, Viewer, holder_text
 from fantoccini.app.live.live_panel import LivePanel
 from fantoccini.app.live.recorder import Recorder
 from fantoccini.app.live.stage import Stage
-from fantoccini.app.live.watched_file import WatchedFile, compiled
+from fantoccini.app.live.watched_file import WatchedFile, load_compiled
 from fantoccini.app.pages import (
     REFRESH,
     Handler,
@@ -45,7 +45,7 @@ class _Timing(NamedTuple):
     """Times of a live page."""
 
     max_frame: float = 0.1
-    """Largest simulated time per frame [s]: after a longer frame the puppet slows, not jumps."""
+    """Largest simulated time per frame [s]: after a longer one the puppet slows down."""
     history: float = 10.0  # Length of the plot [s]
     samples: float = 0.05  # Interval of the plot's samples [s]
     refusals: float = 2.0  # Interval between notices to a viewer who may not move the strings [s]
@@ -57,7 +57,7 @@ _TIMING = _Timing()
 _PANEL_WIDTH = 340.0
 """Width of viser's panel with its margins [px]."""
 _FULL_FORCE = 0.25
-"""Force of a long arrow, relative to the puppet's weight, which several points share."""
+"""Force with a long arrow, relative to the puppet's weight, which several points carry."""
 
 
 class Live(PageLoop):
@@ -76,7 +76,7 @@ class Live(PageLoop):
         pads: gamepads.
         jobs: queued calls between two frames.
         holder: holder of the strings.
-        paused: whether time stands still.
+        paused: whether the time is paused.
         factor: speed of time; below 1 is slow motion.
 
     Args:
@@ -105,7 +105,7 @@ class Live(PageLoop):
         self.holder = Holder()
         self.paused, self.factor = False, 1.0
         self.stage = Stage(performance, record_to, file, score, show)
-        self._file = None if file is None else WatchedFile(file, compiled)
+        self._file = None if file is None else WatchedFile(file, load_compiled)
         self.pads, self._midi = pad.Pads(), midi.Midi(self._go)
         self.jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._past: deque[tuple[float, np.ndarray]] = deque()
@@ -233,7 +233,7 @@ class Live(PageLoop):
         n_waiting = self.jobs.qsize()
         while not self._end.is_set():
             remaining = until - time.perf_counter()
-            if remaining <= 0.0 and n_waiting <= 0:  # a flood of jobs must not hold the puppet
+            if remaining <= 0.0 and n_waiting <= 0:  # many jobs must not stop the puppet
                 return
             try:
                 job = self.jobs.get(timeout=max(remaining, 0.0))

@@ -30,7 +30,7 @@ class Reload(Generic[Content]):
     mistakes: tuple[str, ...] = ()
 
 
-def compiled(path: Path) -> Marionette:
+def load_compiled(path: Path) -> Marionette:
     """Loads and compiles the puppet of a file."""
     content = load(path)
     content.compile()
@@ -48,7 +48,7 @@ class WatchedFile(Generic[Content]):
     def __init__(self, path: Path, load: Callable[[Path], Content]):
         self._path, self._load = path, load
         self._stamp = self._read_stamp()
-        self._due = 0.0
+        self._next_check = 0.0
         self._reader: threading.Thread | None = None
         self._result: Reload[Content] | None = None
 
@@ -62,9 +62,9 @@ class WatchedFile(Generic[Content]):
                 return None
             result, self._result, self._reader = self._result, None, None
             return result
-        if now < self._due:
+        if now < self._next_check:
             return None
-        self._due = now + INTERVAL
+        self._next_check = now + INTERVAL
         stamp = self._read_stamp()
         if stamp is None or stamp == self._stamp:
             return None
@@ -74,7 +74,7 @@ class WatchedFile(Generic[Content]):
         return None
 
     def force_reload(self) -> None:
-        """Causes the file to be loaded again although it is unchanged."""
+        """Loads the file again at the next poll, even if it is unchanged."""
         self._stamp = None
 
     def _read(self) -> None:
@@ -89,7 +89,7 @@ class WatchedFile(Generic[Content]):
     def _read_stamp(self) -> tuple[int, int, int] | None:
         """Time, size and inode of the file, which show changes; None if there is no file."""
         try:
-            about = self._path.stat()
+            info = self._path.stat()
         except OSError:
             return None
-        return about.st_mtime_ns, about.st_size, about.st_ino
+        return info.st_mtime_ns, info.st_size, info.st_ino

@@ -5,13 +5,13 @@ from fantoccini.lab.identification.estimating import identify
 from fantoccini.lab.identification.judging import columns, doubts, from_before, jump_names, leaning
 from fantoccini.lab.identification.record import Record, Unknown
 from fantoccini.lab.identification.record_file import load_record, record_files
-from fantoccini.lab.identification.result import LISTED, Combination, Identified, Outlier
+from fantoccini.lab.identification.result import OUTLIER_RESIDUAL, Combination, Identified, Outlier
 from fantoccini.lab.identification.schema import record_schema
 from fantoccini.lab.identification.suggesting import Candidate, suggest_motion
 from fantoccini.lab.identification.unit_names import channel_units, units
 
 __all__ = [
-    "LISTED",
+    "OUTLIER_RESIDUAL",
     "Candidate",
     "Combination",
     "Identified",

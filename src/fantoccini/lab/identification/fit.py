@@ -113,7 +113,7 @@ class Fit:
         if dt not in self.driven_steps:
             n = round(self.segment / dt)
             self.driven_steps[dt] = DrivenSteps.of(self.marionette, self.inputs, self.starts, n, dt)
-        return self.driven_steps[dt].moved(self.marionette, self.offsets(theta))
+        return self.driven_steps[dt].with_offsets(self.marionette, self.offsets(theta))
 
     def segments(self, theta: Array) -> Indices:
         """(N,) segment of every sample."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.lab.identification.result import LISTED, Identified
+from fantoccini.lab.identification.result import OUTLIER_RESIDUAL, Identified
 from fantoccini.lab.identification.unit_names import channel_units
 
 MAX_NOISE_CORRELATION = 0.2
@@ -97,7 +97,7 @@ def columns(result: Identified) -> tuple[ColumnFit, ...]:
                     is_stated,
                     float(np.mean(z <= 2.0)),
                     _neighbour_correlation(result.t, r / noise),
-                    int(np.sum(z > LISTED)),
+                    int(np.sum(z > OUTLIER_RESIDUAL)),
                 )
             )
     return tuple(fits)
@@ -109,7 +109,7 @@ def _neighbour_correlation(t: Array, z: Array) -> float:
     It is taken about 0, not about the mean, so that a bias counts as well.
     """
     present = np.isfinite(z)
-    t, z = t[present], np.clip(z[present], -LISTED, LISTED)
+    t, z = t[present], np.clip(z[present], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
     adjacent = (
         np.diff(t) < MAX_NEIGHBOUR_STEP * np.median(np.diff(t))
         if len(t) > 1
@@ -146,7 +146,7 @@ class Leaning:
 def leaning(result: Identified) -> tuple[Leaning, ...]:
     """Configurations and velocities that jump mostly to one side, the largest mean first."""
     counts = ~np.isin(result.starts[:-1], result.lost)
-    jumps = np.clip(result.jumps[counts], -LISTED, LISTED)
+    jumps = np.clip(result.jumps[counts], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
     table = result.record.marionette.coordinates
     if len(jumps) < 2:
         return ()
@@ -195,7 +195,7 @@ def _doubts(result: Identified) -> Iterator[str]:
         yield "The delay reached the end of its range; begin nearer: delay: {about: ...}."
     elif not result.converged:
         yield (
-            f"The search was cut short: one more step would move a number by {result.left:.2g} "
+            f"The search did not converge: one more step would move a number by {result.left:.2g} "
             "standard deviations."
         )
     if result.combinations:

@@ -1,4 +1,4 @@
-"""Result of an identification: estimates, their errors, and what the record leaves open."""
+"""Result of an identification: estimates, their errors, and undetermined combinations."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from fantoccini.lab.identification.searching import MIN_DAMPING, SearchResult
 MAX_DEVIATION = 1.0
 """Standard deviation above which the record does not determine a combination, relative to the sizes
 of its numbers."""
-MAX_LEFT = 1.0
+MAX_REMAINING_MOVE = 1.0
 """Largest move of a number in one more step of a converged search, in its standard deviations."""
 MIN_SHARE = 0.05
 """Smallest share of a number in a combination for which it is named."""
 INTERVAL_DEVIATIONS = 1.959964
-"""Standard deviations of a 95 % interval."""
-LISTED = 4.0
+"""Half width of a 95 % interval, in standard deviations."""
+OUTLIER_RESIDUAL = 4.0
 """Residual over the noise above which a sample is listed as an outlier."""
 
 
@@ -57,7 +57,7 @@ class Outlier:
     Attributes:
         t: time by the record's clock [s].
         column: name of the column.
-        residual: sample less prediction, over the noise.
+        residual: sample less prediction, relative to the noise.
     """
 
     t: float
@@ -125,7 +125,7 @@ class Identified:
 
         It has not if the delay is at the end of its range, as it may lie beyond.
         """
-        return self.left < MAX_LEFT and not self.at_bound
+        return self.left < MAX_REMAINING_MOVE and not self.at_bound
 
     @property
     def at_bound(self) -> bool:
@@ -158,7 +158,7 @@ class Identified:
         r = np.where(counts[:, None], residuals / weights.noise, np.nan)
         outliers = [
             Outlier(float(fit.t[i]), record.channels.names[j], float(r[i, j]))
-            for i, j in np.argwhere(np.abs(r) > LISTED)
+            for i, j in np.argwhere(np.abs(r) > OUTLIER_RESIDUAL)
         ]
         lost = tuple(fit.starts[~trusted].tolist())
         jumps = cost.jumps(result.point, result.predicted)
@@ -172,7 +172,7 @@ class Identified:
             F,
             combinations,
             dict(zip(record.channels.names, weights.noise.tolist(), strict=True)),
-            float(np.nanmean(np.minimum(np.abs(r), LISTED) ** 2)),
+            float(np.nanmean(np.minimum(np.abs(r), OUTLIER_RESIDUAL) ** 2)),
             float(np.sqrt(np.median(counted_jumps**2))) if len(counted_jumps) else 0.0,
             tuple(outliers),
             lost,
@@ -191,15 +191,15 @@ class Identified:
         return f"<Identified {self.record.name or self.record.marionette.name}: {self.summary()}>"
 
     def __getitem__(self, name: str) -> float:
-        """The estimate of a name."""
+        """The estimate of an unknown, by its name."""
         return float(self.values[self._index(name)])
 
     def deviation(self, name: str) -> float:
-        """The standard deviation of a name."""
+        """The standard deviation of an unknown, by its name."""
         return float(self.deviations[self._index(name)])
 
     def interval(self, name: str) -> tuple[float, float]:
-        """The 95 % interval of a name."""
+        """The 95 % interval of an unknown, by its name."""
         i = self._index(name)
         half = INTERVAL_DEVIATIONS * self.deviations[i]
         return float(self.values[i] - half), float(self.values[i] + half)
@@ -265,7 +265,7 @@ class Identified:
         lines += [str(combination) for combination in self.combinations]
         lines.append(
             f"chi2 {self.chi2:.3g}, {len(self.outliers)} outliers, {self.seconds:.1f} s"
-            + ("" if self.converged else "; the search was cut short")
+            + ("" if self.converged else "; the search did not converge")
         )
         if self.at_bound:
             lines.append(

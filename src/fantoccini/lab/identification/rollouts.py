@@ -1,4 +1,4 @@
-"""Rollouts of all segments at once, with derivatives by their first states and the unknowns.
+"""Rollouts of all segments at once, with derivatives with respect to first states and unknowns.
 
 A record is cut into segments. Each is simulated by time-stepping from its own first state, all of
 them in lanes:
@@ -71,7 +71,7 @@ class DrivenSteps:
         force = None if inputs.force is None else inputs.evaluate_force(t[:-1] + 0.5 * dt)
         return cls(q_K, v_K, 2.0 * (move / dt - v_K[:-1]) / dt, force, dt)
 
-    def moved(self, marionette: Marionette, offsets: Array) -> DrivenSteps:
+    def with_offsets(self, marionette: Marionette, offsets: Array) -> DrivenSteps:
         """The steps with offsets (n_vK,) added to scalar coordinates."""
         if not np.any(offsets):
             return self
@@ -224,8 +224,8 @@ def differentiate(
         b for b in range(1, n + 1) if n % b == 0 and (b == 1 or b * S <= MAX_STEPS_PER_BLOCK)
     )
 
-    def carry(part: tuple[int, int], k: int, lin: StepLinearisations) -> None:
-        """Carries a part's derivatives over the steps of the block that begins with k."""
+    def propagate(part: tuple[int, int], k: int, lin: StepLinearisations) -> None:
+        """Propagates a part's derivatives over the steps of the block that begins with k."""
         own = slice(*part)
         for j in range(block):
             rows = slice(j * S + part[0], j * S + part[1])
@@ -258,6 +258,6 @@ def differentiate(
             options = StepOptions(pull=pull, threads=threads)
             lin = linearise_steps(marionette, inputs, options, work)
             work = lin.motion
-            for task in [pool.submit(carry, part, k, lin) for part in samples_of_step]:
+            for task in [pool.submit(propagate, part, k, lin) for part in samples_of_step]:
                 task.result()
     return RolloutDerivatives(Z, between, tension_derivatives)

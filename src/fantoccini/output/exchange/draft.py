@@ -82,7 +82,7 @@ class Draft:
         self.notes.append(ImportNote(*place, kind, short_name(name), printable(message), part))
 
     def unique_name(
-        self, kind: str, name: str, instead: str = "", line: int | None = None, end: str = ""
+        self, kind: str, name: str, instead: str = "", line: int | None = None, suffix: str = ""
     ) -> str:
         """Unique name for a part; if it differs from the model's, the report says so.
 
@@ -90,9 +90,9 @@ class Draft:
             kind, name: kind and name of the element in the model.
             instead: replacement for an empty name.
             line: line of the element.
-            end: suffix of the part's name, if an element becomes several parts.
+            suffix: suffix of the part's name, if an element becomes several parts.
         """
-        base = (plain_name(name) or plain_name(instead) or kind)[: MAX_NAME - len(end)] + end
+        base = (plain_name(name) or plain_name(instead) or kind)[: MAX_NAME - len(suffix)] + suffix
         unique, k = base, self._next.get(base, 2)
         while unique in self._used_names:
             tail = f"_{k}"
@@ -100,7 +100,7 @@ class Draft:
         self._next[base] = k
         self._used_names.add(unique)
         self._elements[unique] = kind, short_name(name or unique), line
-        if name and unique != name + end:
+        if name and unique != name + suffix:
             self.note(kind, name, f"is called {unique} here", line, unique)
         return unique
 

@@ -100,19 +100,19 @@ def find_file(name: str, *folders: str) -> str | None:
     places = (os.path.join(folder, name) for folder in folders)
     try:
         return next((place for place in places if os.path.isfile(place)), None)
-    except ValueError:  # a name that no file can have
+    except ValueError:  # an invalid file name
         return None
 
 
 def locate(mujoco: Any, file: ModelFile, spec: Any) -> None:
     """Writes the lines in the file's text into the elements of MuJoCo's specification."""
     try:
-        twin = mujoco.MjSpec.from_string(_EMPTY_LINES * "\n" + file.text.decode())
+        shifted_spec = mujoco.MjSpec.from_string(_EMPTY_LINES * "\n" + file.text.decode())
     except (ValueError, RuntimeError, mujoco.FatalError):
-        twin = None
+        shifted_spec = None
     for kind in _LISTS:
         elements = list(getattr(spec, kind, ()))
-        located = [] if twin is None else list(getattr(twin, kind, ()))
+        located = [] if shifted_spec is None else list(getattr(shifted_spec, kind, ()))
         same_length = len(located) == len(elements)
         for k, element in enumerate(elements):
             match = _LINE.search(located[k].info) if same_length else None
@@ -161,12 +161,12 @@ class _Reader:
         self.origins: list[tuple[str, int]] = []
         self.others: list[Path] = []
         self.size = len(file.text)
-        self.known = {os.path.realpath(file.name)}
+        self.real_paths = {os.path.realpath(file.name)}
 
-    def add(self, elements: tuple[Element, ...], name: str, deeper: int) -> None:
-        """Adds elements of a file, with their depth increased by `deeper`."""
+    def add(self, elements: tuple[Element, ...], name: str, depth_offset: int) -> None:
+        """Adds elements of a file, with their depth increased by `depth_offset`."""
         for element in elements:
-            line, depth = len(self.elements) + 1, element.depth + deeper
+            line, depth = len(self.elements) + 1, element.depth + depth_offset
             if element.tag != "include":
                 self.elements.append(replace(element, line=line, depth=depth))
                 self.origins.append((name, element.line))
@@ -186,12 +186,12 @@ class _Reader:
                 f"found no file {file_name[:100]!r} beside the model's first file or this file"
             )
         real_path = os.path.realpath(path)
-        if real_path in self.known:
+        if real_path in self.real_paths:
             raise fail(f"{file_name[:100]!r} is included already; a file is included once")
-        self.known.add(real_path)
+        self.real_paths.add(real_path)
         if depth > MAX_DEPTH:
             raise fail(f"nested deeper than {MAX_DEPTH} levels")
-        if len(self.known) > _MAX_FILES:
+        if len(self.real_paths) > _MAX_FILES:
             raise fail(f"includes too many files; allowed: {_MAX_FILES} files in all")
         if include.inside:
             raise fail("has elements inside, which MuJoCo refuses; put them before or after it")

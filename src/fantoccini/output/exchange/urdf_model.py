@@ -26,7 +26,7 @@ from fantoccini.output.exchange.urdf_masses import add_masses
 from fantoccini.output.exchange.urdf_shapes import add_shapes
 from fantoccini.output.exchange.urdf_text import SOLIDS, plain_urdf
 
-_WORDS = {
+_JOINT_TYPES = {
     "revolute": "revolute",
     "continuous": "revolute",
     "prismatic": "prismatic",
@@ -36,7 +36,7 @@ _WORDS = {
 }
 """Joint type of URDF -> joint type of a puppet."""
 
-_SIZES = {
+_VALUE_COUNTS = {
     ("origin", "xyz"): (3,),
     ("origin", "rpy"): (3,),
     ("axis", "xyz"): (3,),
@@ -61,7 +61,7 @@ _SIZES = {
 }
 """(tag, attribute) -> allowed numbers of values."""
 
-_NEEDED = {
+_REQUIRED_ATTRIBUTES = {
     "robot": ("name",),
     "link": ("name",),
     "joint": ("name", "type"),
@@ -99,12 +99,12 @@ def urdf_puppet(file: ModelFile, density: float | None = None) -> Imported:
         MissingLibraryError: yourdfpy is not installed.
     """
     _check(file)
-    plain = plain_urdf(file)
-    robot = _read(file, plain.text)
+    reduced = plain_urdf(file)
+    robot = _read(file, reduced.text)
     draft = Draft(file, robot.name)
-    for name, message, line in plain.left_out:
+    for name, message, line in reduced.left_out:
         draft.note("link", name, message, line)
-    converter = _Robot(draft, robot, plain.capsules)
+    converter = _Robot(draft, robot, reduced.capsules)
     converter.add()
     links = {converter.names[link.name]: link for link in robot.links}
     add_masses(draft, links, density)
@@ -114,7 +114,7 @@ def urdf_puppet(file: ModelFile, density: float | None = None) -> Imported:
             draft.note(element.tag, name, _LEFT_OUT[element.tag], element.line)
     head = [
         f"{draft.name}: converted from the URDF file {file.path.name}.",
-        "The first link is fixed to the world; give its body `joint: {type: free}` to let it go.",
+        "The first link is fixed to the world; give its body `joint: {type: free}` to release it.",
     ]
     return draft.finish(head)
 
@@ -163,18 +163,22 @@ class _Robot:
         mistakes: list[Mistake] = []
         joint_of: dict[str, Any] = {}
 
-        def say(joint: Any, text: str) -> None:
+        def add_mistake(joint: Any, text: str) -> None:
             line = self.file.line_of("joint", joint.name)
             mistakes.append(Mistake(self.file.name, line, f"joint {joint.name}", text))
 
         for joint in self.robot.joints:
             for end in (joint.parent, joint.child):
                 if end not in links:
-                    say(joint, f"no link is called {end!r}{nearest(str(end), links)}")
+                    add_mistake(joint, f"no link is called {end!r}{nearest(str(end), links)}")
             if joint.child in joint_of:
-                say(joint, f"{joint.child!r} is carried by {joint_of[joint.child].name!r} already")
-            if joint.type not in _WORDS:
-                say(joint, f"found the type {joint.type!r}; allowed: {', '.join(_WORDS)}")
+                add_mistake(
+                    joint, f"{joint.child!r} is carried by {joint_of[joint.child].name!r} already"
+                )
+            if joint.type not in _JOINT_TYPES:
+                add_mistake(
+                    joint, f"found the type {joint.type!r}; allowed: {', '.join(_JOINT_TYPES)}"
+                )
             joint_of.setdefault(joint.child, joint)
         for joint in [] if mistakes else self.robot.joints:
             ancestor, visited = joint, {joint.child}
@@ -182,7 +186,7 @@ class _Robot:
                 visited.add(ancestor.parent)
                 ancestor = joint_of.get(ancestor.parent)
             if ancestor is not None:
-                say(joint, "carries itself: links and joints form a circle")
+                add_mistake(joint, "carries itself: links and joints form a cycle")
         if mistakes:
             raise ExchangeError(mistakes)
         return joint_of
@@ -206,20 +210,20 @@ class _Robot:
                 slide |= _damped(joint)
                 self.draft.bodies.append(body_data(frame, parent_frame, slide))
                 parent_frame, R, r = frame, np.eye(4)[0], np.zeros(3)
-        word = _WORDS[joint.type]
-        data: dict[str, Any] = {"type": word}
-        if word != "fixed":
+        joint_type = _JOINT_TYPES[joint.type]
+        data: dict[str, Any] = {"type": joint_type}
+        if joint_type != "fixed":
             data |= self.draft.joint_name(name, joint.name, line)
-        if word in ("revolute", "prismatic"):
+        if joint_type in ("revolute", "prismatic"):
             if not np.any(axis):
                 raise self.file.mistake("found an axis of zero length", line, f"joint {joint.name}")
             data["axis"] = numbers(axis)
         data |= pose_keys(r, R)
-        if word != "fixed":
-            data |= self._passive(joint, word, line, data.get("name", name))
+        if joint_type != "fixed":
+            data |= self._passive(joint, joint_type, line, data.get("name", name))
         self._body(link, body_data(name, parent_frame, data))
 
-    def _passive(self, joint: Any, word: str, line: int | None, part: str) -> dict[str, Any]:
+    def _passive(self, joint: Any, joint_type: str, line: int | None, part: str) -> dict[str, Any]:
         """Damping and limits of a joint; the report notes the rest."""
         data: dict[str, Any] = {}
 
@@ -256,12 +260,12 @@ class _Robot:
                     data["com"] = com
             if inertial.mass or np.any(inertia):
                 data["inertia"] = inertia_data(
-                    R @ self._possible(inertia, link.name, data["name"]) @ R.T
+                    R @ self._physical_inertia(inertia, link.name, data["name"]) @ R.T
                 )
         add_shapes(self.draft, link, data, self.materials, self.capsules)
         self.draft.bodies.append(data)
 
-    def _possible(self, inertia: Array, link: str, part: str) -> Array:
+    def _physical_inertia(self, inertia: Array, link: str, part: str) -> Array:
         """The inertia (3, 3), changed to one that a solid can have; the report notes changes.
 
         If products make it singular or negative, as in six equal numbers, only the moments stay.
@@ -275,7 +279,7 @@ class _Robot:
         if a <= small and np.any(products) and np.all(np.diag(inertia) > 0.0):
             text = "has products of inertia that no solid has; here it has its moments alone"
             self.draft.note("link", link, text, line, part)
-            return self._possible(np.diag(np.diag(inertia)), link, part)
+            return self._physical_inertia(np.diag(np.diag(inertia)), link, part)
         if a < 0.0:
             return inertia
         text = (
@@ -322,33 +326,33 @@ def _check(file: ModelFile) -> None:
     mistakes: list[Mistake] = []
     first_lines: dict[tuple[str, str], int] = {}
 
-    def say(element: Element, text: str) -> None:
+    def add_mistake(element: Element, text: str) -> None:
         mistakes.append(Mistake(file.name, element.line, element.tag, text))
 
     for element in file.elements:
         tag, attributes = element.tag, element.attributes
         required_here = element.depth == 1 or tag not in ("link", "joint")
-        for key in _NEEDED.get(tag, ()) if required_here and element.known else ():
+        for key in _REQUIRED_ATTRIBUTES.get(tag, ()) if required_here and element.known else ():
             if key not in attributes:
-                say(element, f"{key} is missing")
+                add_mistake(element, f"{key} is missing")
         if element.depth == 1 and tag in ("link", "joint") and "name" in attributes:
             first = first_lines.setdefault((tag, attributes["name"]), element.line)
             if first != element.line:
-                say(element, f"{attributes['name']!r} is there already, in line {first}")
+                add_mistake(element, f"{attributes['name']!r} occurs already, in line {first}")
             for end in ("parent", "child") if tag == "joint" else ():
                 if end not in element.inside:
-                    say(element, f"<{end}> is missing")
+                    add_mistake(element, f"<{end}> is missing")
         inside = {name for name in element.inside if not name.startswith(XACRO)}
         if tag == "geometry" and element.known and inside and len(inside & SOLIDS) != 1:
             listed = ", ".join(sorted(inside))
-            say(element, f"found {listed[:60]}; needed: one of {', '.join(sorted(SOLIDS))}")
+            add_mistake(element, f"found {listed[:60]}; needed: one of {', '.join(sorted(SOLIDS))}")
         for key, text in attributes.items():
-            sizes = _SIZES.get((tag, key))
-            plain = text.replace(",", " ") if tag in ("box", "mesh") else text
-            if sizes and element.known and not _are_numbers(plain, sizes):
+            sizes = _VALUE_COUNTS.get((tag, key))
+            spaced = text.replace(",", " ") if tag in ("box", "mesh") else text
+            if sizes and element.known and not _are_numbers(spaced, sizes):
                 count = " or ".join(map(str, sizes))
                 needed = f"{count} finite number{'' if sizes == (1,) else 's'}"
-                say(element, f"{key}: found {text[:60]!r}; needed: {needed}")
+                add_mistake(element, f"{key}: found {text[:60]!r}; needed: {needed}")
     if mistakes:
         raise ExchangeError(mistakes)
 

@@ -16,7 +16,7 @@ from fantoccini.output.reports import identified_plots
 if TYPE_CHECKING:
     from fantoccini.lab.identification import Identified
 
-MAX_NAMED = 12
+MAX_LISTED = 12
 """Largest number of outliers and of pairs that are listed."""
 _HIGH_CORRELATION = 0.9
 """Correlation of two unknowns above which the pair is listed."""
@@ -26,7 +26,7 @@ _HIGH_PRIOR_SHARE = 0.9
 """Share of prior knowledge above which an estimate is marked: the record adds little."""
 
 
-def identified_report(found: Identified, path: str | os.PathLike[str]) -> Path:
+def identified_report(result: Identified, path: str | os.PathLike[str]) -> Path:
     """Writes the report of an identification: one HTML file, pictures included.
 
     It has the estimates with their intervals, combinations that the record does not determine,
@@ -34,7 +34,7 @@ def identified_report(found: Identified, path: str | os.PathLike[str]) -> Path:
     correlations.
 
     Args:
-        found: result of :func:`fantoccini.identify`.
+        result: result of :func:`fantoccini.identify`.
         path: path that ends in ``.html``.
 
     Returns:
@@ -44,7 +44,7 @@ def identified_report(found: Identified, path: str | os.PathLike[str]) -> Path:
         ValueError: the path has another ending.
         PictureError: it cannot be written.
     """
-    return write_page(path, lambda: _page(found))
+    return write_page(path, lambda: _page(result))
 
 
 def _page(result: Identified) -> Page:
@@ -56,13 +56,13 @@ def _page(result: Identified) -> Page:
         else "No reason for doubt: the residuals look like noise"
     )
     page = Page(f"{title}: identification", title)
-    page.text(_facts(result))
+    page.text(_key_numbers(result))
     page.verdict(f"{verdict}.", not reasons)
     page.items(reasons)
     page.section("Numbers")
     page.table(number_table(result))
-    page.note(_before(result))
-    page.note(_held(result))
+    page.note(_prior_note(result))
+    page.note(_fixed_note(result))
     page.note(
         "The intervals account for noise only: they assume that every other number of the "
         "puppet's file is right. An error there that the estimates can compensate leaves no "
@@ -84,7 +84,7 @@ def _page(result: Identified) -> Page:
     return page
 
 
-def _facts(result: Identified) -> str:
+def _key_numbers(result: Identified) -> str:
     record = result.record
     return (
         f"{result.t[-1] - result.t[0]:.1f} s of the puppet {record.marionette.name}, "
@@ -94,7 +94,7 @@ def _facts(result: Identified) -> str:
     )
 
 
-def _before(result: Identified) -> str:
+def _prior_note(result: Identified) -> str:
     if not from_before(result):
         return ""
     return (
@@ -103,7 +103,7 @@ def _before(result: Identified) -> str:
     )
 
 
-def _held(result: Identified) -> str:
+def _fixed_note(result: Identified) -> str:
     """Parameters that were not estimated, and coordinates that the inputs do not move."""
     marionette = result.record.marionette
     unknowns = {unknown.name for unknown in result.record.unknowns}
@@ -201,7 +201,7 @@ def _correlated(page: Page, result: Identified) -> None:
         "If the correlation of two numbers is near +1 or -1, the record determines only one "
         "combination of them; measuring one gives the other."
     )
-    page.items(lines[:MAX_NAMED])
+    page.items(lines[:MAX_LISTED])
     share = max(0.3, min(0.7, 0.032 * (n + 5)))
     page.drawing(identified_plots.correlations(result), "Correlations of the unknowns", share)
 
@@ -211,7 +211,7 @@ def _residuals(page: Page, result: Identified) -> None:
     outliers = [
         f"{outlier.column} at {outlier.t:.3f} s {outlier.residual:+.1f}"
         for outlier in sorted(result.outliers, key=lambda outlier: -abs(outlier.residual))[
-            :MAX_NAMED
+            :MAX_LISTED
         ]
     ]
     if more := len(result.outliers) - len(outliers):
@@ -270,7 +270,7 @@ def _largest_jumps(result: Identified) -> str:
     """Sentence about the largest jumps, one for each time."""
     sizes, names = np.abs(result.jumps), jump_names(result)
     largest = np.max(sizes, axis=1)
-    indices = [k for k in np.argsort(-largest) if largest[k] > _LARGE_JUMP][:MAX_NAMED]
+    indices = [k for k in np.argsort(-largest) if largest[k] > _LARGE_JUMP][:MAX_LISTED]
     words = [
         f"{largest[k]:.0f} at {result.starts[k + 1] + result.delay:.2f} s "
         f"({names[int(np.argmax(sizes[k]))]})"
@@ -283,7 +283,7 @@ def _jumps(page: Page, result: Identified) -> None:
     """Adds the jumps between segments, which show where the model is wrong."""
     if len(result.starts) < 2:
         return
-    lost = [f"{t + result.delay:.2f} s" for t in result.lost[:MAX_NAMED]]
+    lost = [f"{t + result.delay:.2f} s" for t in result.lost[:MAX_LISTED]]
     more = len(result.lost) - len(lost)
     rest = f" and {more} more." if more else "."
     page.section("Jumps between segments")
@@ -294,7 +294,7 @@ def _jumps(page: Page, result: Identified) -> None:
         "complete, and show when and where it is not: a single large one is a catch in another "
         "order; a coordinate of one colour is a wrong force or position."
     )
-    page.items(str(line) for line in leaning(result)[:MAX_NAMED])
+    page.items(str(line) for line in leaning(result)[:MAX_LISTED])
     page.text(_largest_jumps(result))
     page.text(f"Rejected segments, from: {', '.join(lost)}{rest}" if lost else "")
     page.plots([(identified_plots.jumps(result), "Jumps between segments, by coordinate")])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.lab.identification import LISTED, channel_units
+from fantoccini.lab.identification import OUTLIER_RESIDUAL, channel_units
 from fantoccini.output.reports.panels import (
     COLUMNS,
     WIDTH,
@@ -67,7 +67,7 @@ def _draw_channel(axes: Axes, result: Identified, j: int, theme: Theme) -> None:
     _shade_rejected(axes, result)
     axes.plot(t, samples, ".", markersize=1.8, color=theme.colour(0), alpha=0.55)
     axes.plot(*with_gaps(t, result.predicted[:, j]), color=theme.ink, linewidth=0.7)
-    outliers = np.abs(r) > LISTED * result.noise[result.record.channels.names[j]]
+    outliers = np.abs(r) > OUTLIER_RESIDUAL * result.noise[result.record.channels.names[j]]
     low, high = _range(np.concatenate([result.predicted[:, j], samples[~outliers]]))
     _draw_outliers(axes, t[outliers], np.clip(samples[outliers], low, high))
     axes.set_ylim(low, high)
@@ -124,7 +124,7 @@ def _draw_residuals(axes: Axes, result: Identified, indices: list[int], theme: T
     for k, j in enumerate(indices):
         z = _scaled(result, j)
         axes.plot(t, z, ".", markersize=1.8, color=theme.colour(k), alpha=0.35)
-        outliers = np.abs(z) > LISTED
+        outliers = np.abs(z) > OUTLIER_RESIDUAL
         _draw_outliers(axes, t[outliers], np.clip(z[outliers], -_MAX_RESIDUAL, _MAX_RESIDUAL))
         label = names[j].rsplit(".", 1)[-1] if len(indices) > 1 else None
         axes.plot(
@@ -165,7 +165,9 @@ def _draw_histogram(axes: Axes, result: Identified, indices: list[int], theme: T
 def _running_mean(t: Array, z: Array) -> Array:
     """Mean of the samples around each time; NaN where most are missing."""
     finite = np.isfinite(z)
-    total = np.concatenate([[0.0], np.cumsum(np.where(finite, np.clip(z, -LISTED, LISTED), 0.0))])
+    total = np.concatenate(
+        [[0.0], np.cumsum(np.where(finite, np.clip(z, -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL), 0.0))]
+    )
     count = np.concatenate([[0], np.cumsum(finite)])
     low = np.searchsorted(t, t - 0.5 * AVERAGING_TIME)
     high = np.searchsorted(t, t + 0.5 * AVERAGING_TIME, side="right")

@@ -64,7 +64,7 @@ class Geometry:
         chains: (T, n_points, 3) ends and masses of each chain [m].
         pulls: (T, n_chains) mean force of the springs of each chain [N].
         chain_colours: colours of chains, in the form of ``colours``.
-        floor: height of the plane that shadows fall on [m].
+        floor: height of the plane with the shadows [m].
         ground: whether that plane is the world's floor, on which slack strings lie.
         plane: mirror plane of the puppet, or None.
         size: largest side of the bounding box of puppet and strings at the first time [m].
@@ -222,7 +222,7 @@ def _arrows(run: Trajectory, size: float) -> tuple[np.ndarray, ...]:
     """(n, 2, 3) arrows of contact forces at each sample [m].
 
     Lengths are proportional to the forces: 9 of 10 are below 0.15 ``size``. Arrows of impacts are
-    cut at twice that.
+    shortened to twice that.
     """
     contact = run.contact
     if contact is None:
@@ -238,7 +238,7 @@ def force_arrows(contact: ContactPoints, reference: float, size: float) -> np.nd
 
     Args:
         contact: the contact points.
-        reference: force of an arrow of 0.15 ``size`` [N]; arrows are cut at twice that.
+        reference: force of an arrow of 0.15 ``size`` [N]; arrows are at most twice as long.
         size: size of the scene [m].
     """
     force = np.linalg.norm(contact.force, axis=1)
