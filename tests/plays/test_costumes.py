@@ -23,9 +23,9 @@ def test_players_of_one_file_wear_other_colours_on_the_stage(tmp_path):
     of_body = {body.name: body.shapes[0].colour for body in players.whole.puppet.expanded().bodies}
     assert of_body == {"one.ball": GREEN, "two.ball": BLUE}
     # Each is alone as the file has it, and both are compiled once.
-    one, two = players.players.values()
-    assert one.alone is two.alone
-    assert one.alone.puppet.expanded().bodies[0].shapes[0].colour == RED
+    first, second = players.players.values()
+    assert first.alone is second.alone
+    assert first.alone.puppet.expanded().bodies[0].shapes[0].colour == RED
 
 
 def test_a_colour_that_the_puppet_lacks_is_a_mistake_at_its_line(tmp_path):
