@@ -9,7 +9,7 @@ from fantoccini.base import nearest
 from fantoccini.model.puppet import Puppet, Shape, String
 from fantoccini.theatre.script import ScriptLog, Spot
 
-T = TypeVar("T", bound=Shape | String)
+T = TypeVar("T", Shape, String)
 
 
 def in_costume(puppet: Puppet, colours: Mapping[str, str], spot: Spot, log: ScriptLog) -> Puppet:

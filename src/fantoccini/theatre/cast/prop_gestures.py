@@ -39,11 +39,9 @@ _TAKES, _TAKEN = 0.09, (0.083, -0.005)
 rest: forward, aside [m]."""
 _LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
 """Upward offsets: receiver's hand before and after it takes the prop; giver's after that [m]."""
-_BESIDE, _THICKER = 0.051, 0.0145
-"""Distance between the two forearms [m]; its increase with the ratio of each arm's length, which is
-the radius of an upper arm [m]."""
-_STEP = 0.24
-"""Length of the receiver's step to the side, for arms of 19 cm or shorter ones [m]."""
+_BESIDE, _STEP = 0.051, 0.24
+"""Distance between the two forearms, which the prop's bar determines, and length of the receiver's
+step to the side, for arms of 19 cm or shorter ones [m]."""
 _KNEE_CLEARANCE = 0.05
 """Distance by which the receiver's knee string moves back to make way for the prop, for legs of
 26.4 cm [m]."""
@@ -247,8 +245,7 @@ def _beside(
     held += (elbow[0], sign * elbow[1])
     forward, aside = scale_taking * _TAKEN[0] + elbow_taking[0], _TAKEN[1] * scale_taking
     aside += -sign * elbow_taking[1]
-    aside += _BESIDE + _THICKER * (scale + scale_taking - 2.0)
-    return float(held[0] - forward), sign * float(held[1] + aside)
+    return float(held[0] - forward), sign * float(held[1] + aside + _BESIDE)
 
 
 def along_forearm(
