@@ -241,6 +241,9 @@ def test_strings_of_the_pelvis_stay_above_it_while_a_puppet_sits(hans):
     assert physique.tie_height_ratio("seat") == pytest.approx(0.025 / 0.21, abs=1e-3)
     leans = physique.leg_ratio * 0.075
     assert seated["crown.x"] == pytest.approx(leans - sitting.back)
+    # Its trunk bends forward on the way down, over the pelvis, and does not fall back.
+    assert physique.holds_pelvis and not Physique.of(fan.puppets.marionette()).holds_pelvis
+    assert offsets_at(sitting.down, 2.5)["crown.x"] == pytest.approx(leans - sitting.back)
     assert seated["seat.x"] == pytest.approx(
         physique.tie_height_ratio("seat") * leans - sitting.back
     )

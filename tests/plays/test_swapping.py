@@ -38,8 +38,8 @@ def test_two_players_change_places_and_keep_their_distance(plays):
     play = plays.compiled(SWAP)
     assert not play.changes
     assert [cue.passes for cue in play.cues] == ["columbine gives way", "gives way to pierrot"]
-    first_cue, second_cue = play.cues
-    assert first_cue.start == second_cue.start < 0.2
+    starts = [cue.start for cue in play.cues]
+    assert max(starts) < 0.2 and np.ptp(starts) < 1e-4
     first, second = (play.ways[name][-1] for name in ("pierrot", "columbine"))
     assert first.length == pytest.approx(1.2)
     assert second.length > 1.25

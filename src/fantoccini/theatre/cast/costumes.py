@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 from fantoccini.base import nearest
 from fantoccini.model.puppet import Puppet, Shape, String
 from fantoccini.theatre.script import ScriptLog, Spot
+
+T = TypeVar("T", Shape, String)
 
 
 def in_costume(puppet: Puppet, colours: Mapping[str, str], spot: Spot, log: ScriptLog) -> Puppet:
@@ -31,7 +34,7 @@ def in_costume(puppet: Puppet, colours: Mapping[str, str], spot: Spot, log: Scri
             text = f"found {key!r}; needed: one of the puppet's colours ({known}) or of its bodies"
             log.mistakes.add((*spot, key), text + nearest(key, sorted(own | bodies)))
 
-    def dyed(part: Shape | String, body: str = "") -> Shape | String:
+    def dyed(part: T, body: str = "") -> T:
         colour = colours.get(body) or colours.get(part.colour or "", part.colour)
         return part.model_copy(update={"colour": colour})
 

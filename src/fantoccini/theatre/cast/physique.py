@@ -120,8 +120,8 @@ class Physique:
     def trunk_strings(self) -> tuple[str, ...]:
         """Names of the strings that move with the trunk.
 
-        They are tied to the trunk, or to the parts on it: head, neck, wings, tail, upper arms.
-        """
+                        They are tied to the trunk or to parts that it carries: head, neck, wings, tail, upper arms.
+                """
         own = {name: part for part, name in self._limb_strings}
         return tuple(
             name
@@ -150,6 +150,14 @@ class Physique:
         return x.q_D, x.q_K
 
     @cached_property
+    def holds_pelvis(self) -> bool:
+        """Whether a string is tied to the trunk nearer to the hips than to its top."""
+        return any(
+            self._is_tied(name, self.roles.body_map.trunk) and self.tie_height_ratio(name) < 0.5
+            for name in self.trunk_strings
+        )
+
+    @cached_property
     def followers(self) -> Mapping[str, str]:
         """Further string of a limb -> the string that lifts the same body, and with which it moves.
 
@@ -175,11 +183,14 @@ class Physique:
 
     def _is_at_root(self, part: str, string: str) -> bool:
         """Whether a string is tied to the first body of a limb."""
+        return self._is_tied(string, self.limb(part).bodies[:1])
+
+    def _is_tied(self, string: str, bodies: tuple[str, ...]) -> bool:
         tree = self.stage.tree
-        root = self.stage.link_index(self.limb(part).bodies[0])
+        links = {self.stage.link_index(body) for body in bodies}
         rows = (*tree.strings, *tree.chains)
         row = next(row for row in rows if row.name == self.roles.prefix + string)
-        return any(point.link == root for point in row.points)
+        return any(point.link in links for point in row.points)
 
     def end(self, start: State, string: str) -> complex:
         """End of a string relative to the middle between those that carry the trunk [m].

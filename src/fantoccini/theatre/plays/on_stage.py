@@ -27,7 +27,7 @@ class OnStage:
         seated: player -> seat on which it sits.
         met: meetings of the cues placed so far.
         calmed: (cue, player) -> time at which it begins to damp its swing [s].
-        passes: cue -> who gives way, where two players pass one another.
+        passes: cue -> player that gives way, in words, where two pass one another.
         parts: parts of the players in the cue that is being placed.
     """
 

@@ -83,7 +83,7 @@ class Placement:
         starts: player -> times at which its cues begin [s].
         ways: player -> its walks.
         meetings: players and props that may touch, with times.
-        passes: cue -> who gives way, where two players pass one another.
+        passes: cue -> player that gives way, in words, where two pass one another.
         calmed: (cue, player) -> time from which the player's swing is damped [s].
     """
 

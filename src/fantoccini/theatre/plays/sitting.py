@@ -135,13 +135,15 @@ def _trunk(
 ) -> tuple[dict[str, Waypoints], dict[str, Waypoints]]:
     """Waypoints of the strings of trunk and head: down, and up."""
     size = physique.leg_ratio
-    first, sagged, rests = distance - size * _SITS_BACK, drop + size * _SAG, drop + size * _SLACK
+    sagged, rests = drop + size * _SAG, drop + size * _SLACK
     down: dict[str, Waypoints] = {}
     up: dict[str, Waypoints] = {}
     for string in physique.trunk_strings:
         # Strings of the pelvis stay above it; those of shoulders and head set the trunk upright.
         ahead = size * physique.tie_height_ratio(string)
         seated, bent = distance - ahead * _LEANS, distance - ahead * _RISES
+        # A pelvis with a string goes back first, and the trunk bends forward over it.
+        first = seated if physique.holds_pelvis else distance - size * _SITS_BACK
         down[f"{string}.down"] = [
             (0, 0),
             (0.4, 0),

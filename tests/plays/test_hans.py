@@ -1,0 +1,83 @@
+"""The bundled puppet of other proportions and names sits down, and stands up again."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+import fantoccini as fan
+from fantoccini.model import scene as scenes
+from fantoccini.model.puppet import bundled
+from fantoccini.theatre import cast
+from fantoccini.theatre.cast import ContactBodies, sitting
+from fantoccini.theatre.cast.contacts import rules_of
+from fantoccini.theatre.plays.sitting import sit
+
+pytestmark = pytest.mark.slow
+
+CHAIR = YAML(typ="safe").load(files(cast).joinpath("prop_files", "chair.yaml").read_text())
+LIFT = 0.025
+"""Length wound in at the start, as in plays [m]."""
+BACK = 0.135 * 0.25824 / 0.26417
+"""Distance of the seat behind a puppet with the legs of hans [m]."""
+
+
+def on_a_chair() -> fan.Marionette:
+    """Hans in front of a chair."""
+    hans = fan.puppets.hans()
+    pose, start = {}, hans.state()
+    for name in (*hans.coordinates.q_D, *hans.coordinates.q_K):
+        if name.endswith((".length", ".z")):
+            pose[name] = float(start[name]) + (LIFT if name.endswith(".z") else -LIFT)
+    pairs = sitting(ContactBodies.of("hans", hans.body_map), "chair")
+    pairs |= {frozenset(("chair", "floor"))}
+    scene = fan.Scene(
+        scene="seat",
+        floor=0.0,
+        puppets=[{"name": "hans", "puppet": scenes.load(bundled("hans")), "pose": pose}],
+        props=[{"name": "chair", "at": [-BACK, 0, 0], "shapes": CHAIR["shapes"]}],
+        contact=rules_of(pairs, lambda name: name.removeprefix("hans.")),
+    )
+    return fan.Marionette(scene)
+
+
+def test_hans_sits_upright_and_his_head_stays_before_the_string_of_his_pelvis():
+    stage = on_a_chair()
+    x0 = stage.rest()
+    sits = sit(stage, "", "chair", CHAIR["seat"], start=x0)
+    assert sits.back == pytest.approx(BACK, abs=1e-6)
+    motion = sits.down.then(sits.down.rest(stage, 1.5, everything=False), sits.up)
+    method = fan.TimeStepping(dt=1e-3)
+    run = fan.simulate(
+        stage, x0, motion.inputs(x0), t_end=motion.duration + 1.0, method=method, save_every=10
+    )
+    assert run.status is fan.Status.DONE
+    poses = stage.poses(run.q_D, run.q_K)
+
+    def along(name: str) -> np.ndarray:
+        """(T, 60, 3) points along a string [m]."""
+        row = next(row for row in stage.tree.strings if row.name == name)
+        first, last = (
+            poses[:, point.link, :, :3] @ np.array([float(x) for x in point.at])
+            + poses[:, point.link, :, 3]
+            for point in (row.points[0], row.points[-1])
+        )
+        return first[:, None] + np.linspace(0.0, 1.0, 60)[:, None] * (last - first)[:, None]
+
+    crown, seat = along("crown"), along("seat")
+    gaps = np.linalg.norm(crown[:, :, None] - seat[:, None], axis=3)
+    assert gaps.min() > 0.015
+    k = int(np.searchsorted(run.t, 5.0))
+    for body in ("chest", "pelvis"):
+        assert poses[k, stage.link_index(body)][2, 2] > np.cos(np.radians(35.0))
+    floor = run.contact.of("chair", "floor")
+    bears = np.zeros(len(run))
+    np.add.at(bears, floor.sample, np.abs(floor.force[:, 2]))
+    mass = sum(shape["mass"] for shape in CHAIR["shapes"])
+    share = (bears - mass * 9.81) / (stage.weight - mass * 9.81)
+    seated, stands = (run.t > 4.5) & (run.t < 5.4), run.t > motion.duration
+    assert share[seated].min() > 0.2
+    assert abs(share[stands].mean()) < 0.05
