@@ -45,7 +45,8 @@ class DrivenStep:
         end = self._end_rates.copy()
         for _, v in self._quaternions:
             here = slice(v, v + 3)
-            end[here] = rotation.right_jacobian(self._move[here]) @ end[here]
+            if self._move[here].any():  # most bodies keep still in most steps
+                end[here] = rotation.right_jacobian(self._move[here]) @ end[here]
         self.rate = self._move / dt
         self.mean = (end - v_K) / dt
 

@@ -289,10 +289,11 @@ def _inputs(
             step = DrivenStep(t.quaternions_K, v_K[i], acc[i], dt)
             rate[i], mean[i] = step.rate, step.mean
             v_K[i + 1] = v_K[i] + dt * step.mean
-            for q, v in t.quaternions_K:
-                turn = rotation.exp(dt * step.rate[v : v + 3])
-                q_K[i + 1, q : q + 4] = rotation.multiply(q_K[i, q : q + 4], turn)
             driven.append(step)
+    for q, v in t.quaternions_K:
+        turns = rotation.exp(dt * rate[:, v : v + 3])
+        for i in range(n):
+            q_K[i + 1, q : q + 4] = rotation.multiply(q_K[i, q : q + 4], turns[i])
     for q, v in t.scalars_K:
         q_K[1:, q] += dt * np.cumsum(rate[:, v])
     return {"q_K": q_K, "v_K": v_K, "rate": rate, "mean": mean}, tuple(driven)
