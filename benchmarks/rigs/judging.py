@@ -19,7 +19,7 @@ MAX_SLIDE, DISTANCE = 2e-3, 1.0
 """Largest slide of a foot in a step, and length of the walk [m]."""
 _MAX_DISTANCE_ERROR = 0.05
 """Largest relative error of the distance, of a puppet that walks."""
-FIRST_GAITS = {n: Gait() if n == 1 else Gait(pattern="trot", duty=0.26) for n in (1, 2, 3)}
+FIRST_GAITS = {n: Gait() if n == 1 else Gait(pattern="trot", duty=0.3) for n in (1, 2, 3)}
 """Number of pairs of legs -> gait with which the search begins; puppets on two legs walk."""
 _MIN_FORCE = 1e-6
 """Normal force above which a contact counts, relative to the weight."""

@@ -77,8 +77,11 @@ _MIN_SPREAD_SHARE = 0.2
 """Share of the first spreads below which the search ends."""
 _MIN_LIFT = 0.03
 """Least lift of a foot, relative to the legs' length."""
-_MAX_DISTANCE_ERROR = 0.03
-"""Relative error of the distance that is not penalised."""
+_MAX_DISTANCE_ERROR, _PENALISED_STANDING_SHARE = 0.03, MIN_STANDING_SHARE + 0.05
+"""Relative error of the distance, and share of a cycle on the floor, that are not penalised.
+
+Both are stricter than for a puppet that walks, since the separate run differs.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,8 +206,18 @@ def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
     """Gait and feet of :func:`_packed`."""
     numbers, slide, lift, stands, *scalars = arrays
     values = dict(zip(SEARCHED_PARAMETERS, numbers.tolist(), strict=True))
-    *floats, status = map(float, scalars)
-    feet = Footfalls(slide, lift, stands, *floats, Status(int(status)))
+    distance, asked_distance, distance_error, turn, upright, status = map(float, scalars)
+    feet = Footfalls(
+        slide,
+        lift,
+        stands,
+        distance,
+        asked_distance,
+        distance_error,
+        turn,
+        upright,
+        Status(int(status)),
+    )
     return TunedGait(dataclasses.replace(first, **values), feet)
 
 
@@ -217,7 +230,7 @@ def _searched(steps: _Steps, first: Gait, rounds: int, draws: Draws) -> tuple[Tu
     Raises:
         KeyboardInterrupt: Ctrl-C in a search.
     """
-    best, least, share, is_complete = first, np.inf, 1.0, True
+    best, lowest_cost, share, is_complete = first, np.inf, 1.0, True
 
     def gait_of(v: dict[str, float]) -> Gait:
         clipped: dict[str, Any] = {k: float(np.clip(x, *_RANGES[k])) for k, x in v.items()}
@@ -238,9 +251,9 @@ def _searched(steps: _Steps, first: Gait, rounds: int, draws: Draws) -> tuple[Tu
         if tuned.status is AnswerStatus.STOPPED:
             raise KeyboardInterrupt
         is_complete = is_complete and tuned.status is not AnswerStatus.TIMEOUT
-        share *= 1.0 if tuned.cost < least else 0.5
-        best, least = gait_of(tuned.values), tuned.cost
-        if least < _GOOD_COST or share < _MIN_SPREAD_SHARE:
+        share *= 1.0 if tuned.cost < lowest_cost else 0.5
+        best, lowest_cost = gait_of(tuned.values), tuned.cost
+        if lowest_cost < _GOOD_COST or share < _MIN_SPREAD_SHARE:
             break
     return steps.checked(best), is_complete
 
@@ -253,7 +266,7 @@ def gait_cost(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> float:
         0.3 * slide.mean()
         + 0.7 * slide.max()
         + 30.0 * max(0.0, _MIN_LIFT - feet.lift[:-1].min() / L)
-        + 20.0 * max(0.0, MIN_STANDING_SHARE - feet.standing_share)
+        + 20.0 * max(0.0, _PENALISED_STANDING_SHARE - feet.standing_share)
         + 20.0 * max(0.0, feet.distance_error - _MAX_DISTANCE_ERROR)
         + 20.0 * max(0.0, 0.95 - feet.upright)
     )
