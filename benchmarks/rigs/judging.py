@@ -19,6 +19,8 @@ MAX_SLIDE, DISTANCE = 2e-3, 1.0
 """Largest slide of a foot in a step, and length of the walk [m]."""
 _MAX_DISTANCE_ERROR = 0.05
 """Largest relative error of the distance, of a puppet that walks."""
+FIRST_GAITS = {n: Gait() if n == 1 else Gait(pattern="trot", duty=0.3) for n in (1, 2, 3)}
+"""Number of pairs of legs -> gait with which the search begins; puppets on two legs walk."""
 _MIN_FORCE = 1e-6
 """Normal force above which a contact counts, relative to the weight."""
 
@@ -74,7 +76,7 @@ def judge(seed: int, rounds: int) -> Verdict:
         own = [limb for limb in roles.body_map.limbs if limb.kind == "leg" and limb.strings]
         mapped = {limb.bodies[-1].removeprefix("rig.") for limb in own} == set(rig.legs)
         bows = bow(stage, roles)
-        tuned = find_gait(stage, Gait(), rounds=rounds)
+        tuned = find_gait(stage, FIRST_GAITS[rig.n_pairs], rounds=rounds)
         status = tuned.status
         slide, force, distance = walk(stage, roles, tuned.gait)
     except FantocciniError as error:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +24,7 @@ from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
 from fantoccini.kernel.build import RESULTS, results_fingerprint
-from fantoccini.motion import Trajectory
+from fantoccini.motion import Input, State, Trajectory
 from fantoccini.theatre.gaits.gait import SEARCHED_PARAMETERS, Gait
 from fantoccini.theatre.gaits.sliding import (
     MAX_SLIDE,
@@ -72,10 +73,15 @@ _RANGES = {
     "top": (0.2, 0.7),
 }
 """First spreads of the numbers, and the ranges to which they are clipped."""
+_MIN_SPREAD_SHARE = 0.2
+"""Share of the first spreads below which the search ends."""
 _MIN_LIFT = 0.03
 """Least lift of a foot, relative to the legs' length."""
-_MAX_DISTANCE_ERROR = 0.03
-"""Relative error of the distance that is not penalised."""
+_MAX_DISTANCE_ERROR, _PENALISED_STANDING_SHARE = 0.03, MIN_STANDING_SHARE + 0.05
+"""Relative error of the distance, and share of a cycle on the floor, that are not penalised.
+
+Both are stricter than for a puppet that walks, since the separate run differs.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,31 +147,52 @@ def find_gait(
     arrays = RESULTS.read(key)
     if arrays is not None:
         return _unpacked(first, arrays)
-    gait, is_complete = _searched(stage, first, member, rounds, draws)
-    tuned = TunedGait(gait, _checked(stage, gait, member))
+    tuned, is_complete = _searched(_Steps.of(stage, member), first, rounds, draws)
     if is_complete:
         RESULTS.write(key, _packed(tuned))
     return tuned
 
 
-def _checked(stage: Marionette, gait: Gait, member: str) -> Footfalls:
-    """Feet in a separate run of the steps of the search."""
-    x0 = stage.rest()
-    run = simulate(
-        stage,
-        x0,
-        gait.inputs(stage, _N_STEPS, x0, member=member),
-        gait.duration(_N_STEPS) + _TIME_AFTER,
-        method=TimeStepping(dt=_CHECK_TIME_STEP),
-        save_every=_CHECK_SAVE_EVERY,
-        throw=False,
-    )
-    return footfalls(_roles(stage, member), run, gait, _N_STEPS)
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """Steps of a search: the puppet, its start, and the lengths at which it stands.
 
+    Attributes:
+        roles: parts of the puppet.
+        x0: rest at the start of all runs.
+        lengths: result of :func:`standing_lengths`.
+    """
 
-def _roles(stage: Marionette, member: str) -> Roles:
-    members = stage.puppet.members
-    return Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
+    roles: Roles
+    x0: State
+    lengths: Mapping[str, float]
+
+    @classmethod
+    def of(cls, stage: Marionette, member: str) -> _Steps:
+        """Steps of a puppet, or of a scene's member."""
+        members = stage.puppet.members
+        roles = Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
+        x0 = stage.rest()
+        return cls(roles, x0, standing_lengths(roles, x0))
+
+    def inputs(self, gait: Gait) -> Input:
+        """Motion of a gait's steps."""
+        length = gait.stride * leg_length(self.roles.body_map)
+        steps = [Step(length)] * _N_STEPS
+        return gait.gesture(Ends(self.roles, self.x0), steps, self.lengths).inputs(self.x0)
+
+    def checked(self, gait: Gait) -> TunedGait:
+        """The gait, with its feet in a separate run."""
+        run = simulate(
+            self.roles.marionette,
+            self.x0,
+            self.inputs(gait),
+            gait.duration(_N_STEPS) + _TIME_AFTER,
+            method=TimeStepping(dt=_CHECK_TIME_STEP),
+            save_every=_CHECK_SAVE_EVERY,
+            throw=False,
+        )
+        return TunedGait(gait, footfalls(self.roles, run, gait, _N_STEPS))
 
 
 def _packed(tuned: TunedGait) -> list[Array]:
@@ -194,19 +221,16 @@ def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
     return TunedGait(dataclasses.replace(first, **values), feet)
 
 
-def _searched(
-    stage: Marionette, first: Gait, member: str, rounds: int, draws: Draws
-) -> tuple[Gait, bool]:
-    """Gait of the least cost, and whether the search was complete.
+def _searched(steps: _Steps, first: Gait, rounds: int, draws: Draws) -> tuple[TunedGait, bool]:
+    """Gait of the least cost with its feet, and whether the search was complete.
 
-    It ends early when the feet hardly slide.
+    Spreads are halved after a search that finds nothing better. The search ends early when the feet
+    hardly slide, or when the spreads are narrow.
 
     Raises:
         KeyboardInterrupt: Ctrl-C in a search.
     """
-    roles, x0, best, is_complete = _roles(stage, member), stage.rest(), first, True
-    lengths = standing_lengths(roles, x0)
-    path = [Step(first.stride * leg_length(roles.body_map))] * _N_STEPS
+    best, lowest_cost, share, is_complete = first, np.inf, 1.0, True
 
     def gait_of(v: dict[str, float]) -> Gait:
         clipped: dict[str, Any] = {k: float(np.clip(x, *_RANGES[k])) for k, x in v.items()}
@@ -214,11 +238,11 @@ def _searched(
 
     for k in range(rounds):
         tuned = tune(
-            stage,
-            lambda v: gait_of(v).gesture(Ends(roles, x0), path, lengths).inputs(x0),
-            {name: (getattr(best, name), spread) for name, spread in _SPREADS.items()},
-            lambda run: gait_cost(roles, run, first, _N_STEPS),
-            x0,
+            steps.roles.marionette,
+            lambda v: steps.inputs(gait_of(v)),
+            {name: (getattr(best, name), share * spread) for name, spread in _SPREADS.items()},
+            lambda run: gait_cost(steps.roles, run, first, _N_STEPS),
+            steps.x0,
             first.duration(_N_STEPS) + _TIME_AFTER,
             method=TimeStepping(dt=_TIME_STEP),
             save_every=_SAVE_EVERY,
@@ -227,10 +251,11 @@ def _searched(
         if tuned.status is AnswerStatus.STOPPED:
             raise KeyboardInterrupt
         is_complete = is_complete and tuned.status is not AnswerStatus.TIMEOUT
-        best = gait_of(tuned.values)
-        if tuned.cost < _GOOD_COST:
+        share *= 1.0 if tuned.cost < lowest_cost else 0.5
+        best, lowest_cost = gait_of(tuned.values), tuned.cost
+        if lowest_cost < _GOOD_COST or share < _MIN_SPREAD_SHARE:
             break
-    return best, is_complete
+    return steps.checked(best), is_complete
 
 
 def gait_cost(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> float:
@@ -241,7 +266,7 @@ def gait_cost(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> float:
         0.3 * slide.mean()
         + 0.7 * slide.max()
         + 30.0 * max(0.0, _MIN_LIFT - feet.lift[:-1].min() / L)
-        + 20.0 * max(0.0, MIN_STANDING_SHARE - feet.standing_share)
+        + 20.0 * max(0.0, _PENALISED_STANDING_SHARE - feet.standing_share)
         + 20.0 * max(0.0, feet.distance_error - _MAX_DISTANCE_ERROR)
         + 20.0 * max(0.0, 0.95 - feet.upright)
     )
