@@ -120,8 +120,8 @@ class Physique:
     def trunk_strings(self) -> tuple[str, ...]:
         """Names of the strings that move with the trunk.
 
-                        They are tied to the trunk or to parts that it carries: head, neck, wings, tail, upper arms.
-                """
+        They are tied to the trunk, or to parts on it: head, neck, wings, tail, upper arms.
+        """
         own = {name: part for part, name in self._limb_strings}
         return tuple(
             name

@@ -18,25 +18,25 @@ from fantoccini.theatre.plays.runs import Runs, runs_of
 class CueOfPlay:
     """A compiled cue.
 
-        Attributes:
-            number: number in the play, from 1: ``/cue/N/start``.
-            act: name of its act.
-            who: players of the cue.
-            what: description: ``pierrot: walks to centre``.
-            name: name by which times refer to it.
-            line: line of the file.
-            wanted: wanted time of the cue, or of the mark in ``on`` [s].
-            give: allowed delay [s].
-            start, end: beginning and end of all its motion [s].
-            mark: mark in ``on``; "" if the beginning counts.
-            go: whether a live show waits for GO before it.
-            says: its caption.
-            refused: reason why it cannot be done; "" if it can.
-                passes: player that gives way, in words, if it passes another one; else "".
-                optional: whether it may be left out.
-            with_prop: whether a prop or a seat is handled.
-            marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; for its actual
-                players.
+    Attributes:
+        number: number in the play, from 1: ``/cue/N/start``.
+        act: name of its act.
+        who: players of the cue.
+        what: description: ``pierrot: walks to centre``.
+        name: name by which times refer to it.
+        line: line of the file.
+        wanted: wanted time of the cue, or of the mark in ``on`` [s].
+        give: allowed delay [s].
+        start, end: beginning and end of all its motion [s].
+        mark: mark in ``on``; "" if the beginning counts.
+        go: whether a live show waits for GO before it.
+        says: its caption.
+        refused: reason why it cannot be done; "" if it can.
+            passes: player that gives way, in words, if it passes another one; else "".
+            optional: whether it may be left out.
+        with_prop: whether a prop or a seat is handled.
+        marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; for its actual
+            players.
     """
 
     number: int
