@@ -89,8 +89,8 @@ def test_bundled_gestures_move_its_bars_within_the_bounds_of_the_others(airplane
     gesture = load_gesture(airplane, name)
     assert gesture.uses == moved
     np.testing.assert_allclose(gesture.ends[0][1], gesture.travel, atol=1e-12)
-    most = fan.theatre.gestures.limits(airplane.coordinates, 1.2, 11.0)
-    assert np.all(gesture.peaks <= most * 1.002)
+    bounds = fan.theatre.gestures.limits(airplane.coordinates, 1.2, 11.0)
+    assert np.all(gesture.peaks <= bounds * 1.002)
 
 
 GREET = """gesture: greet

@@ -92,7 +92,7 @@ def test_parts_of_a_turn_have_their_own_times_and_add(control):
         },
     )
     for t in np.linspace(0.0, 2.5, 11):
-        parts = [orientation(one, control, t).as_rotvec() for one in (tip, roll)]
+        parts = [orientation(part, control, t).as_rotvec() for part in (tip, roll)]
         for whole in (both, tip + roll):
             apart = orientation(whole, control, t) * Rotation.from_rotvec(sum(parts)).inv()
             assert apart.magnitude() < 1e-12
@@ -160,7 +160,7 @@ def test_the_mirror_image_of_a_turn_is_that_of_the_bar(control):
 
 
 def test_a_puppet_that_has_turned_took_its_control_with_it(control):
-    """x and y of the stage turn; the control and what it carries keep their own axes."""
+    """x and y of the stage turn; the control and the bars on it keep their own axes."""
     points = {"bar.tip_forward": [(0, 0), (1, 0.3)], "bar.forward": [(0, 0), (1, 0.1)]}
     gesture = Gesture.of(control, points | {"rail.forward": [(0, 0), (1, 0.02)]})
     moved = gesture.turned(0.5).offsets(1.0)[0]

@@ -168,8 +168,8 @@ def _with_strings(draft: BodyMap, anatomy: Anatomy, rig: Rig, doubts: list[Doubt
         doubts.append(Doubt("head", "no string moves it"))
     used = {*carrying, *looking, *(string for limb in draft.limbs for string in limb.strings)}
     if rig.limbs is None:
-        given = {*(rig.carrying or ()), *(rig.looking or ())}
-        ties = [tie for tie in anatomy.ties if tie.string.rpartition(".")[2] not in given]
+        rig_strings = {*(rig.carrying or ()), *(rig.looking or ())}
+        ties = [tie for tie in anatomy.ties if tie.string.rpartition(".")[2] not in rig_strings]
         idle = _names(tie.string for tie in ties if tie.string not in used)
         doubts += [Doubt(name, "this string moves no part of the map") for name in idle]
     holders = [tie.holder for tie in anatomy.ties if tie.holder]

@@ -225,7 +225,9 @@ def _reader(channel: str, table: CoordinateTable) -> Callable[[Any], float | Arr
     if channel in table.rotations:
         return _turn_vector
     unit = _units(table).get(channel, "")
-    return {"m": _length, "rad": partial(reading.number, angle=True)}.get(unit, _turn)
+    if unit == "rad":
+        return partial(reading.number, angle=True)
+    return _length if unit == "m" else _turn
 
 
 def _length(value: Any) -> float:
