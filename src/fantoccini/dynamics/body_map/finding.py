@@ -168,8 +168,8 @@ def _with_strings(body_map: BodyMap, anatomy: Anatomy, rig: Rig, doubts: list[Do
         doubts.append(Doubt("head", "no string moves it"))
     used = {*carrying, *looking, *(string for limb in body_map.limbs for string in limb.strings)}
     if rig.limbs is None:
-        named_in_rig = {*(rig.carrying or ()), *(rig.looking or ())}
-        ties = [tie for tie in anatomy.ties if tie.string.rpartition(".")[2] not in named_in_rig]
+        rig_strings = {*(rig.carrying or ()), *(rig.looking or ())}
+        ties = [tie for tie in anatomy.ties if tie.string.rpartition(".")[2] not in rig_strings]
         idle = _names(tie.string for tie in ties if tie.string not in used)
         doubts += [Doubt(name, "this string moves no part of the map") for name in idle]
     holders = [tie.holder for tie in anatomy.ties if tie.holder]

@@ -225,9 +225,9 @@ def _reader(channel: str, table: CoordinateTable) -> Callable[[Any], float | Arr
     if channel in table.rotations:
         return _turn_vector
     unit = _units(table).get(channel, "")
-    if unit == "m":
-        return _length
-    return partial(reading.number, angle=True) if unit == "rad" else _turn
+    if unit == "rad":
+        return partial(reading.number, angle=True)
+    return _length if unit == "m" else _turn
 
 
 def _length(value: Any) -> float:
