@@ -16,7 +16,7 @@ from fantoccini.theatre.gestures.gesture_file import (
 )
 from fantoccini.theatre.gestures.joining import Line, Motion
 from fantoccini.theatre.gestures.leg_order import Pattern, leg_length, leg_strings, legs, phases
-from fantoccini.theatre.gestures.moves import planes
+from fantoccini.theatre.gestures.moves import names_and_units, planes
 from fantoccini.theatre.gestures.parameters import MADE
 from fantoccini.theatre.gestures.performing import (
     CannotBe,
@@ -96,6 +96,7 @@ __all__ = [
     "limits",
     "load_gesture",
     "load_score",
+    "names_and_units",
     "phases",
     "piecewise",
     "planes",
