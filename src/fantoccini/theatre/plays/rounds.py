@@ -205,11 +205,11 @@ def refuse_fast(stage: Stage, results: Results, this_round: Round) -> Rule:
     bounds, before = stage.script.cast.file.stage, results
     for name, motion in this_round.placement.motions.items():
         table, sizes = motion.coordinates, motion.peaks_of_pieces
-        most = limits(table, bounds.speed, bounds.acceleration)
+        largest = limits(table, bounds.speed, bounds.acceleration)
         for row, what, per in ((0, "moves at", "s"), (1, "changes by", "s^2")):
-            passed = sizes[:, row] / most[row]
+            passed = sizes[:, row] / largest[row]
             piece, v = np.unravel_index(int(np.argmax(passed)), passed.shape)
-            peak, bound = float(sizes[piece, row, v]), float(most[row, v])
+            peak, bound = float(sizes[piece, row, v]), float(largest[row, v])
             name_K, unit = names_and_units(table)[v]
             if peak <= bound * (1.0 + PEAKS):
                 continue
