@@ -23,7 +23,7 @@ from fantoccini.theatre.gestures.leg_order import (
     legs,
     phases,
 )
-from fantoccini.theatre.gestures.moves import planes
+from fantoccini.theatre.gestures.moves import names_and_units, planes
 from fantoccini.theatre.gestures.parameters import MADE
 from fantoccini.theatre.gestures.performing import (
     CannotBe,
@@ -105,6 +105,7 @@ __all__ = [
     "limits",
     "load_gesture",
     "load_score",
+    "names_and_units",
     "phases",
     "piecewise",
     "planes",

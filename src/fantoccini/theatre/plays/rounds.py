@@ -24,7 +24,7 @@ from fantoccini.theatre.cast import (
     act_time_in_words,
     digest,
 )
-from fantoccini.theatre.gestures import Gesture, Motion, Part, Placed
+from fantoccini.theatre.gestures import Gesture, Motion, Part, Placed, limits, names_and_units
 from fantoccini.theatre.plays.calming import NONE, calm_gesture, calming
 from fantoccini.theatre.plays.handled import failures, handle_seen, stands_seen
 from fantoccini.theatre.plays.placing import Placement, place_cues
@@ -204,18 +204,18 @@ def refuse_fast(stage: Stage, results: Results, this_round: Round) -> Rule:
     """Refuses the cues in which hands pass their bounds."""
     bounds, before = stage.script.cast.file.stage, results
     for name, motion in this_round.placement.motions.items():
-        sizes = motion.peaks_of_pieces
-        for row, bound, what, unit in (
-            (0, bounds.speed, "moves at", "m/s"),
-            (1, bounds.acceleration, "changes by", "m/s^2"),
-        ):
-            piece, v = np.unravel_index(int(np.argmax(sizes[:, row])), sizes[:, row].shape)
-            peak = float(sizes[piece, row, v])
+        table, sizes = motion.coordinates, motion.peaks_of_pieces
+        largest = limits(table, bounds.speed, bounds.acceleration)
+        for row, what, per in ((0, "moves at", "s"), (1, "changes by", "s^2")):
+            passed = sizes[:, row] / largest[row]
+            piece, v = np.unravel_index(int(np.argmax(passed)), passed.shape)
+            peak, bound = float(sizes[piece, row, v]), float(largest[row, v])
+            name_K, unit = names_and_units(table)[v]
             if peak <= bound * (1.0 + PEAKS):
                 continue
             t = 0.5 * float(motion.breaks[piece] + motion.breaks[piece + 1])
             slower = (peak / bound) ** (1.0 / (row + 1))
-            text = f"{motion.coordinates.v_K[v]} {what} {peak:.3g} {unit}, and the bound is "
+            text = f"{name_K} {what} {peak:.3g} {unit}/{per}, and the bound is "
             text += f"{bound:g}; {1.02 * slower:.2g} times slower it can be done"
             results = results.refusing(this_round.cue_during(t, {name}), text) or results
     return results, results is not before

@@ -13,7 +13,7 @@ from fantoccini.base import FileError
 from fantoccini.dynamics.clearance import StringsApart, Winding
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.theatre.cast import CannotBegin, OutOfTime, Stop
-from fantoccini.theatre.gestures import lateness, limits
+from fantoccini.theatre.gestures import lateness, limits, names_and_units
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
@@ -241,12 +241,13 @@ def _peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], li
             float(peaks[1, v]),
             float(bounds[1, v]),
         )
-        for row, what, unit in ((0, "moves at", "m/s"), (1, "changes by", "m/s^2")):
+        unit = names_and_units(table)[v][1]
+        for row, what, per in ((0, "moves at", "s"), (1, "changes by", "s^2")):
             if peaks[row, v] > bounds[row, v] * (1.0 + PEAKS):
                 piece = int(np.argmax(score.gesture.peaks_of_pieces[:, row, v]))
                 when = play.when(score.gesture.breaks[piece])
                 over.append(
-                    f"{name} {what} {peaks[row, v]:.3g} {unit} in {when}; "
+                    f"{name} {what} {peaks[row, v]:.3g} {unit}/{per} in {when}; "
                     f"the bound is {bounds[row, v]:.3g}"
                 )
     return largest, over
