@@ -1,10 +1,10 @@
-"""Balance of a state near rest on floor and props, by Newton's method on its accelerations.
+"""Equilibrium near a given state, on floor and props, by Newton's method on the accelerations.
 
     (d acc_D/dq_D N) eta = -acc_D,   q_D <- q_D + N eta,   C N = 0
 
-C are the rows that pull and those of points that push, as in :mod:`.small_motions`. The derivative
-is that of central differences: exact derivatives would need a library of their own, which takes as
-long to compile as the model.
+C has the rows of held strings and limits and of touching points, as in :mod:`.small_motions`.
+Derivatives are central differences, since the library of exact ones takes as long to compile as the
+model.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class BalanceSettings:
     max_rest_acceleration: float = 1e-7
     """Acceleration of a state at rest [rad/s^2 or m/s^2]: a tenth of the bound for modes."""
     max_move: float = 1e-3
-    """Largest move of a round [rad or m]; with larger ones, the set of pulling rows may change."""
+    """Bound of a Newton step [rad or m]; a longer one ends the search: other rows may pull then."""
     difference_step: float = 1e-6
-    """Largest entry of the moves of the differences [rad or m]."""
+    """Largest component of the displacements in the central differences [rad or m]."""
     zero_singular_value: float = 1e-6
     """Singular value of the derivative that counts as 0, relative to the largest."""
 
@@ -43,7 +43,8 @@ BALANCE = BalanceSettings()
 def balanced_state(marionette: CompiledPuppet, x: State) -> State:
     """A state near rest, moved until its forces balance.
 
-    Rows and contact points stay held. If it does not converge, it is the best state on the way.
+    The active strings, limits and contacts stay the same. Without convergence the result is the
+    state of the smallest acceleration on the way.
     """
     best, smallest = x, np.inf
     for _ in range(BALANCE.max_rounds):

@@ -5,7 +5,8 @@
                                  - N^T M_DK dacc_K
     D = N^T r_v N,   K = N^T r_q N,   Y = -M^-1 C^T (C M^-1 C^T)^-1 C_K
 
-C are A_D of the rows that pull and the rows of points that push, C_K their rows for the inputs.
+C has the rows A_D of held strings and limits, then those of touching points; C_K has the same rows
+for the driven velocities v_K.
 r_q is the derivative of gravity, springs, C^T tension and the forces of contact, so it includes
 the stiffness from tension.
 """
@@ -34,11 +35,11 @@ class SmallMotions:
     """Matrices of the module's equations, with m free directions.
 
     Attributes:
-        held: indices of the strings and limits that pull.
+        held: indices of the held rows; see :func:`held_rows`.
         N: (n_vD, m) free directions.
         M: (n_vD, n_vD) inertia matrix M_DD.
         K, D: (m, m) stiffness and damping.
-        forcing: factors of dq_K, dv_K and dacc_K on the right, (m, n_vK) each.
+        forcing: (m, n_vK) each, factors of dq_K, dv_K and dacc_K on the right-hand side.
     """
 
     held: Indices
@@ -60,13 +61,18 @@ class SmallMotions:
         tension, points = motion.tension, motion.contacts.points
         held = held_rows(marionette, tension)
         at, n, k = Evaluation.of(marionette, x), len(x.v_D), len(x.v_K)
-        none_D, none_K = np.zeros(n), np.zeros(k)
-        by = derivatives_at(marionette, x, none_D, none_K, tension)
+        zero_D, zero_K = np.zeros(n), np.zeros(k)
+        by = derivatives_at(marionette, x, zero_D, zero_K, tension)
         r_q, r_v, r_qK, r_vK = (by[name] for name in ("r_q", "r_v", "r_qK", "r_vK"))
-        rows = ContactRows(Screws(marionette, x, none_D, none_K), points, 0.0)
+        rows = ContactRows(Screws(marionette, x, zero_D, zero_K), points, 0.0)
         widths = np.cumsum([n, n, k, k])
-        more = np.split(rows.force_by(), widths, axis=1)
-        r_q, r_v, r_qK, r_vK = r_q + more[0], r_v + more[1], r_qK + more[2], r_vK + more[3]
+        contact_terms = np.split(rows.force_by(), widths, axis=1)
+        r_q, r_v, r_qK, r_vK = (
+            r_q + contact_terms[0],
+            r_v + contact_terms[1],
+            r_qK + contact_terms[2],
+            r_vK + contact_terms[3],
+        )
         by_inputs = np.split(rows.velocity_by(), widths, axis=1)[3]
         system = ModeSystem(at, held, rows)
         N = free_directions(at, system)
@@ -83,7 +89,7 @@ class SmallMotions:
 
 
 def held_rows(marionette: CompiledPuppet, tension: Array) -> Indices:
-    """Indices of the strings and limits that pull."""
+    """Indices of the held rows: wires, and strings and limits under tension."""
     pulls = tension > MIN_TENSION * marionette.weight
     return np.flatnonzero(marionette.two_sided | pulls)
 

@@ -131,9 +131,10 @@ class Physique:
         )
 
     def tie_height_ratio(self, string: str) -> float:
-        """Height at which a string is tied, from 0 at the hips to 1 where the trunk is carried.
+        """Relative height at which a string is tied, in the pose of the file.
 
-        It is that in the pose of the file, and at most 1 for strings of the head.
+        It is 0 at the hips and 1 at the highest tie of the strings that carry the trunk; it is
+        clipped to this range.
         """
         points = self.stage.string_points(*self._file_pose)
         low = self.place(self.limb("leg_left").bodies[0])[2]
@@ -159,9 +160,9 @@ class Physique:
 
     @cached_property
     def followers(self) -> Mapping[str, str]:
-        """Further string of a limb -> the string that lifts the same body, and with which it moves.
+        """Second string of a limb -> leading string, whose offsets it copies.
 
-        Strings of forearms follow :meth:`hand_string`, those of thighs :meth:`knee_string`.
+        Strings of forearms copy :meth:`hand_string`, those of thighs :meth:`knee_string`.
         """
         leaders: dict[str, str] = {}
         for part, name in self._limb_strings:
@@ -207,8 +208,11 @@ class Physique:
         return complex((at(string) - middle) * np.exp(-1j * self.roles.heading))
 
     def place(self, body: str) -> Array:
-        """(3,) origin of a body in the pose of the file, from the strings' middle: forward, left,
-        and up from the world's origin [m]."""
+        """(3,) place of a body's origin in the pose of the file [m].
+
+        Forward and left are measured from the middle between the upper ends of the strings that
+        carry the trunk, up from the world's origin.
+        """
         stage = self.roles.marionette
         x = stage.state()
         points = stage.string_points(x.q_D, x.q_K)

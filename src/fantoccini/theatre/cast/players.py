@@ -59,7 +59,7 @@ class Player:
 
     @cached_property
     def middle(self) -> complex:
-        """Position of the player: the midpoint between the ends of its shoulders' strings [m]."""
+        """Position x + i y of the player: middle between the ends of its carrying strings [m]."""
         return middle_of(self.alone, self.hangs)
 
     @cached_property
@@ -113,14 +113,14 @@ class Player:
         return Ends(Roles.of(self.alone), self.hangs)
 
     def own(self, place: Array, stands: Footing) -> Array:
-        """A point (3,) on the stage in the frame of a player with a footing there [m]."""
+        """Point (3,) of the stage in the own frame of the player when it has the footing [m]."""
         seen = stands.seen(complex(place[0], place[1]))
         there = self.middle + seen * np.exp(1j * self.facing)
         return np.array([there.real, there.imag, place[2]])
 
 
 def middle_of(alone: Marionette, hangs: State) -> complex:
-    """Middle between the ends of the strings that carry a puppet; 0 without a body map [m]."""
+    """Middle x + i y between the ends of the carrying strings; 0 without a body map [m]."""
     try:
         return Ends(Roles.of(alone), hangs).middle
     except (StateError, UnknownNameError):

@@ -30,18 +30,19 @@ side, which is half the bar's length, and up [m]."""
 
 _ALONG = 0.061
 """Distance of the handle from the elbow, along the forearm [m]."""
-_HELD = {"forward": 0.2, "in": 0.065, "up": 0.03}
-_HELD_ELBOW, _HELD_FOREARM = (0.0431, 0.0), (0.986, 0.003)
-"""Offset of the hand's string that holds out a prop [m]; motion of the elbow in that pose [m] and
-direction of the forearm, each forward and aside."""
-_TAKES, _TAKEN = 0.09, (0.083, -0.005)
-"""Inward offset of the receiver's hand string; midpoint of its forearm then, from the elbow at
-rest: forward, aside [m]."""
-_LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
-"""Upward offsets: receiver's hand before and after it takes the prop; giver's after that [m]."""
-_BESIDE, _STEP = 0.051, 0.24
-"""Distance between the two forearms, which the prop's bar determines, and length of the receiver's
-step to the side, for arms of 19 cm or shorter ones [m]."""
+_OFFER = {"forward": 0.2, "in": 0.065, "up": 0.03}
+_OFFER_ELBOW_SHIFT, _OFFER_FOREARM = (0.0431, 0.0), (0.986, 0.003)
+"""Offset of the giver's hand string that holds the prop out [m]. In that pose: displacement of the
+elbow from rest, forward and aside [m], and horizontal part of the unit vector along the forearm,
+forward and aside."""
+_TAKE_IN, _TAKE_MIDPOINT = 0.09, (0.083, -0.005)
+"""Inward offset of the receiver's hand string while it takes the prop; midpoint of its forearm in
+that pose, from the elbow at rest, forward and aside [m]."""
+_UP_BELOW_PROP, _UP_WITH_PROP, _UP_EMPTY = -0.028, 0.036, -0.058
+"""Upward offsets of hand strings: receiver below the prop and with it, giver without it [m]."""
+_FOREARM_GAP, _SIDE_STEP = 0.051, 0.24
+"""Distance between the two forearms, which the prop's bar determines, for any arm; length of the
+receiver's step to the side, for arms of 19 cm or shorter ones [m]."""
 _KNEE_CLEARANCE = 0.05
 """Distance by which the receiver's knee string moves back to make way for the prop, for legs of
 26.4 cm [m]."""
@@ -152,7 +153,7 @@ def give(
     arms = giver_physique.forearm(side), receiver_physique.forearm(other)
     # The longer of their arms keep clear of both bodies; the prop is as wide for shorter ones.
     longer = max(giver_physique.arm_ratio(side), receiver_physique.arm_ratio(other), 1.0)
-    step = longer * _STEP
+    step = longer * _SIDE_STEP
     forward, left = _beside(giver_physique, receiver_physique, side, along)
     left += sign_of(side) * step
     return Handing(
@@ -179,9 +180,9 @@ def give(
 
 def _giving(physique: Physique, side: str, *, posed: bool) -> dict[str, Waypoints]:
     """Waypoints of a giver, whose arm is on this side."""
-    held, hand = _HELD, physique.hand_string(side)
+    held, hand = _OFFER, physique.hand_string(side)
     begins = CARRIED if posed else {"up": 0.0, "out": 0.0}
-    up, sunk = held["up"], _SUNK
+    up, sunk = held["up"], _UP_EMPTY
     moves: dict[str, Waypoints] = {
         f"{hand}.up": [(0, begins["up"]), (2.0, up), (7.4, up), (8.8, sunk), (11.8, sunk)],
         f"{hand}.forward": [
@@ -213,10 +214,10 @@ def _taking(
         physique.hand_string(side),
         physique.knee_string(side),
     )
-    low, lifted = (scale * offset + giver_height for offset in (_LOW, _LIFTED))
+    low, lifted = (scale * offset + giver_height for offset in (_UP_BELOW_PROP, _UP_WITH_PROP))
     forward, inward, clear = (
-        scale * _HELD["forward"],
-        scale * _TAKES,
+        scale * _OFFER["forward"],
+        scale * _TAKE_IN,
         physique.leg_ratio * _KNEE_CLEARANCE,
     )
     times: list[tuple[float, float]] = [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)]
@@ -241,11 +242,14 @@ def _beside(
     )
     scale, scale_taking = giver_physique.arm_ratio(side), receiver_physique.arm_ratio(other)
     along = scale * _ALONG if along is None else along
-    held = scale * np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
+    held = scale * np.array(_OFFER_ELBOW_SHIFT) + along * np.array(_OFFER_FOREARM)
     held += (elbow[0], sign * elbow[1])
-    forward, aside = scale_taking * _TAKEN[0] + elbow_taking[0], _TAKEN[1] * scale_taking
+    forward, aside = (
+        scale_taking * _TAKE_MIDPOINT[0] + elbow_taking[0],
+        _TAKE_MIDPOINT[1] * scale_taking,
+    )
     aside += -sign * elbow_taking[1]
-    return float(held[0] - forward), sign * float(held[1] + aside + _BESIDE)
+    return float(held[0] - forward), sign * float(held[1] + aside + _FOREARM_GAP)
 
 
 def along_forearm(

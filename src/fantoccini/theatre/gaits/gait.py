@@ -1,11 +1,11 @@
-"""Gaits on a floor, made for a puppet from its body map: numbers, and the motion they mean.
+"""Gait of a puppet on a floor: its parameters, and the motion of the string ends.
 
     z_body(t) = path(t),   z_leg(t) = path(tau_leg(t)),   L_leg(t) = L_stance - lift up(t)
 
-path is that of :class:`Track`. The ends of a leg's strings stand still while it stands, at the
-place that the body reaches in the middle of that time; while it swings, tau goes on with minimum
-jerk, and its strings are wound in and let out. Lengths are relative to the legs' mean length, and
-times to a step, which is half a cycle.
+z = x + i y is the place of string ends, path that of :class:`Track`, L_leg the length of a leg's
+strings. While a leg stands, tau_leg is constant, and its strings' ends are at the place that the
+body reaches in the middle of that time; while it swings, tau_leg advances with minimum jerk, and up
+rises from 0 to 1 and returns. Lengths are shares of the legs' mean length; a step is half a cycle.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ class Gait:
         pattern: order of the legs; see :func:`phases`.
         step_time: duration of a step [s].
         stride: distance of the body in a step, relative to the legs' length.
-        duty: share of a cycle in which a leg stands; below 0.5 no foot of a trot or hop stands at
-            times, and the puppet aligns itself under its strings.
+        duty: share of a cycle in which a leg stands. In a trot or hop with a duty below 0.5 all
+            feet are off the floor for a while, so that the strings can turn the puppet.
         lower: distance by which the puppet is lowered beyond the height at which its soles touch
             the floor.
         nod: additional length let out of the head's strings.
@@ -66,9 +66,10 @@ class Gait:
         lift: length by which the strings of a swinging leg are wound in, from where they are taut.
         leg_lead: distance by which the ends of the legs' strings are carried forward.
         body_lead: distance by which the ends of all other strings are carried forward.
-        overshoot: overshoot of the ends of the strings of a swinging leg, which then return.
+        overshoot: largest distance by which the string ends of a swinging leg lead its path.
         sway: distance of the other strings' ends towards the side of a lifted leg.
-        early: share of a swing before and after which a leg moves up and down only.
+        early: share of a swing, at its beginning and again at its end, in which a leg moves only
+            vertically.
         top: share of a swing at which a leg is highest.
 
     Raises:

@@ -1,10 +1,9 @@
-"""Search for the numbers of a gait on a puppet's own floor, by simulated steps.
+"""Search for the parameters of a gait on a puppet's own floor, by simulated steps.
 
-    min over numbers of   0.3 mean slide + 0.7 largest slide + penalties
+    min over parameters of   0.3 mean slide + 0.7 largest slide + penalties
 
-Penalised are feet that lift or stand too little, a trunk that tilts, and a wrong distance. A run
-with half the time step decides whether the gait walks. Results are kept in the cache folder with
-this truth.
+Feet that lift or stand too little, a tilting trunk and a wrong distance add penalties. A second run
+with half the time step then decides whether the puppet walks. The cache keeps gait and verdict.
 """
 
 from __future__ import annotations
@@ -72,21 +71,21 @@ _RANGES = {
     "early": (0.0, 0.3),
     "top": (0.2, 0.7),
 }
-"""First spreads of the numbers, and the ranges to which they are clipped."""
+"""Spreads of the first draws, and ranges to which parameters are clipped, in the units of Gait."""
 _MIN_SPREAD_SHARE = 0.2
 """Share of the first spreads below which the search ends."""
 _MIN_LIFT = 0.03
 """Least lift of a foot, relative to the legs' length."""
-_MAX_DISTANCE_ERROR, _PENALISED_STANDING_SHARE = 0.03, MIN_STANDING_SHARE + 0.05
-"""Relative error of the distance, and share of a cycle on the floor, that are not penalised.
+_FREE_DISTANCE_ERROR, _FREE_STANDING_SHARE = 0.03, MIN_STANDING_SHARE + 0.05
+"""Largest relative error of the distance, and least share of a cycle on the floor, without penalty.
 
-Both are stricter than for a puppet that walks, since the separate run differs.
+They keep a margin to the bounds of a puppet that walks, since the second run differs.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class TunedGait:
-    """A gait from a search. True if a separate run of it walks.
+    """Result of a search for a gait. True if the puppet walks in the second run.
 
     Attributes:
         gait: the gait of the least cost.
@@ -121,7 +120,7 @@ def find_gait(
     rounds: int = _ROUNDS,
     draws: Draws = _DRAWS,
 ) -> TunedGait:
-    """A gait made for a puppet on its floor, with the truth about it: from the cache, or searched.
+    """Gait for a puppet on its floor, and whether it walks; from the cache if there.
 
     Args:
         stage: puppet with contact between its feet and the floor.
@@ -266,7 +265,7 @@ def gait_cost(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> float:
         0.3 * slide.mean()
         + 0.7 * slide.max()
         + 30.0 * max(0.0, _MIN_LIFT - feet.lift[:-1].min() / L)
-        + 20.0 * max(0.0, _PENALISED_STANDING_SHARE - feet.standing_share)
-        + 20.0 * max(0.0, feet.distance_error - _MAX_DISTANCE_ERROR)
+        + 20.0 * max(0.0, _FREE_STANDING_SHARE - feet.standing_share)
+        + 20.0 * max(0.0, feet.distance_error - _FREE_DISTANCE_ERROR)
         + 20.0 * max(0.0, 0.95 - feet.upright)
     )

@@ -19,13 +19,13 @@ MAX_STANDING_HEIGHT, MAX_SLIDING_HEIGHT = 1e-4, 3e-5
 _SAME_TIME = 1e-6
 """Tolerance of the end of a run [s]."""
 _MIN_UPRIGHT_COSINE = np.cos(np.radians(35.0))
-"""Least cosine of the trunk's inclination, relative to the start, of a puppet that stands."""
+"""Least cosine of the trunk's inclination relative to the start; below it the puppet falls."""
 MAX_SLIDE = 2e-3
-"""Largest slide of a foot in a cycle, of a puppet that walks [m]."""
+"""Largest slide of a foot in a cycle for which the puppet counts as walking [m]."""
 _MAX_DISTANCE_ERROR = 0.05
-"""Largest relative error of the distance, of a puppet that walks."""
+"""Largest relative error of the distance for which the puppet counts as walking."""
 MIN_STANDING_SHARE = 0.4
-"""Least share of a cycle in which a foot is on the floor, of a puppet that walks."""
+"""Least share of a cycle on the floor, of each foot, for which the puppet counts as walking."""
 
 
 class WalkStatus(Outcome):
@@ -180,9 +180,10 @@ def _forward_distance(place: Array, heading: Array, t: Array, period: float) -> 
 
 
 def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Array, Array]:
-    """(T,) height of the lowest point of shapes, and how far it slides until the next sample [m].
+    """(T,) height of the lowest point of shapes, and (T,) its slide until the next sample [m].
 
-    The slide is that of the point of the body, and 0 while it is not on the floor.
+    The slide follows the material point that is lowest now; it is 0 unless the foot is on the floor
+    now and at the next sample.
     """
     R, r = poses[:, :, :3], poses[:, :, 3]
     below = -R[:, 2, :]
@@ -199,7 +200,7 @@ def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Arra
 
 
 def support(shape: Shape) -> Callable[[Array], Array]:
-    """Function from directions (n, 3) to a shape's farthest points (n, 3) in them, of its body."""
+    """Function: directions (n, 3) -> farthest points (n, 3) of a shape, in body axes [m]."""
 
     def of_ball(d: Array) -> Array:
         return d / np.linalg.norm(d, axis=1, keepdims=True)

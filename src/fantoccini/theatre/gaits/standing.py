@@ -12,11 +12,12 @@ from fantoccini.motion import State
 from fantoccini.theatre.gestures import Roles, feet, leg_length, leg_strings, legs
 
 _RAISED_HEIGHT = 0.4
-"""Height above its rest at which the free legs are measured, relative to the legs' length."""
+"""Height by which the puppet is raised to measure its hanging legs, relative to their length."""
 _SLACK_LENGTH = 0.5
-"""Length let out of the legs' strings for this, relative to the legs' length."""
+"""Length let out of the legs' strings in that measurement, relative to the legs' length."""
 _MIN_WHEELBASE = 0.1
-"""Distance of the hips along the trunk below which it is not pitched, relative to the legs."""
+"""Distance between front and hind hips, relative to the legs' length, below which the trunk is
+lowered without pitching."""
 
 
 def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
@@ -77,7 +78,7 @@ def _heading(roles: Roles, poses: Array) -> Array:
 
 
 def _drop(roles: Roles, poses: Array, leg: float, heading: Array) -> Callable[[float], float]:
-    """Distance by which a point of the trunk is lowered until the soles are on the floor [m].
+    """Function: place along the heading -> distance to lower the trunk there until soles touch [m].
 
     Args:
         roles: parts of the puppet.

@@ -1,4 +1,4 @@
-"""Walking on a control: the leg bar rocks, and the hand carries the control on."""
+"""Walking with a control: the leg bar rocks while the hand moves the control forward."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ _STEP_TIME = 0.8
 """Duration of a step [s]: a wrist rocks a bar more slowly than fingers wind strings."""
 _ROCK = np.radians(23.0)
 """Angle by which a leg bar rocks to each side [rad]."""
-_EASE = 0.25
-"""Part of a step that is walked in the first and in the last half of a step's time."""
+_END_SHARE = 0.25
+"""Distance of the first and of the last half step time of a walk, as a share of a step."""
 
 
 def walk_on_control(
@@ -30,8 +30,9 @@ def walk_on_control(
         turn: total turn, which must be 0 [rad].
 
     Raises:
-        InputError: the parameters have mistakes; all of them are listed.
-        StateError: the puppet has no leg bar, or bar and control do not move so.
+        InputError: the parameters have mistakes, all of which are listed, or the leg bar cannot
+            roll or the control not move forward.
+        StateError: the puppet has no leg bar.
     """
     n, step, angle = walk_parameters(roles, mistakes, count, length, turn)
     if angle != 0.0:
@@ -39,12 +40,12 @@ def walk_on_control(
         mistakes.add(("turn",), text)
     mistakes.refuse()
     t = _STEP_TIME * np.array([0.0, 0.5, n - 0.5, n])
-    way = step * np.array([0.0, _EASE, n - _EASE, n])
+    distance = step * np.array([0.0, _END_SHARE, n - _END_SHARE, n])
     if n == 1:
-        t, way = t[[0, -1]], way[[0, -1]]
+        t, distance = t[[0, -1]], distance[[0, -1]]
     offsets = {
         "leg_bar.roll_right": _rocking(n),
-        "control.forward": list(zip(t.tolist(), way.tolist(), strict=True)),
+        "control.forward": list(zip(t.tolist(), distance.tolist(), strict=True)),
     }
     points = {name: offsets[part] for name, (part, _) in moves_of(roles, offsets).items()}
     marks: dict[str, float] = {}
@@ -55,6 +56,6 @@ def walk_on_control(
 
 
 def _rocking(n: int) -> list[tuple[float, float]]:
-    """Times [s] and angles [rad] of n steps; the left knee is highest where they are positive."""
+    """Times [s] and angles [rad] of the leg bar for n steps; positive peaks lift the left knee."""
     peaks = [((k + 0.5) * _STEP_TIME, (-1.0) ** k * _ROCK) for k in range(n)]
     return [(0.0, 0.0), *peaks, (n * _STEP_TIME, 0.0)]

@@ -17,9 +17,9 @@ from fantoccini.theatre.gestures.roles import Roles
 Pattern: TypeAlias = Literal["walk", "trot", "pace", "hop"]
 PATTERNS: tuple[Pattern, ...] = ("walk", "trot", "pace", "hop")
 _LATERAL_LEAD = 0.25
-"""Phase of a front leg after the hind leg of its side, in a walk on four legs."""
+"""Phase by which a front leg follows the hind leg of its side, in a walk on four legs [cycles]."""
 _MIDDLE_PHASE = 0.25
-"""Phase of the first leg in the middle: between the first legs of the two sides."""
+"""Phase of the first leg without a side, halfway between the first left and right legs [cycles]."""
 
 
 def phases(body_map: BodyMap, pattern: Pattern = "walk") -> dict[str, float]:
@@ -29,7 +29,8 @@ def phases(body_map: BodyMap, pattern: Pattern = "walk") -> dict[str, float]:
         body_map: body map of a puppet.
         pattern: ``walk``: two legs in turn, four in lateral sequence, six or more on two tripods;
             ``trot``: a leg together with its diagonal neighbours; ``pace``: those of a side
-            together; ``hop``: all together. Legs in the middle step between the two sides.
+            together; ``hop``: all together. Legs without a side step halfway in time between those
+            of the two sides.
 
     Raises:
         StateError: the legs left and right are not pairs, or there are none.
@@ -71,7 +72,7 @@ def leg_length(body_map: BodyMap) -> float:
 
 
 def feet(roles: Roles) -> dict[str, int]:
-    """Leg -> index of the link it stands on: its last body with shapes.
+    """Leg -> index of the link that touches the floor: the leg's last body with shapes.
 
     Raises:
         StateError: no body of a leg has shapes.

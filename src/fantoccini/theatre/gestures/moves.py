@@ -32,11 +32,11 @@ DIRECTIONS: dict[str, tuple[tuple[str, float], ...]] = {
     "turn_left": (("wz", 1.0),),
     "turn_right": (("wz", -1.0),),
 }
-"""Direction -> coordinates of a string or a driven body, the first that it has counts, and their
-signs; 0 if the sign depends on the side. ``wx``, ``wy`` and ``wz`` are the parts of a rotation
-vector."""
+"""Direction -> pairs (coordinate, sign), tried in order: a string or body uses the first pair whose
+coordinate it has. A sign of 0 depends on the side, left or right. ``wx``, ``wy`` and ``wz`` are the
+components of a rotation vector."""
 MAX_TURN = np.pi - 0.05
-"""Largest turn of a driven body from its place at rest [rad]: from pi on the way is ambiguous."""
+"""Largest rotation of a driven body from rest [rad]; rotation vectors are not unique from pi on."""
 
 _SUFFIXES = ("length", "x", "y", "z", "rotation")
 _SIDE = re.compile(r"(?<![a-z])(left|right)(?![a-z])")

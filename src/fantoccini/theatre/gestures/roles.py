@@ -70,12 +70,12 @@ class Roles:
 
     @property
     def heading(self) -> float:
-        """Angle from the x axis of its own world to the direction in which it looks [rad]."""
+        """Angle from x to the puppet's forward direction, in the frame of its file [rad]."""
         x, y, _ = self.own_axes(self.body_map.trunk[0]) @ np.array(self.body_map.facing)
         return round(float(np.arctan2(y, x)), _TURN_DIGITS) + 0.0
 
     def own_axes(self, body: str) -> Array:
-        """(3, 3) axes of a body in the pose of its file, in the puppet's own world."""
+        """(3, 3) axes of a body in the pose of its file, as columns in the frame of that file."""
         tree = self.marionette.tree
         poses = measure(tree, self.marionette.number).poses
         frame = tree.links[self.marionette.link_index(self.body_map.trunk[0])].parent

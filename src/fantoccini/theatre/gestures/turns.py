@@ -1,6 +1,8 @@
-"""Turns of driven bodies as rotation vectors from one orientation, by parts about x, y and z.
+"""Rotations of driven bodies, as rotation vectors relative to their orientation at the start.
 
 phi(t) = log(R(0)^T R(t)),   w = J_r(phi) phidot
+
+J_r is the right Jacobian of SO(3), w the angular velocity in body axes [rad/s].
 """
 
 from __future__ import annotations
@@ -81,7 +83,7 @@ def with_rotations(table: CoordinateTable, channels: Mapping[str, Channel]) -> d
 
 
 def end_shift(table: CoordinateTable, end: VecK) -> VecK:
-    """(n_vK,) shift of the origin of later gestures, from the last offsets of one that travels.
+    """(n_vK,) offsets at the end of a travelling gesture, from which the next gesture begins.
 
     Raises:
         StateError: a driven body ends turned: later offsets are not relative to turned axes.
@@ -95,7 +97,7 @@ def end_shift(table: CoordinateTable, end: VecK) -> VecK:
 
 
 def turned_axes(table: CoordinateTable, angle: float) -> list[tuple[slice, Array]]:
-    """Places in v_K of each rotation vector, and the matrix (3, 3) that turns it.
+    """Slice in v_K of each rotation vector, and the matrix (3, 3) that turns it by ``angle`` [rad].
 
         phi' = R_0^T R_z(angle) R_0 phi
 

@@ -15,8 +15,8 @@ from fantoccini.theatre.script import MeetingKind, Spot
 _EVERY = 0.05
 """Time between checks [s]."""
 _MAX_OFF_AXIS, _ALONG_RANGE = 0.06, (0.0, 0.14)
-"""Range of a handle that hangs on a forearm: distance from its axis, and from the elbow, for
-an arm of 19 cm [m]."""
+"""Largest distance of a handle from the axis of its forearm, for any arm [m]; least and largest
+distance from the elbow along that axis, for an arm of 19 cm [m]."""
 _MISPLACED_TIME = 0.5
 """Time after a cue in which a prop counts as misplaced, not as dropped [s]."""
 _MIN_SEAT_SHARE = 0.15

@@ -1,6 +1,6 @@
 """Placing of cues in time and on the stage, in the order in which they begin.
 
-A walk is planned past all walks that are placed before it; later walks are planned past it.
+A walk is planned around all walks placed before it, and later walks are planned around it.
 """
 
 from __future__ import annotations
@@ -83,8 +83,8 @@ class Placement:
         starts: player -> times at which its cues begin [s].
         ways: player -> its walks.
         meetings: players and props that may touch, with times.
-        passes: cue -> player that gives way, in words, where two pass one another.
-        calmed: (cue, player) -> time from which the player's swing is damped [s].
+        passes: cue -> note for the report, where one player gives way to another.
+        calmed: (cue, player) -> time at which the hands begin to damp the player's swing [s].
     """
 
     cues: tuple[Placed[PlayCue], ...]
@@ -206,8 +206,8 @@ class _Verbs:
     def _walk_or_pass(self, stage: OnStage, turn: Turn[PlayCue], name: str) -> OnStage:
         """Stage after a walk.
 
-        A player in its way that walks too, before it ends, gives way if it can: its cue is placed
-        later, past this walk.
+        If a player blocks it whose own next walk begins before this one ends, that player gives
+        way: this walk is planned without it, and the other's walk, placed next, goes around.
         """
         try:
             return self._walk(stage, turn, name)
@@ -280,8 +280,8 @@ class _Verbs:
         if turned > _SAME_HEADING:
             until = max(way.end for way in actor.ways)
             raise CannotBe(
-                f"{name} turns by {np.degrees(turned):.0f} deg meanwhile; it can "
-                f"begin {self._in_words(turn, until)}"
+                f"{name} turns by {np.degrees(turned):.0f} deg meanwhile; the gesture "
+                f"can begin {self._in_words(turn, until)}"
             )
         hands, start = actor.hands.add_busy(lane, gesture, start)
         self._check_time(turn, name, start - asked, start)
@@ -339,7 +339,7 @@ class _Verbs:
             self._check_time(turn, name, abs(way.end - turn.wanted), way.end)
         else:
             self._check_time(turn, name, moves_off - asked, moves_off)
-        until = self._turns_under(actor, way)
+        until = self._end_of_gestures_in_turn(actor, way)
         if until is not None:
             self._check_time(turn, name, until - asked, until)
             if arrival is not None:
@@ -351,8 +351,8 @@ class _Verbs:
         marks[ARRIVES] = way.end - moves_off
         return stage.part(actor, 0, gesture, moves_off, marks, way.end)
 
-    def _turns_under(self, actor: Actor, way: Way) -> float | None:
-        """Latest end of the gestures during which the walk would turn [s], or None."""
+    def _end_of_gestures_in_turn(self, actor: Actor, way: Way) -> float | None:
+        """Latest end of the gestures during which the walk would turn the player [s], or None."""
         ends = []
         for gesture in actor.hands.busy:
             since, until = max(gesture.start, way.begin), min(gesture.end, way.end)
@@ -371,8 +371,8 @@ class _Verbs:
             verb = "arrive" if walks(turn.given) and turn.given.mark else "begin"
             beats = np.ceil(10.0 * late / beat) / 10.0
             return (
-                f"{name} cannot {verb} before {self._in_words(turn, then)[3:]}; later by up "
-                f"to {beats:g} beats it can (`may wait: {beats:g}`)"
+                f"{name} cannot {verb} before {self._in_words(turn, then)[3:]}; `may wait: "
+                f"{beats:g}` allows it to be {beats:g} beats late"
             )
 
         _POLICY.check(late, turn.given.patience * beat, why)

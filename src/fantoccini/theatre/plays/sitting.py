@@ -19,34 +19,35 @@ _PELVIS_HEIGHT = 0.016
 """Height of the hips above the bottom of the pelvis [m]."""
 _DISTANCE, _DISTANCES = 0.135, (0.12, 0.2)
 """Usual distance of the seat's middle behind the puppet, and its least and largest one [m]."""
-_SITS_BACK = 0.005
-"""Distance of the strings before the middle of the seat while the puppet sits down [m]."""
-_LEANS, _RISES = 0.075, 0.115
-"""Distance of the strings before the middle of the seat afterwards, which sets the trunk upright,
-and before standing up, with the weight over the feet [m]."""
+_AHEAD_GOING_DOWN = 0.005
+"""Distance of the string ends in front of the seat's middle, on the way down [m]."""
+_AHEAD_SEATED, _AHEAD_BEFORE_RISING = 0.075, 0.115
+"""The same while seated, which keeps the trunk upright, and just before the puppet rises, which
+puts the weight over the feet [m]."""
 _SLACK, _SAG = 0.005, 0.008
 """Additional length of the strings beyond the descent, at the end and on the way, so that the seat
 bears weight [m]."""
-_KNEES, _KNEES_SLACK, _KNEES_GIVE = 0.185, 0.025, 0.3
-"""Distance of the ends of the knees' strings before the middle of the seat, in front of the knees,
-so that they lean forward and do not cross; their additional length [m], and its increase relative
-to the descent beyond :data:`_LEVEL`."""
-_KNEES_UP = 0.012
-"""Length by which they are wound in until the seat is touched: shins pass over the edge [m]."""
-_LEVEL = 0.114
-"""Depth of a seat below the pelvis with which the knees are as high as at rest [m]."""
+_KNEE_ENDS_AHEAD, _KNEE_SLACK, _KNEE_SLACK_PER_DEPTH = 0.185, 0.025, 0.3
+"""Distance of the knee strings' ends in front of the seat's middle [m]: the strings lean forward
+and do not cross. Their additional length at :data:`_LEVEL_DEPTH` [m], and its increase per metre of
+further descent."""
+_KNEE_LIFT = 0.012
+"""Length by which the knee strings are wound in on the way down: shins clear the edge [m]."""
+_LEVEL_DEPTH = 0.114
+"""Depth of a seat below the pelvis at which the knees are as high as at rest [m]."""
 _LAP = {"forward": 0.09, "out": 0.22, "down": 0.8}
-"""Places of the ends of the hands' strings, forward and out from the puppet's place, with which the
-hands lie on the thighs, outside the knees' strings [m]; and their descent, relative to that of the
-trunk."""
-_TOUCHES, _SITS, _DOWN = 2.6, 3.0, 4.0
-"""Times at which the puppet touches the seat, begins to set itself upright, and sits [s]."""
-_THERE = _TOUCHES - 0.6
-"""Time at which the strings are behind the puppet, above the seat [s]."""
-_BENDS, _OFF, _UP, _STANDS = 0.8, 1.6, 3.4, 3.6
-"""Times at which it has bent forward, its strings move back, have lifted it, and are back [s]."""
-_SEATS = (0.09, 0.18)
-"""Lowest and highest seat below the pelvis [m]."""
+"""Place of the hand strings' ends forward and out from the puppet's place, at which the hands lie
+on the thighs, outside the knee strings [m]; and their descent, relative to that of the trunk."""
+_T_TOUCH, _T_STRAIGHTEN, _T_SEATED = 2.6, 3.0, 4.0
+"""Times from the start of sitting down: the seat is touched, the trunk begins to straighten, the
+puppet is seated [s]."""
+_T_BEHIND = _T_TOUCH - 0.6
+"""Time at which the string ends are above the seat [s]."""
+_T_BENT, _T_FORWARD, _T_LIFTED, _T_UPRIGHT = 0.8, 1.6, 3.4, 3.6
+"""Times from the start of rising: bent forward, string ends begin to move to where they were before
+sitting, trunk lifted, string ends there [s]."""
+_SEAT_DEPTHS = (0.09, 0.18)
+"""Least and largest depth of a seat below the pelvis [m]."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def sit(
         _DISTANCE * physique.leg_ratio if distance is None else distance,
     )
     drop = _pelvis_bottom_height(physique, start) - height
-    low, high = (size * bound for bound in _SEATS)
+    low, high = (size * bound for bound in _SEAT_DEPTHS)
     if not low <= drop <= high:
         text = f"the seat is {drop:.3f} m below the pelvis; needed: {low:.3g} to {high:.3g} m"
         raise ValueError(text)
@@ -114,8 +115,8 @@ def sit(
             moves |= more
     own = ContactBodies.of("", physique.roles.body_map)
     return Sitting(
-        gesture_of(stage, who, down, "sit", {"down": _DOWN}),
-        gesture_of(stage, who, up, "stand up", {"up": _STANDS}),
+        gesture_of(stage, who, down, "sit", {"down": _T_SEATED}),
+        gesture_of(stage, who, up, "stand up", {"up": _T_UPRIGHT}),
         away,
         tuple((part.removeprefix("."), on) for part in (*own.seated, *own.feet)),
     )
@@ -141,19 +142,24 @@ def _trunk(
     for string in physique.trunk_strings:
         # Strings of the pelvis stay above it; those of shoulders and head set the trunk upright.
         ahead = size * physique.tie_height_ratio(string)
-        seated, bent = distance - ahead * _LEANS, distance - ahead * _RISES
+        seated, bent = distance - ahead * _AHEAD_SEATED, distance - ahead * _AHEAD_BEFORE_RISING
         # A pelvis with a string goes back first, and the trunk bends forward over it.
-        first = seated if physique.holds_pelvis else distance - size * _SITS_BACK
+        first = seated if physique.holds_pelvis else distance - size * _AHEAD_GOING_DOWN
         down[f"{string}.down"] = [
             (0, 0),
             (0.4, 0),
-            (_TOUCHES, sagged),
-            (_SITS, sagged),
-            (_DOWN, rests),
+            (_T_TOUCH, sagged),
+            (_T_STRAIGHTEN, sagged),
+            (_T_SEATED, rests),
         ]
-        down[f"{string}.back"] = [(0, 0), (_THERE, first), (_SITS, first), (_DOWN, seated)]
-        up[f"{string}.down"] = [(0, rests), (_BENDS, rests), (_UP, 0)]
-        up[f"{string}.back"] = [(0, seated), (_BENDS, bent), (_OFF, bent), (_STANDS, 0)]
+        down[f"{string}.back"] = [
+            (0, 0),
+            (_T_BEHIND, first),
+            (_T_STRAIGHTEN, first),
+            (_T_SEATED, seated),
+        ]
+        up[f"{string}.down"] = [(0, rests), (_T_BENT, rests), (_T_LIFTED, 0)]
+        up[f"{string}.back"] = [(0, seated), (_T_BENT, bent), (_T_FORWARD, bent), (_T_UPRIGHT, 0)]
     return down, up
 
 
@@ -164,23 +170,23 @@ def _limbs(
     size, arm = physique.leg_ratio, physique.arm_ratio(side)
     knee, hand = physique.knee_string(side), physique.hand_string(side)
     knee_end, hand_end = physique.end(start, knee), physique.end(start, hand)
-    gives = size * _KNEES_SLACK + _KNEES_GIVE * (drop - size * _LEVEL)
-    back, wound = knee_end.real + distance - size * _KNEES, size * _KNEES_UP
+    gives = size * _KNEE_SLACK + _KNEE_SLACK_PER_DEPTH * (drop - size * _LEVEL_DEPTH)
+    back, wound = knee_end.real + distance - size * _KNEE_ENDS_AHEAD, size * _KNEE_LIFT
     lap = {
         "back": hand_end.real - arm * _LAP["forward"],
         side: arm * _LAP["out"] - abs(hand_end.imag),
         "down": _LAP["down"] * drop,
     }
     down: dict[str, Waypoints] = {
-        f"{knee}.down": [(0, 0), (1.0, -wound), (_THERE, -wound), (_SITS, gives)],
-        f"{knee}.back": [(0, 0), (_THERE, back)],
+        f"{knee}.down": [(0, 0), (1.0, -wound), (_T_BEHIND, -wound), (_T_STRAIGHTEN, gives)],
+        f"{knee}.back": [(0, 0), (_T_BEHIND, back)],
     }
     up: dict[str, Waypoints] = {
-        f"{knee}.down": [(0, gives), (_OFF, gives), (_STANDS, 0)],
-        f"{knee}.back": [(0, back), (_OFF, back), (_STANDS, 0)],
+        f"{knee}.down": [(0, gives), (_T_FORWARD, gives), (_T_UPRIGHT, 0)],
+        f"{knee}.back": [(0, back), (_T_FORWARD, back), (_T_UPRIGHT, 0)],
     }
     for way, offset in lap.items():
-        begins = _BENDS if way == "down" else _OFF
-        down[f"{hand}.{way}"] = [(0, 0), (_DOWN if way == "down" else _TOUCHES, offset)]
-        up[f"{hand}.{way}"] = [(0, offset), (begins, offset), (_STANDS, 0)]
+        begins = _T_BENT if way == "down" else _T_FORWARD
+        down[f"{hand}.{way}"] = [(0, 0), (_T_SEATED if way == "down" else _T_TOUCH, offset)]
+        up[f"{hand}.{way}"] = [(0, offset), (begins, offset), (_T_UPRIGHT, 0)]
     return down, up
