@@ -73,6 +73,14 @@ def test_the_front_goes_down_forward_and_the_left_side_down_to_the_left(control)
     assert turn.apply([1, 0, 0])[1] == pytest.approx(np.sin(0.2))
 
 
+@pytest.mark.parametrize(("axis", "sign"), [([0, 0, 1], 1.0), ([0, 0, -1], -1.0)])
+def test_up_raises_an_upright_slide(axis, sign):
+    puppet = fan.loads(CONTROL.replace("axis: [-1, 0, 0]", f"axis: {axis}"))
+    gesture = Gesture.of(puppet, {"rail.up": [(0, 0), (1, 0.05)]})
+    offsets = gesture.offsets(1.0)[0]
+    assert offsets[puppet.coordinates.v_K.index("rail")] == pytest.approx(0.05 * sign)
+
+
 def test_turns_are_relative_to_where_the_control_is(control):
     gesture = Gesture.of(control, {"bar.tip_forward": [(0, 0), (1, 0.3)]})
     first = [0.1, -0.2, 0.7]

@@ -1,6 +1,7 @@
 """Equilibrium near a given state, on floor and props, by Newton's method on the accelerations.
 
-    (d acc_D/dq_D N) eta = -acc_D,   q_D <- q_D + N eta,   C N = 0
+    K eta = U^T F acc_D,   K = -U^T F (d acc_D/dq_D) N,   q_D <- q_D + N eta
+    C N = 0,   N = F^-1 U,   U^T U = 1,   M = F^T F
 
 C has the rows of held strings and limits and of touching points, as in :mod:`.small_motions`.
 Derivatives are central differences, since the library of exact ones takes as long to compile as the
@@ -33,8 +34,7 @@ class BalanceSettings:
     """Bound of a Newton step [rad or m]; a longer one ends the search: other rows may pull then."""
     difference_step: float = 1e-6
     """Largest component of the displacements in the central differences [rad or m]."""
-    zero_singular_value: float = 1e-6
-    """Singular value of the derivative that counts as 0, relative to the largest."""
+    zero_stiffness: float = 1e-3  # Singular value of K that counts as 0 [rad^2/s^2]
 
 
 BALANCE = BalanceSettings()
@@ -82,5 +82,11 @@ def _newton_move(marionette: CompiledPuppet, x: State, motion: Resting) -> Array
         step = BALANCE.difference_step / np.max(np.abs(direction))
         difference = accelerations(step * direction) - accelerations(-step * direction)
         columns.append(difference / (2.0 * step))
-    by_eta = np.stack(columns, axis=1) if columns else np.zeros((len(still_D), 0))
-    return np.asarray(N @ np.linalg.lstsq(by_eta, -motion.acc_D, BALANCE.zero_singular_value)[0])
+    if not columns:
+        return still_D
+    inverse_F = at.solve_factor(np.eye(len(still_D))).T
+    U = np.linalg.solve(inverse_F, N)
+    K = -U.T @ np.linalg.solve(inverse_F, np.stack(columns, axis=1))
+    cutoff = BALANCE.zero_stiffness / max(np.linalg.norm(K, 2), BALANCE.zero_stiffness)
+    eta = np.linalg.lstsq(K, U.T @ np.linalg.solve(inverse_F, motion.acc_D), cutoff)[0]
+    return np.asarray(N @ eta)

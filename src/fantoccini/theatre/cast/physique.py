@@ -162,11 +162,14 @@ class Physique:
     def followers(self) -> Mapping[str, str]:
         """Second string of a limb -> leading string, whose offsets it copies.
 
-        Strings of forearms copy :meth:`hand_string`, those of thighs :meth:`knee_string`.
+        Strings of forearms copy :meth:`hand_string`, those of thighs :meth:`knee_string`. Strings
+        that are not fully driven, and those of limbs without a side, have no leader.
         """
         leaders: dict[str, str] = {}
         for part, name in self._limb_strings:
             kind, _, side = part.partition("_")
+            if not side or name not in self.strings:
+                continue
             leader = self.hand_string(side) if kind == "arm" else self.knee_string(side)
             if name != leader and self._is_at_root(part, name) == (kind == "leg"):
                 leaders[name] = leader

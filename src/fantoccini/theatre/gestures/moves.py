@@ -181,10 +181,11 @@ def meaning(name: str, table: CoordinateTable) -> tuple[str, float]:
         return table.commands.get(name, name), 1.0
     hinge = table.commands.get(owner, owner)
     for part, sign in DIRECTIONS[direction]:
-        axis = table.axes.get(hinge, (0.0, 0.0, 0.0))["xyz".find(part[-1])]
-        turns = _units(table).get(hinge) == "rad"
-        if abs(axis) > 1.0 - _STRAIGHT and sign and turns == part.startswith("w"):
-            return hinge, sign * np.sign(axis)
+        if hinge in table.axes and part[-1] in "xyz":
+            axis = table.axes[hinge]["xyz".index(part[-1])]
+            turns = _units(table).get(hinge) == "rad"
+            if abs(axis) > 1.0 - _STRAIGHT and sign and turns == part.startswith("w"):
+                return hinge, sign * np.sign(axis)
         channel = _commanded(owner, part, table)
         if channel in known:
             break

@@ -90,7 +90,7 @@ class Roles:
     @property
     def on_control(self) -> bool:
         """Whether it hangs from its control on strings that keep their lengths."""
-        known = self.marionette.coordinates.q_K
+        known = {*self.marionette.coordinates.q_K, *self.marionette.coordinates.q_D}
         winds = any(f"{string}.length" in known for string in self.body_map.carrying)
         return bool(self.body_map.control) and not winds
 
@@ -114,7 +114,7 @@ class Roles:
     def _holding(self, string: str) -> str:
         """Joint of the driven body to which a string is tied; "" if there is none."""
         tree = self.marionette.tree
-        (row,) = (row for row in tree.strings if row.name == string)
+        (row,) = (row for row in (*tree.strings, *tree.chains) if row.name == string)
         for point in (row.points[0], row.points[-1]):
             for i in tree.ancestors(point.link):
                 if tree.links[i].role is Role.DRIVEN:
