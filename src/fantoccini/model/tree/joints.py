@@ -211,7 +211,9 @@ class Joints:
         axis = tuple((link.rotation @ link.axes).T.ravel().tolist())
         if kind in ("revolute", "prismatic") and link.role is Role.DRIVEN:
             self.table.axes[link.joint] = axis
-        if link.role is Role.DRIVEN and self._moves(link.parent, link.joint):
+        has_place = link.role is Role.DRIVEN or kind in ("free", "translation")
+        is_carried = has_place and self._moves(link.parent, link.joint)
+        if is_carried:
             self.table.carried[link.joint] = None
         for name, own_q, own_v in _driveable(names):
             n_q, n_v = len(own_q), len(own_v)
@@ -227,6 +229,8 @@ class Joints:
                 q_K, v_K = self.table.add(owner, kind, Role.DRIVEN, own_q, own_v, own_start)
                 command, command_name = (q_K.start, v_K.start), owner + name
                 self.table.commands[link.joint + name] = command_name
+                if is_carried:
+                    self.table.carried[owner] = None
                 if kind in ("revolute", "prismatic"):
                     self.table.axes[command_name] = axis
             row = DriveRow(link.joint + name, index, *slices, command_name, command, drive)
