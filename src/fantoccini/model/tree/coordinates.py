@@ -65,8 +65,8 @@ class CoordinateTable:
         commands: coordinate with a drive -> name of its command.
         axes: driven coordinate of a revolute or prismatic joint -> its axis, in the frame of the
             body that carries the joint.
-        carried: joints and strings that a moving body carries: driven, free and translating ones, and
-            the commands of their drives.
+        carried: joints and strings that a moving body carries: driven, free and translating ones,
+            and the commands of their drives.
     """
 
     rows: tuple[Coordinate, ...]
