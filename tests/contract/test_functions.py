@@ -66,11 +66,11 @@ def test_results_have_their_names_and_shapes():
     "changed", [{"q_D": np.zeros(3)}, {"q_K": None}, {"u_D": np.zeros(2)}], ids=str
 )
 def test_wrong_arguments_are_named(changed):
-    """18.1: a wrong shape, a missing argument and an unknown one."""
+    """These are a wrong shape, a missing argument and an unknown one."""
     arm = fan.puppets.arm2d()
     x = arm.rest()
     arguments = {"q_D": x.q_D, "q_K": x.q_K, "p": arm.p} | changed
-    with pytest.raises(StateError, match=r"rows takes q_D \(2,\), q_K \(2,\), p \(2,\)"):
+    with pytest.raises(StateError, match=r"rows needs q_D \(2,\), q_K \(2,\), p \(2,\)"):
         arm.library.evaluate("rows", **{n: a for n, a in arguments.items() if a is not None})
 
 
@@ -78,7 +78,9 @@ def test_leading_axes_that_do_not_go_together_are_named():
     arm = fan.puppets.arm2d()
     x = arm.rest()
     q_D, q_K = np.tile(x.q_D, (3, 1)), np.tile(x.q_K, (4, 1))
-    with pytest.raises(StateError, match=r"leading axes do not go.*found q_D \(3,\), q_K \(4,\)"):
+    with pytest.raises(
+        StateError, match=r"leading axes cannot be broadcast.*found q_D \(3,\), q_K \(4,\)"
+    ):
         arm.library.evaluate("rows", q_D=q_D, q_K=q_K, p=arm.p)
 
 
