@@ -51,8 +51,7 @@ class Limits:
         acceleration, jump, speed: (n_vK,) largest magnitudes; jumps are changes of accelerations
             between intervals.
         low, high: (n_vK,) bounds of the driven coordinates.
-        joint_indices: indices in z of the dynamic coordinates with bounds.
-        joint_low, joint_high: bounds of these coordinates.
+        joint_indices, joint_low, joint_high: dynamic coordinates with bounds, as indices in z.
     """
 
     inputs: Indices
@@ -321,11 +320,8 @@ class Objective:
     def widened(self, solution: StageSolution) -> tuple[Array, Array, Array]:
         """(N + 1, n_z), (N, n_vK) and (1 + n_p,) changes of states, inputs and constants."""
         N, n_u, n_z = len(solution.u), len(self._u), len(self._z)
-        z, u, c = (
-            np.zeros((N + 1, self._n_z)),
-            np.zeros((N, self._k)),
-            np.zeros(1 + len(self._chosen)),
-        )
+        z, u = np.zeros((N + 1, self._n_z)), np.zeros((N, self._k))
+        c = np.zeros(1 + len(self._chosen))
         z[:, self._z], u[:, self._u] = solution.z[:, :n_z], solution.u[:, :n_u]
         c[self._c] = solution.u[0, n_u:]
         return z, u, c
