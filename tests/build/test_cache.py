@@ -84,7 +84,7 @@ def test_a_damaged_entry_is_made_again(cache, key, source, damage):
 
 def test_an_entry_that_would_not_load_can_be_made_afresh(key, source):
     build.obtain(key, lambda: source(1))
-    entry = build.obtain(key, lambda: source(2), afresh=True)
+    entry = build.obtain(key, lambda: source(2), rebuild=True)
     assert "return 2" in (entry / "model.cpp").read_text()
     assert answer(entry) == 2
 

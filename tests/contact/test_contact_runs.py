@@ -126,7 +126,7 @@ def test_copies_of_a_stepper_continue_to_the_same_bits(box):
 
 def test_methods_without_contact_refuse_it(box):
     x = box.state({"body.z": 0.5})
-    with pytest.raises(fan.errors.StateError, match="take method='event' or 'timestepping'"):
+    with pytest.raises(fan.errors.StateError, match="needed: method='event' or 'timestepping'"):
         fan.simulate(box, x, t_end=0.1, method="variational")
     with pytest.raises(fan.errors.StateError, match="contact: false"):
         fan.simulate_batch(box, [x], t_end=0.1, method="variational")

@@ -305,12 +305,12 @@ def test_edges_are_named(ball, box, balls):
     assert steps.edges_of(2) == ()
     above_right = {"a.z": 0.1, "b.z": 0.1 + 0.17 * 0.8, "b.x": 0.17 * 0.6}
     assert balls.linearise_step(balls.state(above_right)).edges == (
-        "b|a: springs back if any faster, or is not the only one that touches first",
+        "b|a: would rebound if faster, or is not the only one that touches first",
     )
     x = balls.state(above_right)
     steps = balls.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
     assert steps.edges_of(0) == (
-        "a point springs back if any faster, or is not the only one that touches first",
+        "a point would rebound if faster, or is not the only one that touches first",
     )
     assert box.linearise_step(box.state({"body.z": 0.05})).sharp
 

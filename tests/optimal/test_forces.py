@@ -217,7 +217,7 @@ def test_coordinates_without_a_force_are_refused(arm: fan.Marionette, tmp_path):
         fan.optimise(task({"hand.lenght": (-1.0, 1.0)}))
     with pytest.raises(fan.errors.StateError, match=r"the force of hand\.length is bounded by"):
         fan.optimise(task({"hand.length": (1.0, -1.0)}))
-    with pytest.raises(fan.errors.StateError, match="explore and bounds of forces"):
+    with pytest.raises(fan.errors.StateError, match="explore excludes bounds of forces"):
         task({"hand.length": (-50.0, 0.0)}, explore=1)
     with pytest.raises(fan.errors.StateError, match="bounds of forces"):
         fan.MPC(arm, task({"hand.length": (-50.0, 0.0)}), horizon=0.5, nodes=10)

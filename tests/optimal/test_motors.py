@@ -321,7 +321,7 @@ def test_coordinates_without_a_motor_are_refused(hoist: fan.Marionette, tmp_path
     with pytest.raises(fan.errors.UnknownNameError, match="there are none"):
         found(servo, voltage={"lift.command": 12.0})
     task = fan.Task(hoist, hoist.rest(), 1.0, [], bounds=fan.control.Bounds(voltage=12.0))
-    with pytest.raises(fan.errors.StateError, match="explore and bounds of forces, voltages"):
+    with pytest.raises(fan.errors.StateError, match="explore excludes bounds of forces, voltages"):
         replace(task, explore=1)
     with pytest.raises(fan.errors.StateError, match="bounds of forces, voltages"):
         fan.MPC(hoist, task, horizon=0.5, nodes=10)

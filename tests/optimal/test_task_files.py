@@ -212,7 +212,7 @@ MISTAKES = [
     (TRACK, ("{hand.x: 5.0}", "{hand.y: 5.0}"), 22, "bounds.acceleration", "'hand.x'"),
     (TRACK, ("held: [hand.x]", "held: [hand.y]"), 23, "bounds.held[0]", "'hand.x'"),
     (TRACK, ("interval: 0.05", "interval: 1.0e-6"), 24, "interval", "allowed: 10000"),
-    (CRANE, ("slack: true", "explore: 1"), 7, "explore", "needed beside it: slack: true"),
+    (CRANE, ("slack: true", "explore: 1"), 7, "explore", "needed: slack: true"),
     (CRANE, ("slack: true", "slack: true\nexplore: -1"), 8, "explore", "greater than or equal"),
 ]
 

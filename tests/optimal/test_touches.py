@@ -332,7 +332,7 @@ def test_options_that_exclude_touches_are_refused(pen: fan.Marionette):
         drawing(pen, [late, early])
     with pytest.raises(fan.errors.StateError, match="a list of Touch"):
         drawing(pen, ["pen"])  # type: ignore[list-item]
-    with pytest.raises(fan.errors.StateError, match="explore and touches"):
+    with pytest.raises(fan.errors.StateError, match="explore excludes touches"):
         replace(drawing(pen, [late]), explore=1)
     with pytest.raises(fan.errors.StateError, match="the task has touches"):
         fan.MPC(pen, drawing(pen, [late]), horizon=0.5, nodes=10)

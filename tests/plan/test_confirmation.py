@@ -145,7 +145,7 @@ def test_polish_says_that_polished_versions_are_too_long(monkeypatch):
 def test_polish_has_a_status(boxes, monkeypatch, tmp_path):
     """17.4: an unchanged plan has a reason."""
     plan_checked = first_plan(boxes, near, polished)
-    assert plan_checked.polished.status is PolishStatus.POLISHED and "as was asked" in repr(
+    assert plan_checked.polished.status is PolishStatus.POLISHED and "as required" in repr(
         plan_checked
     )
     assert plan_checked.polish(1e-3, seconds=0.0).polished.status is PolishStatus.NO_BETTER

@@ -99,10 +99,13 @@ def test_the_marionettes_plan_arrives_with_its_limits():
     ("options", "message"),
     [
         ({"backend": "drake"}, "backend is 'drake'; it must be 'fantoccini' or 'mujoco'"),
-        ({"backend": "mujoco", "method": "event"}, "must be 'timestepping', not 'event'"),
+        (
+            {"backend": "mujoco", "method": "event"},
+            "supports only method='timestepping', not 'event'",
+        ),
         (
             {"backend": "mujoco", "method": fan.Event(rtol=1e-9)},
-            r"must be 'timestepping', not Event\(rtol=1e-09",
+            r"supports only method='timestepping', not Event\(rtol=1e-09",
         ),
         ({"backend": "mujoco", "dt_factor": 0.0}, "dt_factor is 0"),
     ],

@@ -11,7 +11,7 @@ from tests.harness import method_of
 import fantoccini as fan
 from fantoccini import Status
 from fantoccini.kernel.runtime import memory
-from fantoccini.kernel.runtime.functions import whole
+from fantoccini.kernel.runtime.functions import checked_integer
 from fantoccini.kernel.runtime.structures import Numbers
 
 ARM = fan.puppets.arm2d()
@@ -28,7 +28,9 @@ def simulated(x0, **how):
 @pytest.mark.parametrize("every", [0, -1, 2.5, np.nan, 2**31, 2**32, 2**33 + 5, 2**70])
 def test_saving_intervals_fit_their_integer(method, x0, every):
     """17.23: an interval beyond its integer is refused; 2^32 used to become 0 and crash Python."""
-    with pytest.raises(ValueError, match=r"save_every is .* a whole number from 1 to 2147483647"):
+    with pytest.raises(
+        ValueError, match=r"save_every is .* a checked_integer number from 1 to 2147483647"
+    ):
         simulated(x0, t_end=0.01, method=method, save_every=every)
     if method == "event":
         return  # this method takes no interval
@@ -47,7 +49,7 @@ def test_integers_that_cross_to_compiled_code_are_checked():
     for wrong in ({"short": 2**31}, {"short": -(2**31) - 1}, {"long": 2**63}, {"short": 0.5}):
         with pytest.raises(ValueError, match=f"{next(iter(wrong))} is "):
             Pair(**wrong)
-    assert whole("n", 7, low=1) == 7
+    assert checked_integer("n", 7, low=1) == 7
     for steps in (0, -1, 2**63, 1e6):
         with pytest.raises(ValueError, match="max_steps is "):
             ARM.run_options(max_steps=steps)
@@ -99,7 +101,7 @@ def test_a_run_with_too_many_rows_ends_and_keeps_them():
     assert 100 < len(run) < len(whole_run) // 2
     assert np.array_equal(run.q_D, whole_run.q_D[: len(run)])
     with pytest.raises(
-        fan.errors.SimulationError, match=r"after \d+ samples; write fewer with save_at"
+        fan.errors.SimulationError, match=r"after \d+ samples; save fewer with save_at"
     ):
         simulated(x0, max_memory=3e5, **how)
 
@@ -159,7 +161,7 @@ def test_a_step_longer_than_the_run_is_one_step(method, x0):
 def test_threads_and_arrays_of_a_batch_are_checked():
     """17.31: threads=-1 used to be called a lack of memory; an array for two results had both."""
     for threads in (-1, 0, 1.5):
-        with pytest.raises(ValueError, match=r"threads is .* a whole number from 1"):
+        with pytest.raises(ValueError, match=r"threads is .* a checked_integer number from 1"):
             fan.simulate_batch(ARM, [X0] * 2, t_end=0.1, threads=threads)
     out = np.zeros((2, 2, ARM.coordinates.n_qD))
     with pytest.raises(ValueError, match=r"out\['v_D'\] and out\['q_D'\] share their memory"):

@@ -5,7 +5,7 @@ R(t) = R_0 exp([phi(t)]x) turns with the angular velocity (in the turning frame)
   w = J_r(phi) phidot,      J_r = I - a Phi + b Phi^2,     Phi = [phi]x,
   a = (1 - cos x)/x^2,  b = (x - sin x)/x^3,  x = |phi|.
 
-The coefficients lose digits is_small x = 0, where their series are used instead.
+The coefficients lose digits near x = 0, where their series are used instead.
 """
 
 from __future__ import annotations

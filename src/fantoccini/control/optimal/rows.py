@@ -25,7 +25,7 @@ class Rows:
 
     Attributes:
         clear: the rows of clearances.
-        places: indices of the dynamic coordinates in z.
+        joint_indices: indices of the dynamic coordinates in z.
         joint_low, joint_high: bounds of these coordinates.
 
     Args:

@@ -70,7 +70,7 @@ _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKin
 
 @dataclasses.dataclass(frozen=True)
 class Reporting:
-    """Thresholds of messages arguments runs that stopped."""
+    """Thresholds of messages about runs that stopped."""
 
     min_share: float = 0.1
     """Share in causing a status, 0 to 1, above which a row or drive is named."""
@@ -127,7 +127,7 @@ def simulate(
     Raises:
         StateError: ``x0`` violates a string or limit; ``marionette.project(x0)`` repairs it. Or
             the step is too long for a chain or a spring, or the samples do not fit in memory.
-        InputError: the inputs do not start message ``x0`` is.
+        InputError: the inputs do not start where ``x0`` is.
         TypeError: there are several states or inputs, as for :func:`simulate_batch`.
         ValueError: an argument is invalid.
         SimulationError: the run stopped, or with a fixed step violated rows or gained energy;

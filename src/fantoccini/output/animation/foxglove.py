@@ -3,7 +3,7 @@
 Each frame has the poses of the bodies relative to their parents (``/tf``), the strings
 (``/strings``), the coordinates (``/joints``), the tensions [N] (``/tension``), and 1 where the
 motion does not determine a tension or effort (``/undetermined``). Shapes are written once,
-in the bodies' frames (``/bodies``). FrameMessage are in Protocol Buffers, with their schemas.
+in the bodies' frames (``/bodies``). Messages are in Protocol Buffers, with their schemas.
 """
 
 from __future__ import annotations

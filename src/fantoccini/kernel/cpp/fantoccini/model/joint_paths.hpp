@@ -80,7 +80,7 @@ struct JointPaths {
     return moved;
   }
 
-  // Bound of the change of a string's sag if its excess (length same_sign span) changes by up to
+  // Bound of the change of a string's sag if its excess (length less span) changes by up to
   // `x`. A shallow string sags by sqrt(3/8 length excess), a steep one by half of the excess.
   FAN_FN static Real sag(const Real& length, const Real& span, const Real& x) {
     using std::sqrt;
