@@ -87,6 +87,6 @@ def _newton_move(marionette: CompiledPuppet, x: State, motion: Resting) -> Array
     inverse_F = at.solve_factor(np.eye(len(still_D))).T
     U = np.linalg.solve(inverse_F, N)
     K = -U.T @ np.linalg.solve(inverse_F, np.stack(columns, axis=1))
-    cutoff = BALANCE.zero_stiffness / max(np.linalg.norm(K, 2), BALANCE.zero_stiffness)
+    cutoff = BALANCE.zero_stiffness / max(float(np.linalg.norm(K, 2)), BALANCE.zero_stiffness)
     eta = np.linalg.lstsq(K, U.T @ np.linalg.solve(inverse_F, motion.acc_D), cutoff)[0]
     return np.asarray(N @ eta)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import replace
 
 from fantoccini.base import OnProgress, Progress, StateError
@@ -14,7 +14,7 @@ from fantoccini.theatre.gestures import Part, Placed
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
 from fantoccini.theatre.plays.lateness_rules import advance_hands, mark_lateness, refuse_late
-from fantoccini.theatre.plays.placing import IN_TIME
+from fantoccini.theatre.plays.placing import IN_TIME, Placement
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.reading import read_play
 from fantoccini.theatre.plays.rounds import (
@@ -290,7 +290,8 @@ def _play(
     """Play of a round, with a list of deviations from the file."""
     script, placement = stage.script, this_round.placement
     cast, log, file = script.cast, script.log, script.cast.file
-    cues = tuple(_cue(stage, cue, placement.passes.get(cue.spot, "")) for cue in placement.cues)
+    refused = {cue.spot for cue in placement.cues if cue.refused}
+    cues = tuple(_cue(stage, cue, _passes(placement, cue.spot, refused)) for cue in placement.cues)
     for cue, placed in zip(cues, placement.cues, strict=True):
         if cue.refused:
             log.change(placed.spot, cue.change)
@@ -329,6 +330,12 @@ def _play(
         count,
         stage.cache,
     )
+
+
+def _passes(placement: Placement, spot: Spot, refused: Set[Spot]) -> str:
+    """Notes of a cue on players that it passes, without those whose own cue is refused."""
+    notes = placement.passes.get(spot, ())
+    return "; ".join(note for partner, note in notes if partner not in refused)
 
 
 def _cue(stage: Stage, placed: Placed[PlayCue], passes: str) -> CueOfPlay:

@@ -27,7 +27,7 @@ class OnStage:
         seated: player -> seat on which it sits.
         met: meetings of the cues placed so far.
         calmed: (cue, player) -> time at which it begins to damp its swing [s].
-        passes: cue -> player that gives way, in words, where two pass one another.
+        passes: cue -> cues of players that it passes, each with a note for the report.
         parts: parts of the players in the cue that is being placed.
     """
 
@@ -36,7 +36,7 @@ class OnStage:
     seated: Mapping[str, Seated] = field(default_factory=dict)
     met: tuple[Meeting, ...] = ()
     calmed: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
-    passes: Mapping[Spot, str] = field(default_factory=dict)
+    passes: Mapping[Spot, tuple[tuple[Spot, str], ...]] = field(default_factory=dict)
     parts: tuple[Part, ...] = ()
 
     @classmethod
@@ -139,8 +139,9 @@ class OnStage:
             first, who: cue and player that walk as if the other were not there.
             second, other: cue and player that give way.
         """
-        own = {first: f"{other} gives way", second: f"gives way to {who}"}
-        return replace(self, passes={**self.passes, **own})
+        notes = {first: (second, f"{other} gives way"), second: (first, f"gives way to {who}")}
+        passes = {spot: (*self.passes.get(spot, ()), note) for spot, note in notes.items()}
+        return replace(self, passes={**self.passes, **passes})
 
     def placing(self, prop: str, where: Hangs | Stands) -> OnStage:
         """Stage with a prop in another place."""

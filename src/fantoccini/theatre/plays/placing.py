@@ -83,7 +83,7 @@ class Placement:
         starts: player -> times at which its cues begin [s].
         ways: player -> its walks.
         meetings: players and props that may touch, with times.
-        passes: cue -> note for the report, where one player gives way to another.
+        passes: cue -> cues of players that it passes, each with a note for the report.
         calmed: (cue, player) -> time at which the hands begin to damp the player's swing [s].
     """
 
@@ -94,7 +94,7 @@ class Placement:
     starts: Mapping[str, tuple[float, ...]]
     ways: Mapping[str, tuple[Way, ...]]
     meetings: tuple[Meeting, ...]
-    passes: Mapping[Spot, str]
+    passes: Mapping[Spot, tuple[tuple[Spot, str], ...]]
     calmed: Mapping[tuple[Spot, str], float]
 
 

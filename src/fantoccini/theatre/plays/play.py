@@ -32,7 +32,7 @@ class CueOfPlay:
         go: whether a live show waits for GO before it.
         says: its caption.
         refused: reason why it cannot be done; "" if it can.
-        passes: player that gives way, in words, if it passes another one; else "".
+        passes: notes on players that it passes, and who gives way; else "".
         optional: whether it may be left out.
         with_prop: whether a prop or a seat is handled.
         marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; for its actual
