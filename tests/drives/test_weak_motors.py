@@ -131,7 +131,7 @@ def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
     assert run.status is Status.RUNAWAY and caught.value.status is run.status
     out = run.q_D[-1, run.coordinates.q_D.index("line.length")] - 0.5
     assert 1.0 < out < 1.01
-    assert f"takes {LOAD:.3g} N m" in str(caught.value) and "has 0.02" in str(caught.value)
+    assert f"needs {LOAD:.3g} N m" in str(caught.value) and "has 0.02" in str(caught.value)
     report(run, 1.0)
     assert "line.length ran away" in capsys.readouterr().out
     held = stepped.with_parameters({"T": 1.02 * LOAD})

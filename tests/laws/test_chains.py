@@ -186,7 +186,7 @@ def test_mujoco_agrees_on_the_pull_of_the_springs():
 def test_mujoco_cannot_wind_a_chain():
     from fantoccini.dynamics.mujoco.mjcf_model import mjcf
 
-    with pytest.raises(fan.errors.ExchangeError, match="a chain that is wound"):
+    with pytest.raises(fan.errors.ExchangeError, match="a chain with a driven length"):
         mjcf(rope())
 
 
