@@ -129,7 +129,7 @@ def test_own_gestures_of_parts(dachshund, tmp_path):
 
 
 WRONG = {
-    "parts: {tail.left: [[0, 0], [0.2, x]]}": "wag.yaml:2: tail.left[1]: the value: found 'x'",
+    "parts: {tail.left: [[0, 0], [1, x]]}": "wag.yaml:2: parts.tail.left[1]: the value: found 'x'",
     "parts: {tail.out: [[0, 0], [0.2, 1 cm]]}": "it moves a part in the middle out",
     "parts: {tail.up: [[0, 0], [1, 0.1]]}\nmoves: {i.up: [[0, 0], [1, 0.1]]}": "parts with moves",
     "parts: {tail.up: [[0, 0], [1, 0.1]]}\nsizes: {tail: -1 cm}": "sizes.tail",
