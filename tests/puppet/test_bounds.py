@@ -125,7 +125,7 @@ def test_directions_may_have_any_length():
 
 
 def test_a_number_out_of_range_hides_no_other_mistake():
-    """Incompatible keys of a string are reported beside a negative length."""
+    """Incompatible keys of a string are reported together with a negative length."""
     bad = EVERY.replace("length: 0.43", "length: -1, wire: true").replace("1.5", "-2")
     messages = {key: text for _, key, text in mistakes(bad)}
     assert messages["strings[0].length"] == "found -1; needed: a positive number"

@@ -140,7 +140,7 @@ def placed(alone: Marionette, hangs: State, there: Footing) -> State:
 
         z' = z_there + exp(i (heading - heading_file)) (z - z_middle)
 
-    z = x + i y of the ends of strings and of free bodies; what a moving body carries goes with it.
+    z = x + i y of the ends of strings and of free bodies. Parts on a moving body move with it.
     """
     angle = there.heading - facing_of(alone)
     table, turn = alone.coordinates, np.exp(1j * angle)

@@ -234,7 +234,7 @@ def _taking(
 def _beside(
     giver_physique: Physique, receiver_physique: Physique, side: str, along: float | None
 ) -> tuple[float, float]:
-    """Place of the receiver beside the giver while it takes the prop: forward and left [m]."""
+    """Place of the receiver, seen from the giver, when it takes the prop: forward and left [m]."""
     sign, other = sign_of(side), OTHER_SIDE[side]
     elbow, elbow_taking = (
         giver_physique.place(giver_physique.forearm(side)),

@@ -145,11 +145,11 @@ class Approaching:
 
     def apart(self, one: Footing, actor: Actor, other: Footing, beside: Actor) -> Footing:
         """Nearest place behind a footing that keeps the distance of two players from another."""
-        away = self._walks.clear(actor.player) + self._walks.clear(beside.player)
-        away += _GAP * max(actor.player.leg_ratio, beside.player.leg_ratio)
-        ways = 0.01 * np.arange(int(100 * 2.0 * away) + 1)
+        distance = self._walks.clear(actor.player) + self._walks.clear(beside.player)
+        distance += _GAP * max(actor.player.leg_ratio, beside.player.leg_ratio)
+        ways = 0.01 * np.arange(int(100 * 2.0 * distance) + 1)
         behind = one.place - ways * np.exp(1j * one.heading)
-        z = behind[int(np.argmax(np.abs(behind - other.place) >= away))]
+        z = behind[int(np.argmax(np.abs(behind - other.place) >= distance))]
         return Footing(float(z.real), float(z.imag), one.heading)
 
 
