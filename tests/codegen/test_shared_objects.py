@@ -69,6 +69,21 @@ def test_other_numbers_share_object_files(contact):
         assert [other[library].files[name] for name in other[library].pieces] != pieces, library
 
 
+@pytest.mark.parametrize("contact", [False, True])
+def test_the_pose_and_colours_change_no_library(contact):
+    text = PUPPET + FLOOR * contact
+    coloured = text.replace("density: 500", 'density: 500, colour: "#ff0000"').replace(
+        "length: {string}", 'length: {string}\n    colour: "#00ff00"'
+    )
+    assert sources(coloured, angle=-0.25) == sources(text)
+    first, other = (
+        fan.loads(t.format(**NUMBERS | more)).puppet
+        for t, more in ((text, {}), (coloured, {"angle": -0.25}))
+    )
+    assert first.canonical() != other.canonical()
+    assert first.canonical(values=False) == other.canonical(values=False)
+
+
 def test_another_structure_has_another_main_object():
     first = sources(PUPPET, libraries=("model",))["model"]
     text = PUPPET.replace("type: ball", "type: revolute, axis: [0, -1, 0]")

@@ -226,7 +226,7 @@ class Puppet(Document):
 
         Args:
             values: whether to include values that do not change the compiled code: values of
-                parameters, contact rules, obstacles, the floor and the body map.
+                parameters, the pose, colours, contact rules, obstacles, the floor and the body map.
         """
         puppet = self.expanded()
         solids = [s for body in puppet.bodies for s in body.shapes]
@@ -237,6 +237,9 @@ class Puppet(Document):
             for _, parameter in written.parameters(plain):
                 parameter["value"] = 0.0
             plain["contact"] = puppet.touching is not None
-            for key in ("obstacles", "floor", "rig", "rigs"):
+            for key in ("pose", "obstacles", "floor", "rig", "rigs"):
                 plain.pop(key, None)
+            shapes = (shape for body in plain["bodies"] for shape in body.get("shapes", ()))
+            for coloured in (*plain.get("strings", ()), *shapes):
+                coloured.pop("colour", None)
         return dump.canonical(plain, meshes)
