@@ -23,9 +23,9 @@ demo: $(VENV)/stamp-demo
 show: $(VENV)/stamp-demo
 	$(BIN)/fantoccini show stroll
 
-# Tests marked neither medium nor slow. At -O1 puppets compile faster and run slightly slower.
+# Tests marked neither medium nor slow. At -Og puppets compile fastest, and run slower.
 test: $(VENV)/stamp-test
-	$(BIN)/python -m pytest -m "not medium and not slow" --puppet-flag=-O1
+	$(BIN)/python -m pytest -m "not medium and not slow" --puppet-flag=-Og
 
 # The others, the medium ones first, with the default compiler flags (files marked own_puppets: -Og).
 test-slow: $(VENV)/stamp-test

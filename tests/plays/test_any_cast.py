@@ -165,6 +165,7 @@ def holding(puppet: str, along: float) -> fan.Marionette:
     return fan.Marionette(fan.Scene(scene="holding", puppets=puppets, props=[ball]))
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("changes", "end"), [({}, "0, 0, -0.09"), (ALONG_X, "0.09, 0, 0")])
 def test_the_distance_from_the_elbow_is_along_any_axis_of_the_forearm(changes, end):
     stage = holding(changed(changes, end=end), 0.05)
@@ -172,6 +173,7 @@ def test_the_distance_from_the_elbow_is_along_any_axis_of_the_forearm(changes, e
     assert away == pytest.approx(0.05, abs=1e-6)
 
 
+@pytest.mark.medium
 def test_a_prop_hangs_on_the_forearm_of_an_arm_with_a_hand_of_its_own():
     arm = "forearm_left, palm_left"
     text = changed({"  - name: thigh_left\n": PALM + "  - name: thigh_left\n"}, arm, "0.02, 0, 0")
@@ -210,6 +212,7 @@ def offsets_at(gesture: fan.theatre.Gesture, t: float) -> dict[str, float]:
     return {name: float(d[v.start]) for name, (_, v) in names}
 
 
+@pytest.mark.medium
 def test_further_strings_move_with_the_part_that_carries_them_when_a_puppet_sits_down():
     changes = {
         "  - name: thigh_left\n": TAIL + "  - name: thigh_left\n",
