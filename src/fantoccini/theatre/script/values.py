@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Annotated, Any
 
@@ -95,6 +96,15 @@ def _facing(value: Any) -> Any:
     return read_angle(value)
 
 
+def _side(value: float | str) -> float:
+    if not isinstance(value, str):
+        return value
+    if value not in DIRECTIONS:
+        text = f"found {shown(value)}; needed: an angle, or {', '.join(DIRECTIONS)}"
+        raise mistake(text + nearest(value, DIRECTIONS))
+    return math.radians(DIRECTIONS[value])
+
+
 def _where(value: Any) -> Any:
     if isinstance(value, str):
         return value
@@ -139,6 +149,8 @@ Facing = Annotated[
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
 ]
 """Angle from the audience to the left, or `audience`, `left`, `right`, `back`, or what to face."""
+Side = Annotated[Facing, AfterValidator(_side)]
+"""Angle from the audience to the left, or `audience`, `left`, `right`, `back`."""
 Names = Annotated[
     tuple[Name, ...],
     BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...]),
