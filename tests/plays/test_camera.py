@@ -58,26 +58,26 @@ def test_times_count_from_the_act(tmp_path):
 
 
 def test_the_film_shows_a_player_where_the_shot_wants_it(tmp_path):
-    """In its own shot the ball is in the middle of the picture; before it, it is not."""
+    """The ball is in the middle of the picture in its own shot, but not before."""
     play, shown = shots(tmp_path, "    camera: [{when: 2, at: two, zoom: 0.3}]\n")
     run = fan.theatre.verify_play(play).run
     t = np.arange(0.0, 3.4, 0.1)
     geometry = geometry_of(play.marionette, run.resample(t))
     options = PictureOptions.of(view=(0.0, 10.0), size=(320, 240), look="stage")
     frames = Frames(geometry, options, follow=False, shots=shown)
-    room = frames.layout.viewport
+    viewport = frames.layout.viewport
     ball = play.marionette.link_index("two.ball")
 
     seen = np.array(
         [
-            camera.project(geometry.poses[k, ball, :, 3], room)[:2] - room.centre
+            camera.project(geometry.poses[k, ball, :, 3], viewport)[:2] - viewport.centre
             for k, camera in enumerate(frames.cameras)
         ]
     )
     assert abs(seen[10, 0]) > 30.0
     # Afterwards it hops up and down, and the camera keeps its height.
     assert np.abs(seen[22:, 0]).max() < 2.0
-    assert np.abs(seen[22:, 1]).max() < 0.1 * room.height
+    assert np.abs(seen[22:, 1]).max() < 0.1 * viewport.height
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from fantoccini.theatre.plays import check_play
 
 pytestmark = pytest.mark.slow
 
-NEAR = HEAD.replace("east: {at: [0, -0.6]}", "east: {at: [0, 0.1]}")
+HEAD_OF_LEASHES = HEAD.replace("east: {at: [0, -0.6]}", "east: {at: [0, 0.1]}")
 ACT = "acts:\n  - act: one\n    cues:\n"
 
 
@@ -45,7 +45,7 @@ def _walk(tmp_path_factory):
 
 def test_a_long_leash_stays_slack_and_is_drawn(walk):
     plays, cues = walk
-    play = fan.load_play(plays.written(leash(1.4) + ACT + cues, NEAR))
+    play = fan.load_play(plays.written(leash(1.4) + ACT + cues, HEAD_OF_LEASHES))
     assert play.changes == ()
     verification = fan.theatre.verify_play(play)
     assert verification, verification.faults
@@ -63,16 +63,18 @@ def test_a_long_leash_stays_slack_and_is_drawn(walk):
 
 def test_a_cue_that_would_stretch_a_leash_is_refused_with_the_length_it_needs(walk):
     plays, cues = walk
-    play = fan.load_play(plays.written(leash(0.7) + ACT + cues, NEAR))
+    play = fan.load_play(plays.written(leash(0.7) + ACT + cues, HEAD_OF_LEASHES))
     (change,) = play.changes
     assert "columbine: walks to [0.5, -0.6] cannot be done: lead, 0.7 m long, would" in str(change)
     assert str(change).split(":")[1] == str(play.cues[1].line)
     run = fan.theatre.verify_play(play)
     assert run, run.faults
     needed = float(str(change).split("needs to be ")[1].split(" m")[0])
-    longer = fan.load_play(plays.written(leash(needed) + ACT + cues, NEAR), before=play)
+    longer = fan.load_play(plays.written(leash(needed) + ACT + cues, HEAD_OF_LEASHES), before=play)
     assert longer.changes == ()
-    shorter = fan.load_play(plays.written(leash(needed - 0.05) + ACT + cues, NEAR), before=play)
+    shorter = fan.load_play(
+        plays.written(leash(needed - 0.05) + ACT + cues, HEAD_OF_LEASHES), before=play
+    )
     assert len(shorter.changes) == 1
 
 
@@ -88,10 +90,10 @@ def test_a_cue_that_would_stretch_a_leash_is_refused_with_the_length_it_needs(wa
 def test_a_wrong_leash_is_reported(walk, given, text):
     plays, cues = walk
     with pytest.raises(fan.errors.FileError, match=text):
-        fan.load_play(plays.written(given + ACT + cues, NEAR))
+        fan.load_play(plays.written(given + ACT + cues, HEAD_OF_LEASHES))
 
 
 def test_a_leash_needs_a_hand_and_a_head(tmp_path):
     path = write_play(tmp_path, CUES, "leashes: {lead: {held by: one, to: two, length: 1}}\n")
-    with pytest.raises(fan.errors.FileError, match=r"tiny.yaml:\d+: leashes.lead.held by: bob"):
+    with pytest.raises(fan.errors.FileError, match=r"leashes.lead\['held by'\]: bob.yaml: player"):
         check_play(path)

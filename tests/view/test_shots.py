@@ -54,15 +54,15 @@ def test_a_cut_is_between_two_frames(geometry):
 
 def test_a_body_fills_the_picture_at_zoom_1(geometry):
     frames = Frames(geometry, OPTIONS, shots=(Shot(0.0, bodies=ARM),))
-    room = frames.layout.viewport
+    viewport = frames.layout.viewport
     low, high = [], []
     for k in range(len(geometry.t)):
         lower, upper = spread(geometry, frames, k, ARM)
         low.append(lower), high.append(upper)
     low, high = np.min(low, axis=0), np.max(high, axis=0)
-    assert low[0] >= room.x and high[0] <= room.x + room.width
-    assert low[1] >= room.y and high[1] <= room.y + room.height
-    shares = (high - low) / [room.width, room.height]
+    assert low[0] >= viewport.x and high[0] <= viewport.x + viewport.width
+    assert low[1] >= viewport.y and high[1] <= viewport.y + viewport.height
+    shares = (high - low) / [viewport.width, viewport.height]
     assert 0.75 < shares.max() < 1.0
 
 
@@ -113,20 +113,20 @@ def test_a_shot_follows_a_walking_player():
     m = bundled("marionette_bar")
     geometry = geometry_of(m, walking(m, 2.0))
     frames = Frames(geometry, OPTIONS, shots=(Shot(0.0, bodies=("torso",), zoom=0.4),))
-    room = frames.layout.viewport
+    viewport = frames.layout.viewport
     for k in (0, 20, 40):
         low, high = spread(geometry, frames, k, ("torso",))
         middle = 0.5 * (low + high)
-        assert abs(middle[0] - room.centre[0]) < 0.1 * room.width
-        assert abs(middle[1] - room.centre[1]) < 0.15 * room.height
+        assert abs(middle[0] - viewport.centre[0]) < 0.1 * viewport.width
+        assert abs(middle[1] - viewport.centre[1]) < 0.15 * viewport.height
     assert frames.cameras[-1].eye[0] - frames.cameras[0].eye[0] == pytest.approx(2.0, abs=0.1)
 
 
 def test_a_place_is_in_the_middle_of_the_picture(geometry):
     frames = Frames(geometry, OPTIONS, shots=(Shot(0.0, place=(0.3, 0.4, 0.2)),))
-    room = frames.layout.viewport
-    seen = frames.cameras[0].project(np.array([0.3, 0.4, 0.2]), room)
-    assert seen[:2] == pytest.approx(room.centre, abs=1e-6)
+    viewport = frames.layout.viewport
+    seen = frames.cameras[0].project(np.array([0.3, 0.4, 0.2]), viewport)
+    assert seen[:2] == pytest.approx(viewport.centre, abs=1e-6)
 
 
 @pytest.mark.parametrize("look", ["stage", "diagram"])

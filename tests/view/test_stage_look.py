@@ -31,8 +31,8 @@ def test_a_stage_has_no_writing(tmp_path, swung):
     stage = view.strip(m, run, tmp_path / "b.svg", n=3, look="stage")
     assert texts(diagram) >= 3 + 5  # times, title, tension scale
     assert texts(stage) == 0
-    one = view.draw(m, run.state(3), tmp_path / "c.svg", run.tension.values[3], look="stage")
-    assert texts(one) == 0
+    picture = view.draw(m, run.state(3), tmp_path / "c.svg", run.tension.values[3], look="stage")
+    assert texts(picture) == 0
 
 
 def test_a_film_on_a_stage_has_no_writing_but_requested_captions(swung):

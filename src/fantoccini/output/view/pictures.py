@@ -158,7 +158,7 @@ def draw(
         path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
         tension: (n_strings,) tensions [N]; None draws strings without the tension scale.
         view: preset, or (azimuth, elevation) in degrees.
-        focus, theme, look: as for :func:`strip`.
+        focus, theme, look: options of :func:`strip`.
         size: width and height [px].
         scale: pixels of the file per pixel of ``size``.
         renderer: ``matplotlib``, or ``pyvista`` for shaded solids, if installed.

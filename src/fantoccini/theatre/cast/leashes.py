@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from fantoccini.base import StateError, nearest
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap
@@ -51,10 +53,10 @@ def read_leashes(
 
 def check_leashes(file: PlayFile, whole: Marionette, x0: State, log: ScriptLog) -> None:
     """Records leashes that are stretched at the start."""
-    lengths = whole.string_points(x0.q_D, x0.q_K)
+    points = whole.string_points(x0.q_D, x0.q_K)
     for name, leash in file.leashes.items():
-        start, end = lengths[name][0]
-        distance = float(sum((start - end) ** 2) ** 0.5)
+        start, end = points[name]
+        distance = float(np.linalg.norm(end - start))
         if distance > leash.length:
             text = f"found {leash.length:g} m; needed: more than {distance:.3g} m, its length at "
             log.mistakes.add(("leashes", name, "length"), text + "the start")
