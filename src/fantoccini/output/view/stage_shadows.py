@@ -31,7 +31,7 @@ def stage_shadows(geometry: Geometry, k: int, layout: Layout, frame: Viewport) -
 
     stage = layout.stage
     assert stage is not None
-    size = tuple(max(1, round(side / _PIXEL)) for side in (frame.width, frame.height))
+    size = max(1, round(frame.width / _PIXEL)), max(1, round(frame.height / _PIXEL))
     outlines: dict[int, list[np.ndarray]] = {}
     for solid in geometry.solids:
         pose = pose_of(solid, geometry.poses[k])

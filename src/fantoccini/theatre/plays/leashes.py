@@ -48,7 +48,7 @@ def stretches(cast: Cast, run: Trajectory, every: int = EVERY) -> list[Stretch]:
         run: run of the stage.
         every: stride of the measured samples.
     """
-    listed = []
+    listed: list[Stretch] = []
     if not cast.file.leashes:
         return listed
     points = cast.whole.string_points(run.q_D[::every], run.q_K[::every])

@@ -96,7 +96,8 @@ def _facing(value: Any) -> Any:
     return read_angle(value)
 
 
-def _side(value: float | str) -> float:
+def _side(given: Any) -> float:
+    value: float | str = _facing(given)
     if not isinstance(value, str):
         return value
     if value not in DIRECTIONS:
@@ -149,7 +150,12 @@ Facing = Annotated[
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
 ]
 """Angle from the audience to the left, or `audience`, `left`, `right`, `back`, or what to face."""
-Side = Annotated[Facing, AfterValidator(_side)]
+Side = Annotated[
+    float,
+    BeforeValidator(_side),
+    SIZED,
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
+]
 """Angle from the audience to the left, or `audience`, `left`, `right`, `back`."""
 Names = Annotated[
     tuple[Name, ...],
