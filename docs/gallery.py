@@ -345,6 +345,17 @@ def draw_play(name: str) -> None:
     view.strip(
         play.marionette, run, PICTURES / f"{name}.png", times=times, view=view.AUDIENCE, scale=0.4
     )
+    if name == "trio":  # docs/plays.md
+        view.strip(
+            play.marionette,
+            run,
+            PICTURES.parent / "theatre.png",
+            times=times[-1:],
+            view=(14.0, 8.0),
+            size=(760, 480),
+            scale=1.0,
+            look="stage",
+        )
     part = run.resample(np.arange(0.0, run.t[-1], PACE / FPS))
     view.film(
         play.marionette,

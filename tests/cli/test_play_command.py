@@ -15,7 +15,7 @@ from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
 import fantoccini as fan
 from fantoccini.base.media import ffmpeg
 from fantoccini.kernel.build import ArrayStore
-from fantoccini.output import reports
+from fantoccini.output import reports, view
 from fantoccini.theatre.cast import result_cache
 
 pytestmark = pytest.mark.medium
@@ -72,6 +72,33 @@ def test_every_output_is_written(played, folder):
     assert "Video: h264" in streams and "Audio: aac" in streams
     assert (folder / "page.html").read_text(encoding="utf-8").endswith("</html>\n")
     assert not list(folder.glob("*.part"))
+
+
+@pytest.mark.parametrize(
+    ("options", "captions", "shots", "look"),
+    [
+        ((), True, 1, None),
+        (("--look", "stage"), False, 1, "stage"),
+        (("--look", "stage", "--captions", "--view", "front"), True, 0, "stage"),
+        (("--no-captions",), False, 1, None),
+    ],
+)
+def test_a_film_on_a_stage_has_captions_only_if_asked(
+    folder, tmp_path, monkeypatch, options, captions, shots, look
+):
+    given = {}
+
+    def film(marionette, run, path, **arguments):
+        given.update(arguments)
+        path.touch()
+
+    monkeypatch.setattr(view, "film", film)
+    path = write_play(folder, more="    camera: [{at: one}]\n")
+    result = fantoccini("play", path, "--out", tmp_path / "a.mp4", *options)
+    assert result.exit_code == 0, result.stderr
+    assert bool(given.get("captions")) is captions
+    assert len(given.get("shots", ())) == shots
+    assert given.get("look") == look
 
 
 def test_a_cue_that_cannot_be_done_ends_with_1_and_its_line(tmp_path):

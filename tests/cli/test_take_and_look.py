@@ -168,6 +168,10 @@ def test_pictures_and_films_have_the_requested_style(tmp_path):
         (("--theme", "dark"), "but none is written"),
         (("--theme", "green", "--out", "a.png"), "dark"),
         (("--focus", "strings", "--out", "a.png"), "bodies"),
+        (("--look", "theatre", "--out", "a.png"), "stage"),
+        (("--look", "stage"), "but none is written"),
+        (("--look", "stage", "--theme", "dark", "--out", "a.png"), "its own colours"),
+        (("--captions", "--out", "a.png"), "applies to a film"),
     ],
 )
 def test_unknown_styles_are_mistakes(arguments, message, tmp_path, monkeypatch):

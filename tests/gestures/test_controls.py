@@ -250,3 +250,28 @@ def test_key_poses_tip_a_control(control, tmp_path):
     hangs = control.rest(x0.replace(q_K=q_K))
     down = control.pose(hangs, "bob")[:3, 3] - control.pose(x0, "bob")[:3, 3]
     np.testing.assert_allclose(down, [0, 0, -0.03], atol=1e-4)
+
+
+def test_key_poses_leave_a_driven_body_where_it_is(tmp_path):
+    """A bar that the poses do not move was refused: `no driven velocity is called 'bar.qw'`."""
+    puppet = fan.loads(
+        "puppet: held\nbodies:\n"
+        "- {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 1.0}\n"
+        "- {name: bar, joint: {type: free, driven: true}}\n"
+        "strings:\n"
+        "- {name: line, path: [{body: bob}, {driven: [x, y], at: [0, 0, 1]}], length: driven}\n"
+        "pose: {bob.z: 0.5, line.length: 0.5}\n"
+    )
+    path = tmp_path / "lift.yaml"
+    path.write_text(
+        "gesture: lift\nposes:\n  strings: [line]\n  at: [0, 1]\n"
+        "  points: {bob: [[0, 0, 0], [0, 0.02, 0.03]]}\n"
+    )
+    gesture = fan.theatre.load_gesture(puppet, path)
+    x0 = puppet.rest()
+    q_K = gesture.inputs(x0).evaluate(1.0)[0]
+    hangs = puppet.rest(x0.replace(q_K=q_K))
+    moved = puppet.pose(hangs, "bob")[:3, 3] - puppet.pose(x0, "bob")[:3, 3]
+    np.testing.assert_allclose(moved, [0, 0.02, 0.03], atol=1e-4)
+    assert gesture.uses == ("line",)
+    np.testing.assert_allclose(puppet.pose(hangs, "bar"), puppet.pose(x0, "bar"), atol=1e-12)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -67,3 +69,16 @@ def swinging(marionette: StillLife, duration: float = 1.0, rows: int = 41) -> Tr
         coordinates=table,
         puppet=marionette.puppet,
     )
+
+
+def walking(m: StillLife, far: float) -> Trajectory:
+    """An invented motion of the marionette on its bar, carried forwards by `far` [m]."""
+    run = swinging(m, 3.0)
+    by = far * (1.0 - np.cos(np.pi * run.t / 3.0)) / 2.0
+    moved = {}
+    for name in ("q_D", "q_K"):
+        q = np.array(getattr(run, name))
+        free = [k for k, n in enumerate(getattr(run.coordinates, name)) if n.endswith(".x")]
+        q[:, free] += by[:, None]
+        moved[name] = q
+    return replace(run, **moved)

@@ -14,7 +14,7 @@ from fantoccini.output.view.drawing import PictureOptions
 from fantoccini.output.view.films import Frames
 from fantoccini.output.view.geometry import geometry_of
 from fantoccini.output.view.theme import DARK
-from view.still_life import bundled, swinging
+from view.still_life import bundled, walking
 
 pytestmark = pytest.mark.medium
 
@@ -89,19 +89,6 @@ def test_motions_that_cannot_be_filmed_are_refused(tmp_path, swung):
         view.film(*swung, tmp_path / "a.mp4", fps=0)
     with pytest.raises(view.FilmError, match="no folder"):
         view.film(*swung, tmp_path / "none" / "a.mp4")
-
-
-def walking(m, far: float):
-    """An invented motion of the marionette on its bar, carried forwards by `far` [m]."""
-    run = swinging(m, 3.0)
-    by = far * (1.0 - np.cos(np.pi * run.t / 3.0)) / 2.0
-    moved = {}
-    for name in ("q_D", "q_K"):
-        q = np.array(getattr(run, name))
-        free = [k for k, n in enumerate(getattr(run.coordinates, name)) if n.endswith(".x")]
-        q[:, free] += by[:, None]
-        moved[name] = q
-    return replace(run, **moved)
 
 
 def test_the_camera_follows_a_walking_puppet():

@@ -83,6 +83,7 @@ def _write(arguments: PlayArguments, verification: Verification, out: list[Path]
             films = {**film_options(play.score), "follow": False}
             if output_options.view is None:
                 output_options = replace(output_options, view=AUDIENCE)
+                films["shots"] = play.shots
             run = verification.run
             write_outputs(
                 play.marionette, run, out, None, steps, output_options=output_options, films=films

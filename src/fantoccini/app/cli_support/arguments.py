@@ -18,6 +18,7 @@ from fantoccini.app.cli_support.options import (
     Focus,
     Fps,
     Inputs,
+    Look,
     Method,
     Objective,
     Out,
@@ -78,10 +79,26 @@ class PictureOptions:
     ] = None
     focus: Annotated[
         Focus | None,
-        typer.Option(help="Content to fit into strips and films; bodies may crop strings [all]."),
+        typer.Option(
+            help="Content to fit into strips and films; bodies may crop strings [all; bodies on a "
+            "stage]."
+        ),
     ] = None
     theme: Annotated[
         Theme | None, typer.Option(help="Theme of pictures, plots and films [light].")
+    ] = None
+    look: Annotated[
+        Look | None,
+        typer.Option(
+            help="Look of strips and films: with title, time and tensions, or a theatre [diagram]."
+        ),
+    ] = None
+    captions: Annotated[
+        bool | None,
+        typer.Option(
+            "--captions/--no-captions",
+            help="Show captions of scores and plays in films [yes; not on a stage].",
+        ),
     ] = None
     size: Annotated[
         str | None,
@@ -98,7 +115,15 @@ class PictureOptions:
     def output_options(self) -> OutputOptions:
         """Parsed options; raises a usage error if an option has an invalid value."""
         return OutputOptions.of(
-            self.view, self.focus, self.theme, self.size, self.fps, self.forces, self.bodies
+            self.view,
+            self.focus,
+            self.theme,
+            self.size,
+            self.fps,
+            self.forces,
+            self.bodies,
+            self.look,
+            self.captions,
         )
 
 

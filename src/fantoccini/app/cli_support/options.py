@@ -28,6 +28,7 @@ SchemaOf = enum.StrEnum(
 Planner = enum.StrEnum("Planner", {"EXPLORE": "explore", "EST2007": "est-2007"})
 Objective = enum.StrEnum("Objective", ["GENTLE", "TIME", "ACCELERATION"])
 Theme = enum.StrEnum("Theme", ["LIGHT", "DARK"])
+Look = enum.StrEnum("Look", ["DIAGRAM", "STAGE"])
 UpAxis = enum.StrEnum("UpAxis", ["Y", "Z"])
 Focus = enum.StrEnum("Focus", ["ALL", "BODIES"])
 Method = enum.StrEnum("Method", ["EVENT", "TIMESTEPPING", "VARIATIONAL"])

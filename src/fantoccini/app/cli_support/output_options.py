@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fantoccini.app.cli_support.files import FILMS, PICTURES, OutputError, fail
-from fantoccini.app.cli_support.options import Focus, Theme
+from fantoccini.app.cli_support.options import Focus, Look, Theme
 from fantoccini.base import ARRIVED
 from fantoccini.output.animation import ENDINGS
 
@@ -34,6 +34,8 @@ class OutputOptions:
         view: preset, or azimuth and elevation [deg].
         focus: ``all`` or ``bodies``.
         theme: ``light`` or ``dark``.
+        look: ``diagram`` or ``stage``.
+        captions: whether films show captions.
         size: width and height [px].
         fps: frames per second of a film, keys of an animation or rows of a table.
         forces: draw the forces of contacts.
@@ -44,6 +46,8 @@ class OutputOptions:
     view: str | tuple[float, float] | None = None
     focus: str | None = None
     theme: str | None = None
+    look: str | None = None
+    captions: bool | None = None
     size: tuple[int, int] | None = None
     fps: float | None = None
     forces: bool | None = None
@@ -61,6 +65,8 @@ class OutputOptions:
         fps: float | None,
         forces: bool = False,
         bodies: str | None = None,
+        look: Look | None = None,
+        captions: bool | None = None,
     ) -> OutputOptions:
         """Parses the values of options.
 
@@ -73,6 +79,8 @@ class OutputOptions:
             None if view is None else _view(view),
             None if focus is None else focus.value,
             None if theme is None else theme.value,
+            None if look is None else look.value,
+            captions,
             None if size is None else _size(size),
             fps,
             forces or None,
@@ -118,6 +126,8 @@ class OutputOptions:
             ("--view", self.view, film or strip, "a strip or a film"),
             ("--focus", self.focus, film or strip, "a strip or a film"),
             ("--theme", self.theme, film or strip or plot is not None, "a picture or a film"),
+            ("--look", self.look, film or strip, "a strip or a film"),
+            ("--captions", self.captions, film, "a film"),
             ("--size", self.size, film or strip, "a strip or a film"),
             ("--fps", self.fps, film or moving, "a film, an animation or a table (.csv)"),
             ("--forces", self.forces, film or strip, "a strip or a film"),
@@ -127,6 +137,13 @@ class OutputOptions:
         ):
             if value is not None and not applies:
                 fail(f"applies to {outputs}, but none is written", option)
+        if self.theme is not None and self.look == Look.STAGE and plot is None:
+            fail("found it with `--look stage`, which has its own colours", "--theme")
+
+    @property
+    def shows_captions(self) -> bool:
+        """Whether films show captions; on a stage only if requested."""
+        return self.look != Look.STAGE if self.captions is None else self.captions
 
     def nondefault(self, *names: str) -> dict[str, Any]:
         """The named attributes that are not None."""

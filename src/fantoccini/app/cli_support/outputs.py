@@ -99,8 +99,8 @@ def write_outputs(
         steps: progress report.
         poses: times of a strip's poses; see :func:`fantoccini.output.strip`.
         output_options: options of the files.
-        films: captions and sounds, as arguments of :func:`fantoccini.output.film`. A film beside
-            a file with its captions (``bows.mp4``, ``bows.srt``) does not show them.
+        films: captions, sounds and shots, as arguments of :func:`fantoccini.output.film`. A film
+            beside a file with its captions (``bows.mp4``, ``bows.srt``) does not show them.
         guides: guides in strips and films, as for :func:`fantoccini.output.film`.
 
     Raises:
@@ -126,8 +126,12 @@ def write_outputs(
                     _plot(whole_run, path, steps, output_options)
                 else:
                     film_options = dict(films or {})
-                    if path.suffix.lower() == ".mp4" and path.with_suffix("") in subtitled:
-                        film_options.pop("captions", None)  # players read that file
+                    # Players read a file of captions beside a film.
+                    if path.suffix.lower() in FILMS and (
+                        not output_options.shows_captions
+                        or (path.suffix.lower() == ".mp4" and path.with_suffix("") in subtitled)
+                    ):
+                        film_options.pop("captions", None)
                     _write(
                         marionette, run, path, steps, poses, output_options, film_options, guides
                     )
@@ -174,7 +178,7 @@ def _write(
         from fantoccini.output import view
 
         steps.step(f"drawing {path}")
-        options = output_options.nondefault("view", "focus", "theme", "size", "forces")
+        options = output_options.nondefault("view", "focus", "theme", "size", "forces", "look")
         view.strip(marionette, run, path, times=poses, guides=guides, **options)
     else:
         from fantoccini.output import view
@@ -187,7 +191,7 @@ def _write(
             run,
             path,
             progress=steps.bar(f"rendering {path}"),
-            **output_options.nondefault("view", "focus", "theme", "size", "fps", "forces"),
+            **output_options.nondefault("view", "focus", "theme", "size", "fps", "forces", "look"),
             guides=guides,
             **films,
         )

@@ -137,9 +137,7 @@ class SceneNodes:
     def view(self, viewpoint: Viewpoint, aspect: float = _ASPECT) -> View:
         """Point of view with the whole motion in the window."""
         geometry = self.geometry
-        centres, radii = geometry.balls()
-        centres = np.concatenate([centres, geometry.feet(centres)])
-        radii = np.concatenate([radii, np.zeros(len(centres) - len(radii))])
+        centres, radii = geometry.with_shadows(*geometry.balls())
         preset = "front" if viewpoint == "top" else viewpoint
         azimuth, elevation = point_of_view(preset, centres, geometry.plane)
         if isinstance(viewpoint, str) and viewpoint in _ELEVATIONS:

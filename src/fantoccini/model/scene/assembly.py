@@ -89,6 +89,7 @@ def assembled(scene: Scene) -> Puppet:
             pair["between"] = [shared_obstacles.get(name, name) for name in pair["between"]]
     for prop in scene.props:
         _add_prop(data, prop)
+    data["strings"] += [plain(string) for string in scene.strings]
     data["obstacles"] += [plain(obstacle) for obstacle in scene.obstacles]
     puppet = Puppet.model_validate(
         {key: value for key, value in data.items() if value is not None},

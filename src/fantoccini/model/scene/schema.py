@@ -35,6 +35,7 @@ from fantoccini.model.puppet import (
     PoseValue,
     Puppet,
     SolidInertia,
+    String,
     Vector,
     has_mass,
 )
@@ -111,6 +112,8 @@ class Scene(Document):
     """The puppets, in the order of their coordinates."""
     props: tuple[Prop, ...] = ()
     """Rigid bodies that are not attached to anything."""
+    strings: tuple[String, ...] = ()
+    """Strings between puppets and props, with the names of bodies in the scene."""
     obstacles: tuple[AnyObstacle, ...] = ()
     """Fixed shapes."""
 
@@ -147,11 +150,13 @@ class Scene(Document):
         return self.scene
 
     def names(self) -> Iterator[tuple[Path, str]]:
-        """Key paths and names of the puppets, props and obstacles."""
+        """Key paths and names of the puppets, props, strings and obstacles."""
         for i, member in enumerate(self.puppets):
             yield ("puppets", i, "name"), member.name
         for i, prop in enumerate(self.props):
             yield ("props", i, "name"), prop.name
+        for i, string in enumerate(self.strings):
+            yield ("strings", i, "name"), string.name
         for i, obstacle in enumerate(self.obstacles):
             yield ("obstacles", i, "name"), obstacle.name
 

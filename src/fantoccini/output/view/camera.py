@@ -47,6 +47,11 @@ class Viewport:
         """Centre of the rectangle [px]."""
         return self.x + 0.5 * self.width, self.y + 0.5 * self.height
 
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top of the rectangle [px]."""
+        return self.x, self.x + self.width, self.y, self.y + self.height
+
 
 @dataclass(frozen=True)
 class Camera:

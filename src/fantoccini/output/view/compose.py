@@ -11,11 +11,14 @@ from fantoccini.output.view.camera import Camera, Viewport
 from fantoccini.output.view.geometry import Geometry, StringCurve
 from fantoccini.output.view.order import BoxFaces, Occluder, StringPiece, painting_order
 from fantoccini.output.view.silhouettes import CLEAR, Polygon, Solid, paint, shadow
+from fantoccini.output.view.stage_set import StageSet
 from fantoccini.output.view.theme import Theme, mix
 
 MIN_DEPTH = 1e-6
 """Distance from the eye below which nothing is drawn [m]."""
 
+_THREAD = 0.9
+"""Width of strings in the theme's colour, in line widths."""
 _SHADOW_LAYERS = (9.0, 6.0, 3.5, 1.2, 0.0)
 """Widths of the nested outlines that soften a shadow's edge, in line widths."""
 
@@ -31,6 +34,7 @@ class Layout:
         top: upper end of the tension scale [N].
         colours: (256, 3) colours of the tension scale.
         handles: beads and hooks on held string ends.
+        stage: curtain and floor of a stage; None in a diagram.
     """
 
     camera: Camera
@@ -40,9 +44,12 @@ class Layout:
     top: float
     colours: np.ndarray
     handles: tuple[Solid, ...]
+    stage: StageSet | None = None
 
     def string_colour(self, string: StringCurve) -> np.ndarray:
-        """Colour (3,) of a string: that of slack strings, its own, or by its tension."""
+        """Colour (3,) of a string: the theme's for slack ones and on a stage, else by tension."""
+        if self.theme.thread is not None:
+            return self.theme.thread if string.colour is None else string.colour
         if not string.taut:
             return self.theme.slack
         if string.tension is None or not np.isfinite(string.tension):
@@ -57,7 +64,7 @@ def compose(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     painted: list[list[Polygon]] = []
     occluders: list[Occluder] = []
     for solid in (*geometry.solids, *layout.handles):
-        pose = _pose_of(solid, geometry.poses[k])
+        pose = pose_of(solid, geometry.poses[k])
         if not np.isfinite(pose).all():
             continue
         if polygons := paint(solid, pose, camera, viewport, layout.theme, layout.line_width):
@@ -130,17 +137,23 @@ def _box_faces(solid: Solid, pose: np.ndarray) -> BoxFaces | None:
     return BoxFaces(normals, quads.mean(axis=1))
 
 
-def _pose_of(solid: Solid, poses: np.ndarray) -> np.ndarray:
+def pose_of(solid: Solid, poses: np.ndarray) -> np.ndarray:
+    """Pose (3, 4) of a solid's link, or of the world, from link poses (n_links, 3, 4)."""
     return np.eye(3, 4) if solid.link == WORLD else poses[solid.link]
 
 
 def shadows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
-    """Soft shadows on the floor: nested translucent outlines, fainter for higher solids."""
+    """Soft shadows on the floor: nested translucent outlines, fainter for higher solids.
+
+    Those of a stage are a picture, :func:`stage_shadows`.
+    """
+    if layout.stage is not None:
+        return []
     right, _, back = layout.camera.axes
     ray = np.array([0.10 * right[0] - 0.06 * back[0], 0.10 * right[1] - 0.06 * back[1], -1.0])
     polygons = []
     for solid in geometry.solids:
-        pose = _pose_of(solid, geometry.poses[k])
+        pose = pose_of(solid, geometry.poses[k])
         centre = pose[2, :3] @ solid.axis.mean(axis=0) + pose[2, 3]
         height = centre - geometry.floor
         if not np.isfinite(height) or height <= 0.0:
@@ -174,6 +187,8 @@ def lines(geometry: Geometry, k: int, layout: Layout) -> list[Line]:
     curves = []
     for string in geometry.string_curves(k):
         width = (1.75 if string.wire else 1.35) if string.taut else 0.95
+        plain = layout.theme.thread is not None and string.colour is None
+        width = _THREAD if plain else width
         curves.append((string.points, width, layout.string_colour(string)))
     steel = mix(layout.theme.faint, layout.theme.ink, 0.4)
     curves += [(_coil(ends[k], layout), 1.0, steel) for ends in geometry.springs]

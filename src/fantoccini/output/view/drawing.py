@@ -16,6 +16,7 @@ from fantoccini.output.view.compose import Layout
 from fantoccini.output.view.geometry import Geometry, round_down
 from fantoccini.output.view.shapes import handles
 from fantoccini.output.view.silhouettes import Polygon
+from fantoccini.output.view.stage_set import LOOKS, STAGE, StageSet, darkness
 from fantoccini.output.view.theme import Theme, mix, theme_of
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ DPI = 100.0
 """Pixels per inch of a sheet; a pixel is 0.72 points."""
 
 _POINTS = 72.0 / DPI
+_STAGE_LINES = 0.6
+"""Width of lines on a stage, relative to those of a diagram."""
 
 
 @dataclass(frozen=True)
@@ -41,25 +44,33 @@ class PictureOptions:
         focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture.
         theme: colours.
         size: width and height [px]; None adapts it to the motion.
+        look: ``diagram``, or ``stage`` for a theatre without title, time and tension scale.
     """
 
     view: str | tuple[float, float]
     focus: str
     theme: Theme
     size: tuple[int, int] | None
+    look: str = "diagram"
 
     @classmethod
     def of(
         cls,
         view: str | tuple[float, float] = "auto",
-        focus: str = "all",
+        focus: str | None = None,
         theme: str | Theme = "light",
         size: tuple[int, int] | None = None,
+        look: str = "diagram",
     ) -> PictureOptions:
-        """Checks the options and resolves the theme's name."""
+        """Checks the options; resolves the theme's name, and the defaults of the look."""
+        if look not in LOOKS:
+            raise ValueError(f"look is {look!r}; it can be {' or '.join(LOOKS)}")
+        stage = look == "stage"
+        focus = focus or ("bodies" if stage else "all")
         if focus not in ("all", "bodies"):
             raise ValueError(f"focus is {focus!r}; it can be all or bodies")
-        return cls(view, focus, theme_of(theme), size)
+        named = theme_of(theme)
+        return cls(view, focus, STAGE if stage and named is not theme else named, size, look)
 
 
 def one_line(text: str, max_length: int = 60) -> str:
@@ -110,19 +121,15 @@ def layout_of(
     """
     centres, radii = geometry.balls(strings=options.focus == "all", pan=pan)
     azimuth, elevation = point_of_view(options.view, centres, geometry.plane)
-    # Shadows must be in the picture, unless the floor is far below.
-    shadow_points = geometry.feet(centres)
     camera = fit(
-        np.concatenate([centres, shadow_points]),
-        np.concatenate([radii, np.zeros(len(shadow_points))]),
-        azimuth,
-        elevation,
-        viewport.width / viewport.height,
+        *geometry.with_shadows(centres, radii), azimuth, elevation, viewport.width / viewport.height
     )
     line_width = max(0.6, 1.9 * (min(viewport.height, 1.6 * viewport.width) / 720.0) ** 0.7)
     top, theme = geometry.tension_top() if top is None else top, options.theme
-    beads = tuple(handles(geometry.tree, theme, geometry.size))
-    return Layout(camera, viewport, theme, line_width, top, theme.tension_colours(), beads)
+    stage = StageSet.of(geometry, camera) if options.look == "stage" else None
+    line_width *= 1.0 if stage is None else _STAGE_LINES
+    beads = () if stage is not None else tuple(handles(geometry.tree, theme, geometry.size))
+    return Layout(camera, viewport, theme, line_width, top, theme.tension_colours(), beads, stage)
 
 
 class Sheet:
@@ -164,6 +171,27 @@ class Sheet:
         self.axes.set_ylim(0.0, self.figure.bbox.height)
         return artist
 
+    @property
+    def frame(self) -> Viewport:
+        """The whole sheet."""
+        return Viewport(0.0, 0.0, self.width, self.height)
+
+    def shadows(self, pixels: np.ndarray, frame: Viewport, animated: bool = False) -> AxesImage:
+        """Adds the picture of the shadows on a stage, between the set and the puppets."""
+        return self.image(pixels, frame.extent, 1.5, animated)
+
+    def darkness(self, frame: Viewport, animated: bool = False) -> AxesImage:
+        """Adds the darkness at the edges of a frame, in front of everything in it."""
+        return self.image(darkness(frame), frame.extent, 3.5, animated)
+
+    def clip(self, artist: Artist, frame: Viewport) -> None:
+        """Hides what an artist draws outside of a frame."""
+        from matplotlib.transforms import Bbox, TransformedBbox
+
+        left, right, bottom, top = frame.extent
+        box = Bbox.from_extents(left, bottom, right, top)
+        artist.set_clip_box(TransformedBbox(box, self.axes.transData))
+
     def floor(
         self,
         geometry: Geometry,
@@ -171,21 +199,27 @@ class Sheet:
         grid: bool = True,
         middle: np.ndarray | None = None,
         animated: bool = False,
+        frame: Viewport | None = None,
     ) -> list[Artist]:
-        """Adds a spot of light on the floor and, with ``grid``, grid lines that fade outwards.
+        """Adds the set of a stage; else a spot of light on the floor and grid lines.
 
         Args:
             geometry: geometry with the floor.
             layout: camera and theme.
-            grid: draw grid lines.
+            grid: draw grid lines, which fade outwards.
             middle: (3,) centre of the light [m]; by default the light covers the whole motion.
             animated: drawn only on request, in matplotlib's sense.
+            frame: rectangle that the set of a stage fills; the whole sheet by default.
 
         Returns:
             The added artists.
         """
         artists: list[Artist] = []
         theme, camera = layout.theme, layout.camera
+        if layout.stage is not None:
+            frame = frame or self.frame
+            pixels = layout.stage.pixels(camera, layout.viewport, frame)
+            return [self.image(pixels, frame.extent, 0.5, animated)]
         if camera.eye[2] <= geometry.floor + 0.02 * geometry.size:
             return artists
         centre, reach = (

@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from fantoccini.base import FantocciniError, MediaError, OnProgress, Progress, ffmpeg, replacing
-from fantoccini.output.view.camera import Viewport
+from fantoccini.output.view.camera import Camera, Viewport
 from fantoccini.output.view.compose import Layout, compose, shadows
 from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of, set_polygons
 from fantoccini.output.view.geometry import Geometry, Guides, geometry_of
 from fantoccini.output.view.pan import camera_path, should_follow
+from fantoccini.output.view.shots import shot_cameras
 from fantoccini.output.view.soundtrack import soundtrack
+from fantoccini.output.view.stage_set import inside
+from fantoccini.output.view.stage_shadows import stage_shadows
 from fantoccini.output.view.still import Drawable
 from fantoccini.output.view.studio import Studio, checked_renderer
 from fantoccini.output.view.subtitles import Subtitles
@@ -27,9 +30,12 @@ from fantoccini.output.view.theme import Theme
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.image import AxesImage
+    from matplotlib.text import Text
 
     from fantoccini.motion import Trajectory
     from fantoccini.theatre.gestures import Caption, Sound
+    from fantoccini.theatre.plays import Shot
 
 CODECS = {
     ".mp4": (
@@ -75,7 +81,7 @@ def film(
     fps: float = 30.0,
     size: tuple[int, int] = (960, 720),
     view: str | tuple[float, float] = "auto",
-    focus: str = "all",
+    focus: str | None = None,
     theme: str | Theme = "light",
     speed: float = 1.0,
     progress: OnProgress | None = None,
@@ -85,11 +91,13 @@ def film(
     captions: Sequence[Caption] = (),
     sounds: Sequence[Sound] = (),
     guides: Guides | None = None,
+    look: str = "diagram",
+    shots: Sequence[Shot] = (),
 ) -> Path:
     """Writes a film of a run.
 
     The file appears only when complete. A fixed camera frames the whole motion, unless the puppet
-    walks so far that it would appear small: then the camera follows it.
+    walks so far that it would appear small: then the camera follows it. Shots replace both.
 
     Args:
         marionette: the puppet.
@@ -98,8 +106,9 @@ def film(
         fps: frames per second; for a ``.gif`` at most 50, the limit of browsers.
         size: width and height [px], rounded up to even numbers.
         view: preset, or (azimuth, elevation) in degrees.
-        focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture.
-        theme: ``light``, ``dark``, or a Theme.
+        focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture, as
+            by default in the look ``stage``.
+        theme: ``light``, ``dark``, or a Theme; the look ``stage`` has its own colours.
         speed: seconds of motion per second of film.
         progress: callback after each frame.
         renderer: ``matplotlib``, or ``pyvista`` for shaded solids, if installed; it takes several
@@ -111,6 +120,10 @@ def film(
             and fast films. A ``.gif`` is silent.
         guides: function that returns polylines (T, n, 3) [m] for times (T,), to compare the motion
             with, drawn in front of it: ``followed.guides``; matplotlib only.
+        look: ``diagram``, or ``stage``: a theatre, with thin plain strings and without title, time
+            and tension scale.
+        shots: shots of the camera, in the run's time: ``play.shots``. Before the first one, the
+            camera shows the whole motion.
 
     Returns:
         The path of the film.
@@ -140,8 +153,8 @@ def film(
     times = np.minimum(start + np.arange(n) * (speed / fps), stop)
     sound = soundtrack(sounds if ending == ".mp4" else (), start, n / fps, speed)
     geometry = geometry_of(marionette, run.resample(times), forces).with_guides(guides)
-    options = PictureOptions.of(view, focus, theme, (width, height))
-    frames = Frames(geometry, options, renderer, follow, captions)
+    options = PictureOptions.of(view, focus, theme, (width, height), look)
+    frames = Frames(geometry, options, renderer, follow, captions, shots)
     try:
         with replacing(path) as temporary:
             _encode(frames, n, temporary, (*sound, CODECS[ending]), fps, progress)
@@ -159,6 +172,7 @@ class Frames:
         renderer: renderer of solids and strings.
         follow: whether the camera follows the puppet; None if it would otherwise be small.
         captions: captions below the picture.
+        shots: shots of the camera; () for one fixed camera, or one that follows the puppet.
     """
 
     def __init__(
@@ -168,36 +182,25 @@ class Frames:
         renderer: str = "matplotlib",
         follow: bool | None = None,
         captions: Sequence[Caption] = (),
+        shots: Sequence[Shot] = (),
     ):
         self.size = width, height = options.size or (960, 720)
         unit = max(height / 50.0, min(10.0, width / 24.0))  # keeps captions of small films legible
         self.geometry, self.sheet = geometry, Sheet(self.size, options.theme)
-        axes = self.sheet.axes
         self._subtitles = Subtitles(captions, width, unit, _MAX_CAPTION_SHARE * height)
         low = 3.2 * unit + self._subtitles.height
         inner = Viewport(unit, low, width - 2.0 * unit, height - 2.8 * unit - low)
-        self.layout, self.pan = _framing(geometry, inner, options, follow)
+        if options.look == "stage":
+            inner = inside(self.sheet.frame, self._subtitles.height)
+        self.layout, self.pan = _framing(geometry, inner, options, False if shots else follow)
+        self.cameras = self._cameras_of(shots, strings=options.focus == "all")
+        self._moves = any(camera is not self.layout.camera for camera in self.cameras)
+        self._aimed: Camera | None = None
         self._floor: list[Artist] = []
-        if self.pan is None:
+        if not self._moves:
             self.sheet.floor(geometry, self.layout)
-        before = set(axes.get_children())
-        self.sheet.tension_bar(geometry, self.layout, 2.2 * unit, unit)
-        self._scale = [x for x in axes.get_children() if x not in before]
-        for artist in self._scale if self.pan is not None else ():
-            artist.set_animated(True)  # a moving floor is drawn before it
-        # Strings may pass behind the title.
-        self._title = self.sheet.title(geometry.title, unit, height - 1.6 * unit, animated=True)
-        self._clock = self.sheet.write(
-            width - 1.6 * unit,
-            height - 1.6 * unit,
-            "",
-            1.15 * unit,
-            options.theme.faint,
-            ha="right",
-            va="top",
-            animated=True,
-        )
-        self._subtitles.place(self.sheet, 3.2 * unit)
+        self._below, self._above = self._furniture(options, unit)
+        self._subtitles.place(self.sheet, 3.2 * unit if self.layout.stage is None else unit)
         self._middle = np.append(geometry.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
         self._polygons = self.sheet.polygons([], animated=True)
         self._studio = None
@@ -208,33 +211,80 @@ class Frames:
         self._canvas = cast("FigureCanvasAgg", self.sheet.figure.canvas)
         self._canvas.draw()
         self._backdrop = self._canvas.copy_from_bbox(self.sheet.figure.bbox)
+        self._scene = self._backdrop
 
     def draw(self, k: int) -> memoryview:
         """Pixels of frame k: rows from the top; red, green, blue, opacity, a byte each."""
-        self._canvas.restore_region(self._backdrop)
-        layout = self.layout if self.pan is None else self._follow(self.pan[k])
-        self._clock.set_text(f"{self.geometry.t[k]:.2f} s")
+        layout = self._aim(k)
         draw_scene = compose if self._studio is None else shadows
         set_polygons(self._polygons, draw_scene(self.geometry, k, layout))
+        if self._clock is not None:
+            self._clock.set_text(f"{self.geometry.t[k]:.2f} s")
         captions = self._subtitles.at(float(self.geometry.t[k]))
-        artists: list[Artist] = [self._polygons, self._title, self._clock, *captions]
+        artists: list[Artist] = [self._polygons, *self._above, *captions]
         if self._studio is not None:
             self._photograph.set_data(self._studio.photograph(k)[::-1])
             artists.insert(1, self._photograph)
+        if self._shadows is not None:
+            self._shadows.set_data(stage_shadows(self.geometry, k, layout, self.sheet.frame))
+            artists.insert(0, self._shadows)
         for artist in artists:
             self.sheet.axes.draw_artist(artist)
         return self._canvas.buffer_rgba()
 
-    def _follow(self, displacement: np.ndarray) -> Layout:
-        """Layout of a camera displaced by (3,) [m]; draws its floor."""
-        camera = self.layout.camera
-        layout = replace(self.layout, camera=replace(camera, eye=camera.eye + displacement))
+    def _cameras_of(self, shots: Sequence[Shot], strings: bool) -> list[Camera]:
+        """Camera of every frame; equal ones are the same object."""
+        camera, n = self.layout.camera, len(self.geometry.t)
+        if self.pan is not None:
+            return [replace(camera, eye=camera.eye + displacement) for displacement in self.pan]
+        if not shots:
+            return [camera] * n
+        return shot_cameras(self.geometry, self.layout, shots, strings)
+
+    def _furniture(self, options: PictureOptions, unit: float) -> tuple[list[Artist], list[Artist]]:
+        """Tension scale, drawn before the puppet; title and time, or darkness, drawn after it."""
+        width, height = self.size
+        axes, geometry = self.sheet.axes, self.geometry
+        self._clock: Text | None = None
+        self._shadows: AxesImage | None = None
+        if self.layout.stage is not None:
+            blank = np.zeros((1, 1, 4))
+            self._shadows = self.sheet.shadows(blank, self.sheet.frame, animated=True)
+            return [], [self.sheet.darkness(self.sheet.frame, animated=True)]
+        before = set(axes.get_children())
+        self.sheet.tension_bar(geometry, self.layout, 2.2 * unit, unit)
+        scale = [x for x in axes.get_children() if x not in before]
+        for artist in scale if self._moves else ():
+            artist.set_animated(True)  # a moving floor is drawn before it
+        # Strings may pass behind the title.
+        title = self.sheet.title(geometry.title, unit, height - 1.6 * unit, animated=True)
+        self._clock = self.sheet.write(
+            width - 1.6 * unit,
+            height - 1.6 * unit,
+            "",
+            1.15 * unit,
+            options.theme.faint,
+            ha="right",
+            va="top",
+            animated=True,
+        )
+        return scale, [title, self._clock]
+
+    def _aim(self, k: int) -> Layout:
+        """Layout of frame k; draws its background."""
+        camera = self.cameras[k]
+        layout = replace(self.layout, camera=camera)
+        if not self._moves or camera is self._aimed:
+            self._canvas.restore_region(self._scene)
+            return layout
+        self._canvas.restore_region(self._backdrop)
         for artist in self._floor:
             artist.remove()
-        middle = displacement + self._middle
+        middle = None if self.pan is None else self.pan[k] + self._middle
         self._floor = self.sheet.floor(self.geometry, layout, middle=middle, animated=True)
-        for artist in (*self._floor, *self._scale):
+        for artist in (*self._floor, *self._below):
             self.sheet.axes.draw_artist(artist)
+        self._aimed, self._scene = camera, self._canvas.copy_from_bbox(self.sheet.figure.bbox)
         if self._studio is not None:
             self._studio.aim(layout, self.size)
         return layout

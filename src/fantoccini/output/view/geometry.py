@@ -167,11 +167,12 @@ class Geometry:
             return np.zeros((1, 3)), np.ones(1)
         return all_centres[finite], np.concatenate(radii)[finite]
 
-    def feet(self, centres: np.ndarray) -> np.ndarray:
-        """(m, 3) points of the floor below those centres (n, 3) that are close to it [m]."""
+    def with_shadows(self, centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Balls (n, 3), (n,) [m] and the points below them on the floor, unless it is far below."""
         heights = centres[:, 2] - self.floor
         near = (heights > 0.0) & (heights < 0.25 * self.size)
-        return np.column_stack([centres[near, :2], np.full(near.sum(), self.floor)])
+        points = np.column_stack([centres[near, :2], np.full(near.sum(), self.floor)])
+        return np.concatenate([centres, points]), np.concatenate([radii, np.zeros(len(points))])
 
     def ground_box(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper corner (2,) of the motion seen from above, without outliers [m]."""

@@ -29,18 +29,25 @@ def camera_path(geometry: Geometry) -> np.ndarray:
     finite = np.isfinite(places).all(axis=2, keepdims=True)
     middle = np.where(finite, places, 0.0).sum(axis=1) / np.maximum(finite.sum(axis=1), 1)
     middle[:, 2] = 0.0
-    n, width = len(middle), _FOLLOWING.smoothing
-    step = float(geometry.t[-1] - geometry.t[0]) / max(n - 1, 1)
+    path = smoothed(geometry.t, middle, _FOLLOWING.smoothing)
+    return path - path[0]
+
+
+def smoothed(t: np.ndarray, places: np.ndarray, width: float) -> np.ndarray:
+    """(T, 3) moving average of places (T, 3) at evenly spaced times (T,), ``width`` wide [s].
+
+    Beyond its ends, the motion is extended by point reflection.
+    """
+    n = len(places)
+    step = float(t[-1] - t[0]) / max(n - 1, 1)
     n_half = min(n - 1, int(2.0 * width / step)) if step > 0.0 else 0
     if n_half == 0:
-        return middle - middle[0]
+        return np.array(places)
     weights = np.exp(-0.5 * (np.arange(-n_half, n_half + 1) * step / (0.5 * width)) ** 2)
-    # The motion is extended beyond both ends by point reflection.
-    before, after = middle[n_half:0:-1], middle[::-1][1 : n_half + 1]
-    extended = np.concatenate([2.0 * middle[0] - before, middle, 2.0 * middle[-1] - after])
+    before, after = places[n_half:0:-1], places[::-1][1 : n_half + 1]
+    extended = np.concatenate([2.0 * places[0] - before, places, 2.0 * places[-1] - after])
     smooth = [np.convolve(x, weights / weights.sum(), mode="valid") for x in extended.T]
-    path = np.column_stack(smooth)
-    return path - path[0]
+    return np.column_stack(smooth)
 
 
 def should_follow(fixed: float, following: float) -> bool:

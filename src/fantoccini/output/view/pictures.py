@@ -14,6 +14,8 @@ from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.compose import Layout, compose, shadows
 from fantoccini.output.view.drawing import DPI, PictureOptions, Sheet, layout_of
 from fantoccini.output.view.geometry import Geometry, Guides, geometry_at, geometry_of
+from fantoccini.output.view.stage_set import inside
+from fantoccini.output.view.stage_shadows import stage_shadows
 from fantoccini.output.view.still import Drawable
 from fantoccini.output.view.studio import Studio, checked_renderer
 from fantoccini.output.view.theme import Theme
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 """File endings of pictures."""
+_GAP = 6.0
+"""Distance between the stages of a strip [px]."""
 
 
 def strip(
@@ -34,12 +38,13 @@ def strip(
     n: int = 7,
     times: str | Sequence[float] = "poses",
     view: str | tuple[float, float] = "auto",
-    focus: str = "all",
+    focus: str | None = None,
     theme: str | Theme = "light",
     size: tuple[int, int] | None = None,
     scale: float = 2.0,
     forces: bool = False,
     guides: Guides | None = None,
+    look: str = "diagram",
 ) -> Path:
     """Writes a strip of poses of a run, side by side, from left to right in time.
 
@@ -51,12 +56,15 @@ def strip(
         times: ``poses`` for the most different poses, ``events`` for those just after catches,
             ``even`` for equal steps; or the times themselves [s].
         view: preset, or (azimuth, elevation) in degrees.
-        focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture.
-        theme: ``light``, ``dark``, or a Theme.
+        focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture,
+            as by default in the look ``stage``.
+        theme: ``light``, ``dark``, or a Theme; the look ``stage`` has its own colours.
         size: width and height [px]; by default adapted to the motion.
         scale: pixels of the file per pixel of ``size``.
         forces: draw the forces of contacts as arrows to scale; those of impacts are shortened.
         guides: lines that the motion is compared with, as for :func:`film`.
+        look: ``diagram``, or ``stage``: a theatre, with thin plain strings and without title,
+            times and tension scale.
 
     Returns:
         The path of the picture.
@@ -65,7 +73,7 @@ def strip(
         ValueError: forces were requested for a run without contacts.
     """
     path = check_path(path)
-    options = PictureOptions.of(view, focus, theme, size)
+    options = PictureOptions.of(view, focus, theme, size, look)
     return save(strip_figure(marionette, run, n, times, options, forces, guides), path, scale)
 
 
@@ -93,6 +101,11 @@ def strip_figure(
         unit = max(7.0, height / 50.0)
     sheet = Sheet((width, height), options.theme)
 
+    if options.look == "stage":
+        for k in range(n):
+            frame = Viewport(k * width / n, 0.0, width / n - (_GAP if k < n - 1 else 0.0), height)
+            add_stage(sheet, geometry, k, options, frame)
+        return sheet.figure
     top = motion.tension_top()
     panel_width = (width - 2.0 * unit) / n
     for k in range(n):
@@ -113,17 +126,29 @@ def strip_figure(
     return sheet.figure
 
 
+def add_stage(
+    sheet: Sheet, geometry: Geometry, k: int, options: PictureOptions, frame: Viewport
+) -> None:
+    """Adds sample k of a geometry on a stage, within a frame."""
+    layout = layout_of(geometry, inside(frame), options)
+    sheet.floor(geometry, layout, frame=frame)
+    sheet.shadows(stage_shadows(geometry, k, layout, frame), frame)
+    sheet.clip(sheet.polygons(compose(geometry, k, layout)), frame)
+    sheet.darkness(frame)
+
+
 def draw(
     marionette: Drawable,
     state: State,
     path: str | os.PathLike[str],
     tension: np.ndarray | None = None,
     view: str | tuple[float, float] = "auto",
-    focus: str = "all",
+    focus: str | None = None,
     theme: str | Theme = "light",
     size: tuple[int, int] = (720, 900),
     scale: float = 2.0,
     renderer: str = "matplotlib",
+    look: str = "diagram",
 ) -> Path:
     """Writes a picture of one state.
 
@@ -133,8 +158,7 @@ def draw(
         path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
         tension: (n_strings,) tensions [N]; None draws strings without the tension scale.
         view: preset, or (azimuth, elevation) in degrees.
-        focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture.
-        theme: ``light``, ``dark``, or a Theme.
+        focus, theme, look: options of :func:`strip`.
         size: width and height [px].
         scale: pixels of the file per pixel of ``size``.
         renderer: ``matplotlib``, or ``pyvista`` for shaded solids, if installed.
@@ -148,9 +172,8 @@ def draw(
     path = check_path(path)
     geometry = geometry_at(marionette, state, tension)
     studio_scale = scale if checked_renderer(renderer) == "pyvista" else None
-    return save(
-        figure_of(geometry, PictureOptions.of(view, focus, theme, size), studio_scale), path, scale
-    )
+    options = PictureOptions.of(view, focus, theme, size, look)
+    return save(figure_of(geometry, options, studio_scale), path, scale)
 
 
 def figure_of(
@@ -180,13 +203,19 @@ def framed_sheet(geometry: Geometry, options: PictureOptions) -> tuple[Sheet, La
     unit = max(7.0, height / 55.0)
     sheet = Sheet((width, height), options.theme)
     inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, height - 8.0 * unit)
+    inner = inside(sheet.frame) if options.look == "stage" else inner
     layout = layout_of(geometry, inner, options)
     sheet.floor(geometry, layout)
+    if layout.stage is not None:
+        sheet.shadows(stage_shadows(geometry, 0, layout, sheet.frame), sheet.frame)
     return sheet, layout, unit
 
 
 def add_captions(sheet: Sheet, geometry: Geometry, layout: Layout, unit: float) -> None:
-    """Adds the title and the tension scale."""
+    """Adds the title and the tension scale, or the darkness around a stage."""
+    if layout.stage is not None:
+        sheet.darkness(sheet.frame)
+        return
     sheet.title(geometry.title, unit, sheet.height - 1.5 * unit)
     sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit)
 
@@ -254,6 +283,8 @@ def panel_size(geometry: Geometry, options: PictureOptions) -> tuple[float, floa
         (projected[:, :2] + radii_px[:, None]).max(0),
     )
     aspect = float(np.clip((high[0] - low[0]) / max(high[1] - low[1], 1e-9), 0.30, 1.3))
+    if options.look == "stage":
+        return 560.0 * max(aspect, 0.7), 560.0
     height = 560.0 if aspect < 0.7 else 400.0
     return aspect * height * 1.06, height
 

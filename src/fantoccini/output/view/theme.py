@@ -61,6 +61,7 @@ class Theme:
         ramp: matplotlib's colour map for tension, and the part of it in use.
         cycle: colours of lines in plots, also distinct for colour-blind readers.
         force: colour of arrows of forces, different from all tension colours.
+        thread: colour of strings without a colour of their own, or None for colours by tension.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Theme:
     ramp: tuple[str, float, float]
     cycle: tuple[str, ...]
     force: np.ndarray = field(default_factory=lambda: rgb("#00855a"))
+    thread: np.ndarray | None = None
 
     def colour(self, k: int) -> str:
         """Colour of line k of a plot, as ``#rrggbb``."""

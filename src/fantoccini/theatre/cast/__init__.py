@@ -23,7 +23,7 @@ from fantoccini.theatre.cast.contacts import (
     sitting,
     standing,
 )
-from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_timeline
+from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_timeline, when_of_shot
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
 from fantoccini.theatre.cast.physique import Physique
@@ -105,4 +105,5 @@ __all__ = [
     "standing",
     "summed",
     "top_of",
+    "when_of_shot",
 ]

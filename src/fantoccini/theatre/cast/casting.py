@@ -18,6 +18,7 @@ from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
 from fantoccini.theatre.cast.contacts import Pair, asked_pairs, rules_of
 from fantoccini.theatre.cast.costumes import in_costume
+from fantoccini.theatre.cast.leashes import check_leashes, read_leashes
 from fantoccini.theatre.cast.players import Player, placed, values_of
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
@@ -135,6 +136,7 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
     log.mistakes.refuse()
     puppet_of = {name: player.alone for name, player in players.items()}
     props = read_props(file, starts, puppet_of, places, log)
+    leashes = read_leashes(file, players, log)
     log.mistakes.refuse()
     stage = file.stage
     only = f"{next(iter(players))}." if len(players) == 1 else ""
@@ -146,6 +148,7 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             floor=stage.floor,
             puppets=tuple(members),
             obstacles=stage.obstacles,
+            strings=leashes,
             props=tuple(prop.prop for prop in props.values()),
             contact=rules if rules.pairs else None,
         )
@@ -155,7 +158,9 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             log.mistakes.add(("stage",), f"{one_mistake.key}: {one_mistake.message}")
         log.mistakes.refuse()
     lie = {name: prop.start for name, prop in props.items()}
-    return Cast(players, whole, all_together(whole, players, lie), file, props, lie)
+    x0 = all_together(whole, players, lie)
+    check_leashes(file, whole, x0, log)
+    return Cast(players, whole, x0, file, props, lie)
 
 
 def _check_names(file: PlayFile, log: ScriptLog) -> None:
@@ -170,6 +175,7 @@ def _check_names(file: PlayFile, log: ScriptLog) -> None:
         *((("cast", name), name, "a player") for name in file.cast),
         *((("stage", "marks", name), name, "a mark") for name in stage.marks),
         *((("props", name), name, "a prop") for name in file.props),
+        *((("leashes", name), name, "a leash") for name in file.leashes),
         *(
             (("stage", "obstacles", i), obstacle.name, "an obstacle")
             for i, obstacle in enumerate(stage.obstacles)

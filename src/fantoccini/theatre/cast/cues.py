@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 from fantoccini.base import nearest
 from fantoccini.base.documents import NAME
@@ -70,37 +71,64 @@ def play_timeline(
             acts[-1].append(cue)
             cues.append(cue)
 
-    def special(cue: Cue[PlayCue], spot: Spot, given: Time) -> Reference | float | None:
+    def of_player(n_before: int, spot: Spot, given: Time) -> Reference | float | None:
         match = _OF_PLAYER.fullmatch(given.strip()) if isinstance(given, str) else None
         if match is None or match[1] not in file.cast:
             return None
         offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
         walk = match[2] == "arrives"
-        for earlier in reversed(cues[: cue.index]):
+        for earlier in reversed(cues[:n_before]):
             if match[1] in earlier.who and (walks(earlier.given) or not walk):
                 # An act begins after everything in the acts before it.
                 return Reference(earlier.spot, END, offset, in_act=True)
         log.mistakes.add(spot, f"{match[1]} has no {'walk' if walk else 'cue'} before this one")
         return 0.0
 
+    def special(cue: Cue[PlayCue], spot: Spot, given: Time) -> Reference | float | None:
+        return of_player(cue.index, spot, given)
+
     times: dict[Spot, Time] = {("times", name): float(beat) for name, beat in file.times.items()}
     timeline = make_timeline(acts, times, log, special)
-    _check_order(timeline, log)
+    refs = dict(timeline.refs)
+    for a, act in enumerate(file.acts):
+        for i, shot in enumerate(act.camera):
+            spot = when_of_shot(a, i)
+            other = of_player(timeline.acts[a + 1], spot, shot.when)
+            refs[spot] = timeline.names.read(shot.when, spot) if other is None else other
+    timeline = replace(timeline, refs=refs)
+    _check_order(file, timeline, log)
     _check_entrances(file, timeline, log)
     return timeline
 
 
-def _check_order(timeline: Timeline[PlayCue], log: ScriptLog) -> None:
-    """Records cues that wait for those of a later act."""
+def when_of_shot(act: int, index: int) -> Spot:
+    """Keys of the time of a shot of an act."""
+    return "acts", act, "camera", index, "when"
+
+
+def _check_order(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) -> None:
+    """Records cues and shots that wait for cues of a later act, and shots after the longest act."""
     of_spot = {cue.spot: cue for cue in timeline.cues}
-    for cue in timeline.cues:
-        for spot, _ in cue.times:
-            ref = timeline.refs[spot]
-            other = of_spot.get(ref.spot) if isinstance(ref, Reference) else None
-            if other is not None and other.act > cue.act:
-                line = log.located.line(other.spot)
-                text = f"waits for {other.name} on line {line}, a cue of a later act"
-                log.mistakes.add(spot, text)
+    times = [(cue.act, spot) for cue in timeline.cues for spot, _ in cue.times]
+    shots = [
+        (a, when_of_shot(a, i)) for a, act in enumerate(file.acts) for i in range(len(act.camera))
+    ]
+    for act, spot in (*times, *shots):
+        ref = timeline.refs[spot]
+        other = of_spot.get(ref.spot) if isinstance(ref, Reference) else None
+        if other is not None and other.act > act:
+            line = log.located.line(other.spot)
+            text = f"waits for {other.name} on line {line}, a cue of a later act"
+            log.mistakes.add(spot, text)
+    for _, spot in shots:
+        _check_length(timeline.refs[spot], spot, log)
+
+
+def _check_length(start: object, spot: Spot, log: ScriptLog) -> None:
+    """Records a number of beats that is longer than the longest act."""
+    if isinstance(start, float) and start * log.beat > _MAX_ACT_TIME:
+        text = f"found beat {start:g}; an act lasts {_MAX_ACT_TIME / 60:g} minutes at most"
+        log.mistakes.add(spot, text)
 
 
 def _check_entrances(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) -> None:
@@ -113,9 +141,7 @@ def _check_entrances(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog
                 log.mistakes.add((*cue.spot, "enters to"), text)
             away[who] = isinstance(cue.given, ExitsToCue)
         for spot, start in cue.times:
-            if isinstance(start, float) and start * log.beat > _MAX_ACT_TIME:
-                text = f"found beat {start:g}; an act lasts {_MAX_ACT_TIME / 60:g} minutes at most"
-                log.mistakes.add(spot, text)
+            _check_length(start, spot, log)
 
 
 def _who(file: PlayFile, cue: PlayCue, spot: Spot, log: ScriptLog) -> tuple[str, ...]:

@@ -339,7 +339,7 @@ def _of_poses(
             mistakes.add(("poses", "strings", i), text + nearest(string, set(owners.values())))
     mistakes.refuse()
     strings = {prefix + string for string in poses.strings}
-    held = tuple(name for name, owner in owners.items() if owner not in strings)
+    held = tuple(name for name in table.v_K if name.rsplit(".", 1)[0] not in strings)
     homes: dict[What, Array] = {}
     offsets: dict[What, Array] = {}
     for body, places in poses.points.items():

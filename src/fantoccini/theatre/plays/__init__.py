@@ -5,6 +5,7 @@ from fantoccini.theatre.plays.from_above import Overhead, overhead
 from fantoccini.theatre.plays.owner_clearances import OwnerClearance, clearances
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.reading import check_play, play_names
+from fantoccini.theatre.plays.shots import Shot
 from fantoccini.theatre.plays.stage_run import together
 from fantoccini.theatre.plays.touching import Touch
 from fantoccini.theatre.plays.verifying import CueTime, Verification, verify_play
@@ -15,6 +16,7 @@ __all__ = [
     "Overhead",
     "OwnerClearance",
     "Play",
+    "Shot",
     "Touch",
     "Verification",
     "check_play",

@@ -14,6 +14,7 @@ from fantoccini.theatre.gestures import Part, Placed
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
 from fantoccini.theatre.plays.lateness_rules import advance_hands, mark_lateness, refuse_late
+from fantoccini.theatre.plays.leashes import refuse_stretched
 from fantoccini.theatre.plays.placing import IN_TIME, Placement
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.reading import read_play
@@ -30,6 +31,7 @@ from fantoccini.theatre.plays.rounds import (
     refuse_stopped,
     settle,
 )
+from fantoccini.theatre.plays.shots import shots_of
 from fantoccini.theatre.plays.stage_run import SAMPLE, together
 from fantoccini.theatre.plays.touching import EVERY, Touch, touches
 from fantoccini.theatre.plays.walks import Walks
@@ -141,6 +143,7 @@ def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Resul
             refuse_stopped,
             locate_and_calm,
             refuse_failures,
+            refuse_stretched,
         )
         if not (moved or paused):
             results, moved = settle(stage, results, this_round)
@@ -327,6 +330,7 @@ def _play(
         placement.meetings,
         placement.ways,
         results.settled,
+        shots_of(cast, script.timeline, placement, script.places, stage.beat),
         count,
         stage.cache,
     )

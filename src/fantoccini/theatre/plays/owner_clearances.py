@@ -86,13 +86,16 @@ def _of_strings(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     """Distances of strings from strings and bodies of other players, and from obstacles."""
     near = StringsApart(cast.whole, own=False).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
     for pair in (*near.strings, *near.bodies):
+        if {pair.what, pair.other} & {*cast.file.leashes}:
+            continue
         owners = cast.owner(pair.what), cast.owner(pair.other)
         other = f"string {pair.other}" if pair in near.strings else pair.other
         yield OwnerClearance(owners, f"string {pair.what}", other, pair.distance, pair.t)
     for name, part in Clearance(cast.whole).parts().items():
-        if not name.startswith("string "):
+        string = name.removeprefix("string ")
+        if string == name or string in cast.file.leashes:
             continue
         nearest = part.least(path)
         other = part.pair_at(nearest.q_D, nearest.q_K).other
-        owners = cast.owner(name.removeprefix("string ")), other
+        owners = cast.owner(string), other
         yield OwnerClearance(owners, name, other, nearest.distance, nearest.t)

@@ -85,6 +85,7 @@ class Placement:
         meetings: players and props that may touch, with times.
         passes: cue -> cues of players that it passes, each with a note for the report.
         calmed: (cue, player) -> time at which the hands begin to damp the player's swing [s].
+        moments: keys of a cue or a time of the file -> its moments [s].
     """
 
     cues: tuple[Placed[PlayCue], ...]
@@ -96,6 +97,7 @@ class Placement:
     meetings: tuple[Meeting, ...]
     passes: Mapping[Spot, tuple[tuple[Spot, str], ...]]
     calmed: Mapping[tuple[Spot, str], float]
+    moments: Mapping[Spot, Moments]
 
 
 def place_cues(
@@ -148,6 +150,7 @@ def place_cues(
         stage.meetings(end),
         stage.passes,
         stage.calmed,
+        play.moments,
     )
 
 

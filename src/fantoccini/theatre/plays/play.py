@@ -12,6 +12,7 @@ from fantoccini.motion import Input, State
 from fantoccini.theatre.cast import Cast, Meeting, ResultCache, Way
 from fantoccini.theatre.gestures import Gesture, Score
 from fantoccini.theatre.plays.runs import Runs, runs_of
+from fantoccini.theatre.plays.shots import Shot
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,7 @@ class Play:
         ways: player -> its walks.
         settled: number of a cue -> its pause [s], and the trunk's speeds after it without the pause
             and with it [m/s].
+        shots: shots of the film's camera, in order of time.
         rounds: number of rounds in which cues were placed.
         cache: cached runs and ways, for the next version.
     """
@@ -116,6 +118,7 @@ class Play:
     meetings: tuple[Meeting, ...]
     ways: Mapping[str, tuple[Way, ...]]
     settled: Mapping[int, tuple[float, float, float]]
+    shots: tuple[Shot, ...]
     rounds: int
     cache: ResultCache = field(repr=False)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from fantoccini.base import FileError, Mistake, nearest
 from fantoccini.theatre.cast import Cast, Places, ResultCache, play_timeline, read_cast
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
+from fantoccini.theatre.plays.shots import check_shots
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.plays.whole import sounds_of
 from fantoccini.theatre.script import (
@@ -70,6 +71,7 @@ def read_play(path: str | os.PathLike[str], cache: ResultCache) -> Script:
     file, log = read_script(PlayFile, path)
     places = Places(file, log)
     _check_names(file, places, log)
+    check_shots(file, log)
     cast = read_cast(file, places, log)
     gestures = PlayerGestures(cast, log, cache)
     timeline = play_timeline(file, gestures.marks, log)

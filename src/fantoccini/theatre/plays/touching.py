@@ -54,7 +54,8 @@ def touches(
     Bodies of different players, props and obstacles keep clear of one another, except for pairs
     that a cue lets touch while it lasts; strings keep clear of all of them. Other pairs of a
     prop and the players that handle it may come near, but must not touch. Bodies may touch the
-    floor, but not penetrate it. Strings of the same player may touch, but not cross.
+    floor, but not penetrate it. Strings of the same player may touch, but not cross. Leashes may
+    touch everything.
 
     Args:
         cast: cast of the play.
@@ -86,6 +87,8 @@ def touches(
     for crossing in apart.over(q_D, q_K, t).crossings():
         names = f"string {crossing.what}", f"string {crossing.other}"
         listed.append(Touch(crossing.t, *names, 0.0, crosses=True))
+    leashes = {f"string {name}" for name in cast.file.leashes}
+    listed = [touch for touch in listed if not {touch.what, touch.other} & leashes]
     return sorted(listed, key=lambda touch: (touch.t, touch.what, touch.other))
 
 

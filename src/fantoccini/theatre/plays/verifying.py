@@ -15,6 +15,7 @@ from fantoccini.motion import EventKind, Trajectory
 from fantoccini.theatre.cast import CannotBegin, OutOfTime, Stop
 from fantoccini.theatre.gestures import lateness, limits, names_and_units
 from fantoccini.theatre.plays.handled import failures
+from fantoccini.theatre.plays.leashes import stretches
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.rounds import PEAKS
@@ -100,10 +101,10 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     """Verification of a play by an event-driven simulation.
 
     The requirements are: the run reaches its end; every cue that is done is seen within 1/60 s of
-    its time; players, obstacles and strings keep the stage's distance; strings never cross; only
-    sitters touch the floor; props are held, put down and sat on as the cues say; the hands keep
-    their bounds and their space, and rest while a show waits. The bodies of one player are not
-    checked against each other, nor against its own strings.
+    its time; players, obstacles and strings keep the stage's distance; strings never cross; leashes
+    stay slack; only sitters touch the floor; props are held, put down and sat on as the cues say;
+    the hands keep their bounds and their space, and rest while a show waits. The bodies of one
+    player are not checked against each other, nor against its own strings.
 
     Args:
         play: compiled play.
@@ -136,6 +137,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     faults += [_stops(play, stop) for stop in runs.stops]
     listed = tuple(touches(play.cast, run, play.meetings))
     faults += [f"{touch}, in {play.when(touch.t)}" for touch in listed]
+    faults += [f"{stretch}, in {play.when(stretch.t)}" for stretch in stretches(play.cast, run)]
     cues = cue_times(play, run)
     for timing in cues:
         if abs(timing.late) > IN_TIME + 1e-9:
@@ -156,7 +158,8 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     wound = tuple(
         winding
         for winding in strings.windings()
-        if np.max(np.abs(winding.turns - winding.turns[0])) > _MIN_WINDING
+        if not {winding.what, winding.other} & {*play.cast.file.leashes}
+        and np.max(np.abs(winding.turns - winding.turns[0])) > _MIN_WINDING
     )
     faults += [
         f"strings {winding.what} and {winding.other} are wound around each other by "

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from fantoccini.base.documents import (
+    Angle,
     Document,
     Kind,
     Length,
@@ -21,7 +23,10 @@ from fantoccini.base.documents import (
 from fantoccini.model.puppet import WORDS, AnyObstacle, AnyShape, Colour, Mass, PoseValue
 from fantoccini.theatre.script.score_file import SoundsFile
 from fantoccini.theatre.script.unions import AnyPlayCue
-from fantoccini.theatre.script.values import Facing, Factor, Where
+from fantoccini.theatre.script.values import Facing, Factor, Names, Side, Time, Where
+
+_MAX_ABOVE = math.radians(80.0)
+"""Largest angle of a camera above or below the horizontal [rad]."""
 
 
 class MarkFile(Model):
@@ -123,6 +128,48 @@ class PropFile(Model):
             raise mistake("found a place of three numbers in `at`; needed: [x, y]")
 
 
+class LeashFile(Model):
+    """A leash from a player's hand to the neck of another; it must stay slack."""
+
+    held_by: Name = Field(alias="held by")
+    """The player that holds it."""
+    side: Literal["left", "right"] = "right"
+    """Side of the hand."""
+    to: Name
+    """The player on whose neck it ends."""
+    length: Size
+    """Largest distance of hand and neck [m]."""
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Refuses a leash of one player."""
+        if self.held_by == self.to:
+            raise mistake(f"found {self.to!r} at both ends; needed: two players")
+
+
+class ShotFile(Model):
+    """A shot of the film's camera, until the next one begins."""
+
+    when: Time = 0.0
+    """Time at which it begins: a beat of the act, a time of the play by name, a moment of a cue,
+    `NAME arrives` or `NAME is done`, with an offset in beats."""
+    at: Names = ("all",)
+    """Players and props that it shows and follows, a mark or an obstacle, or `all`."""
+    from_: Side = Field(0.0, alias="from")
+    """Direction from which it sees them; from the audience by default."""
+    above: Angle = math.radians(10.0)
+    """Angle above the horizontal from which it sees them [rad]."""
+    zoom: Factor = 1.0
+    """Size in the picture, relative to that at which they just fill it."""
+    over: NotNegative = 0.0
+    """Duration of the camera's move to this shot [beats]; a cut by default."""
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Refuses a camera that looks straight down or up."""
+        if not abs(self.above) <= _MAX_ABOVE:
+            degrees = math.degrees(self.above)
+            raise mistake(f"found `above: {degrees:.4g} deg`; needed: -80 to 80 deg")
+
+
 class ActFile(Model):
     """An act: it begins when everything before it has ended."""
 
@@ -132,6 +179,8 @@ class ActFile(Model):
     """Pause before it [beats]."""
     cues: Annotated[tuple[AnyPlayCue, ...], entries(1)]
     """Cues in any order; those of one player follow each other in this order."""
+    camera: tuple[ShotFile, ...] = ()
+    """Shots of the film's camera, in any order."""
 
 
 class PlayFile(Document):
@@ -149,6 +198,8 @@ class PlayFile(Document):
     """Name -> puppet and its start."""
     props: dict[Name, PropFile] = Field(default_factory=dict)
     """Name -> prop and its start."""
+    leashes: dict[Name, LeashFile] = Field(default_factory=dict)
+    """Name -> leash."""
     stage: StageFile = Field(default_factory=StageFile)
     """The stage."""
     times: dict[Name, NotNegative] = Field(default_factory=dict)

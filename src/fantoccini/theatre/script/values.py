@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Annotated, Any
 
@@ -95,6 +96,16 @@ def _facing(value: Any) -> Any:
     return read_angle(value)
 
 
+def _side(given: Any) -> float:
+    value: float | str = _facing(given)
+    if not isinstance(value, str):
+        return value
+    if value not in DIRECTIONS:
+        text = f"found {shown(value)}; needed: an angle, or {', '.join(DIRECTIONS)}"
+        raise mistake(text + nearest(value, DIRECTIONS))
+    return math.radians(DIRECTIONS[value])
+
+
 def _where(value: Any) -> Any:
     if isinstance(value, str):
         return value
@@ -139,6 +150,13 @@ Facing = Annotated[
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
 ]
 """Angle from the audience to the left, or `audience`, `left`, `right`, `back`, or what to face."""
+Side = Annotated[
+    float,
+    BeforeValidator(_side),
+    SIZED,
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
+]
+"""Angle from the audience to the left, or `audience`, `left`, `right`, `back`."""
 Names = Annotated[
     tuple[Name, ...],
     BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...]),

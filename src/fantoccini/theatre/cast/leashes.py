@@ -1,0 +1,73 @@
+"""Leashes of a play: slack strings from a player's hand to the neck of another player."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fantoccini.base import StateError, nearest
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model import BodyMap
+from fantoccini.model.puppet import Attachment, String
+from fantoccini.motion import State
+from fantoccini.theatre.cast.players import Player
+from fantoccini.theatre.gestures import Roles
+from fantoccini.theatre.script import PlayFile, ScriptLog, Spot
+
+_LEATHER = "#8a5a34"
+"""Colour of leashes."""
+
+
+def read_leashes(
+    file: PlayFile, players: Mapping[str, Player], log: ScriptLog
+) -> tuple[String, ...]:
+    """Leashes as strings of the stage; records unknown players, and players without the parts."""
+    strings = []
+    for name, leash in file.leashes.items():
+        ends = []
+        for key, who in (("held by", leash.held_by), ("to", leash.to)):
+            spot: Spot = ("leashes", name, key)
+            if who not in players:
+                text = f"no player is called {who!r}{nearest(who, players)}"
+                log.mistakes.add(spot, text)
+                continue
+            try:
+                body_map = Roles.of(players[who].alone).body_map
+            except StateError as error:
+                log.mistakes.add(spot, f"{file.cast[who].puppet}: {error}")
+                continue
+            end = _neck(body_map) if key == "to" else _hand(body_map, leash.side)
+            if end is None:
+                part = "head" if key == "to" else f"arm_{leash.side}"
+                text = f"{file.cast[who].puppet} has no {part}; needed: a player with it"
+                log.mistakes.add(spot, text)
+                continue
+            body, at = end
+            ends.append(Attachment(body=f"{who}.{body}", at=at))
+        if len(ends) == 2:
+            path = (ends[0], ends[1])
+            strings.append(String(name=name, path=path, length=leash.length, colour=_LEATHER))
+    return tuple(strings)
+
+
+def check_leashes(file: PlayFile, whole: Marionette, x0: State, log: ScriptLog) -> None:
+    """Records leashes that are stretched at the start."""
+    points = whole.string_points(x0.q_D, x0.q_K)
+    for name, leash in file.leashes.items():
+        start, end = points[name]
+        distance = float(np.linalg.norm(end - start))
+        if distance > leash.length:
+            text = f"found {leash.length:g} m; needed: more than {distance:.3g} m, its length at "
+            log.mistakes.add(("leashes", name, "length"), text + "the start")
+
+
+def _hand(body_map: BodyMap, side: str) -> tuple[str, tuple[float, float, float]] | None:
+    """Body of a hand and the hand's place in its frame; None without the arm."""
+    arm = body_map.parts.get(f"arm_{side}")
+    return None if arm is None else (arm.bodies[-1], arm.end)
+
+
+def _neck(body_map: BodyMap) -> tuple[str, tuple[float, float, float]] | None:
+    """Body of the head and the place of its joint in its frame; None without a head."""
+    return None if body_map.head is None else (body_map.head.body, (0.0, 0.0, 0.0))

@@ -1,0 +1,88 @@
+"""Shots of a play's film: where its camera looks, and when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fantoccini.base import nearest
+from fantoccini.theatre.cast import Cast, Places, when_of_shot
+from fantoccini.theatre.plays.placing import Placement
+from fantoccini.theatre.script import PlayCue, PlayFile, ScriptLog, Timeline
+
+_EVERYTHING = "all"
+"""Name in `at` of the whole stage."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A shot of a film's camera, until the next one begins.
+
+    Attributes:
+        t: beginning [s].
+        over: duration of the camera's move to it [s]; 0 for a cut.
+        bodies: names of the bodies that it shows and follows; () for everything or a place.
+        place: x, y and possibly z of a place that it shows [m]; None for bodies or everything.
+        azimuth, elevation: direction from which it sees them [rad].
+        zoom: size in the picture, relative to that at which they just fill it.
+    """
+
+    t: float
+    over: float = 0.0
+    bodies: tuple[str, ...] = ()
+    place: tuple[float, ...] | None = None
+    azimuth: float = 0.0
+    elevation: float = 0.0
+    zoom: float = 1.0
+
+
+def check_shots(file: PlayFile, log: ScriptLog) -> None:
+    """Records unknown names in shots, and places that are not alone."""
+    moving = {*file.cast, *file.props}
+    still = {*file.stage.marks, *(obstacle.name for obstacle in file.stage.obstacles), _EVERYTHING}
+    known = sorted(moving | still)
+    for a, act in enumerate(file.acts):
+        for i, shot in enumerate(act.camera):
+            spot = ("acts", a, "camera", i, "at")
+            for name in shot.at:
+                if name not in known:
+                    text = f"no player, prop, mark or obstacle is called {name!r}"
+                    log.mistakes.add(spot, text + nearest(name, known))
+                elif name in still and len(shot.at) > 1:
+                    text = f"found {name!r} with others; needed: players and props, or one place"
+                    log.mistakes.add(spot, text)
+
+
+def shots_of(
+    cast: Cast, timeline: Timeline[PlayCue], placement: Placement, places: Places, beat: float
+) -> tuple[Shot, ...]:
+    """Shots of a play whose cues are placed, in order of time.
+
+    Args:
+        cast, timeline, placement, places: parts of the play.
+        beat: duration of a beat [s].
+    """
+    shots = []
+    for a, act in enumerate(cast.file.acts):
+        for i, shot in enumerate(act.camera):
+            ref, start = timeline.refs[when_of_shot(a, i)], placement.act_starts[a]
+            (name, *_), moving = shot.at, {*cast.file.cast, *cast.file.props}
+            bodies = _bodies(cast, shot.at) if name in moving else ()
+            still = None if name in moving or name == _EVERYTHING else places.fixed(name)
+            shots.append(
+                Shot(
+                    timeline.time(ref, start, placement.moments),
+                    shot.over * beat,
+                    bodies,
+                    None if still is None else (still.real, still.imag),
+                    shot.from_,
+                    shot.above,
+                    shot.zoom,
+                )
+            )
+    return tuple(sorted(shots, key=lambda shot: shot.t))
+
+
+def _bodies(cast: Cast, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Bodies in the scene of players and props."""
+    links = [link.name for link in cast.whole.tree.links]
+    return tuple(link for link in links if cast.owner(link) in names)

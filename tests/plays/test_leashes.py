@@ -1,0 +1,98 @@
+"""Leashes of plays: drawn between two players, and never stretched."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.plays.conftest import HEAD, Plays
+from tests.plays.tiny import CUES, write_play
+
+import fantoccini as fan
+from fantoccini.output.view.camera import Viewport
+from fantoccini.output.view.compose import lines
+from fantoccini.output.view.drawing import PictureOptions, layout_of
+from fantoccini.output.view.geometry import geometry_of
+from fantoccini.theatre.plays import check_play
+
+pytestmark = pytest.mark.slow
+
+NEARBY = HEAD.replace("east: {at: [0, -0.6]}", "east: {at: [0, 0.1]}")
+ACT = "acts:\n  - act: one\n    cues:\n"
+
+
+def leash(length: float) -> str:
+    ends = "held by: pierrot, side: left, to: columbine"
+    return f"leashes:\n  lead: {{{ends}, length: {length}}}\n"
+
+
+def distance(play: fan.theatre.Play, run: fan.Trajectory) -> np.ndarray:
+    """(T,) distance of his hand and her neck, from poses of bodies and the file's points [m]."""
+    m = play.marionette
+    poses = m.poses(run.q_D, run.q_K)
+    arm = poses[:, m.link_index("pierrot.forearm_left")]
+    hand = np.array(play.cast.players["pierrot"].alone.body_map.parts["arm_left"].end)
+    neck = poses[:, m.link_index("columbine.skull"), :, 3]
+    return np.linalg.norm(arm[:, :, :3] @ hand + arm[:, :, 3] - neck, axis=1)
+
+
+@pytest.fixture(scope="module", name="walk")
+def _walk(tmp_path_factory):
+    """A play in which she walks off, with a leash that is long enough for half of it."""
+    plays = Plays(tmp_path_factory.mktemp("leash"))
+    cues = "      - {who: pierrot, does: nod}\n      - {who: columbine, walks to: [0.5, -0.6]}\n"
+    return plays, cues
+
+
+def test_a_long_leash_stays_slack_and_is_drawn(walk):
+    plays, cues = walk
+    play = fan.load_play(plays.written(leash(1.6) + ACT + cues, NEARBY))
+    assert play.changes == ()
+    verification = fan.theatre.verify_play(play)
+    assert verification, verification.faults
+    run = verification.run
+    assert 1.2 < distance(play, run).max() < 1.58
+    assert not run.taut["lead"].any()
+    geometry = geometry_of(play.marionette, run.resample(run.t[::400]))
+    (k,) = (i for i, name in enumerate(geometry.names) if name == "lead")
+    curve = geometry.string_curves(2)[k].points
+    ends = curve[[0, -1]]
+    assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(distance(play, run)[800], abs=1e-6)
+    assert 0.0 <= curve[:, 2].min() < ends[:, 2].min() - 0.05  # it hangs, or lies on the floor
+    layout = layout_of(geometry, Viewport(0, 0, 300, 300), PictureOptions.of(look="stage"))
+    assert len({tuple(line.colour) for line in lines(geometry, 2, layout)}) == 2
+
+
+def test_a_cue_that_would_stretch_a_leash_is_refused_with_the_length_it_needs(walk):
+    plays, cues = walk
+    play = fan.load_play(plays.written(leash(0.7) + ACT + cues, NEARBY))
+    (change,) = play.changes
+    assert "columbine: walks to [0.5, -0.6] cannot be done: lead, 0.7 m long, would" in str(change)
+    assert str(change).split(":")[1] == str(play.cues[1].line)
+    run = fan.theatre.verify_play(play)
+    assert run, run.faults
+    needed = float(str(change).split("needs to be ")[1].split(" m")[0])
+    longer = fan.load_play(plays.written(leash(needed) + ACT + cues, NEARBY), before=play)
+    assert longer.changes == ()
+    shorter = fan.load_play(plays.written(leash(needed - 0.05) + ACT + cues, NEARBY), before=play)
+    assert len(shorter.changes) == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (leash(0.2), "found 0.2 m; needed: more than"),
+        (leash(1.0).replace("columbine", "colombine"), "did you mean 'columbine'"),
+        (leash(1.0).replace("columbine", "pierrot"), "found 'pierrot' at both ends"),
+        (leash(1.0).replace("lead", "west"), "is the name of a mark"),
+    ],
+)
+def test_a_wrong_leash_is_reported(walk, given, text):
+    plays, cues = walk
+    with pytest.raises(fan.errors.FileError, match=text):
+        fan.load_play(plays.written(given + ACT + cues, NEARBY))
+
+
+def test_a_leash_needs_a_hand_and_a_head(tmp_path):
+    path = write_play(tmp_path, CUES, "leashes: {lead: {held by: one, to: two, length: 1}}\n")
+    with pytest.raises(fan.errors.FileError, match=r"leashes.lead\['held by'\]: bob.yaml: player"):
+        check_play(path)
