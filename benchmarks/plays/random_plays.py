@@ -16,7 +16,6 @@ import numpy as np
 from ruamel.yaml import YAML
 
 import fantoccini as fan
-from fantoccini.theatre.gestures import gesture_names
 
 PLAYERS = ("pierrot", "columbine", "harlequin")
 MARKS: dict[str, dict[str, Any]] = {
@@ -29,7 +28,20 @@ MARKS: dict[str, dict[str, Any]] = {
     "behind": {"at": [-0.5, 0.55], "facing": "audience"},  # the table stands there
 }
 TABLE = {"name": "table", "type": "box", "size": [0.2, 0.2, 0.25], "at": [-0.5, 0.55, 0.125]}
-GESTURES = tuple(name for name in gesture_names() if name not in ("walk", "jump", "kneel", "sit"))
+GESTURES = (
+    "bow",
+    "breathe",
+    "clap",
+    "hang",
+    "look",
+    "march",
+    "nod",
+    "point",
+    "shake",
+    "stand",
+    "wave",
+)
+"""Gestures of the players, whose order decides on the plays of a seed."""
 WORDS = ("timidly", "boldly", "slowly", "quickly", "smaller", "larger", "mirrored", "twice")
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.gestures.able import gestures_of
 
 import fantoccini as fan
 from fantoccini.base import polynomial, rotation
 from fantoccini.base.errors import InputError, StateError, UnknownNameError
-from fantoccini.theatre.gestures import gesture_names
 
 pytestmark = pytest.mark.medium
 
@@ -275,7 +275,7 @@ def test_a_recorded_bar_turns_as_the_hands_turned_it():
 
 def test_a_thousand_gestures_in_any_order_neither_jump_nor_break_bounds(marionette):
     speed, acceleration, x0 = 1.2, 11.0, marionette.rest()
-    library = [fan.theatre.load_gesture(marionette, name) for name in gesture_names()]
+    library = [*gestures_of(marionette).values()]
     library += [gesture.mirrored() for gesture in library]
     # Gestures cut from the middle of a piece, so that they begin and end in motion.
     for gesture in library[:10]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import jsonschema
 import numpy as np
 import pytest
+from tests.gestures.able import gestures_of
 
 import fantoccini as fan
 from fantoccini.base.documents.located import read_file
 from fantoccini.base.errors import FileError
-from fantoccini.theatre.gestures import gesture_names, gesture_schema, load_gesture
+from fantoccini.theatre.gestures import gesture_schema, load_gesture
 
 pytestmark = pytest.mark.medium
 
@@ -52,7 +53,7 @@ def check_hand(
 
 
 def test_bundled_gestures_move_their_coordinates(marionette):
-    assert set(gesture_names()) >= {
+    assert set(gestures_of(marionette)) == {
         "bow",
         "breathe",
         "clap",
@@ -66,10 +67,10 @@ def test_bundled_gestures_move_their_coordinates(marionette):
         "shake",
         "sit",
         "stand",
+        "walk",
         "wave",
     }
-    for name in gesture_names():
-        gesture = fan.theatre.load_gesture(marionette, name)
+    for name, gesture in gestures_of(marionette).items():
         assert gesture.name == name and gesture.uses
         assert all(0.0 <= t <= gesture.duration for t in gesture.marks.values())
     assert fan.theatre.load_gesture(marionette, "wave").uses == ("hand_right",)

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from tests.gestures.able import gestures_of
 from tests.perform.hands import hands_of
 
 import fantoccini as fan
@@ -18,9 +19,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def gestures(marionette):
-    return {
-        name: fan.theatre.load_gesture(marionette, name) for name in fan.theatre.gesture_names()
-    }
+    return gestures_of(marionette)
 
 
 @pytest.fixture(scope="module")

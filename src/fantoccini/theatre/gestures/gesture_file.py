@@ -111,6 +111,8 @@ class GestureFile(Document):
     sizes: dict[SizeKind, Annotated[Length, Field(gt=0.0)]] = Field(default_factory=dict)
     """Kind of part -> its size for these offsets [m]; those of a puppet of another size are
     multiplied by the ratio. `whole` is for trunk and head."""
+    scaled_by: dict[str, SizeKind] = Field(default_factory=dict)
+    """Part -> kind of part whose size scales its offsets, in place of its own (`{trunk: leg}`)."""
     moves: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
     """Moved name -> list of [time s, offset]: a driven coordinate, or a string or driven body and
     a direction (`hand_right.up`, `bar.tip_forward`); offsets in m or rad, or with a unit (`12 cm`,
@@ -133,6 +135,10 @@ class GestureFile(Document):
             )
         if self.on_control and not self.parts:
             refuse([(("on_control",), "found without parts; needed: both, for all puppets")])
+        parts, at = {name.rpartition(".")[0] for name in self.parts}, ("scaled_by",)
+        refuse(unknown_names(self.scaled_by, parts, "{} is not among the parts", at))
+        unsized = [part for part, kind in self.scaled_by.items() if kind not in self.sizes]
+        refuse(((*at, part), "needed: a kind of part whose size is in `sizes`") for part in unsized)
         return self
 
 
@@ -259,7 +265,7 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         roles = Roles.of(puppet, prefix.removesuffix("."))
         key = "on_control" if file.on_control and roles.on_control else "parts"
         points: dict[str, Any] = getattr(file, key)
-        parts = moves_of(roles, points)
+        parts = moves_of(roles, points, file.scaled_by)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
     own, known = Mistakes.of_inputs(), moves.places(table)
@@ -359,9 +365,8 @@ def _of_poses(
     }
     q_K_of_moves = None
     if moved:
-        q_K_of_moves = (
-            Gesture.of_offsets(table, moved).inputs(x0).evaluate(x0.t + np.array(poses.at))[0]
-        )
+        t = x0.t + np.array(poses.at)
+        q_K_of_moves = Gesture.of_offsets(table, moved).inputs(x0).evaluate(t)[0]
     for i in range(len(poses.at)):
         start_of_search = x0
         if q_K_of_moves is not None:

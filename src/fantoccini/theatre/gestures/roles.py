@@ -7,8 +7,8 @@ another body they are multiplied by the ratio of the sizes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, TypeAlias
 
@@ -17,12 +17,16 @@ import numpy as np
 from fantoccini.base import Array, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap
-from fantoccini.model.tree import WORLD, Role, measure
+from fantoccini.model.tree import WORLD, Role, measure, place
 
 KINDS = ("arm", "leg", "wing", "tail", "neck")
 """Kinds of limbs; a plural means all limbs of the kind, and none if the puppet has none."""
 SizeKind: TypeAlias = Literal["whole", "arm", "leg", "wing", "tail", "neck"]
 """Kind of limb, or the whole body, whose size scales offsets of trunk and head."""
+TRUNK_ENDS = ("trunk_front", "trunk_hind")
+"""Ends of the trunk of an animal, each with the carrying strings that are tied there."""
+_MIN_TRUNK_SPAN = 0.1
+"""Smallest distance between carrying strings along a trunk with two ends, relative to the size."""
 _TURN_DIGITS = 9
 """Decimals of the heading of a puppet [rad]."""
 
@@ -130,10 +134,54 @@ class Roles:
         names = [move.string for part in parts for move in self.moves(f"{part}.up")]
         return tuple(dict.fromkeys(name.removeprefix(self.prefix) for name in names))
 
+    def size_of(self, kind: SizeKind) -> float:
+        """Length of the longest limb of a kind, or size of the whole body [m].
+
+        Raises:
+            StateError: the puppet has no such limb.
+        """
+        if kind == "whole":
+            return self.body_map.size
+        lengths = [limb.length for limb in self.body_map.limbs if limb.kind == kind]
+        if not lengths:
+            raise self.lacks(f"{kind}s")
+        return max(lengths)
+
+    def lacks(self, part: str) -> StateError:
+        """Error of a gesture that moves a part which the puppet lacks."""
+        body = self.body_map
+        have = ("trunk", *(("head",) if body.head else ()), *body.parts, *self.bars)
+        return StateError(f"it moves {part}; {self._name} has {', '.join(have)}")
+
+    @cached_property
+    def trunk_ends(self) -> dict[str, tuple[str, ...]]:
+        """Strings that carry the front and the hind part of the trunk; none if it has no length.
+
+        A string is of the front if it is tied before the middle between the first and the last one.
+        """
+        tree, number = self.marionette.tree, self.marionette.number
+        poses = measure(tree, number).poses
+        trunk = self.marionette.link_index(self.body_map.trunk[0])
+        forward = poses[trunk, :, :3] @ np.array(self.body_map.facing)
+        ahead = {
+            row.name: float(place(poses[None], point, number)[0] @ forward)
+            for row in (*tree.strings, *tree.chains)
+            for point in (row.points[0], row.points[-1])
+            if row.name in self.body_map.carrying and trunk in tree.ancestors(point.link)
+        }
+        first, last = max(ahead.values(), default=0.0), min(ahead.values(), default=0.0)
+        if first - last < _MIN_TRUNK_SPAN * self.body_map.size:
+            return dict.fromkeys(TRUNK_ENDS, ())
+        middle = 0.5 * (first + last)
+        front = tuple(name for name, x in ahead.items() if x > middle)
+        hind = tuple(name for name in ahead if name not in front)
+        return dict(zip(TRUNK_ENDS, (front, hind), strict=True))
+
     def moves(self, name: str) -> list[Move]:
         """Strings and directions of a name such as ``arm_right.up``, ``head.left`` or ``legs.out``.
 
-        ``control.tip_forward`` and ``leg_bar.roll_left`` are moves of a bar.
+        ``control.tip_forward`` and ``leg_bar.roll_left`` are moves of a bar. Of several limbs
+        (``legs``), those without strings stay out.
 
         Raises:
             StateError: the puppet has no such part, or no string moves it.
@@ -148,15 +196,15 @@ class Roles:
             for own, limb in body.parts.items()
             if part in (own, f"{limb.kind}s")
         ]
-        if part in ("trunk", "head"):
+        if part in ("trunk", *TRUNK_ENDS, "head"):
             parts = [(part, "whole", body.size, "middle")]
         is_plural = part.removesuffix("s") in KINDS
         if (not parts and not is_plural) or (part == "head" and body.head is None):
-            have = ("trunk", *(("head",) if body.head else ()), *body.parts, *self.bars)
-            raise StateError(f"it moves {part}; {self._name} has {', '.join(have)}")
+            raise self.lacks(part)
         moves = []
         for own, kind, size, side in parts:
-            if not (strings := body.strings_of(own)):
+            strings = self.trunk_ends[own] if own in TRUNK_ENDS else body.strings_of(own)
+            if not (strings or is_plural):
                 raise StateError(f"it moves {own}, which no string of {self._name} moves")
             turned = self._sideways(way, side)
             moves += [Move(string, turned, kind, size) for string in strings]
@@ -176,20 +224,35 @@ class Roles:
         return side if way == "out" else other[side]
 
 
-def moves_of(roles: Roles, names: Iterable[str]) -> dict[str, tuple[str, Move]]:
+def moves_of(
+    roles: Roles, names: Iterable[str], scaled_by: Mapping[str, SizeKind] | None = None
+) -> dict[str, tuple[str, Move]]:
     """Strings and directions that names of parts and directions mean.
+
+    Args:
+        roles: parts of the puppet's body.
+        names: parts and directions, such as ``trunk.down``.
+        scaled_by: part -> kind of limb whose size scales its moves, in place of its own.
 
     Returns:
         String and direction, such as ``hand_right.up`` -> the name, and its move.
 
     Raises:
-        StateError: the puppet lacks a part, or two parts move a string in one direction.
+        StateError: the puppet lacks a part, none of the names moves a string, or two parts move a
+            string in one direction.
     """
+    sizes = {part: (kind, roles.size_of(kind)) for part, kind in (scaled_by or {}).items()}
     moves: dict[str, tuple[str, Move]] = {}
+    parts: dict[str, None] = {}
     for name in names:
+        part = name.rpartition(".")[0]
+        parts[part] = None
         for move in roles.moves(name):
             key = f"{move.string}.{move.way}"
             if key in moves:
                 raise StateError(f"it moves {name} and {moves[key][0]}, which both move {key}")
-            moves[key] = name, move
+            kind, size = sizes.get(part, (move.kind, move.size))
+            moves[key] = name, replace(move, kind=kind, size=size)
+    if not moves:
+        raise roles.lacks(" and ".join(parts))
     return moves

@@ -1,0 +1,18 @@
+"""Bundled gestures that a puppet can do."""
+
+from __future__ import annotations
+
+import fantoccini as fan
+from fantoccini.base.errors import FileError
+from fantoccini.theatre import Gesture, load_gesture
+
+
+def gestures_of(puppet: fan.Marionette) -> dict[str, Gesture]:
+    """Name -> gesture, without those for which the puppet lacks a part."""
+    gestures = {}
+    for name in fan.theatre.gesture_names():
+        try:
+            gestures[name] = load_gesture(puppet, name)
+        except FileError as error:
+            assert "it moves" in str(error), error
+    return gestures

@@ -1,0 +1,262 @@
+"""Bundled gestures of animals, for dogs and birds of any names, sizes and directions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+from tests.body_map import zoo
+
+import fantoccini as fan
+from fantoccini.base.errors import FileError
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.theatre.gestures import Roles, bundled, gesture_names, load_gesture
+
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
+
+DOG = ("wag", "sniff", "lie_down", "stretch", "beg")
+BIRD = ("flap", "glide", "peck")
+FLOOR_MARGIN = 0.02
+"""Height by which feet may sink below their first one, which is less than the lift in plays [m]."""
+
+
+@pytest.fixture(scope="module")
+def puppets() -> dict[str, Marionette]:
+    """The bundled dog and bird, and others with other names, sizes, bodies and directions."""
+    return {
+        "dachshund": fan.puppets.dachshund(),
+        "heron": fan.puppets.heron(),
+        "other dog": Marionette(zoo.dachshund()),
+        "other bird": Marionette(zoo.heron()),
+    }
+
+
+class Performed:
+    """A gesture as the puppet performs it, in time steps.
+
+    Attributes:
+        t: times [s].
+        marks: marks of the gesture [s].
+    """
+
+    def __init__(self, puppet: Marionette, name: str):
+        x0, gesture = puppet.rest(), load_gesture(puppet, name)
+        self._puppet, self._body, self.marks = puppet, puppet.body_map, gesture.marks
+        run = fan.simulate(
+            puppet,
+            x0,
+            gesture.inputs(x0),
+            gesture.duration,
+            method=fan.TimeStepping(dt=2e-3),
+            save_every=5,
+        )
+        assert run.status is fan.Status.DONE
+        self.t, self._poses = run.t, puppet.poses(run.q_D, run.q_K)
+        trunk = self._poses[0, puppet.link_index(self._body.trunk[0]), :, :3]
+        forward = trunk @ np.array(self._body.facing)
+        # Rows: forward, left, up.
+        self._axes = np.array([forward, np.cross([0.0, 0.0, 1.0], forward), [0.0, 0.0, 1.0]])
+
+    def length(self, part: str) -> float:
+        """Length of a limb [m]."""
+        return self._body.parts[part].length
+
+    def tip(self, part: str) -> np.ndarray:
+        """(T, 3) end of a limb or the head: forward, left and up, relative to the first one [m]."""
+        limb = self._body.head if part == "head" else self._body.parts[part]
+        assert limb is not None
+        return self._path(limb.body if part == "head" else limb.bodies[-1], limb.end)
+
+    def trunk(self, k: int = 0) -> np.ndarray:
+        """(T, 3) place of a body of the trunk: forward, left and up, from the first one on [m]."""
+        return self._path(self._body.trunk[k], (0.0, 0.0, 0.0))
+
+    def slope(self) -> np.ndarray:
+        """(T,) angle by which the first body of the trunk has turned its front up [rad]."""
+        axes = self._poses[:, self._puppet.link_index(self._body.trunk[0]), :, :3]
+        rise = (axes @ np.array(self._body.facing))[:, 2]
+        return np.arcsin(rise) - np.arcsin(rise[0])
+
+    def lowest_foot(self) -> float:
+        """Lowest height of any foot, relative to its first one [m]."""
+        legs = [name for name, limb in self._body.parts.items() if limb.kind == "leg"]
+        return min(float(self.tip(name)[:, 2].min()) for name in legs)
+
+    def at(self, mark: str) -> int:
+        """Index of the sample at a mark."""
+        return int(np.argmin(np.abs(self.t - self.marks[mark])))
+
+    def _path(self, body: str, at: tuple[float, float, float]) -> np.ndarray:
+        pose = self._poses[:, self._puppet.link_index(body)]
+        place = pose[:, :, :3] @ np.array(at) + pose[:, :, 3]
+        return (place - place[0]) @ self._axes.T
+
+
+def wags(own: Performed) -> None:
+    # The tail of the other dog has a spring that is five times as stiff.
+    swing = own.tip("tail")[:, 1]
+    assert np.ptp(swing) > 0.16 * own.length("tail")
+    assert np.count_nonzero(np.diff(np.sign(np.diff(swing[:: len(swing) // 40])))) >= 7
+
+
+def sniffs(own: Performed) -> None:
+    assert own.tip("head")[own.at("down"), 2] < -0.35 * own.length("leg_front_left")
+
+
+def lies_down(own: Performed) -> None:
+    assert own.trunk()[-1, 2] < -0.3 * own.length("leg_front_left")
+    assert abs(own.slope()[-1]) < np.radians(15.0)
+    assert np.ptp(own.tip("head")[-10:, 2]) < 0.01
+
+
+def stretches(own: Performed) -> None:
+    low = own.at("low")
+    assert own.slope()[low] < -np.radians(10.0)
+    assert own.tip("leg_front_left")[low, 0] > own.trunk()[low, 0]
+
+
+def begs(own: Performed) -> None:
+    up = own.at("up")
+    assert own.slope()[up] > np.radians(20.0)
+    for paw in ("leg_front_left", "leg_front_right"):
+        assert own.tip(paw)[up, 2] > 0.5 * own.length(paw)
+
+
+def flaps(own: Performed) -> None:
+    for wing in ("wing_left", "wing_right"):
+        height = own.tip(wing)[:, 2]
+        beats = np.diff(np.sign(height - 0.5 * (height.max() + height.min())))
+        assert np.ptp(height) > 0.4 * own.length(wing)
+        assert np.count_nonzero(beats > 0) == 4
+
+
+def glides(own: Performed) -> None:
+    high = own.at("high")
+    assert own.trunk()[high, 2] > 0.02
+    for wing in ("wing_left", "wing_right"):
+        assert own.tip(wing)[high, 2] - own.trunk()[high, 2] > 0.15 * own.length(wing)
+
+
+def pecks(own: Performed) -> None:
+    head = own.tip("head")
+    for mark in ("first", "second", "third"):
+        assert head[own.at(mark), 2] < -0.4 * own.length("neck")
+    picks = np.diff(np.sign(np.diff(head[own.at("first") : own.at("third"), 2])))
+    assert np.count_nonzero(picks) >= 3
+
+
+CHECKS: dict[str, Callable[[Performed], None]] = {
+    "wag": wags,
+    "sniff": sniffs,
+    "lie_down": lies_down,
+    "stretch": stretches,
+    "beg": begs,
+    "flap": flaps,
+    "glide": glides,
+    "peck": pecks,
+}
+
+
+@pytest.mark.parametrize("name", DOG)
+@pytest.mark.parametrize("dog", ["dachshund", "other dog"])
+def test_four_legged_puppets_do_what_the_name_says(puppets, dog, name):
+    own = Performed(puppets[dog], name)
+    CHECKS[name](own)
+    assert own.lowest_foot() > -FLOOR_MARGIN
+
+
+@pytest.mark.parametrize("name", BIRD)
+@pytest.mark.parametrize("bird", ["heron", "other bird"])
+def test_birds_do_what_the_name_says(puppets, bird, name):
+    own = Performed(puppets[bird], name)
+    CHECKS[name](own)
+    assert own.lowest_foot() > -FLOOR_MARGIN
+
+
+LACKS = {
+    ("heron", "wag"): "gesture wag: it moves tails; heron has trunk, head, wing_left, wing_right, "
+    "leg_left, leg_right, neck",
+    ("heron", "beg"): "gesture beg: it moves trunk_front, which no string of heron moves",
+    ("dachshund", "flap"): "gesture flap: it moves wings; dachshund has trunk, head, "
+    "leg_front_left, leg_front_right, leg_hind_left, leg_hind_right, tail",
+    ("dachshund", "peck"): "gesture peck: it moves necks; dachshund has trunk, head, "
+    "leg_front_left, leg_front_right, leg_hind_left, leg_hind_right, tail",
+}
+
+
+@pytest.mark.parametrize(("animal", "name"), LACKS)
+def test_a_missing_part_is_told_in_one_sentence(puppets, animal, name):
+    with pytest.raises(FileError) as error:
+        load_gesture(puppets[animal], name)
+    assert str(error.value) == LACKS[animal, name]
+
+
+def test_ends_of_a_trunk_are_told_by_the_places_of_the_carrying_strings(puppets):
+    expected = {
+        "dachshund": (("withers",), ("croup",)),
+        "other dog": (("b", "c"), ("d",)),
+        "heron": ((), ()),  # both strings are tied at one place along its back
+        "other bird": (("front",), ("back_l", "back_r")),
+    }
+    for name, (front, hind) in expected.items():
+        assert Roles.of(puppets[name]).trunk_ends == {"trunk_front": front, "trunk_hind": hind}
+
+
+def test_sizes_of_other_parts_scale_offsets(puppets, tmp_path):
+    path = tmp_path / "crouch.yaml"
+    path.write_text(
+        "gesture: crouch\nsizes: {leg: 10 cm, whole: 1 m}\nscaled_by: {trunk: leg}\n"
+        "parts: {trunk.down: [[0, 0], [1, 5 cm]], head.down: [[0, 0], [1, 5 cm]]}\n",
+        encoding="utf-8",
+    )
+    puppet = puppets["other dog"]
+    body, coordinates = puppet.body_map, puppet.coordinates
+    offsets = dict(zip(coordinates.v_K, load_gesture(puppet, path).offsets(1.0)[0], strict=True))
+    leg = body.parts["leg_front_left"].length
+    assert offsets["b.length"] == pytest.approx(0.05 * leg / 0.1, abs=1e-9)
+    assert offsets["a.length"] == pytest.approx(0.05 * body.size, abs=1e-9)
+
+
+WRONG = {
+    "{tail: leg}": "crouch.yaml:3: scaled_by.tail: 'tail' is not among the parts",
+    "{trunk: neck}": "crouch.yaml:3: scaled_by.trunk: needed: a kind of part whose size is in",
+    "{trunk: nose}": "crouch.yaml:3: scaled_by.trunk: ",
+}
+
+
+@pytest.mark.parametrize("entry", WRONG)
+def test_mistakes_in_scaled_by(entry, puppets, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = (
+        "gesture: crouch\nsizes: {leg: 10 cm}\nscaled_by: ENTRY\nparts: {trunk.down: [[0, 0.1]]}\n"
+    )
+    Path("crouch.yaml").write_text(text.replace("ENTRY", entry), encoding="utf-8")
+    with pytest.raises(FileError) as error:
+        load_gesture(puppets["dachshund"], "crouch.yaml")
+    assert WRONG[entry] in str(error.value)
+
+
+def test_limbs_without_strings_stay_out_of_a_plural(puppets):
+    body = puppets["other bird"].body_map
+    assert body.parts["neck"].strings == ()
+    assert Roles.of(puppets["other bird"]).moves("necks.up") == []
+
+
+def test_hang_brings_back_wings_and_tail(puppets):
+    for animal, name, string in (
+        ("dachshund", "wag", "tail_tip"),
+        ("heron", "flap", "pinion_left"),
+    ):
+        assert string in load_gesture(puppets[animal], name).uses
+        assert string in load_gesture(puppets[animal], "hang").uses
+
+
+def test_no_bundled_gesture_names_a_string():
+    """Bundled gestures have `parts` for any puppet, and neither `moves` nor `poses`."""
+    for name in gesture_names():
+        if bundled(name).is_file():
+            keys = YAML(typ="safe").load(bundled(name).read_text(encoding="utf-8")).keys()
+            assert "parts" in keys and not keys & {"moves", "poses"}, name
