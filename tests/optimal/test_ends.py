@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.control.planning import solve
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
@@ -51,31 +50,35 @@ def test_a_pose_beyond_its_bounds_is_refused(small_crane: fan.Marionette):
         carried(small_crane, {"bob.x": 0.4}, bounds=bounds)
 
 
-def test_one_task_is_planned_and_optimised():
-    """The plan is the first iterate, of its own duration; the optimum costs less and holds."""
-    problem = fan.control.load_problem("arm3d_boxes")
-    bounds = fan.control.Bounds(speed=0.5, acceleration=2.0, clearance=0.005)
+def test_one_task_is_planned_and_optimised(small_crane: fan.Marionette):
+    """The bob is lifted over a post: a plan is the first iterate, with its duration.
+
+    Plans of other seeds lead to the same least time; the search without a plan takes much longer.
+    """
+    post = {"name": "post", "type": "box", "size": [0.05, 0.3, 0.4], "at": [0.3, 0, -1.1]}
     task = fan.Task(
-        problem.task.marionette,
-        problem.task.x0,
-        (0.5, 6.0),
+        small_crane,
+        small_crane.rest(),
+        (0.5, 4.0),
         smooth=SMOOTH,
-        bounds=bounds,
-        end={"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)},
-        interval=0.1,
-        dt=0.02,
-        obstacles=problem.task.obstacles,
-        conditions=problem.task.conditions,
+        bounds=fan.control.Bounds(speed=0.5, acceleration=2.0, clearance=0.005),
+        end={"bob.x": 0.6, "bob.z": -1.0},
+        interval=0.05,
+        dt=0.01,
+        obstacles=[post],
+        conditions=fan.control.PlanConditions(slack=False),
     )
-    plan = fan.plan(task, seed=3).polish()
-    assert plan and plan.polished.reached
-    assert np.array_equal(plan.path, solve(problem, seed=3).polish().path)
-    first = fan.optimise(task, guess=plan, iterations=0)
-    assert first.duration == pytest.approx(plan.duration)
-    event = plan.verify(method="event").run
-    assert first.run.q_D[-1] == pytest.approx(event.q_D[-1], abs=0.02)
-    best = fan.optimise(task, guess=plan, time_limit=60.0)
-    assert best.holds and best.cost < first.cost and best.end_gap < 1e-3
-    clear = fan.dynamics.Clearance(problem.marionette, problem.task.obstacles)
-    assert clear.nearest(best.run).distance > 0.004
-    assert problem.goal.distance(fan.control.StateArrays.of(best.run.state(-1)))[0] < 1e-3
+    optima = []
+    for seed in (0, 1):
+        plan = fan.plan(task, seed=seed).polish(seconds=0.0)
+        assert plan and plan.polished.reached
+        first = fan.optimise(task, guess=plan, iterations=0)
+        assert first.duration == pytest.approx(plan.duration)
+        event = plan.verify(method="event").run
+        assert first.run.q_D[-1] == pytest.approx(event.q_D[-1], abs=0.01)
+        optimum = fan.optimise(task, guess=plan, tolerance=1e-4)
+        assert optimum and optimum.duration < plan.duration and optimum.end_gap < 1e-4
+        assert fan.dynamics.Clearance(small_crane, [post]).nearest(optimum.run).distance > 0.004
+        assert min(optimum.run.tension["line"]) > 0.0
+        optima.append(optimum)
+    assert optima[0].cost == pytest.approx(optima[1].cost, rel=1e-3)
