@@ -111,7 +111,7 @@ def test_a_plan_winds_a_winch():
 
 
 def test_bounds_of_optimisations_accept_either_name():
-    """As those of plans: both names of a coordinate with a drive mean its command."""
+    """Both names of a coordinate with a drive mean its command, as in plans."""
     bob = fan.loads(BOB)
     position, force, speed = {"line.length": (0.5, 0.9)}, {"line.length": (-9.0, 0.0)}, 0.4
 
