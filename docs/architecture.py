@@ -40,8 +40,8 @@ PACKAGES = {
     ),
     "control": (
         "motion planning and optimal control",
-        "`tasks`: costs, bounds; `optimal`: optimise, follow, MPC, reach, tune; "
-        "`problems`: goals, rollouts; `planning`: search among obstacles",
+        "`tasks`: goals, costs, bounds, files; `optimal`: optimise, follow, MPC, reach, tune; "
+        "`problems`: tasks prepared for searches, rollouts; `planning`: search among obstacles",
     ),
     "theatre": (
         "gestures, motion capture, plays, live performance",

@@ -19,7 +19,7 @@ from fantoccini.theatre.script import is_score
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = ROOT / "docs" / "pictures" / "gallery"
-PROBLEM = "src/fantoccini/control/problems/bundled/arm3d_boxes.yaml"
+PROBLEM = "src/fantoccini/control/tasks/bundled_problems/arm3d_boxes.yaml"
 NUMBER = "examples/20_number.py"
 PERFORMANCES = "src/fantoccini/model/puppets/performances"
 

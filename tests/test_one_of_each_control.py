@@ -10,12 +10,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.base import FileError
-from fantoccini.control.problems import load_problem
 from fantoccini.control.problems.balance import best_support
-from fantoccini.control.problems.problem_file import ProblemFile
-from fantoccini.control.tasks import Answer, AnswerStatus, ControlFile, load_task
-from fantoccini.control.tasks.schema import TaskFile
+from fantoccini.control.tasks import Answer, AnswerStatus, ControlFile, ProblemFile, TaskFile
 
 pytestmark = pytest.mark.medium
 
@@ -198,17 +194,24 @@ def test_one_reader_opens_the_files_of_control():
     assert issubclass(TaskFile, ControlFile) and issubclass(ProblemFile, ControlFile)
 
 
-@pytest.mark.parametrize(
-    ("load", "text", "message"),
-    [
-        (load_task, "problem: p\npuppet: arm2d", "problem file; a task file .* `task`"),
-        (load_problem, "task: t\npuppet: arm2d", "task file; a problem file .* `problem`"),
-    ],
-)
-def test_a_file_of_the_other_kind_is_named(load, text: str, message: str, tmp_path: Path):
-    (tmp_path / "other.yaml").write_text(text)
-    with pytest.raises(FileError, match=f"other.yaml:.*this is a {message}"):
-        load(tmp_path / "other.yaml")
+def test_files_of_both_kinds_are_tasks_for_plans_and_optimisations(tmp_path: Path):
+    """A problem file gives a task with all that plans need; a task file with an end is planned."""
+    task = fan.control.load_task("arm3d_boxes")
+    assert type(task) is fan.Task and task.conditions.tolerance == 0.25 and len(task.obstacles) == 2
+    problem = fan.control.load_problem("arm3d_boxes")
+    assert fan.control.Problem.of(task).fingerprint == problem.fingerprint
+    text = "problem: p\npuppet: arm2d\ngoal: {pose: {elbow: 0.3}}\nobjective: time\nsegment: 0.2\n"
+    (tmp_path / "own.yaml").write_text(text + "strings: false\nreserve: 0.1\nduration: [1, 3]\n")
+    conditions = fan.control.load_task(tmp_path / "own.yaml").conditions
+    assert conditions.objective == "time"
+    assert conditions.rollouts == fan.control.RolloutOptions(
+        n_checks=10, reserve=0.1, strings=False
+    )
+    (tmp_path / "task.yaml").write_text(
+        "task: t\npuppet: arm2d\nduration: [1, 3]\nslack: true\nend: {hand.length: 0.7}\n"
+    )
+    problem = fan.control.load_problem(tmp_path / "task.yaml", tolerance=0.2)
+    assert problem.longest == 3.0 and problem.tolerance == 0.2
 
 
 def test_options_are_a_few_objects():
@@ -223,12 +226,14 @@ def test_options_are_a_few_objects():
 
 def test_a_task_serves_plans_and_optimisations():
     """A problem is a task prepared for a search; there is no other description of a task."""
+    assert list(inspect.signature(fan.control.Problem.of).parameters) == ["task", "rollouts"]
     folder = PACKAGE / "control"
     text = {str(p.relative_to(folder)): p.read_text("utf-8") for p in folder.rglob("*.py")}
     assert [name for name in text if "class Task:" in text[name]] == ["tasks/task.py"]
     arm = fan.puppets.arm2d()
     problem = fan.control.Problem(arm, arm.rest(), {"elbow": 0.3}, tolerance=0.2)
     assert isinstance(problem.task, fan.Task) and problem.task.conditions.tolerance == 0.2
+    assert problem.task.required_end.required.sum() == 1 + arm.coordinates.n_vD
     for function in (fan.plan, fan.optimise, fan.MPC.__init__):
         annotations = [x.annotation for x in inspect.signature(function).parameters.values()]
         assert any("Task" in str(annotation).split(" | ") for annotation in annotations), function

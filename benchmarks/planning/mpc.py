@@ -21,8 +21,7 @@ import fantoccini as fan
 from fantoccini.base.errors import StateError, Status
 from fantoccini.control.planning import solve
 from fantoccini.control.planning.feedback import Feedback, Followed
-from fantoccini.control.problems import RolloutOptions
-from fantoccini.control.tasks import StateArrays
+from fantoccini.control.tasks import RolloutOptions, StateArrays
 from fantoccini.dynamics.mujoco import MuJoCoPuppet
 from fantoccini.motion import State
 

@@ -10,7 +10,7 @@ import pytest
 import fantoccini as fan
 from drives.test_drives import BOB, MACHINES
 from fantoccini.base.errors import InputError, StateError, UnknownNameError
-from fantoccini.control.problems.rollouts import DrivenBounds
+from fantoccini.control.tasks import DrivenBounds
 from fantoccini.model.puppet import loads
 from fantoccini.model.tree import grow
 from fantoccini.motion import Input
@@ -108,3 +108,25 @@ def test_a_plan_winds_a_winch():
         )
     with pytest.raises(UnknownNameError, match="did you mean"):
         DrivenBounds.of(bob, fan.control.Bounds(speed={"line.lenght": 0.4}))
+
+
+def test_bounds_of_optimisations_accept_either_name():
+    """Both names of a coordinate with a drive mean its command, as in plans."""
+    bob = fan.loads(BOB)
+    position, force, speed = {"line.length": (0.5, 0.9)}, {"line.length": (-9.0, 0.0)}, 0.4
+
+    def numbers(name: str) -> list[np.ndarray]:
+        bounds = fan.control.Bounds(
+            {name: position["line.length"]},
+            {name: speed},
+            held=(name,),
+            force={name: force["line.length"]},
+        )
+        return [*bounds.intervals(bob), bounds.magnitudes(bob, "jerk"), *bounds.forces(bob)]
+
+    own, command = numbers("line.length"), numbers("line.command.length")
+    assert all(np.array_equal(a, b) for a, b in zip(own, command, strict=True))
+    assert np.isin([0.5, 0.9, speed], np.concatenate(own[:2])).all() and np.sum(own[2] == 0.0) == 1
+    with pytest.raises(StateError, match=r"speed of .* is given twice: as line\.length and"):
+        both = fan.control.Bounds(speed={"line.length": 0.4, "line.command.length": 0.4})
+        both.magnitudes(bob, "speed")

@@ -11,7 +11,7 @@ from tests.plan.touching_bodies import ARM, HANGING_ARM, LEVEL, over_table
 import fantoccini as fan
 from fantoccini.base.documents.located import read_file
 from fantoccini.base.errors import FileError
-from fantoccini.control.problems import problem_schema
+from fantoccini.control.tasks import problem_schema
 
 pytestmark = pytest.mark.slow
 

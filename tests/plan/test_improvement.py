@@ -8,7 +8,8 @@ from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
 from fantoccini.control.planning import EST2007, PolishStatus, Search, SearchOptions, solve
-from fantoccini.control.problems import OBJECTIVES, Objective, Problem, RolloutOptions
+from fantoccini.control.problems import Problem
+from fantoccini.control.tasks import OBJECTIVES, Objective, RolloutOptions
 
 pytestmark = pytest.mark.medium
 

@@ -16,7 +16,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
-from fantoccini.control.problems import RolloutOptions
+from fantoccini.control.tasks import RolloutOptions
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.kernel.runtime import ClearanceLibrary
 

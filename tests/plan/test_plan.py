@@ -12,8 +12,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.base.errors import FileError
 from fantoccini.control.planning import EST2007, Explore, solve
-from fantoccini.control.problems import RolloutOptions
-from fantoccini.control.tasks import StateArrays
+from fantoccini.control.tasks import RolloutOptions, StateArrays
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 

@@ -12,8 +12,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.base.documents.located import read_file
 from fantoccini.base.errors import FileError
-from fantoccini.control import problems
-from fantoccini.control.problems import problem_names, problem_schema
+from fantoccini.control import tasks
+from fantoccini.control.tasks import problem_names, problem_schema
 
 GOOD = """\
 problem: lift
@@ -120,7 +120,7 @@ def test_a_puppet_may_be_in_the_folder_of_its_problem(tmp_path):
 def test_the_schema_accepts_bundled_problems_and_refuses_others(tmp_path):
     schema = problem_schema()
     for name in problem_names():
-        path = Path(problems.__file__).parent / "bundled" / f"{name}.yaml"
+        path = Path(tasks.__file__).parent / "bundled_problems" / f"{name}.yaml"
         jsonschema.validate(json.loads(json.dumps(read_file(path).data)), schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({"problem": "x", "puppet": "arm3d"}, schema)

@@ -11,9 +11,9 @@ from scipy.linalg import solve_discrete_are
 
 import fantoccini as fan
 from fantoccini.base import riccati
-from fantoccini.control.problems import Problem, RolloutOptions
+from fantoccini.control.problems import Problem
 from fantoccini.control.problems.derivatives import segment_derivatives
-from fantoccini.control.tasks import Goal, StateArrays
+from fantoccini.control.tasks import Goal, RolloutOptions, StateArrays
 
 pytestmark = pytest.mark.medium
 

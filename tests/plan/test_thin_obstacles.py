@@ -9,7 +9,8 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.control.planning import solve
-from fantoccini.control.problems import Problem, RolloutOptions
+from fantoccini.control.problems import Problem
+from fantoccini.control.tasks import RolloutOptions
 from fantoccini.dynamics.clearance import Clearance
 
 pytestmark = pytest.mark.medium

@@ -29,23 +29,18 @@ from .planning import (
     plan as plan,
     solve as solve,
 )
-from .problems import (
-    OBJECTIVES as OBJECTIVES,
-    Objective as Objective,
-    Problem as Problem,
-    RolloutOptions as RolloutOptions,
-    load_problem as load_problem,
-    problem_names as problem_names,
-    problem_schema as problem_schema,
-)
+from .problems import Problem as Problem, load_problem as load_problem
 from .tasks import (
+    OBJECTIVES as OBJECTIVES,
     Answer as Answer,
     AnswerStatus as AnswerStatus,
     Bounds as Bounds,
     Clip as Clip,
     Goal as Goal,
     Meeting as Meeting,
+    Objective as Objective,
     PlanConditions as PlanConditions,
+    RolloutOptions as RolloutOptions,
     Smooth as Smooth,
     StateArrays as StateArrays,
     Task as Task,
@@ -54,4 +49,6 @@ from .tasks import (
     Touches as Touches,
     Track as Track,
     load_task as load_task,
+    problem_names as problem_names,
+    problem_schema as problem_schema,
 )

@@ -104,8 +104,7 @@ def schema(of: Annotated[SchemaOf, typer.Argument(help="Kind of file.")] = Schem
     """Print a JSON Schema, for editors."""
     import json
 
-    from fantoccini.control.problems import problem_schema
-    from fantoccini.control.tasks import task_schema
+    from fantoccini.control.tasks import problem_schema, task_schema
     from fantoccini.lab.identification import record_schema
     from fantoccini.model.puppet import json_schema
     from fantoccini.model.scene import json_schema as scene_schema

@@ -111,7 +111,7 @@ def _print_optimum(optimum: Optimum) -> None:
     low, high = optimum.task.durations
     lines: list[tuple[str, object]] = [
         ("status", optimum.status.name.lower()),
-        ("duration [s]", f"{optimum.t[-1] - optimum.t[0]:.4g}"),
+        ("duration [s]", f"{optimum.duration:.4g}"),
         ("cost", optimum.cost),
         ("KKT residual", f"{optimum.kkt:.2g}"),
         ("iterations", optimum.iterations),
@@ -120,7 +120,7 @@ def _print_optimum(optimum: Optimum) -> None:
     ]
     if low < high:
         lines[1] = (f"duration [s], allowed {low:g} to {high:g}", lines[1][1])
-    if optimum.task.goal is not None:
+    if optimum.task.required_end is not None:
         lines.append(("distance from its end", f"{optimum.end_gap:.2g}"))
     lines += list(optimum.parameters.items())
     table("Optimum", ("", ">"), lines)

@@ -18,7 +18,8 @@ from fantoccini.app.cli_support import (
     write_outputs,
 )
 from fantoccini.control.planning import Check, PlanResult, solve
-from fantoccini.control.problems import load_problem, problem_names
+from fantoccini.control.problems import load_problem
+from fantoccini.control.tasks import problem_names
 from fantoccini.dynamics.compiled import Event
 
 

@@ -242,7 +242,8 @@ class PlanArguments(MotionOptions):
         str | None,
         typer.Argument(
             metavar="[PROBLEM]",
-            help="Problem file, or name of a bundled problem; by default, list bundled problems.",
+            help="Problem file, task file with an end, or name of a bundled problem; by default, "
+            "list bundled problems.",
         ),
     ] = None
     planner: Annotated[Planner, typer.Option(help="Planner to use.")] = Planner.EXPLORE
@@ -289,7 +290,8 @@ class OptimiseArguments(MotionOptions):
         str | None,
         typer.Argument(
             metavar="[TASK]",
-            help="Task file, or name of a bundled task; by default, list bundled tasks.",
+            help="Task file, problem file with a duration, or name of a bundled task; by default, "
+            "list bundled tasks.",
         ),
     ] = None
     check: Annotated[

@@ -19,7 +19,8 @@ from fantoccini.app.live import MIDI_SCRIPT, PAD_SCRIPT, SOUND_SCRIPT, Live
 from fantoccini.app.pages import PlanTree, Replay, ResampledRun, Server, write_html
 from fantoccini.base import FantocciniError, FileError, Mistake, OnProgress, npz
 from fantoccini.control.planning import PlanResult
-from fantoccini.control.problems import load_problem, problem_names
+from fantoccini.control.problems import load_problem
+from fantoccini.control.tasks import problem_names, task_names
 from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import Puppet, bundled_files
 from fantoccini.model.scene import Scene
@@ -212,7 +213,7 @@ def _load_plan(
 ) -> PlanResult:
     if problem is None:
         problem = str(about.get("problem", ""))
-        if problem not in problem_names():
+        if problem not in (*problem_names(), *task_names()):
             message = (
                 f"is a plan of {problem!r}, which is not a bundled problem; give its problem file "
                 "(--problem FILE)"

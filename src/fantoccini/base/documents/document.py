@@ -142,17 +142,18 @@ def read_document(path: str | os.PathLike[str], *kinds: type[DocumentT]) -> Docu
     """Reads a file.
 
     Args:
-        path: path of a YAML file, or the name of a bundled file of the first kind.
+        path: path of a YAML file, or the name of a bundled file of one of the kinds.
         kinds: possible kinds of the file.
 
     Raises:
         FileError: lists every mistake and its location; the class is that of the first kind.
     """
     kind, name = kinds[0].kind, os.fspath(path)
-    if name in kind.bundled and not os.path.isfile(name):
-        path = FilePath(kind.folder or "", f"{name}.yaml")
+    folders = {stem: model.kind.folder for model in kinds[::-1] for stem in model.kind.bundled}
+    if name in folders and not os.path.isfile(name):
+        path = FilePath(folders[name] or "", f"{name}.yaml")
     elif kind.folder is not None and not os.path.exists(name):
-        raise kind.missing(name, kind.bundled)
+        raise kind.missing(name, folders)
     return _validated(read_file(path, kind.error), kinds)
 
 

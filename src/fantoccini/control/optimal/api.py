@@ -48,6 +48,7 @@ from fantoccini.control.tasks import (
     Bounds,
     ChosenParameters,
     Clip,
+    GuessLike,
     Nodes,
     Smooth,
     Target,
@@ -63,7 +64,7 @@ _CLEARANCE_SAMPLES = 5
 
 def optimise(
     task: Task,
-    guess: Input | Optimum | None = None,
+    guess: GuessLike | None = None,
     *,
     tolerance: float = 1e-6,
     cost_tolerance: float = 0.0,
@@ -93,8 +94,8 @@ def optimise(
 
     Args:
         task: the task.
-        guess: initial motion of the inputs, or an earlier answer; by default that of the task, or
-            inputs that hold still.
+        guess: initial motion of the inputs, or an answer of ``optimise`` or ``plan``; by default
+            that of the task, or inputs that hold still.
         tolerance: tolerance of the KKT residual.
         cost_tolerance: relative decrease of the cost; the search ends after four successive steps
             with a smaller one. With 0, only ``tolerance`` ends it.
@@ -113,6 +114,8 @@ def optimise(
     check_positive(tolerance=tolerance, time_limit=time_limit)
     began = time.perf_counter()
     _check(task)
+    if not task.conditions.slack:
+        task = replace(task, bounds=task.bounds.staying_taut(task.marionette, task.x0))
     if task.obstacles:
         marionette, obstacles = task.world
         task = replace(task, marionette=marionette, obstacles=obstacles)
@@ -332,8 +335,11 @@ def _check(task: Task) -> None:
     """Raises StateError if a task has no derivatives, or starts beyond its bounds."""
     marionette = task.marionette
     refuse_winches(marionette, "optimise")
-    if task.end is not None and task.goal is None:
-        raise StateError("optimise: the task's end is for plans; needed: a state, or tracks")
+    if task.end is not None and task.required_end is None:
+        raise StateError(
+            "optimise: the task's end is an interval, a point, a touch or a function, which only "
+            "plans support; needed: a state, values of coordinates, tracks or touches"
+        )
     if task.is_free and any(
         callable(x.path) or isinstance(x.path, (tuple, Clip)) for x in task.tracks
     ):
@@ -348,12 +354,15 @@ def _check(task: Task) -> None:
     if not task.parameters:
         task.bounds.check_moves(marionette)
     task.bounds.check_state(marionette, task.x0, "at the start")
-    if task.goal is not None:
-        task.bounds.check_end(marionette, task.x0, task.goal)
+    if task.required_end is not None:
+        task.bounds.check_end(marionette, task.x0, task.required_end)
 
 
-def first_nodes(task: Task, chosen: ChosenParameters, guess: Input | Optimum | None) -> Nodes:
-    """The nodes of the first motion, with the accelerations of a guess clipped to their bounds."""
+def first_nodes(task: Task, chosen: ChosenParameters, guess: GuessLike | None) -> Nodes:
+    """The nodes of the first motion, with the accelerations of a guess clipped to their bounds.
+
+    If the duration is free, it is that of a plan; otherwise the longest.
+    """
     N, (shortest, longest) = task.n_intervals, task.durations
     nodes = Nodes.still(task.marionette, task.x0, longest, N)
     values = chosen.own_values
@@ -367,8 +376,11 @@ def first_nodes(task: Task, chosen: ChosenParameters, guess: Input | Optimum | N
             nodes = replace(nodes, interval=interval, acc_K=guess.nodes.acc_K)
         else:
             nodes = Nodes.of_input(task.marionette, task.x0, guess.inputs, longest, N)
-    elif guess is not None:
+    elif isinstance(guess, Input):
         nodes = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
+    elif guess is not None:
+        duration = min(max(guess.duration, shortest), longest)
+        nodes = Nodes.of_input(task.marionette, task.x0, guess.inputs, duration, N)
     max_acceleration = task.bounds.magnitudes(task.marionette, "acceleration")
     return replace(
         nodes,

@@ -76,6 +76,7 @@ class Objective:
         touches: places that points must pass at moments that the search finds.
         price: price of a unit of violation of a row; the search raises it if rows are violated.
         unit: unit of the cost: the largest gradient of the first motion, or its largest curvature.
+        end_indices: entries of z that the end requires, as indices of programs.
 
     Args:
         task: see above.
@@ -95,7 +96,9 @@ class Objective:
         low, high = task.bounds.intervals(marionette)
         driven = np.arange(self._n_z) >= 2 * n  # bounds of the others are rows
         self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
-        self._goal, self._end_weight = task.goal, _FIRST_END_WEIGHT
+        self._end, self._end_weight = task.required_end, _FIRST_END_WEIGHT
+        required = np.zeros(self._n_z, bool) if self._end is None else self._end.required
+        self._required, self.end_indices = required, np.flatnonzero(required[self._z])
         self._cached_residuals: tuple[tuple[float, float, int], list[Residual]] = (
             (0.0, 0.0, 0),
             [],
@@ -124,7 +127,7 @@ class Objective:
     @property
     def end_weight(self) -> float:
         """Weight of half the squared gap; 0 if the task has neither an end nor touches."""
-        has_gap = self._goal is not None or len(self.touches) > 0
+        has_gap = self._end is not None or len(self.touches) > 0
         return self._end_weight * self.unit if has_gap else 0.0
 
     def raise_end_weight(self) -> None:
@@ -151,7 +154,7 @@ class Objective:
 
     def end_gap(self, nodes: Nodes) -> Array:
         """(n_z,) the change from the last node to the required end."""
-        return np.zeros(nodes.n_z) if self._goal is None else nodes.change_to(self._goal)
+        return np.zeros(nodes.n_z) if self._end is None else self._end.gap(nodes)
 
     def gap(self, nodes: Nodes) -> Array:
         """(n_z + 3 T,) the gap at the end, and the offsets of touching points from their places."""
@@ -166,7 +169,7 @@ class Objective:
             nodes, force: see :meth:`program`.
             z, c: (N + 1, n_z) and (1 + n_p,) changes of the states and the constants.
         """
-        at_end = np.zeros(nodes.n_z) if self._goal is None else z[-1]
+        at_end = np.where(self._required, z[-1], 0.0)
         weight, forces = self.end_weight, np.concatenate(self._forces(force))
         closed, by_moments = self.touches.closed_gap(nodes, z, c, weight, forces[self._n_z :])
         closed = np.concatenate([at_end, closed])
@@ -202,10 +205,9 @@ class Objective:
         self._add_residuals(nodes, H, g, Q, q)
         self._add_smoothness(nodes, H, g, cross)
         self._add_pulls(nodes, linear, H, g, cross, Q, q)
-        if self._goal is not None:
-            ends = k + np.arange(self._n_z)
-            H[-1, ends, ends] += self.end_weight
-            g[-1, ends] -= self.end_weight * self.end_gap(nodes) + self._forces(force)[0]
+        ends = np.flatnonzero(self._required)
+        H[-1, k + ends, k + ends] += self.end_weight
+        g[-1, k + ends] -= (self.end_weight * self.end_gap(nodes) + self._forces(force)[0])[ends]
         self.touches.add(
             nodes, linear, self._c, self.end_weight, self._forces(force)[1], H, g, cross, Q, q
         )

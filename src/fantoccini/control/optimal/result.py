@@ -103,6 +103,11 @@ class Optimum(Answer):
         return self.nodes.t
 
     @property
+    def duration(self) -> float:
+        """Duration of the motion [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @property
     def costate(self) -> Array | None:
         """(N, n) multipliers of the dynamics in the last step; None if there was no step."""
         solution = self._iterate.solution
@@ -225,7 +230,7 @@ class Optimum(Answer):
         for name, e in self.rms().items():
             lines.append(f"{name}: {e:.3g} from its path (root mean square)")
         lines += [str(touched) for touched in self.touched]
-        if self.task.goal is not None:
+        if self.task.required_end is not None:
             lines.append(f"ends within {self.end_gap:.2g} of the required state")
         if self.violation:
             lines.append(f"bounds passed by {self.violation:.3g}")

@@ -265,9 +265,8 @@ class Search:
         # included. A step that ends short of a bound, as in the interior point method, may predict
         # no decrease although the bound is not reached: so its remaining gap counts as well.
         # The weight of the end is no residual: it only shifts multipliers of the gradient.
-        if objective.task.goal is not None:
-            at_end = solution.u.shape[1] + np.arange(len(objective.program_indices[1]))
-            Hd[-1, at_end] -= objective.end_weight * step[-1, at_end]
+        at_end = solution.u.shape[1] + objective.end_indices
+        Hd[-1, at_end] -= objective.end_weight * step[-1, at_end]
         gradient_change = float(np.max(np.abs(Hd))) / size
         predicted_decrease = -min(phi_slope, 0.0) / max(abs(at.cost), _MIN_SIZE)
         duality_gap = solution.gap / max(abs(at.cost), _MIN_SIZE)

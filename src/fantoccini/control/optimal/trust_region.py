@@ -181,11 +181,14 @@ class TrustRegionSearch:
         low, high = program.low.copy(), program.high.copy()
         low[:, :n_u] = np.maximum(low[:, :n_u], -radius)
         high[:, :n_u] = np.minimum(high[:, :n_u], radius)
-        m = len(gap) if self._objective.task.end is not None else 0
+        required = self._objective.end_indices
+        if self._objective.task.end is None:
+            required = required[:0]
+        m = len(required)
         C, ends = np.zeros((N, m, 2 * (k + n_z))), np.full((N, m), UNBOUNDED)
-        C[-1, np.arange(m), n_z + 2 * k + np.arange(m)] = 1.0
+        C[-1, np.arange(m), n_z + 2 * k + required] = 1.0
         row_low, row_high = -ends, ends
-        row_low[-1] = row_high[-1] = gap[:m]
+        row_low[-1] = row_high[-1] = gap[required]
         return replace(
             program,
             low=low,

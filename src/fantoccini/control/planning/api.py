@@ -12,8 +12,8 @@ from fantoccini.control.planning.options import SearchKeywords, SearchOptions
 from fantoccini.control.planning.planners import Planner
 from fantoccini.control.planning.result import PlanResult
 from fantoccini.control.planning.search import Search
-from fantoccini.control.problems import Objective, Problem
-from fantoccini.control.tasks import GoalLike, Task
+from fantoccini.control.problems import Problem
+from fantoccini.control.tasks import GoalLike, Objective, Task
 from fantoccini.dynamics.clearance import HalfSpace
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import Obstacle

@@ -13,7 +13,8 @@ from fantoccini.control.planning.planners import Planner
 from fantoccini.control.planning.polish import Polish
 from fantoccini.control.planning.search import Search, SearchRecord
 from fantoccini.control.planning.search_tree import SearchTree
-from fantoccini.control.problems import Objective, Problem
+from fantoccini.control.problems import Problem
+from fantoccini.control.tasks import Objective
 
 FORMAT = "fantoccini.plan.4"
 

@@ -7,7 +7,7 @@ from typing import TypedDict
 
 from fantoccini.base import check_not_negative, check_positive
 from fantoccini.control.planning.planners import EST2007, Explore, Planner
-from fantoccini.control.problems import Objective
+from fantoccini.control.tasks import Objective
 
 PLANNERS: dict[str, type[Explore] | type[EST2007]] = {"explore": Explore, "est-2007": EST2007}
 """Planners by name."""

@@ -14,7 +14,8 @@ from fantoccini.control.planning.options import SearchOptions
 from fantoccini.control.planning.plan_path import PlanPath
 from fantoccini.control.planning.polish import Polish, Polisher, PolishStatus
 from fantoccini.control.planning.search_tree import SearchTree
-from fantoccini.control.problems import Objective, Problem
+from fantoccini.control.problems import Problem
+from fantoccini.control.tasks import Objective
 from fantoccini.kernel.runtime import Segments
 
 

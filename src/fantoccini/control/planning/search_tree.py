@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fantoccini.base import Array, Indices, MaskRows
-from fantoccini.control.problems import TIME, Objective
-from fantoccini.control.tasks import StateArrays, flattened
+from fantoccini.control.tasks import TIME, Objective, StateArrays, flattened
 from fantoccini.kernel.runtime import STATE, Segments
 
 _INITIAL_CAPACITY = 1024

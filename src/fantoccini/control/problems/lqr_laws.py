@@ -9,8 +9,7 @@ import numpy as np
 from fantoccini.base import ConfigD, ConfigK, MaskRows, riccati
 from fantoccini.control.problems.balance import best_support
 from fantoccini.control.problems.derivatives import segment_derivatives, taut_projection
-from fantoccini.control.problems.rollouts import RolloutOptions
-from fantoccini.control.tasks import StateArrays
+from fantoccini.control.tasks import RolloutOptions, StateArrays
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import LqrLaw, RunOptions
 

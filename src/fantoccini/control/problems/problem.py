@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -12,16 +13,18 @@ import numpy as np
 from fantoccini.base import ConfigK, StateError, check_not_negative
 from fantoccini.control.problems.feasible import out_of_reach, too_far_to_touch
 from fantoccini.control.problems.guidance import guidance
-from fantoccini.control.problems.objective import Objective
 from fantoccini.control.problems.pushing import push_of
-from fantoccini.control.problems.rollouts import DrivenBounds, RolloutOptions, Rollouts
+from fantoccini.control.problems.rollouts import Rollouts
 from fantoccini.control.tasks import (
     KEEP_OFF,
     Bounds,
     ContactLike,
+    DrivenBounds,
     Goal,
     GoalLike,
+    Objective,
     PlanConditions,
+    RolloutOptions,
     StateArrays,
     Task,
     Touches,
@@ -63,16 +66,13 @@ class Problem:
             :class:`StateArrays` that returns distances.
         obstacles: obstacles in addition to the world's.
         name: name of the problem.
-        contact, tolerance, hold, slack: see :class:`fantoccini.control.PlanConditions`.
+        contact, tolerance, hold, slack, objective, rollouts: see
+            :class:`fantoccini.control.PlanConditions`.
         bounds: bounds of the driven coordinates, by default speeds of 0.5 m/s and accelerations of
             2 m/s^2; coordinates that a mapping does not name hold still. ``clearance`` is 0
             by default and does not apply to pairs that may touch. It always applies to bodies of
             different puppets and props of a scene; to bodies of one puppet with ``own_body``. Plans
             support no other bounds.
-        rollouts: options for the simulation and checks of rollouts.
-        objective: ``"time"``; ``"gentle"``, catches of strings and limits, and time;
-            ``"acceleration"``, accelerations of the driven coordinates, and time; or an
-            :class:`Objective`.
 
     Raises:
         StateError, UnknownNameError, FileError: ill-defined problem, or a string that is too short
@@ -96,6 +96,8 @@ class Problem:
         objective: str | Objective = "gentle",
         rollouts: RolloutOptions | None = None,
     ):
+        options = RolloutOptions() if rollouts is None else rollouts
+        conditions = PlanConditions(tolerance, hold, contact, slack, objective, options)
         task = Task(
             marionette,
             start,
@@ -103,34 +105,28 @@ class Problem:
             end=goal,
             name=name,
             obstacles=tuple(obstacles),
-            conditions=PlanConditions(tolerance, hold, contact, slack),
+            conditions=conditions,
         )
-        self._prepare(task, objective, rollouts)
+        self._prepare(task)
 
     @classmethod
-    def of(
-        cls,
-        task: Task,
-        *,
-        objective: str | Objective = "gentle",
-        rollouts: RolloutOptions | None = None,
-    ) -> Problem:
+    def of(cls, task: Task, *, rollouts: RolloutOptions | None = None) -> Problem:
         """The problem of a task. A state at its end counts with its dynamic part and velocities.
 
         Args:
             task: the task; its tracks and smoothness are ignored.
-            objective, rollouts: see :class:`Problem`.
+            rollouts: options of rollouts, instead of those of the task's conditions.
 
         Raises:
             StateError: task without an end, or with parts that plans do not support.
         """
+        if rollouts is not None:
+            task = replace(task, conditions=replace(task.conditions, rollouts=rollouts))
         problem = cls.__new__(cls)
-        problem._prepare(task, objective, rollouts)
+        problem._prepare(task)
         return problem
 
-    def _prepare(
-        self, task: Task, objective: str | Objective, rollouts: RolloutOptions | None
-    ) -> None:
+    def _prepare(self, task: Task) -> None:
         for name in ("periodic", "touches", "parameters"):
             if getattr(task, name):
                 raise StateError(f"the task has {name}, which plans do not support; give an end")
@@ -138,10 +134,10 @@ class Problem:
             raise StateError(
                 "the task has no end; needed: a state, names and values, a Goal or a function"
             )
-        bounds, conditions, options = task.bounds, task.conditions, rollouts or RolloutOptions()
+        bounds, conditions, options = task.bounds, task.conditions, task.conditions.rollouts
         margin, tolerance = bounds.clearance or 0.0, conditions.tolerance
         check_not_negative(clearance=margin)
-        self.objective = Objective.of(objective)
+        self.objective = Objective.of(conditions.objective)
         check_start(task.marionette, task.x0, "timestepping")
         (marionette, obstacles), start = task.world, task.x0
         if not len(start.slip):
@@ -184,7 +180,7 @@ class Problem:
             self.equilibrium = guides.equilibrium
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _problem_of, (self.task, self.objective, self.rollouts.options)
+        return Problem.of, (self.task,)
 
     @property
     def _out_of_touch(self) -> str:
@@ -292,8 +288,3 @@ def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
         if abs(start.v_K[k]) > bounds.speed[k]:
             return f"{name} starts at {start.v_K[k]:g}, faster than its bound {bounds.speed[k]:g}"
     return ""
-
-
-def _problem_of(task: Task, objective: Objective, options: RolloutOptions) -> Problem:
-    """The problem of a task, for pickles."""
-    return Problem.of(task, objective=objective, rollouts=options)

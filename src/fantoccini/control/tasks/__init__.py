@@ -4,16 +4,23 @@ from fantoccini.control.tasks.answer import Answer, AnswerStatus
 from fantoccini.control.tasks.bounds import Bounds, Interval, Magnitudes
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.clip import Clip
-from fantoccini.control.tasks.control_file import (
-    ControlFile,
-    Reading,
-    check_one_of,
-    read_control_file,
-)
+from fantoccini.control.tasks.control_file import ControlFile
 from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.drawn_inputs import DrivenConditions, hats
+from fantoccini.control.tasks.driven_bounds import DrivenBounds
 from fantoccini.control.tasks.goals import Goal, GoalLike
+from fantoccini.control.tasks.loading import (
+    load_task,
+    problem_names,
+    problem_schema,
+    read_task,
+    task_names,
+    task_schema,
+)
 from fantoccini.control.tasks.nodes import Nodes, entry_names
+from fantoccini.control.tasks.objective import OBJECTIVES, TIME, Objective
+from fantoccini.control.tasks.plan_conditions import PlanConditions, RolloutOptions
+from fantoccini.control.tasks.problem_file import ProblemFile
 from fantoccini.control.tasks.residuals import (
     NodeKinematics,
     NumberResidual,
@@ -22,22 +29,17 @@ from fantoccini.control.tasks.residuals import (
     residual_of,
     share,
 )
+from fantoccini.control.tasks.schema import TaskFile
 from fantoccini.control.tasks.state_arrays import StateArrays, flattened
 from fantoccini.control.tasks.targets import Target
-from fantoccini.control.tasks.task import PlanConditions, Task
-from fantoccini.control.tasks.task_file import load_task, task_names, task_schema
+from fantoccini.control.tasks.task import GuessLike, Task
 from fantoccini.control.tasks.touch import Touch, Touched
-from fantoccini.control.tasks.touches import (
-    KEEP_OFF,
-    ContactLike,
-    Meeting,
-    Touches,
-    carried,
-    touching,
-)
+from fantoccini.control.tasks.touches import KEEP_OFF, ContactLike, Meeting, Touches, carried
 
 __all__ = [
     "KEEP_OFF",
+    "OBJECTIVES",
+    "TIME",
     "Answer",
     "AnswerStatus",
     "Bounds",
@@ -45,37 +47,42 @@ __all__ = [
     "Clip",
     "ContactLike",
     "ControlFile",
+    "DrivenBounds",
     "DrivenConditions",
     "Goal",
     "GoalLike",
+    "GuessLike",
     "Interval",
     "Magnitudes",
     "Meeting",
     "NodeKinematics",
     "Nodes",
     "NumberResidual",
+    "Objective",
     "PlanConditions",
-    "Reading",
+    "ProblemFile",
     "Residual",
+    "RolloutOptions",
     "Smooth",
     "StateArrays",
     "Target",
     "Task",
+    "TaskFile",
     "Touch",
     "Touched",
     "Touches",
     "Track",
     "carried",
-    "check_one_of",
     "entry_names",
     "flattened",
     "hats",
     "load_task",
     "path_of",
-    "read_control_file",
+    "problem_names",
+    "problem_schema",
+    "read_task",
     "residual_of",
     "share",
     "task_names",
     "task_schema",
-    "touching",
 ]

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, UnknownNameError
+from fantoccini.base import Array, Mask, StateError, UnknownNameError
+from fantoccini.control.tasks.ends import End
 from fantoccini.control.tasks.nodes import Nodes, entry_names
 from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.dynamics.derivatives import motion_at
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import DirectCurrent
-from fantoccini.model.tree import DriveRow
+from fantoccini.model.tree import CoordinateTable, DriveRow
 from fantoccini.motion import State
 
 Magnitudes: TypeAlias = float | Mapping[str, float]
@@ -30,11 +31,14 @@ _MAX_ROW_VIOLATION = 1e-3
 """Violation of a string or limit above which a state cannot be an end [m, rad]."""
 
 Interval: TypeAlias = tuple[float, float]
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
 class Bounds:
     """Bounds of a motion.
+
+    Driven coordinates that a drive moves are those of its command, and may have either name.
 
     Attributes:
         position: driven scalar coordinate -> lowest and highest value [m or rad].
@@ -76,18 +80,23 @@ class Bounds:
 
     def magnitudes(self, marionette: Marionette, kind: str) -> Array:
         """(n_vK,) largest speed, acceleration or jerk of every driven velocity."""
-        names, bound = marionette.coordinates.v_K, getattr(self, kind)
-        magnitudes = np.full(len(names), np.inf)
+        table, bound = marionette.coordinates, getattr(self, kind)
+        magnitudes = np.full(table.n_vK, np.inf)
         if isinstance(bound, Mapping):
-            for name, value in bound.items():
-                magnitudes[_index("driven velocity", name, names)] = value
+            for k, (_, value) in by_driven(table, table.v_K, bound, kind).items():
+                magnitudes[k] = value
         else:
             magnitudes[:] = bound
         if not np.all(magnitudes > 0.0):
             raise StateError(f"the bound of {kind} is {bound!r}; it must be greater than 0")
         if kind in ("acceleration", "jerk"):
-            magnitudes[[_index("driven velocity", name, names) for name in self.held]] = 0.0
+            magnitudes[list(self._held(table))] = 0.0
         return magnitudes
+
+    def _held(self, table: CoordinateTable) -> dict[int, str]:
+        """Indices of the driven velocities that stay 0, and their names."""
+        held = by_driven(table, table.v_K, dict.fromkeys(self.held), "held")
+        return {k: name for k, (name, _) in held.items()}
 
     def staying_taut(self, marionette: Marionette, x0: State) -> Bounds:
         """The same bounds, with strings that pull at the start kept taut."""
@@ -108,19 +117,18 @@ class Bounds:
         t = marionette.coordinates
         n, k = t.n_vD, t.n_vK
         low, high = np.full(2 * (n + k), -np.inf), np.full(2 * (n + k), np.inf)
-        scalars_K = {t.q_K[q]: 2 * n + v for q, v in t.scalars_K}
-        scalars_D = {t.q_D[q]: v for q, v in t.scalars_D}
-        for label, bounds, indices in (
-            ("driven scalar coordinate", self.position, scalars_K),
-            ("dynamic scalar coordinate", self.joint, scalars_D),
-        ):
-            for name, (a, b) in bounds.items():
-                if name not in indices:
-                    raise UnknownNameError(label, name, list(indices))
-                if not a < b:
-                    text = f"the bounds of {name} are {a:g} to {b:g}; the first must be less"
-                    raise StateError(text)
-                low[indices[name]], high[indices[name]] = a, b
+        names_K = [t.q_K[q] for q, _ in t.scalars_K]
+        names_D = [t.q_D[q] for q, _ in t.scalars_D]
+        driven = by_driven(t, names_K, self.position, "position")
+        spans = [(2 * n + t.scalars_K[i][1], *entry) for i, entry in driven.items()]
+        for name, span in self.joint.items():
+            index = _index("dynamic scalar coordinate", name, names_D)
+            spans.append((t.scalars_D[index][1], name, span))
+        for index, name, (a, b) in spans:
+            if not a < b:
+                text = f"the bounds of {name} are {a:g} to {b:g}; the first must be less"
+                raise StateError(text)
+            low[index], high[index] = a, b
         speed = self.magnitudes(marionette, "speed")
         low[2 * n + k :], high[2 * n + k :] = -speed, speed
         return low, high
@@ -133,38 +141,45 @@ class Bounds:
                 "driven coordinate that moves, or parameters"
             )
 
-    def check_state(self, marionette: Marionette, x: State, when: str) -> None:
+    def check_state(
+        self, marionette: Marionette, x: State, when: str, required: Mask | None = None
+    ) -> None:
         """Raises StateError if a state is beyond the bounds of coordinates and speeds.
 
         Args:
             marionette: the puppet.
             x: the state.
             when: time for the message, such as ``at the end``.
+            required: (n_z,) bool, the entries of z to check; all by default.
         """
         t = marionette.coordinates
-        for name in self.held:
-            if abs(x.v_K[_index("driven velocity", name, t.v_K)]) > _STATE_TOLERANCE:
+        checked = np.ones(2 * (t.n_vD + t.n_vK), dtype=bool) if required is None else required
+        for k, name in self._held(t).items():
+            if checked[2 * t.n_vD + t.n_vK + k] and abs(x.v_K[k]) > _STATE_TOLERANCE:
                 raise StateError(f"{name} is held, but moves {when}")
         low, high = self.intervals(marionette)
         numbers = Nodes.still(marionette, x, 1.0, 1).numbers[0]
-        for name, value, a, b in zip(entry_names(t), numbers, low, high, strict=True):
-            if not a - _STATE_TOLERANCE <= value <= b + _STATE_TOLERANCE:
+        entries = zip(entry_names(t), checked, numbers, low, high, strict=True)
+        for name, is_checked, value, a, b in entries:
+            if is_checked and not a - _STATE_TOLERANCE <= value <= b + _STATE_TOLERANCE:
                 raise StateError(f"{name} is {value:.6g} {when}, beyond its bounds {a:g} to {b:g}")
 
-    def check_end(self, marionette: Marionette, x0: State, end: State) -> None:
-        """Raises StateError if no motion from a start within bounds can end in a state."""
-        self.check_state(marionette, end, "at the end")
-        change = Nodes.still(marionette, x0, 1.0, 1).change_to(end)
+    def check_end(self, marionette: Marionette, x0: State, end: End) -> None:
+        """Raises StateError if no motion from a start within bounds can reach an end."""
+        self.check_state(marionette, end.state, "at the end", end.required)
+        change = end.gap(Nodes.still(marionette, x0, 1.0, 1))
         names = entry_names(marionette.coordinates)
         first_driven = 2 * marionette.coordinates.n_vD
-        for name in self.held:
-            index = first_driven + marionette.coordinates.v_K.index(name)
+        for k in self._held(marionette.coordinates):
+            index = first_driven + k
             if abs(change[index]) > _STATE_TOLERANCE:
                 raise StateError(
                     f"{names[index]} is held, but its end differs from its start by "
                     f"{change[index]:.6g}; let it move, or choose an end that leaves it there"
                 )
-        h = Evaluation.of(marionette, end).h
+        if not np.all(end.required):
+            return
+        h = Evaluation.of(marionette, end.state).h
         violation = np.where(marionette.two_sided, np.abs(h), h)
         if np.max(violation, initial=0.0) > _MAX_ROW_VIOLATION:
             row = int(np.argmax(violation))
@@ -182,8 +197,10 @@ class Bounds:
         """Indices of driven velocities with bounds of force, and the lowest and highest forces."""
         if self.force and marionette.contacts is not None:
             raise StateError("bounds of forces need a puppet without contact")
-        names = marionette.coordinates.v_K
-        return _intervals("force", "driven velocity", self.force, names)
+        table = marionette.coordinates
+        forces = by_driven(table, table.v_K, self.force, "force")
+        spans = {table.v_K[k]: span for k, (_, span) in forces.items()}
+        return _intervals("force", "driven velocity", spans, table.v_K)
 
     def motors(self, marionette: Marionette, kind: str) -> tuple[list[DriveRow], Array]:
         """Drives with bounds of their dc motors, and the largest magnitudes.
@@ -221,6 +238,34 @@ class Bounds:
         if bound and marionette.contacts is not None:
             raise StateError(f"bounds of {kind}s need a puppet without contact")
         return [drives[name] for name in bound], np.array(list(bound.values()), dtype=float)
+
+
+def by_driven(
+    table: CoordinateTable, names: Sequence[str], values: Mapping[str, Value], label: str
+) -> dict[int, tuple[str, Value]]:
+    """Index in names -> given name and value of driven coordinates.
+
+    Args:
+        table: coordinates of the puppet.
+        names: names of driven coordinates or velocities.
+        values: name -> value; a coordinate with a drive may have its own name or its command's.
+        label: kind of value, for messages.
+
+    Raises:
+        UnknownNameError: name that is not a driven coordinate.
+        StateError: coordinate named twice.
+    """
+    by_index: dict[int, tuple[str, Value]] = {}
+    for name, value in values.items():
+        driven = table.commands.get(name, name)
+        if driven not in names:
+            raise UnknownNameError("driven coordinate", name, [*table.commands, *names])
+        k = list(names).index(driven)
+        if k in by_index:
+            text = f"the {label} of {driven} is given twice: as {by_index[k][0]} and {name}"
+            raise StateError(text)
+        by_index[k] = name, value
+    return by_index
 
 
 def _intervals(

@@ -65,20 +65,29 @@ class Reading(Generic[FileT]):
         return self.check.need(("start",), lambda: self.marionette.rest(self.file.start))
 
 
-def read_control_file(
-    path: str | os.PathLike[str], schema: type[FileT], progress: OnProgress | None
-) -> Reading[FileT]:
-    """Reads a file and loads its puppet; reports start values that the puppet cannot have.
+def read_control_file(path: str | os.PathLike[str], *schemas: type[ControlFile]) -> ControlFile:
+    """The content of a file.
 
     Args:
         path: path of the file, or the name of a bundled one.
-        schema: schema of the file.
-        progress: called as each slow step begins; ``what`` describes it.
+        schemas: possible schemas of the file.
 
     Raises:
         FileError: all mistakes with their locations.
     """
-    file = read_document(path, schema)
+    return read_document(path, *schemas)
+
+
+def begin_reading(file: FileT, progress: OnProgress | None) -> Reading[FileT]:
+    """Loads the puppet of a file; reports start values that the puppet cannot have.
+
+    Args:
+        file: the file.
+        progress: called as each slow step begins; ``what`` describes it.
+
+    Raises:
+        FileError: mistakes in the puppet's file.
+    """
     marionette = load(named_file(file.puppet, file.located), progress)
     reading = Reading(file, marionette, Mistakes(file.located))
     reading.states("start", file.start)

@@ -47,12 +47,11 @@ class DrivenConditions:
         n, k = table.n_vD, table.n_vK
         max_acceleration = task.bounds.magnitudes(marionette, "acceleration")
         low, high = (a[2 * n :].reshape(2, k) for a in task.bounds.intervals(marionette))
-        start, end = (
-            np.full((2, k), np.nan)
-            if x is None
-            else Nodes.still(marionette, x, 1.0, 1).numbers[0, 2 * n :].reshape(2, k)
-            for x in (task.x0, task.goal if task.periodic is None else None)
-        )
+        start = Nodes.still(marionette, task.x0, 1.0, 1).numbers[0, 2 * n :].reshape(2, k)
+        end = np.full((2, k), np.nan)
+        if task.periodic is None and (required_end := task.required_end) is not None:
+            numbers = Nodes.still(marionette, required_end.state, 1.0, 1).numbers[0, 2 * n :]
+            end = np.where(required_end.required[2 * n :], numbers, np.nan).reshape(2, k)
         return cls(np.flatnonzero(max_acceleration > 0.0), start, max_acceleration, low, high, end)
 
     @property

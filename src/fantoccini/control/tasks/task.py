@@ -5,49 +5,38 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cached_property
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from fantoccini.base import StateError, UnknownNameError, check_not_negative, check_positive, floats
+from fantoccini.base import StateError, UnknownNameError, check_positive, floats
 from fantoccini.control.tasks.bounds import Bounds, Interval
 from fantoccini.control.tasks.costs import Smooth, Track
-from fantoccini.control.tasks.goals import GoalLike
+from fantoccini.control.tasks.ends import End
+from fantoccini.control.tasks.goals import Goal, GoalLike
+from fantoccini.control.tasks.plan_conditions import PlanConditions
 from fantoccini.control.tasks.touch import Touch, check_windows
-from fantoccini.control.tasks.touches import KEEP_OFF, ContactLike
 from fantoccini.dynamics.clearance import HalfSpace, standing
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import FLOOR, Obstacle
 from fantoccini.motion import Input, State
 
 
-@dataclass(frozen=True)
-class PlanConditions:
-    """Conditions that a plan must meet in addition to a task's bounds.
+class InputMotion(Protocol):
+    """A motion of the inputs: a plan, or an optimum."""
 
-    Attributes:
-        tolerance: largest distance from the end, in its unit [rad and m for poses and states, m for
-            points].
-        hold: time for which the puppet must stay at the end, with the inputs brought to rest [s];
-            1 s if it must touch something, stand or push a prop, otherwise 0.
-        contact: ``"keep off"``: the puppets touch nothing but themselves; or
-            ``{"touch": [("hand", "table")]}``, the pairs that may touch. Pairs that must touch at
-            the end may touch before, and so may props and the parts that they lie on.
-        slack: whether taut strings may go slack on the way. Plans in which no string goes slack
-            are less sensitive to deviations.
+    @property
+    def inputs(self) -> Input:
+        """The motion of the driven coordinates."""
 
-    Raises:
-        ValueError: number out of range.
-    """
+    @property
+    def duration(self) -> float:
+        """Its duration [s]."""
 
-    tolerance: float = 0.1
-    hold: float | None = None
-    contact: ContactLike = KEEP_OFF
-    slack: bool = True
 
-    def __post_init__(self) -> None:
-        check_positive(tolerance=self.tolerance)
-        check_not_negative(hold=self.hold or 0.0)
+GuessLike: TypeAlias = Input | InputMotion
+"""An initial guess of the inputs' motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +55,14 @@ class Task:
         tracks: paths to follow.
         smooth: weights of the inputs' accelerations and their rates.
         bounds: bounds of the motion.
-        end: state at the end, if any; dynamic and driven coordinates and velocities. Plans also
-            accept names and values (``{"elbow": 1.2}``), a :class:`fantoccini.control.Goal`, or a
+        end: state at the end, if any; dynamic and driven coordinates and velocities. Or a pose
+            (``{"elbow": 1.2}``, :meth:`fantoccini.control.Goal.pose`), with the other coordinates
+            free. Plans also accept intervals, any other :class:`fantoccini.control.Goal`, or a
             function of :class:`fantoccini.control.StateArrays` that returns distances.
         periodic: instead of ``end``: the motion ends in the state in which it began, except for
             displacements of these scalar coordinates [m or rad]; ``{}`` for no displacement.
-        guess: initial guess of the inputs' motion, used if the search is given no other.
+        guess: initial guess of the inputs' motion, used if the search is given no other: an input,
+            a plan or an optimum.
         time_weight: cost of a second, if the duration is free [1/s].
         interval: length of the intervals between nodes, over which the inputs' accelerations are
             constant [s].
@@ -83,7 +74,7 @@ class Task:
             until a motion holds; with 0 the initial guess is improved.
         touches: places that points of bodies pass, at times that the search finds.
         obstacles: obstacles in addition to the world's.
-        conditions: conditions of plans.
+        conditions: conditions and options of plans.
     """
 
     marionette: Marionette
@@ -94,7 +85,7 @@ class Task:
     bounds: Bounds = field(default_factory=Bounds)
     end: GoalLike | None = None
     periodic: Mapping[str, float] | None = None
-    guess: Input | None = None
+    guess: GuessLike | None = None
     time_weight: float = 1.0
     interval: float = 0.02
     dt: float = 0.005
@@ -136,8 +127,10 @@ class Task:
             raise StateError("a task has an end and is periodic; needed: one of them")
         for touch in self.touches:
             self.marionette.link_index(touch.body)
-        if self.goal is not None:
-            self.marionette.check_state(self.goal)
+        if isinstance(self.end, State):
+            self.marionette.check_state(self.end)
+        if self.periodic is not None:
+            moved(self.marionette, self.x0, self.periodic)
 
     def _check_duration(self) -> None:
         """Raises StateError or ValueError for an invalid duration."""
@@ -151,12 +144,20 @@ class Task:
             text = f"duration is {self.duration}; needed: a number, or a lower and a higher one"
             raise StateError(text)
 
-    @property
-    def goal(self) -> State | None:
-        """The state at the end, if any: ``end``, or the start displaced by ``periodic``."""
-        if self.periodic is None:
-            return self.end if isinstance(self.end, State) else None
-        return moved(self.marionette, self.x0, self.periodic)
+    @cached_property
+    def required_end(self) -> End | None:
+        """The end that optimisations require: ``end``, or the start displaced by ``periodic``.
+
+        None without an end, or for one that only plans support.
+        """
+        table = self.marionette.coordinates
+        if self.periodic is not None:
+            return End.whole(table, moved(self.marionette, self.x0, self.periodic))
+        if isinstance(self.end, State):
+            return End.whole(table, self.end)
+        if isinstance(self.end, (Goal, Mapping)):
+            return End.of_goal(Goal.of(self.marionette, self.end), self.x0)
+        return None
 
     @property
     def world(self) -> tuple[Marionette, tuple[Obstacle | HalfSpace | Mapping[str, Any], ...]]:

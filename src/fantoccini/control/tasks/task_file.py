@@ -1,28 +1,22 @@
-"""Task files: tasks of optimal control in YAML. Every mistake is reported with its location."""
+"""Tasks of task files. Every mistake is reported with its location."""
 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, OnProgress, StateError, nearest, rotation
-from fantoccini.base.documents import (
-    Located,
-    Mistakes,
-    document_schema,
-    rotation_vector_quaternion,
-    shown,
-)
+from fantoccini.base import Array, StateError, nearest, rotation
+from fantoccini.base.documents import Located, Mistakes, rotation_vector_quaternion, shown
 from fantoccini.control.tasks.bounds import Bounds, Interval, Magnitudes
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.clip import Clip
-from fantoccini.control.tasks.control_file import Reading, read_control_file
+from fantoccini.control.tasks.control_file import Reading
 from fantoccini.control.tasks.costs import Smooth, Track
+from fantoccini.control.tasks.ends import End
 from fantoccini.control.tasks.nodes import Nodes
 from fantoccini.control.tasks.residuals import residual_of
 from fantoccini.control.tasks.schema import CircleFile, RunFile, TaskFile, TouchFile, TrackFile
@@ -42,27 +36,12 @@ Location = tuple[str | int, ...]
 """Keys and indices that lead to an entry of a file."""
 
 
-def task_names() -> tuple[str, ...]:
-    """Names of the bundled tasks."""
-    return TaskFile.kind.bundled
-
-
-def task_schema() -> dict[str, Any]:
-    """JSON Schema of a task file, for editors."""
-    return document_schema(TaskFile)
-
-
-def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = None) -> Task:
+def task_of_file(reading: Reading[TaskFile]) -> Task:
     """The task of a task file.
-
-    Args:
-        path: path of the file, or the name of a bundled task (``crane``).
-        progress: called as each slow step begins; ``what`` describes it.
 
     Raises:
         FileError: all mistakes with their locations.
     """
-    reading = read_control_file(path, TaskFile, progress)
     file, marionette, check = reading.file, reading.marionette, reading.check
     reading.states("end", file.end or {})
     _check_intervals(reading)
@@ -86,7 +65,8 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
     if file.end is not None:
         goal = {**file.start, **file.end}
         end = check.need(("end",), lambda: marionette.rest(goal))
-        check(("end",), lambda: bounds.check_end(marionette, x0, end))
+        required_end = End.whole(marionette.coordinates, end)
+        check(("end",), lambda: bounds.check_end(marionette, x0, required_end))
     for key, displacement in (file.periodic or {}).items():
         check(
             ("periodic", key),
@@ -94,8 +74,8 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
         )
     check.refuse()
     if displacements := file.periodic:
-        end_state = moved(marionette, x0, displacements)
-        check(("periodic",), lambda: bounds.check_end(marionette, x0, end_state))
+        periodic_end = End.whole(marionette.coordinates, moved(marionette, x0, displacements))
+        check(("periodic",), lambda: bounds.check_end(marionette, x0, periodic_end))
     if not file.parameters:
         check(("bounds", "held"), lambda: bounds.check_moves(marionette))
     guess = None

@@ -1,15 +1,12 @@
-"""Problem files: planning problems in YAML. Every mistake is reported with its location."""
+"""Problem files: tasks of planning in YAML. Every mistake is reported with its location."""
 
 from __future__ import annotations
 
-import os
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from fantoccini.base import OnProgress
 from fantoccini.base.documents import (
     SIZED,
     Kind,
@@ -23,21 +20,17 @@ from fantoccini.base.documents import (
     Size,
     Sized,
     Value,
-    document_schema,
     entries,
     mistake,
 )
-from fantoccini.control.problems.problem import Problem
-from fantoccini.control.problems.rollouts import DrivenBounds, RolloutOptions, whole_checks
-from fantoccini.control.tasks import (
-    Bounds,
-    ControlFile,
-    Goal,
-    Reading,
-    check_one_of,
-    read_control_file,
-    touching,
-)
+from fantoccini.control.tasks.bounds import Bounds
+from fantoccini.control.tasks.control_file import ControlFile, Reading, check_one_of
+from fantoccini.control.tasks.driven_bounds import DrivenBounds
+from fantoccini.control.tasks.goals import Goal
+from fantoccini.control.tasks.plan_conditions import PlanConditions, RolloutOptions, whole_checks
+from fantoccini.control.tasks.schema import Duration
+from fantoccini.control.tasks.task import Task
+from fantoccini.control.tasks.touches import touching
 from fantoccini.dynamics.clearance import HalfSpace, Standing
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import WORDS
@@ -113,7 +106,7 @@ class ProblemFile(ControlFile):
     kind: ClassVar = Kind(
         "problem",
         "a problem file has the keys `puppet`, `problem` and `goal`",
-        Path(__file__).parent / "bundled",
+        Path(__file__).parent / "bundled_problems",
         words=WORDS,
     )
 
@@ -121,6 +114,8 @@ class ProblemFile(ControlFile):
     """The problem's name."""
     goal: GoalFile
     """End of the plan."""
+    duration: Duration | None = None
+    """Longest duration of the plan, or [shortest, longest]; unlimited by default [s]."""
     contact: Literal["keep off"] | ContactFile = "keep off"
     """`keep off`, or the pairs that may touch. Required touches of the goal are allowed, and so are
     touches between props and their supports."""
@@ -153,35 +148,12 @@ class ProblemFile(ControlFile):
     """Obstacles in addition to the world's."""
 
 
-def problem_schema() -> dict[str, Any]:
-    """JSON Schema of a problem file, for editors."""
-    return document_schema(ProblemFile)
-
-
-def problem_names() -> tuple[str, ...]:
-    """Names of the bundled problems."""
-    return ProblemFile.kind.bundled
-
-
-def load_problem(
-    path: str | os.PathLike[str],
-    *,
-    threads: int | None = None,
-    progress: OnProgress | None = None,
-    **options: Any,
-) -> Problem:
-    """The problem of a problem file.
-
-    Args:
-        path: path of the file, or the name of a bundled problem (``arm3d_boxes``).
-        threads: number of threads; all processors by default.
-        progress: called as each slow step begins; ``what`` describes it.
-        options: arguments of :class:`Problem` that replace the file's: ``tolerance=0.1``.
+def task_of_problem(reading: Reading[ProblemFile]) -> Task:
+    """The task of a problem file.
 
     Raises:
         FileError: all mistakes with their locations.
     """
-    reading = read_control_file(path, ProblemFile, progress)
     file, marionette, check = reading.file, reading.marionette, reading.check
     goal = _goal(reading, marionette.state())
     _check_touches(reading)
@@ -203,18 +175,28 @@ def load_problem(
     start = reading.start
     if file.goal.point is not None and file.goal.point.by is not None:
         goal = _goal(reading, start)
-    names = ("hold", "tolerance", "objective", "slack")
     assert goal is not None and n_checks is not None  # otherwise mistakes were reported
-    rollouts = RolloutOptions(n_checks=n_checks, reserve=file.reserve, strings=file.strings)
-    if threads is not None:
-        rollouts = check.need((), lambda: replace(rollouts, threads=threads))
-    contact = file.contact if file.contact == "keep off" else {"touch": file.contact.touch}
-    arguments = (
-        {"name": file.problem, "contact": contact, "bounds": bounds, "rollouts": rollouts}
-        | {key: getattr(file, key) for key in names}
-        | options
+    conditions = PlanConditions(
+        file.tolerance,
+        file.hold,
+        file.contact if file.contact == "keep off" else {"touch": file.contact.touch},
+        file.slack,
+        file.objective,
+        RolloutOptions(n_checks=n_checks, reserve=file.reserve, strings=file.strings),
     )
-    return check.need((), lambda: Problem(marionette, start, goal, file.obstacles, **arguments))
+    return check.need(
+        (),
+        lambda: Task(
+            marionette,
+            start,
+            file.duration,
+            bounds=bounds,
+            end=goal,
+            name=file.problem,
+            obstacles=file.obstacles,
+            conditions=conditions,
+        ),
+    )
 
 
 def _n_checks(segment: float | None) -> int:
