@@ -6,6 +6,7 @@ import numpy as np
 
 from fantoccini.base.documents import Mistakes
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
+from fantoccini.theatre.gestures.own_axes import OwnAxes
 from fantoccini.theatre.gestures.roles import Roles, moves_of
 from fantoccini.theatre.gestures.walking import walk_parameters
 
@@ -51,8 +52,8 @@ def walk_on_control(
     marks: dict[str, float] = {}
     for k in range(n):
         marks[numbered(("left", "right")[k % 2], marks)] = (k + 0.5) * _STEP_TIME
-    walk = Gesture.of(roles.marionette, points, travels=True, name="walk", marks=marks)
-    return walk.turned(roles.heading, bodies=True) if roles.heading else walk
+    axes = OwnAxes.of(roles.marionette, [roles])
+    return axes.placed(Gesture.of(axes.own, points, travels=True, name="walk", marks=marks))
 
 
 def _rocking(n: int) -> list[tuple[float, float]]:

@@ -41,6 +41,7 @@ from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import To
 from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.own_axes import OwnAxes
 from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
 from fantoccini.theatre.gestures.reachable import reachable_part
 from fantoccini.theatre.gestures.roles import Roles, SizeKind, moves_of
@@ -251,7 +252,7 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     """
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{file.gesture} moves parts of a body; it takes a Marionette")
-    table, mistakes = puppet.coordinates, Mistakes(file.located, file.kind.error)
+    mistakes = Mistakes(file.located, file.kind.error)
     if puppet.puppet.members and not prefix:
         reason = f"needed: `of`, a member of the scene: {', '.join(puppet.puppet.members)}"
         raise _not_for_this_puppet(file, reason)
@@ -262,7 +263,8 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         parts = moves_of(roles, points)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
-    own, known = Mistakes.of_inputs(), moves.places(table)
+    axes = OwnAxes.of(puppet, [roles])
+    table, own, known = axes.own, Mistakes.of_inputs(), moves.places(axes.own)
     waypoints = {name: points[part] for name, (part, _) in parts.items()}
     offsets, units = moves.read(table, waypoints, own, (key,)), moves.names_and_units(table)
     for name, (part, move) in parts.items():
@@ -279,7 +281,7 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     mistakes.refuse()
     gesture = _travelling(file, table, offsets)
     try:
-        return gesture.turned(roles.heading, bodies=True) if roles.heading else gesture
+        return axes.placed(gesture)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
 

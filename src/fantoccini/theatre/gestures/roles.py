@@ -76,11 +76,14 @@ class Roles:
 
     def own_axes(self, body: str) -> Array:
         """(3, 3) axes of a body in the pose of its file, as columns in the frame of that file."""
+        return self.axes_in_file()[0][self.marionette.link_index(body)]
+
+    def axes_in_file(self) -> tuple[Array, Array]:
+        """(n_links, 3, 3) axes of all links, and (3, 3) axes of the world; see :meth:`own_axes`."""
         tree = self.marionette.tree
-        poses = measure(tree, self.marionette.number).poses
+        axes: Array = measure(tree, self.marionette.number).poses[:, :, :3]
         frame = tree.links[self.marionette.link_index(self.body_map.trunk[0])].parent
-        own = poses[self.marionette.link_index(body), :, :3]
-        return own if frame == WORLD else poses[frame, :, :3].T @ own
+        return (axes, np.eye(3)) if frame == WORLD else (axes[frame].T @ axes, axes[frame].T)
 
     @property
     def prefix(self) -> str:
