@@ -19,7 +19,7 @@ from fantoccini.base.documents import Mistakes
 from fantoccini.motion import SAME_TIME, Input, State, Table, binding, pieces, reading
 from fantoccini.theatre.gestures import moves, piecewise
 from fantoccini.theatre.gestures.joining import Line, Motion
-from fantoccini.theatre.gestures.own_axes import OwnAxes
+from fantoccini.theatre.gestures.roles import OwnAxes
 from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, Most, limits
 from fantoccini.theatre.gestures.turns import check_turns, end_shift, from_start, with_rotations
 
@@ -300,8 +300,9 @@ class Gesture:
                 or its image would move an end along an axis that is not driven.
         """
         if puppet is not None:
-            axes = OwnAxes.moved_by(self, puppet)
-            return axes.placed(axes.seen(self).mirrored())
+            axes = OwnAxes.moved_by(self.uses, puppet)
+            own = replace(self, coordinates=axes.own, **axes.seen(self.motion)._asdict())
+            return own.mirrored().placed(axes)
         coef, travel = np.zeros_like(self.coef), np.zeros_like(self.travel)
         named = np.zeros_like(self.named)
         for v, to, sign in moves.images(self.coordinates, self.named):
@@ -309,10 +310,14 @@ class Gesture:
             named[to], travel[to] = self.named[v], sign * self.travel[v]
         return replace(self, coef=coef, named=named, travel=travel)
 
+    def placed(self, axes: OwnAxes) -> Gesture:
+        """Gesture of the puppet, from offsets along its own axes; see :meth:`OwnAxes.placed`."""
+        return replace(self, coordinates=axes.coordinates, **axes.placed(self.motion)._asdict())
+
     def turned(self, angle: float) -> Gesture:
         """Copy turned about the vertical by an angle [rad], for a puppet that has turned.
 
-        Driven bodies, and what they carry, have turned with it: their axes stay.
+        Driven bodies have turned with it, and all parts on them: their axes stay.
 
         Args:
             angle: angle to the left.

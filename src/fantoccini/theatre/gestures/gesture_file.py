@@ -41,10 +41,9 @@ from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import To
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.own_axes import OwnAxes
 from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
 from fantoccini.theatre.gestures.reachable import reachable_part
-from fantoccini.theatre.gestures.roles import Roles, SizeKind, moves_of
+from fantoccini.theatre.gestures.roles import OwnAxes, Roles, SizeKind, moves_of
 
 _FOLDER = Path(__file__).parent / "marionette"
 _MAX_REST_PEAK = 1e-9
@@ -281,7 +280,7 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     mistakes.refuse()
     gesture = _travelling(file, table, offsets)
     try:
-        return axes.placed(gesture)
+        return gesture.placed(axes)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
 
