@@ -340,11 +340,11 @@ class _Frames:
                 own = places.setdefault(owner, np.full(3, _NOT_DRIVEN))
                 own[_AXES.index(part)] = v.start
         triples = [_Triple(name, v, self._carrying(name)) for name, v in places.items()]
-        for name, (_, v) in table.rotations.items():
+        for name, (_, first) in table.rotations.items():
             if name.startswith(self.roles.prefix):
                 owner = name.rpartition(".")[0]
                 body = self.links[self.joint(owner, first=False)]
-                triples.append(_Triple(owner, np.arange(v, v + 3), self._seen(body)))
+                triples.append(_Triple(owner, np.arange(first, first + 3), self._seen(body)))
         return [triple for triple in triples if not np.array_equal(triple.axes, np.eye(3))]
 
     def joint_axes(self) -> dict[str, tuple[float, ...]]:
