@@ -289,7 +289,7 @@ class OwnAxes:
         coef, travel, named = np.array(motion.coef), np.array(motion.travel), motion.named.copy()
         for triple in self.triples:
             matrix = triple.axes if inverse else triple.axes.T
-            is_driven = triple.places != _NOT_DRIVEN
+            is_driven = np.asarray(triple.places != _NOT_DRIVEN)
             moved = np.zeros(3, dtype=bool)
             moved[is_driven] = motion.named[triple.places[is_driven]]
             reached = np.abs(matrix[:, moved])
