@@ -292,14 +292,15 @@ class OwnAxes:
             is_driven = np.asarray(triple.places != _NOT_DRIVEN)
             moved = np.zeros(3, dtype=bool)
             moved[is_driven] = motion.named[triple.places[is_driven]]
-            reached = np.abs(matrix[:, moved])
+            reached = np.asarray(np.abs(matrix[:, moved]))
             if lacking := np.flatnonzero(~is_driven & (reached > _STRAIGHT).any(axis=1)).tolist():
                 first, other = _AXES[int(np.argmax(moved))], _AXES[lacking[0]]
                 name = triple.name
                 raise StateError(f"it moves {name}.{first}, and {name}.{other} is not driven")
             at, own = triple.places[is_driven], matrix[np.ix_(is_driven, is_driven)]
             coef[:, at] = own @ motion.coef[:, at]
-            travel[at], named[at] = own @ motion.travel[at], (reached > 0.0).any(axis=1)[is_driven]
+            travel[at] = own @ motion.travel[at]
+            named[at] = np.any(reached[is_driven] > 0.0, axis=1)
         return Motion(motion.breaks, coef, named, travel)
 
 
