@@ -177,18 +177,19 @@ def test_a_puppet_that_has_turned_took_its_control_with_it(control):
     assert {n: moved[names.index(n)] for n in wanted} == pytest.approx(wanted)
 
 
-def test_a_gesture_for_another_direction_tips_towards_its_own_forward():
-    """A bar that stands askew in its file tips about the axis of the turned direction."""
-    puppet = fan.loads(CONTROL.replace("bar.z: 1.0,", "bar.z: 1.0, bar.rotation: [0.2, 0, 0.5],"))
-    first, heading = [0.2, 0, 0.5], 0.8
-    gesture = Gesture.of(puppet, {"bar.tip_forward": [(0, 0), (1, 0.3)]})
-
-    def axis(gesture: Gesture) -> np.ndarray:
-        turned = orientation(gesture, puppet, 1.0, rotation=first)
-        return (turned * Rotation.from_rotvec(first).inv()).as_rotvec()
-
-    wanted = Rotation.from_rotvec([0, 0, heading]).apply(axis(gesture))
-    np.testing.assert_allclose(axis(gesture.turned(heading, bodies=True)), wanted, atol=1e-12)
+def test_a_control_tips_towards_the_front_of_its_puppet_however_it_stands(tmp_path):
+    """R(t) R_0^T turns about the left of a puppet that looks along (0.6, 0.8)."""
+    rig = "rig: {trunk: [bob], facing: [0.6, 0.8, 0], limbs: [], carrying: [line], control: bar}\n"
+    askew = CONTROL.replace("bar.z: 1.0,", "bar.z: 1.0, bar.rotation: [0.2, 0, 0.5],")
+    puppet, first = fan.loads(askew + rig), [0.2, 0, 0.5]
+    path = tmp_path / "tip.yaml"
+    path.write_text(
+        "gesture: tip\nparts: {trunk.up: [[0, 0], [1, 1 cm]]}\n"
+        "on_control: {control.tip_forward: [[0, 0], [1, 0.3]]}\n"
+    )
+    gesture = fan.theatre.load_gesture(puppet, path)
+    turn = orientation(gesture, puppet, 1.0, rotation=first) * Rotation.from_rotvec(first).inv()
+    np.testing.assert_allclose(turn.as_rotvec(), [-0.3 * 0.8, 0.3 * 0.6, 0.0], atol=1e-9)
 
 
 def test_a_gesture_travels_with_turns_only_if_they_end(control):
@@ -235,6 +236,31 @@ def test_a_score_tips_the_control_and_judges_turns_in_their_own_unit(control, tm
     q_K = score.inputs(control.rest()).evaluate(1.0)[0]
     assert q_K[q + 2] == pytest.approx(np.sin(np.radians(10.0)))  # half of 20 deg
     assert q_K[control.coordinates.q_K.index("rock")] == pytest.approx(-np.radians(9.0))
+
+
+def test_turns_that_add_up_to_more_than_half_a_circle_are_refused(control, tmp_path):
+    tip = Gesture.of(control, {"bar.tip_forward": [(0, 0), (1, "100 deg"), (2, 0)]})
+    message = r"bar\.rotation turns by 200 deg from rest at 1\.00 s; .* at most 177 deg"
+    for change in (lambda: tip + tip, lambda: tip.scaled(2.0)):
+        with pytest.raises(StateError, match=message):
+            change()
+    turn = Gesture.of(control, {"bar.turn_left": [(0, 0), (1, "140 deg"), (2, 0)]})
+    assert np.hypot(100, 140) < 177 < 100 + 140
+    np.testing.assert_allclose(
+        (tip + turn).offsets(1.0)[0], tip.offsets(1.0)[0] + turn.offsets(1.0)[0]
+    )
+    (tmp_path / "tip.yaml").write_text(
+        "gesture: tip\nmoves: {bar.tip_forward: [[0, 0], [5, 100 deg], [10, 0]]}\n"
+    )
+    path = tmp_path / "twice.yaml"
+    path.write_text(
+        "score: twice\nlanes:\n  one: [{gesture: tip.yaml, at: 0}]\n"
+        "  other: [{gesture: tip.yaml, at: 0}]\n"
+    )
+    with pytest.raises(
+        FileError, match=r"twice\.yaml:3: lanes\.one\[0\]: bar\.rotation turns by 200"
+    ):
+        fan.load_score(control, path)
 
 
 def test_key_poses_tip_a_control(control, tmp_path):

@@ -7,7 +7,11 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.model.tree import WORLD
+from fantoccini.theatre import cast
+from fantoccini.theatre.plays.placing import place_cues
+from fantoccini.theatre.plays.reading import read_play
 from fantoccini.theatre.plays.stage_run import together
+from fantoccini.theatre.plays.walks import Walks
 
 pytestmark = pytest.mark.slow
 
@@ -66,3 +70,36 @@ def test_a_player_that_stays_is_not_passed(plays):
     play = plays.compiled("{who: pierrot, walks to: east}")
     (cue,) = play.refused
     assert "columbine stands there" in cue.refused and not cue.passes
+
+
+CORRIDOR = """
+play: corridor
+tempo: 100
+stage: {space: {x: [-0.36, 0.36], y: [-2.2, 1.2]}}
+cast:
+  pierrot: {at: [0, 0.6]}
+  columbine: {at: [0, -0.6]}
+acts:
+  - act: one
+    cues:
+      - {who: pierrot, walks to: [0, -1.7]}
+      - {who: columbine, walks to: [0, 0.1], when: 21}
+"""
+
+
+def test_nobody_is_passed_who_still_stands_in_the_way(plays):
+    """Nobody can go around in a corridor; she leaves only when he would have walked through her."""
+    script = read_play(plays.written("", CORRIDOR), cast.ResultCache())
+    walks = Walks(script.cast, script.log)
+    placement = place_cues(
+        script.cast,
+        script.timeline,
+        script.gestures,
+        script.places,
+        walks,
+        cast.Corrections(),
+        script.log,
+    )
+    first, second = placement.cues
+    assert "no way leads round columbine" in first.refused
+    assert not placement.passes and not second.refused

@@ -18,6 +18,7 @@ from fantoccini.theatre.gestures.score import Caption, Score, Wait
 from fantoccini.theatre.gestures.score_gestures import ScoreGestures
 from fantoccini.theatre.gestures.sounding import read_sounds, spot_of_sound
 from fantoccini.theatre.gestures.transitions import limits
+from fantoccini.theatre.gestures.turns import TurnError
 from fantoccini.theatre.gestures.waiting import note_moving
 from fantoccini.theatre.script import LATE, ScoreFile, ScriptLog, Spot, read_script
 
@@ -73,7 +74,11 @@ class _Compiler:
             (file.duration or 0.0) * log.beat,
             log.beat,
         )
-        whole, own = placed.hands.motion(self._table, [*file.lanes], end)
+        try:
+            whole, own = placed.hands.motion(self._table, [*file.lanes], end)
+        except TurnError as error:
+            mover = self._mover(placed, error.channel)
+            raise log.located.error([(mover, str(error))], FileError) from None
         note_passed(whole, bounds, placed.played, log)
         note_moving(whole, waits, placed.played, log)
         log.mistakes.refuse()

@@ -6,7 +6,7 @@ import numpy as np
 
 from fantoccini.base.documents import Mistakes
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
-from fantoccini.theatre.gestures.roles import Roles, moves_of
+from fantoccini.theatre.gestures.roles import OwnAxes, Roles, moves_of
 from fantoccini.theatre.gestures.walking import walk_parameters
 
 _STEP_TIME = 0.8
@@ -51,8 +51,9 @@ def walk_on_control(
     marks: dict[str, float] = {}
     for k in range(n):
         marks[numbered(("left", "right")[k % 2], marks)] = (k + 0.5) * _STEP_TIME
-    walk = Gesture.of(roles.marionette, points, travels=True, name="walk", marks=marks)
-    return walk.turned(roles.heading, bodies=True) if roles.heading else walk
+    axes = OwnAxes.of(roles.marionette, [roles])
+    walk = Gesture.of(axes.own, points, travels=True, name="walk", marks=marks)
+    return walk.placed(axes)
 
 
 def _rocking(n: int) -> list[tuple[float, float]]:

@@ -19,10 +19,12 @@ from fantoccini.base.documents import Mistakes
 from fantoccini.motion import SAME_TIME, Input, State, Table, binding, pieces, reading
 from fantoccini.theatre.gestures import moves, piecewise
 from fantoccini.theatre.gestures.joining import Line, Motion
+from fantoccini.theatre.gestures.roles import OwnAxes
 from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, Most, limits
-from fantoccini.theatre.gestures.turns import end_shift, from_start, turned_axes, with_rotations
+from fantoccini.theatre.gestures.turns import check_turns, end_shift, from_start, with_rotations
 
 if TYPE_CHECKING:
+    from fantoccini.dynamics.marionette import Marionette
     from fantoccini.model.tree import CoordinateTable
 
 _MAX_REST_SPEED = 1e-9
@@ -78,6 +80,7 @@ class Gesture:
             raise ValueError("breaks must be two or more times that increase from 0")
         if not np.all(np.isfinite(self.coef)):
             raise ValueError("coef has a number that is not finite")
+        check_turns(self.coordinates, self.breaks, self.coef)
         for name, t in self.marks.items():
             if not 0.0 <= t <= self.duration + SAME_TIME:
                 raise ValueError(
@@ -228,7 +231,8 @@ class Gesture:
         """Copy with all offsets multiplied by a factor.
 
         Raises:
-            StateError: it turns; for a larger turn give another ``turn`` or ``to``.
+            StateError: it turns; for a larger turn give another ``turn`` or ``to``. Or a driven
+                body would turn by nearly 180 degrees or more.
         """
         check_positive(factor=factor)
         if self.turns and factor != 1.0:
@@ -280,16 +284,25 @@ class Gesture:
         named = self.named | Gesture.of_offsets(self.coordinates, read).named
         return replace(self, coef=coef, named=named)
 
-    def mirrored(self) -> Gesture:
+    def mirrored(self, puppet: Marionette | None = None) -> Gesture:
         """Reflection in the x-z plane: names with left and right are exchanged.
 
         Lengths, motions along x and z and joint angles keep their signs; motions along y and turns
         of bodies about x and z change theirs.
 
+        Args:
+            puppet: puppet or scene whose members' own axes x, y and z are: forward, to the left
+                and up; those of the file by default.
+
         Raises:
             UnknownNameError: a coordinate has no twin.
-            StateError: it moves a joint in the middle whose axis is neither along y nor across it.
+            StateError: it moves a joint in the middle whose axis is neither along y nor across it,
+                or its image would move an end along an axis that is not driven.
         """
+        if puppet is not None:
+            axes = OwnAxes.moved_by(self.uses, puppet)
+            own = replace(self, coordinates=axes.own, **axes.seen(self.motion)._asdict())
+            return own.mirrored().placed(axes)
         coef, travel = np.zeros_like(self.coef), np.zeros_like(self.travel)
         named = np.zeros_like(self.named)
         for v, to, sign in moves.images(self.coordinates, self.named):
@@ -297,27 +310,29 @@ class Gesture:
             named[to], travel[to] = self.named[v], sign * self.travel[v]
         return replace(self, coef=coef, named=named, travel=travel)
 
-    def turned(self, angle: float, *, bodies: bool = False) -> Gesture:
+    def placed(self, axes: OwnAxes) -> Gesture:
+        """Gesture of the puppet, from offsets along its own axes; see :meth:`OwnAxes.placed`."""
+        return replace(self, coordinates=axes.coordinates, **axes.placed(self.motion)._asdict())
+
+    def turned(self, angle: float) -> Gesture:
         """Copy turned about the vertical by an angle [rad], for a puppet that has turned.
+
+        Driven bodies have turned with it, and all parts on them: their axes stay.
 
         Args:
             angle: angle to the left.
-            bodies: whether axes of driven bodies turn, too: for a puppet that looks elsewhere in
-                its file. A puppet that has turned has turned them with it.
 
         Raises:
             StateError: it moves an end along x or y that is not driven along both.
         """
         coef, travel, named = np.array(self.coef), np.array(self.travel), np.array(self.named)
         c, s = np.cos(angle), np.sin(angle)
-        for x, y in moves.planes(self.coordinates, self.named, bodies):
+        for x, y in moves.planes(self.coordinates, self.named):
             a, b = self.coef[:, x], self.coef[:, y]
             coef[:, x], coef[:, y] = c * a - s * b, s * a + c * b
             a, b = self.travel[x], self.travel[y]
             travel[x], travel[y] = c * a - s * b, s * a + c * b
             named[[x, y]] = True
-        for v, axes in turned_axes(self.coordinates, angle) if bodies else ():
-            coef[:, v] = np.einsum("ij,njk->nik", axes, coef[:, v])
         return replace(self, coef=coef, travel=travel, named=named)
 
     def repeated(self, times: int, **options: Any) -> Gesture:
@@ -368,7 +383,8 @@ class Gesture:
 
         Raises:
             ValueError: they are of different puppets.
-            StateError: the shorter one ends in motion.
+            StateError: the shorter one ends in motion, or the sum turns a driven body by nearly
+                180 degrees or more.
         """
         if not isinstance(other, Gesture):
             return NotImplemented

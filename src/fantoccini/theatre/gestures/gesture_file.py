@@ -43,7 +43,7 @@ from fantoccini.theatre.gestures.aiming import To
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
 from fantoccini.theatre.gestures.reachable import reachable_part
-from fantoccini.theatre.gestures.roles import Roles, SizeKind, moves_of
+from fantoccini.theatre.gestures.roles import OwnAxes, Roles, SizeKind, moves_of
 
 _FOLDER = Path(__file__).parent / "marionette"
 _MAX_REST_PEAK = 1e-9
@@ -257,7 +257,7 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     """
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{file.gesture} moves parts of a body; it takes a Marionette")
-    table, mistakes = puppet.coordinates, Mistakes(file.located, file.kind.error)
+    mistakes = Mistakes(file.located, file.kind.error)
     if puppet.puppet.members and not prefix:
         reason = f"needed: `of`, a member of the scene: {', '.join(puppet.puppet.members)}"
         raise _not_for_this_puppet(file, reason)
@@ -268,7 +268,8 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         parts = moves_of(roles, points, file.scaled_by)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
-    own, known = Mistakes.of_inputs(), moves.places(table)
+    axes = OwnAxes.of(puppet, [roles])
+    table, own, known = axes.own, Mistakes.of_inputs(), moves.places(axes.own)
     waypoints = {name: points[part] for name, (part, _) in parts.items()}
     offsets, units = moves.read(table, waypoints, own, (key,)), moves.names_and_units(table)
     for name, (part, move) in parts.items():
@@ -285,7 +286,7 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     mistakes.refuse()
     gesture = _travelling(file, table, offsets)
     try:
-        return gesture.turned(roles.heading, bodies=True) if roles.heading else gesture
+        return gesture.placed(axes)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
 

@@ -118,13 +118,14 @@ def images(table: CoordinateTable, named: MaskRows) -> list[tuple[slice, slice, 
     return pairs
 
 
-def planes(table: CoordinateTable, named: MaskRows, carried: bool = True) -> list[tuple[int, int]]:
+def planes(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]:
     """Indices in v_K of x and y of every end or body that is moved along one of them.
+
+    Those whose axes turn with a body that carries them are left out.
 
     Args:
         table: names of the coordinates.
         named: (n_vK,) bool, whether a coordinate is moved.
-        carried: whether to include those whose axes turn with a body that carries them.
 
     Raises:
         StateError: it is driven along only one of them.
@@ -132,7 +133,7 @@ def planes(table: CoordinateTable, named: MaskRows, carried: bool = True) -> lis
     known, ends = pieces.channel_names(table), dict[str, tuple[int, int]]()
     for name, (_, v) in known.items():
         owner, _, part = name.rpartition(".")
-        if not carried and owner in table.carried:
+        if owner in table.carried:
             continue
         if named[v.start] and owner and part in ("x", "y"):
             other = f"{owner}.{'y' if part == 'x' else 'x'}"

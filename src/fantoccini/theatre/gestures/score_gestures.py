@@ -54,7 +54,11 @@ class ScoreGestures:
         style, file = Style.of(cue, self._log.beat), self._file
         try:
             return style.varied(
-                gesture, cue.heading, speed=file.speed, acceleration=file.acceleration
+                gesture,
+                self._marionette,
+                cue.heading,
+                speed=file.speed,
+                acceleration=file.acceleration,
             )
         except StyleError as error:
             self._log.mistakes.add((*spot, error.key) if error.key else spot, str(error))

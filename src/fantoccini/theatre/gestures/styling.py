@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fantoccini.base import FantocciniError, StateError, UnknownNameError
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.transitions import ACCELERATION, SPEED, Most
 from fantoccini.theatre.script import HOW, DoesCue, Styled
@@ -62,6 +63,7 @@ class Style:
     def varied(
         self,
         gesture: Gesture,
+        puppet: Marionette,
         heading: float | None = None,
         *,
         speed: Most = SPEED,
@@ -73,6 +75,7 @@ class Style:
 
         Args:
             gesture: gesture as its file has it.
+            puppet: puppet or scene that performs it.
             heading: angle by which it is turned about the vertical [rad]; None leaves it as it is.
             speed, acceleration: bounds of the transitions between repetitions; see
                 :meth:`Gesture.then`.
@@ -82,7 +85,7 @@ class Style:
         """
         key = "mirrored"
         try:
-            once = gesture.mirrored() if self.mirrored else gesture
+            once = gesture.mirrored(puppet) if self.mirrored else gesture
             key = "heading"
             once = once if heading is None else once.turned(heading)
             key = "faster"

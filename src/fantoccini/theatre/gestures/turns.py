@@ -19,8 +19,54 @@ from fantoccini.theatre.gestures.moves import MAX_TURN
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
+_ROUNDING = 1e-9
+"""Tolerance of the largest turn [rad]."""
+_SAMPLES = 17
+"""Number of times in a piece at which a turn is measured."""
 _MAX_END_TURN = 1e-6
 """Turn at the end of a gesture below which a body counts as turned back [rad]."""
+
+
+class TurnError(StateError):
+    """A gesture turns a body too far.
+
+    Args:
+        channel: name of the rotation, such as ``bar.rotation``.
+        angle: its largest angle from the start [rad].
+        t: time of it [s].
+    """
+
+    def __init__(self, channel: str, angle: float, t: float):
+        self.channel = channel
+        super().__init__(
+            f"{channel} turns by {np.degrees(angle):.0f} deg from rest at {t:.2f} s; a gesture, "
+            f"and the sum of several at a time, turns a body by at most "
+            f"{np.degrees(MAX_TURN):.0f} deg"
+        )
+
+
+def check_turns(table: CoordinateTable, breaks: Times, coef: Array) -> None:
+    """Checks that rotation vectors stay below ``MAX_TURN``, beyond which they are not unique.
+
+    Args:
+        table: names of the coordinates.
+        breaks: (n + 1,) times of the pieces [s].
+        coef: (n, n_vK, 6) offsets.
+
+    Raises:
+        TurnError: a body turns farther.
+    """
+    share = np.linspace(0.0, 1.0, _SAMPLES)
+    for name, (_, v) in table.rotations.items():
+        turn = coef[:, v : v + 3]
+        if not turn.any():
+            continue
+        s = np.diff(breaks)[:, None] * share
+        phi = polynomial.evaluate(turn[:, None], s[..., None])[0]
+        angle = np.linalg.norm(phi, axis=-1)
+        piece, k = np.unravel_index(int(np.argmax(angle)), angle.shape)
+        if angle[piece, k] > MAX_TURN + _ROUNDING:
+            raise TurnError(name, float(angle[piece, k]), float(breaks[piece] + s[piece, k]))
 
 
 def from_start(inputs: Input, h: Times) -> Array:
@@ -94,18 +140,3 @@ def end_shift(table: CoordinateTable, end: VecK) -> VecK:
             raise StateError(f"a gesture that ends with {name} turned cannot travel")
         shift[v : v + 3] = 0.0
     return shift
-
-
-def turned_axes(table: CoordinateTable, angle: float) -> list[tuple[slice, Array]]:
-    """Slice in v_K of each rotation vector, and the matrix (3, 3) that turns it by ``angle`` [rad].
-
-        phi' = R_0^T R_z(angle) R_0 phi
-
-    R_0 is the orientation of the body in the file's pose.
-    """
-    turn = rotation.matrix(rotation.exp(np.array([0.0, 0.0, angle])))
-    matrices = []
-    for q, v in table.rotations.values():
-        R = rotation.matrix(table.start_K[q : q + 4])
-        matrices.append((slice(v, v + 3), R.T @ turn @ R))
-    return matrices

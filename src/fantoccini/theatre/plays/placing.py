@@ -210,7 +210,8 @@ class _Verbs:
         """Stage after a walk.
 
         If a player blocks it whose own next walk begins before this one ends, that player gives
-        way: this walk is planned without it, and the other's walk, placed next, goes around.
+        way: this walk is planned without it, and the other's walk, placed next, goes around. Until
+        then the other stands, and must not be in the way.
         """
         try:
             return self._walk(stage, turn, name)
@@ -220,11 +221,15 @@ class _Verbs:
             (other,) = later.who
             try:
                 after = self._walk(stage, turn, name, absent=other)
-                if later.wanted <= after.actors[name].done:
-                    self._walk(after, later, other)
-                    return after.passing(turn.spot, name, later.spot, other)
+                if later.wanted > after.actors[name].done:
+                    continue
+                leaves = self._walk(after, later, other).actors[other].ways[-1].begin
             except CannotBe:
                 continue
+            actor, stands = after.actors[name], after.actors[other]
+            track = stands.player, stands.track()
+            if not self._walks.in_the_way(actor.player, actor.ways[-1], [track], leaves):
+                return after.passing(turn.spot, name, later.spot, other)
         raise reason
 
     def _next_walks(self, turn: Turn[PlayCue]) -> Iterator[Turn[PlayCue]]:
@@ -288,7 +293,10 @@ class _Verbs:
             )
         hands, start = actor.hands.add_busy(lane, gesture, start)
         self._check_time(turn, name, start - asked, start)
-        return stage.part(replace(actor, hands=hands), lane, gesture, start)
+        actor = replace(actor, hands=hands)
+        if actor.player.alone.coordinates.rotations:
+            actor.motion(hands.end)  # refuses lanes that turn a body too far together
+        return stage.part(actor, lane, gesture, start)
 
     def _walk(
         self,

@@ -231,7 +231,7 @@ class PlayerGestures:
                 style = replace(style, faster=1.0, lasts=None)  # which are those of the clip
             angle = heading - player.facing
             _, whole = style.varied(
-                loaded, angle, speed=stage.speed, acceleration=stage.acceleration
+                loaded, player.alone, angle, speed=stage.speed, acceleration=stage.acceleration
             )
             return whole
         except StateError as error:

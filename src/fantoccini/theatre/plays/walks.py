@@ -136,10 +136,15 @@ class Walks:
                 return f"{region.name} is there"
         return ""
 
-    def in_the_way(self, player: Player, way: Way, others: Sequence[Track]) -> str | None:
-        """Name of a player that comes too near on a way; None if nobody does."""
-        n = int(np.ceil((way.end - way.begin) / _SAMPLE)) + 1
-        t = np.linspace(way.begin, way.end, n)
+    def in_the_way(
+        self, player: Player, way: Way, others: Sequence[Track], until: float = np.inf
+    ) -> str | None:
+        """Name of a player that comes too near on a way until a time [s]; None if nobody does."""
+        end = min(way.end, until)
+        if end < way.begin:
+            return None
+        n = int(np.ceil((end - way.begin) / _SAMPLE)) + 1
+        t = np.linspace(way.begin, end, n)
         xy, _ = way.footing(t)
         for other, (clock, path) in others:
             own = np.stack([np.interp(t, clock, path[:, i]) for i in (0, 1)], axis=1)

@@ -1,0 +1,180 @@
+"""A puppet whose file looks along y moves its control and its strings like one along x.
+
+The oracle is the same puppet written along x: its whole motion, turned by 90 degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from io import StringIO
+from typing import Any
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+import fantoccini as fan
+from fantoccini.base.errors import FileError
+from fantoccini.model import scene
+from fantoccini.model.puppet import bundled
+from fantoccini.theatre import Gesture, load_gesture
+from fantoccini.theatre.gestures import Style
+
+pytestmark = pytest.mark.medium
+
+TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""Turn by 90 degrees to the left."""
+QUARTER = [float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5))]
+
+
+def written(name: str, change: Callable[[dict[str, Any]], None]) -> fan.Marionette:
+    """A bundled puppet with both halves written out, after a change of its document."""
+    data = YAML(typ="safe").load(scene.loads(bundled(name).read_text()).expanded().to_yaml())
+    change(data)
+    return fan.Marionette(scene.loads(_dumped(data)))
+
+
+def _dumped(data: dict[str, Any]) -> str:
+    stream = StringIO()
+    YAML(typ="safe").dump(data, stream)
+    return stream.getvalue()
+
+
+def turned(at: list[float]) -> list[float]:
+    x, y, z = at
+    return [-y, x, z]
+
+
+def with_its_bar(data: dict[str, Any]) -> None:
+    """The control is turned with the puppet."""
+    data["pose"] |= {"torso.rotation": QUARTER, "bar.rotation": QUARTER}
+
+
+def along_its_bar(data: dict[str, Any]) -> None:
+    """The frame of the control is not turned: everything on it is written along y."""
+    data["pose"] |= {"torso.rotation": QUARTER}
+    bars = ("bar", "leg_bar", "hand_bar")
+    for body in data["bodies"]:
+        if body["name"] in bars:
+            joint = body["joint"]
+            joint |= {key: turned(joint[key]) for key in ("at", "axis") if key in joint}
+            body["shapes"] = []
+            body |= {"mass": 0.1, "com": [0.0, 0.0, 0.0], "inertia": [1e-4, 1e-4, 1e-4]}
+    for string in data["strings"]:
+        for point in string["path"]:
+            if point.get("body") in bars:
+                point["at"] = turned(point["at"])
+
+
+def ends_along_y(data: dict[str, Any]) -> None:
+    """Strings whose ends move along x and y of the world."""
+    data["pose"] |= {"torso.rotation": QUARTER}
+    for string in data["strings"]:
+        string["path"][1]["at"] = turned(string["path"][1]["at"])
+
+
+@pytest.fixture(scope="module", params=[with_its_bar, along_its_bar])
+def looking_left(request) -> fan.Marionette:
+    return written("airplane", request.param)
+
+
+@pytest.fixture(scope="module")
+def airplane() -> fan.Marionette:
+    return fan.puppets.airplane()
+
+
+def places(puppet: fan.Marionette, q_D: np.ndarray, q_K: np.ndarray) -> dict[str, np.ndarray]:
+    """String -> (T, 2, 3) places of its ends; they show bodies and bars alike [m]."""
+    poses, strings = puppet.poses(q_D, q_K), {}
+    for string in puppet.tree.strings:
+        ends = []
+        for point in (string.points[0], string.points[-1]):
+            pose = poses[:, point.link]
+            at = np.array([puppet.number(x) for x in point.at])
+            ends.append(pose[:, :, :3] @ at + pose[:, :, 3])
+        strings[string.name] = np.stack(ends, axis=1)
+    return strings
+
+
+def held(puppet: fan.Marionette, gesture: Gesture) -> dict[str, np.ndarray]:
+    """Ends of the strings in the hands during a gesture, with the puppet at its file's pose."""
+    x0 = puppet.state()
+    inputs = gesture.inputs(x0)
+    q_K = np.array([inputs.evaluate(t)[0] for t in np.linspace(0.0, inputs.end, 23)])
+    return {name: ends[:, 1] for name, ends in places(puppet, x0.q_D[None], q_K).items()}
+
+
+def assert_turned(actual: dict[str, np.ndarray], wanted: dict[str, np.ndarray]) -> None:
+    assert actual.keys() == wanted.keys()
+    for name, points in wanted.items():
+        np.testing.assert_allclose(actual[name], points @ TURN.T, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("name", ["nod", "bow", "jump", "march", "walk", "wave"])
+def test_a_control_moves_in_the_direction_of_its_puppet(airplane, looking_left, name):
+    gestures = [load_gesture(puppet, name) for puppet in (looking_left, airplane)]
+    assert_turned(*(held(x, y) for x, y in zip((looking_left, airplane), gestures, strict=True)))
+
+
+@pytest.mark.parametrize("name", ["march", "walk", "wave"])
+def test_the_mirror_image_is_that_in_the_puppets_own_plane(airplane, looking_left, name):
+    moved = []
+    for puppet in (looking_left, airplane):
+        image, _ = Style(mirrored=True).varied(load_gesture(puppet, name), puppet)
+        moved.append(held(puppet, image))
+    assert_turned(*moved)
+
+
+def test_ends_of_strings_have_their_mirror_image_in_the_puppets_own_plane(marionette):
+    left = written("marionette", ends_along_y)
+    for name in ("wave", "shake"):
+        moved = []
+        for puppet in (left, marionette):
+            image, _ = Style(mirrored=True).varied(load_gesture(puppet, name), puppet)
+            moved.append(held(puppet, image))
+        assert_turned(*moved)
+
+
+def test_a_whole_run_of_a_walk_on_a_control_is_turned(airplane):
+    left = written("airplane", with_its_bar)
+    x0 = airplane.rest()
+    values = {name: float(x0[name]) for name in coordinate_names(airplane)}
+    for owner in ("torso", "bar"):
+        w, x, y, z = (values[f"{owner}.q{part}"] for part in "wxyz")
+        c = s = QUARTER[0]
+        quaternion = (c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w)
+        values |= {f"{owner}.q{p}": v for p, v in zip("wxyz", quaternion, strict=True)}
+        values |= {f"{owner}.x": -values[f"{owner}.y"], f"{owner}.y": values[f"{owner}.x"]}
+    table = left.coordinates
+    y0 = left.state().replace(
+        q_D=np.array([values[name] for name in table.q_D]),
+        q_K=np.array([values[name] for name in table.q_K]),
+    )
+    runs = []
+    for puppet, start in ((left, y0), (airplane, x0)):
+        inputs = load_gesture(puppet, "walk", steps=2, step=0.06).inputs(start)
+        run = fan.simulate(puppet, start, inputs, method=fan.TimeStepping(dt=2e-3))
+        assert run.status is fan.Status.DONE
+        runs.append(places(puppet, run.q_D, run.q_K))
+    assert_turned(*runs)
+
+
+def coordinate_names(puppet: fan.Marionette) -> tuple[str, ...]:
+    return (*puppet.coordinates.q_D, *puppet.coordinates.q_K)
+
+
+def test_a_bar_on_one_axis_cannot_move_along_another(tmp_path):
+    """The end of a string moves along x of the file only; the puppet looks between x and y."""
+    puppet = fan.loads("""
+puppet: askew
+bodies:
+- {name: trunk, joint: {type: free}, mass: 1.0, com: [0, 0, 0], inertia: [0.01, 0.01, 0.01]}
+strings:
+- {name: left, path: [{body: trunk, at: [0, 0.1, 0]}, {at: [0, 0.1, 1], driven: [x]}], length: 1}
+- {name: right, path: [{body: trunk, at: [0, -0.1, 0]}, {at: [0, -0.1, 1], driven: [x]}], length: 1}
+rig: {trunk: [trunk], facing: [0.8, 0.6, 0], limbs: [], carrying: [left, right]}
+""")
+    path = tmp_path / "lean.yaml"
+    path.write_text("gesture: lean\nparts: {trunk.forward: [[0, 0], [1, 1 cm]]}\n")
+    with pytest.raises(FileError, match=r"it moves left\.x, and left\.y is not driven"):
+        load_gesture(puppet, path)
