@@ -212,7 +212,7 @@ def test_damaged_cases_of_a_sweep_count_as_none(tmp_path):
 
 
 def test_a_file_that_is_being_written_is_not_among_those_with_its_ending(tmp_path):
-    """18.8: a list of a folder's npz files contains only complete ones."""
+    """A list of a folder's npz files contains only complete ones."""
     with replacing(tmp_path / "run.npz") as part:
         part.write_bytes(b"half")
         assert list(tmp_path.glob("*.npz")) == []
