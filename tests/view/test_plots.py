@@ -57,11 +57,11 @@ def lab(colour: np.ndarray, eye) -> np.ndarray:
 @pytest.mark.parametrize("eye", SEEN)
 def test_twelve_lines_have_colours_that_everybody_tells_apart(theme, eye):
     """Two of nine strings had one colour. A difference of 10 is seen at a glance."""
-    assert len(theme.cycle) >= 12
-    seen = [lab(rgb(colour), SEEN[eye]) for colour in theme.cycle[:12]]
+    assert len(theme.line_colours) >= 12
+    seen = [lab(rgb(colour), SEEN[eye]) for colour in theme.line_colours[:12]]
     assert min(np.linalg.norm(a - b) for a, b in combinations(seen, 2)) > 15.0
-    light = [XYZ[1] @ linear(rgb(colour)) for colour in theme.cycle]
-    behind = XYZ[1] @ linear(theme.top)
+    light = [XYZ[1] @ linear(rgb(colour)) for colour in theme.line_colours]
+    behind = XYZ[1] @ linear(theme.upper_background)
     for y in light:
         assert (max(y, behind) + 0.05) / (min(y, behind) + 0.05) > 2.0
 

@@ -51,7 +51,7 @@ SEARCH = Search()
 
 def check_winches(marionette: CompiledPuppet, result: Equilibrium) -> None:
     """Raises StateError if winches slip at an equilibrium."""
-    upper = marionette.upper
+    upper = marionette.max_forces
     if not np.any(np.isfinite(upper)):
         return
     acc, tension = forward_dynamics(marionette, result.x)

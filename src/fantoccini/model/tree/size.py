@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.model.tree.coordinates import Role
 from fantoccini.model.tree.inertia import link_inertia
-from fantoccini.model.tree.placement import Value, link_poses, place
+from fantoccini.model.tree.placement import Value, link_poses, point_position
 from fantoccini.model.tree.structure import WORLD, StringRow, Tree
 
 
@@ -67,7 +67,7 @@ def measure(tree: Tree, number: Value) -> Size:
     spread = np.array(corners or [np.zeros(3)])
     low, high = spread.min(axis=0), spread.max(axis=0)
     tops = [
-        place(poses, point, number)[0, 2]
+        point_position(poses, point, number)[0, 2]
         for string in (*tree.strings, *tree.chains)
         for point in (string.points[0], string.points[-1])
         if point.link == WORLD or not moving[point.link]
@@ -89,7 +89,7 @@ def path_lengths(tree: Tree, poses: np.ndarray, number: Value) -> dict[str, floa
     for string in (*tree.strings, *tree.chains):
         ends = (string.points[0], string.points[-1])
         points = string.points if isinstance(string, StringRow) else ends
-        at = np.array([place(poses[None], point, number)[0] for point in points])
+        at = np.array([point_position(poses[None], point, number)[0] for point in points])
         lengths[string.name] = float(np.linalg.norm(np.diff(at, axis=0), axis=1).sum())
     return lengths
 

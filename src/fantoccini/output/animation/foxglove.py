@@ -120,7 +120,7 @@ def _bodies(scene: AnimatedScene, stamp: Timestamp) -> Any:
     for _, solid in named_solids(scene):
         shapes.setdefault(solid.link, []).append(_triangles(piece_of(solid), solid.colour))
     if scene.geometry.ground and scene.complete:
-        shapes.setdefault(WORLD, []).append(_triangles(floor_of(scene), LIGHT.bottom))
+        shapes.setdefault(WORLD, []).append(_triangles(floor_of(scene), LIGHT.lower_background))
     entities = []
     for link, triangles in shapes.items():
         name = ROOT if link == WORLD else scene.tree.links[link].name

@@ -192,7 +192,7 @@ class Frames:
             height - 1.6 * unit,
             "",
             1.15 * unit,
-            options.theme.faint,
+            options.theme.muted,
             ha="right",
             va="top",
             animated=True,

@@ -178,7 +178,7 @@ class Geometry:
         low, high = np.percentile(self.balls()[0][:, :2], [2.0, 98.0], axis=0)
         return low, high
 
-    def tension_top(self) -> float:
+    def tension_full_scale(self) -> float:
         """Upper end of the tension scale [N]: a round number above 98 % of the tensions."""
         if self.tension is None:
             return 1.0

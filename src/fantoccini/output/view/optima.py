@@ -66,7 +66,9 @@ def optimum_picture(
     panels = _panels(optimum, options.theme)
     # Covers the floor's light and lines behind the panels.
     sheet.image(
-        np.full((1, 1, 3), options.theme.top), (_PUPPET_SHARE * width, width, 0.0, height), 4.5
+        np.full((1, 1, 3), options.theme.upper_background),
+        (_PUPPET_SHARE * width, width, 0.0, height),
+        4.5,
     )
     left, right, low, high = _PUPPET_SHARE + 0.055, 0.875, 0.07, 0.965
     gap = 0.025
@@ -82,7 +84,7 @@ def optimum_picture(
         if k + 1 < len(panels):
             axes.tick_params(labelbottom=False)
         else:
-            axes.set_xlabel("time [s]", color=options.theme.ink)
+            axes.set_xlabel("time [s]", color=options.theme.text)
         panel_axes.append(axes)
     fit_legends(panel_axes)
     return save(sheet.figure, path, scale)
@@ -130,7 +132,7 @@ def _draw_poses(
     sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit, width - 1.6 * unit)
     times_text = ", ".join(f"{t - run.t[0]:.2f}" for t in times)
     caption = f"cost {optimum.cost:.3g}; poses at {times_text} s"
-    sheet.write(1.6 * unit, 2.2 * unit, caption, unit, theme.ink, ha="left", va="center")
+    sheet.write(1.6 * unit, 2.2 * unit, caption, unit, theme.text, ha="left", va="center")
 
 
 def _panels(optimum: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
@@ -164,7 +166,7 @@ def _errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: The
     for k, (name, error) in enumerate(errors.items()):
         axes.plot(t, error, **line_style(theme, k), linewidth=1.2, label=one_line(name, 24))
     axes.set_ylim(bottom=0.0)
-    axes.set_ylabel("error [m or rad]", color=theme.ink)
+    axes.set_ylabel("error [m or rad]", color=theme.text)
     use_powers_of_ten(axes, theme)
 
 
@@ -181,7 +183,7 @@ def _tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
             k = run.tension.names.index(track.name)
             target = optimum.target(track)[:, 0]
             axes.plot(optimum.t, target, ":", color=line_style(theme, k)["color"], linewidth=1.0)
-    axes.set_ylabel("tension [N]", color=theme.ink)
+    axes.set_ylabel("tension [N]", color=theme.text)
     use_powers_of_ten(axes, theme)
 
 
@@ -213,13 +215,13 @@ def _inputs(
     max_drawn = _MAX_BOUND * np.max(np.abs(values[:, moving]), initial=0.0)
     for n, k in enumerate(moving[:1] if same_limit else moving):
         if limits[k] <= max_drawn:  # larger ones would flatten the lines
-            colour = theme.faint if same_limit else line_style(theme, n)["color"]
+            colour = theme.muted if same_limit else line_style(theme, n)["color"]
             _bound(axes, limits[k], colour)
             _bound(axes, -limits[k], colour)
     unit = "[m/s]" if quantity == "speed" else "[m/s\N{SUPERSCRIPT TWO}]"
     if any(row.unit != "m" for row in table.rows if row.name in table.q_K):
         unit = "(m, rad; s)"
-    axes.set_ylabel(f"{quantity} {unit}", color=theme.ink)
+    axes.set_ylabel(f"{quantity} {unit}", color=theme.text)
     use_powers_of_ten(axes, theme)
 
 

@@ -93,11 +93,11 @@ def strip_figure(
         unit = max(7.0, height / 50.0)
     sheet = Sheet((width, height), options.theme)
 
-    top = motion.tension_top()
+    full_scale = motion.tension_full_scale()
     panel_width = (width - 2.0 * unit) / n
     for k in range(n):
         viewport = Viewport(unit + k * panel_width, 4.6 * unit, panel_width, height - 9.2 * unit)
-        layout = layout_of(geometry, viewport, options, top)
+        layout = layout_of(geometry, viewport, options, full_scale)
         sheet.floor(geometry, layout, grid=False)
         sheet.polygons(compose(geometry, k, layout))
         sheet.write(
@@ -105,7 +105,7 @@ def strip_figure(
             3.2 * unit,
             f"{sample_times[k]:.2f} s",
             1.1 * unit,
-            options.theme.ink,
+            options.theme.text,
             ha="center",
             va="center",
         )

@@ -21,7 +21,7 @@ from fantoccini.theatre.cast.costumes import in_costume
 from fantoccini.theatre.cast.players import Player, placed, values_of
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
-from fantoccini.theatre.gestures import Roles
+from fantoccini.theatre.gestures import BodyParts
 from fantoccini.theatre.script import (
     DIRECTIONS,
     VERBS,
@@ -200,7 +200,7 @@ def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog)
         if who not in players or not limbs:
             continue
         try:
-            parts = Roles.of(players[who].alone).body_map.parts
+            parts = BodyParts.of(players[who].alone).body_map.parts
             missing = [limb for limb in limbs if limb not in parts]
             have = ", ".join(parts) or "no limbs"
             reason = f"{file.cast[who].puppet} has no {', '.join(missing)}; it has {have}"

@@ -14,7 +14,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.cast.contacts import ContactBodies
 from fantoccini.theatre.cast.footing import Footing
-from fantoccini.theatre.gestures import Ends, Gesture, Roles, leg_ratio
+from fantoccini.theatre.gestures import BodyParts, Ends, Gesture, leg_ratio
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Player:
     def bodies(self) -> ContactBodies:
         """Bodies that touch props and seats; none without a body map."""
         try:
-            return ContactBodies.of(self.name, Roles.of(self.alone).body_map)
+            return ContactBodies.of(self.name, BodyParts.of(self.alone).body_map)
         except StateError:
             return ContactBodies(self.name)
 
@@ -66,7 +66,7 @@ class Player:
     def leg_ratio(self) -> float:
         """Length of its legs, relative to that for which walks are written; 1 without legs."""
         try:
-            return leg_ratio(Roles.of(self.alone)) or 1.0
+            return leg_ratio(BodyParts.of(self.alone)) or 1.0
         except StateError:
             return 1.0
 
@@ -77,7 +77,7 @@ class Player:
         links = [link.name for link in self.alone.tree.links]
         heights = [z for name, z in zip(links, poses[:, 2, 3], strict=True) if name in self._bodies]
         try:
-            head = Roles.of(self.alone).body_map.head
+            head = BodyParts.of(self.alone).body_map.head
         except StateError:
             head = None
         if head is not None:
@@ -110,7 +110,7 @@ class Player:
             StateError: it has no body map.
             UnknownNameError: an end or length of a string is not driven.
         """
-        return Ends(Roles.of(self.alone), self.hangs)
+        return Ends(BodyParts.of(self.alone), self.hangs)
 
     def own(self, place: Array, stands: Footing) -> Array:
         """Point (3,) of the stage in the own frame of the player when it has the footing [m]."""
@@ -122,7 +122,7 @@ class Player:
 def middle_of(alone: Marionette, hangs: State) -> complex:
     """Middle x + i y between the ends of the carrying strings; 0 without a body map [m]."""
     try:
-        return Ends(Roles.of(alone), hangs).middle
+        return Ends(BodyParts.of(alone), hangs).middle
     except (StateError, UnknownNameError):
         return 0j
 
@@ -130,7 +130,7 @@ def middle_of(alone: Marionette, hangs: State) -> complex:
 def facing_of(alone: Marionette) -> float:
     """Heading of a puppet in its file; 0 without a body map [rad]."""
     try:
-        return Roles.of(alone).heading
+        return BodyParts.of(alone).heading
     except StateError:
         return 0.0
 

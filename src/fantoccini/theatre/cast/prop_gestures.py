@@ -20,7 +20,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, pieces
 from fantoccini.theatre.cast.contacts import OTHER_SIDE
 from fantoccini.theatre.cast.physique import Physique
-from fantoccini.theatre.gestures import STEP_TIME, Ends, Gesture, Roles, Step, steps
+from fantoccini.theatre.gestures import STEP_TIME, BodyParts, Ends, Gesture, Step, steps
 
 Waypoints = list[tuple[float, float]]
 
@@ -324,15 +324,15 @@ def steps_carrying(
         who: member that walks.
         given, step_time: see :func:`fantoccini.theatre.gestures.walking.steps`.
     """
-    table, roles = pose.coordinates, Roles.of(stage, who)
+    table, body_parts = pose.coordinates, BodyParts.of(stage, who)
     q_K, offsets = np.array(start.q_K), {}
     for name, (q, v) in pieces.channel_names(table).items():
         if pose.named[v.start]:
             offsets[name] = float(pose.ends[0][1, v.start])
             q_K[q] += offsets[name]
-    walk = steps(Ends(roles, start.replace(q_K=q_K)), given, step_time).moved(offsets)
+    walk = steps(Ends(body_parts, start.replace(q_K=q_K)), given, step_time).moved(offsets)
     # Later gestures count from the strings' places without the pose.
-    return replace(walk, travel=steps(Ends(roles, start), given, step_time).travel)
+    return replace(walk, travel=steps(Ends(body_parts, start), given, step_time).travel)
 
 
 def backwards(
@@ -362,7 +362,7 @@ def gesture_of(
                 whole[f"{follower}.{way}"] = offsets
     points = {of_member(who, channel): offsets for channel, offsets in whole.items()}
     gesture = Gesture.of(stage, points, name=name, marks=marks)
-    heading = physique.roles.heading
+    heading = physique.body_parts.heading
     return gesture.turned(heading) if heading else gesture
 
 

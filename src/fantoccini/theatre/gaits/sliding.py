@@ -12,7 +12,7 @@ from fantoccini.base import Array, Outcome, Status
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.gaits.gait import PREPARATION, Gait
-from fantoccini.theatre.gestures import Roles, feet, leg_length, phases
+from fantoccini.theatre.gestures import BodyParts, feet, leg_length, phases
 
 MAX_STANDING_HEIGHT, MAX_SLIDING_HEIGHT = 1e-4, 3e-5
 """Heights below which a foot counts as on the floor, and as sliding on it [m]."""
@@ -109,11 +109,11 @@ class Footfalls:
         return self.status is WalkStatus.WALKS
 
 
-def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfalls:
+def footfalls(body_parts: BodyParts, run: Trajectory, gait: Gait, steps: int) -> Footfalls:
     """Feet of a puppet in a run of a gait.
 
     Args:
-        roles: parts of the puppet.
+        body_parts: parts of the puppet.
         run: run of ``gait.inputs(..., steps)``, with at least 100 samples per second. If it ends
             early, cycles that are not complete are left out.
         gait, steps: the gait, and its number of steps.
@@ -121,28 +121,28 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
     Raises:
         StateError: no body of a leg has shapes.
     """
-    marionette, t = roles.marionette, np.asarray(run.t) - run.t[0]
+    marionette, t = body_parts.marionette, np.asarray(run.t) - run.t[0]
     poses = marionette.poses(run.q_D, run.q_K)
     floor = marionette.number(marionette.puppet.floor or 0.0)
-    first = phases(roles.body_map, gait.pattern)
+    first = phases(body_parts.body_map, gait.pattern)
     n_cycles = int(np.ceil(0.5 * steps))
     is_whole = t[-1] > gait.duration(steps) - _SAME_TIME
     if not is_whole:
         n_begun = 0.5 * (t[-1] / gait.step_time - PREPARATION) - max(first.values())
         n_cycles = min(n_cycles, max(0, int(n_begun)))
     slide, lift, stands = np.zeros((3, n_cycles, len(first)))
-    for leg, (name, foot) in enumerate(feet(roles).items()):
+    for leg, (name, foot) in enumerate(feet(body_parts).items()):
         height, moved = _lowest(marionette.tree.links[foot].shapes, poses[:, foot], floor)
         cycle = 0.5 * (t / gait.step_time - PREPARATION) - first[name]
         for k in range(n_cycles):
             inside = (cycle >= k) & (cycle < k + 1)
             slide[k, leg], lift[k, leg] = moved[inside].sum(), height[inside].max()
             stands[k, leg] = np.mean(height[inside] < MAX_STANDING_HEIGHT)
-    trunk = poses[:, marionette.link_index(roles.body_map.trunk[0])]
-    L = leg_length(roles.body_map)
+    trunk = poses[:, marionette.link_index(body_parts.body_map.trunk[0])]
+    L = leg_length(body_parts.body_map)
     asked_distance = steps * gait.stride * L
     up = trunk[0, 2, :3]
-    forward = np.array(roles.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
+    forward = np.array(body_parts.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
     headings = np.unwrap(np.arctan2(forward[:, 1], forward[:, 0]))
     distance = _forward_distance(trunk[:, :2, 3], headings, t, 2.0 * gait.step_time)
     return Footfalls(

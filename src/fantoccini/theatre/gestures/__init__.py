@@ -2,6 +2,7 @@
 
 from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
 from fantoccini.theatre.gestures.ends import Complex, ComplexCurve, Curve, Ends, times
@@ -37,7 +38,6 @@ from fantoccini.theatre.gestures.performing import (
 )
 from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
-from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
 from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
@@ -61,6 +61,7 @@ __all__ = [
     "SPEED",
     "STEP_TIME",
     "SWAY",
+    "BodyParts",
     "CannotBe",
     "Caption",
     "Complex",
@@ -81,7 +82,6 @@ __all__ = [
     "Played",
     "Policy",
     "Rehearsal",
-    "Roles",
     "Score",
     "Sound",
     "Step",

@@ -20,10 +20,10 @@ from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import bundled_files
 from fantoccini.motion import State
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.reachable import reachable_part
-from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.walking import there_and_back
 
 To = str | Sequence[float]
@@ -55,7 +55,7 @@ class Aim:
     Attributes:
         puppet, x0: puppet for the poses, and its rest: members with the strings of the bundled
             marionette are replaced by it, and others with contact by themselves without contact.
-        roles: parts of its body.
+        body_parts: parts of its body.
         place: target (3,) in the puppet's world [m].
 
     Args:
@@ -87,13 +87,13 @@ class Aim:
         if of or marionette.puppet.touching is not None:
             self.puppet = _by_itself(marionette, of)
             # Hands and knees hang as bundled: with the member's lengths the rest may be unstable.
-            body = Roles.of(marionette, of.removesuffix(".")).strings("head", "trunk")
+            body = BodyParts.of(marionette, of.removesuffix(".")).strings("head", "trunk")
             names = [f"{string}.{part}" for string in body for part in ("x", "y", "length")]
             self.x0 = self.puppet.rest({name: float(start[of + name]) for name in names})
             if of and of[:-1] in bodies:
                 frame = marionette.pose(start, of[:-1])
                 place = frame[:3, :3].T @ (place - frame[:3, 3])
-        self.place, self.roles = place, Roles.of(self.puppet)
+        self.place, self.body_parts = place, BodyParts.of(self.puppet)
 
     def held(self, strings: tuple[str, ...]) -> Bounds:
         """Bounds under which only some strings move."""
@@ -123,9 +123,9 @@ def check_parts(puppet: Marionette, start: State, name: str) -> None:
         StateError: one is missing.
         UnknownNameError: an end or length of a string is not driven.
     """
-    ends = Ends(Roles.of(puppet), start)
+    ends = Ends(BodyParts.of(puppet), start)
     for part in ("arm_left", "arm_right") if name == "point" else ("head",):
-        ends.roles.strings(part)
+        ends.body_parts.strings(part)
 
 
 def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
@@ -136,10 +136,10 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
         StateError: the puppet has no arm on this side, or no string moves it.
     """
     puppet, x0 = aim.puppet, aim.x0
-    ahead = np.exp(-1j * aim.roles.heading) * (complex(*aim.place[:2]) - ends.middle)
+    ahead = np.exp(-1j * aim.body_parts.heading) * (complex(*aim.place[:2]) - ends.middle)
     side = "left" if ahead.imag > 0.0 else "right"
-    strings = aim.roles.strings(f"arm_{side}")
-    arm = aim.roles.body_map.parts[f"arm_{side}"]
+    strings = aim.body_parts.strings(f"arm_{side}")
+    arm = aim.body_parts.body_map.parts[f"arm_{side}"]
     hand, at = arm.bodies[-1], arm.end
     joints = [puppet.pose(x0, body)[:3, 3] for body in arm.bodies]
     length = float(sum(np.linalg.norm(b - a) for a, b in pairwise(joints)) + np.linalg.norm(at))
@@ -175,9 +175,9 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
         InputError: the place is at the neck.
         StateError: the puppet has no head, or no string moves it.
     """
-    puppet, x0, first = aim.puppet, aim.x0, aim.roles.heading
-    strings = aim.roles.strings("head")
-    head = aim.roles.body_map.head
+    puppet, x0, first = aim.puppet, aim.x0, aim.body_parts.heading
+    strings = aim.body_parts.strings("head")
+    head = aim.body_parts.body_map.head
     assert head is not None, "strings of a head have been found"
     flat = np.exp(-1j * first) * (complex(aim.place[0], aim.place[1]) - ends.middle)
     turn = (
@@ -193,7 +193,7 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     up = float(np.arcsin(aim.direction(neck, mistakes)[2]))
     tilt, angle = float(np.clip(up, *_TILTS)), first + turn
     face = np.array([np.cos(tilt) * np.cos(angle), np.cos(tilt) * np.sin(angle), np.sin(tilt)])
-    ahead = aim.roles.own_axes(head.body).T @ [np.cos(first), np.sin(first), 0.0]
+    ahead = aim.body_parts.own_axes(head.body).T @ [np.cos(first), np.sin(first), 0.0]
     x, y, z = (_FACE * ahead).tolist()
     pose = reach(
         puppet, {(head.body, (x, y, z)): neck + _FACE * face}, turned, bounds=aim.held(strings)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from fantoccini.base import Array, Times, UnknownNameError, polynomial
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pieces
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.roles import Roles
 
 Curve = tuple[Array, Array, Array]
 """Values and their first and second derivatives with respect to time."""
@@ -34,7 +34,7 @@ class Ends:
     """Ends of a puppet's strings, with their places and motion.
 
     Attributes:
-        roles: parts of the puppet's body.
+        body_parts: parts of the puppet's body.
         body: names of the strings that carry head and trunk.
         places: string -> x + i y of its end at the start [m].
         middle: midpoint of the ends of the strings that carry the trunk [m].
@@ -48,7 +48,7 @@ class Ends:
         UnknownNameError: an end or length of a string that carries head or trunk is not driven.
     """
 
-    roles: Roles
+    body_parts: BodyParts
     start: State
     body: tuple[str, ...] = field(default=(), init=False)
     places: dict[str, complex] = field(default_factory=dict, init=False)
@@ -57,9 +57,9 @@ class Ends:
     turns: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
-        carrying = self.roles.strings("trunk")
-        has_head = bool(self.roles.body_map.looking)
-        self.body = self.roles.strings("head", "trunk") if has_head else carrying
+        carrying = self.body_parts.strings("trunk")
+        has_head = bool(self.body_parts.body_map.looking)
+        self.body = self.body_parts.strings("head", "trunk") if has_head else carrying
         known = pieces.channel_names(self.table)
         own = [name[len(self.of) :] for name in known if name.startswith(self.of)]
         owners = {name.rsplit(".", 1)[0] for name in own}
@@ -74,12 +74,12 @@ class Ends:
     @property
     def table(self) -> CoordinateTable:
         """Coordinates of the puppet or scene."""
-        return self.roles.marionette.coordinates
+        return self.body_parts.marionette.coordinates
 
     @property
     def of(self) -> str:
         """Prefix of the strings' names: ``pierrot.``, or nothing."""
-        return self.roles.prefix
+        return self.body_parts.prefix
 
     def check_driven(self, string: str) -> None:
         """Raises UnknownNameError unless a string's end moves along x and y, and it is wound."""
@@ -109,7 +109,7 @@ class Ends:
         self.turns = self.turns or bool(np.any(heading[0] != 0.0))
         theta, rate, change = heading
         w0, w1, w2 = sway if sway is not None else (0.0 * theta,) * 3
-        if first := self.roles.heading:
+        if first := self.body_parts.heading:
             # Ends lie about the middle as they do in the file; path and sway turn with the puppet.
             turn = np.exp(1j * first)
             path, (w0, w1, w2) = times(turn, path), times(turn, (w0, w1, w2))

@@ -33,17 +33,17 @@ from fantoccini.base.documents import (
     refuse,
     unknown_names,
 )
-from fantoccini.control.optimal import ReachedPose, What, reach
+from fantoccini.control.optimal import ReachedPose, TargetKey, reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import To
+from fantoccini.theatre.gestures.body_parts import BodyParts, SizeKind, moves_of
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
 from fantoccini.theatre.gestures.reachable import reachable_part
-from fantoccini.theatre.gestures.roles import Roles, SizeKind, moves_of
 
 _FOLDER = Path(__file__).parent / "marionette"
 _MAX_REST_PEAK = 1e-9
@@ -256,10 +256,10 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         reason = f"needed: `of`, a member of the scene: {', '.join(puppet.puppet.members)}"
         raise _not_for_this_puppet(file, reason)
     try:
-        roles = Roles.of(puppet, prefix.removesuffix("."))
-        key = "on_control" if file.on_control and roles.on_control else "parts"
+        body_parts = BodyParts.of(puppet, prefix.removesuffix("."))
+        key = "on_control" if file.on_control and body_parts.on_control else "parts"
         points: dict[str, Any] = getattr(file, key)
-        parts = moves_of(roles, points)
+        parts = moves_of(body_parts, points)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
     own, known = Mistakes.of_inputs(), moves.places(table)
@@ -279,7 +279,7 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     mistakes.refuse()
     gesture = _travelling(file, table, offsets)
     try:
-        return gesture.turned(roles.heading, bodies=True) if roles.heading else gesture
+        return gesture.turned(body_parts.heading, bodies=True) if body_parts.heading else gesture
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
 
@@ -340,8 +340,8 @@ def _of_poses(
     mistakes.refuse()
     strings = {prefix + string for string in poses.strings}
     held = tuple(name for name, owner in owners.items() if owner not in strings)
-    homes: dict[What, Array] = {}
-    offsets: dict[What, Array] = {}
+    homes: dict[TargetKey, Array] = {}
+    offsets: dict[TargetKey, Array] = {}
     for body, places in poses.points.items():
         at = poses.of.get(body, (0.0, 0.0, 0.0))
         try:

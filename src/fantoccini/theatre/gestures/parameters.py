@@ -10,10 +10,10 @@ from fantoccini.base.documents import Mistakes
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, Table
 from fantoccini.theatre.gestures.aiming import Aim, To, look, point
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.control_walk import walk_on_control
 from fantoccini.theatre.gestures.ends import Ends
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.walking import walk
 
 if TYPE_CHECKING:
@@ -74,10 +74,10 @@ def made_gesture(
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{name} begins where the puppet hangs; it takes a Marionette")
     start, mistakes = puppet.rest() if start is None else start, Mistakes.of_inputs()
-    roles = Roles.of(puppet, prefix.removesuffix("."))
-    if name == "walk" and roles.on_control:
-        return walk_on_control(roles, mistakes, given.steps, given.step, given.turn)
-    ends = Ends(roles, start)
+    body_parts = BodyParts.of(puppet, prefix.removesuffix("."))
+    if name == "walk" and body_parts.on_control:
+        return walk_on_control(body_parts, mistakes, given.steps, given.step, given.turn)
+    ends = Ends(body_parts, start)
     if given.to is None:
         return walk(ends, mistakes, given.steps, given.step, given.turn)
     aim = Aim(puppet, start, prefix, given.to, mistakes)

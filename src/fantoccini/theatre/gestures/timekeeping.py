@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Indices, StateError, Times
-from fantoccini.control.optimal import ReachedPoses, What, reach
+from fantoccini.control.optimal import ReachedPoses, TargetKey, reach
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, Trajectory, pieces
 from fantoccini.theatre.gestures.score import Played, Score
@@ -94,7 +94,7 @@ def hanging(marionette: Marionette, q_K: Array, x0: State, t: Times) -> ReachedP
         StateError: it has contact, or does not hang at a time t [s], which the message gives.
     """
     table = marionette.coordinates
-    wanted: dict[What, Array] = {table.q_K[q]: q_K[:, q] for q, _ in table.scalars_K}
+    wanted: dict[TargetKey, Array] = {table.q_K[q]: q_K[:, q] for q, _ in table.scalars_K}
     reached_poses = reach(marionette, wanted, x0, slack=True)
     worst = int(np.argmax(reached_poses.distance))
     if reached_poses.distance[worst] > _MAX_HANGING_ERROR:

@@ -8,10 +8,10 @@ import numpy as np
 
 from fantoccini.base import Array, Times, polynomial
 from fantoccini.base.documents import Mistakes
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Curve, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.leg_order import leg_length, phases
-from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.stepping import LONGEST, MOST_TURN, STEP_TIME, Step, Track
 
 STEPS, STEP = 4, 0.06
@@ -47,17 +47,21 @@ def walk(
     Raises:
         InputError: the parameters have mistakes; all of them are listed.
     """
-    n, step, angle = walk_parameters(ends.roles, mistakes, count, length, turn)
+    n, step, angle = walk_parameters(ends.body_parts, mistakes, count, length, turn)
     mistakes.refuse()
     return steps(ends, [Step(step, angle / n)] * n).called("walk")
 
 
 def walk_parameters(
-    roles: Roles, mistakes: Mistakes, count: int | None, length: float | None, turn: float | None
+    body_parts: BodyParts,
+    mistakes: Mistakes,
+    count: int | None,
+    length: float | None,
+    turn: float | None,
 ) -> tuple[int, float, float]:
     """Number of steps, length of each [m] and total turn [rad]; collects mistakes."""
     n = STEPS if count is None else count
-    step = STEP * leg_ratio(roles) if length is None else float(length)
+    step = STEP * leg_ratio(body_parts) if length is None else float(length)
     angle = 0.0 if turn is None else float(turn)
     if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= _MAX_STEPS:
         mistakes.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MAX_STEPS}")
@@ -86,10 +90,10 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
     """
     if not given:
         raise ValueError("given is empty; a gesture has at least one step")
-    legs = _groups(ends.roles)
+    legs = _groups(ends.body_parts)
     for string in (*legs["left"], *legs["right"]):
         ends.check_driven(string)
-    n, track, scale = len(given), Track(given, step_time), leg_ratio(ends.roles)
+    n, track, scale = len(given), Track(given, step_time), leg_ratio(ends.body_parts)
     clock = np.arange(n * _PARTS + 1) / _PARTS
     k = np.minimum(clock.astype(int), n - 1)
     up = _bump(clock - k, step_time)
@@ -123,21 +127,21 @@ def there_and_back(way: float, hold: float, parts: int = 12) -> tuple[Times, Cur
     return t, (values, rates, changes)
 
 
-def _groups(roles: Roles) -> dict[str, list[str]]:
+def _groups(body_parts: BodyParts) -> dict[str, list[str]]:
     """Side -> strings of the legs that step with the first leg of this side.
 
     Raises:
         StateError: the puppet has no pairs of legs, or no string moves one of them.
     """
     groups: dict[str, list[str]] = {side: [] for side in _SIDES}
-    for leg, phase in phases(roles.body_map, "trot").items():
-        groups["right" if phase else "left"] += roles.strings(leg)
+    for leg, phase in phases(body_parts.body_map, "trot").items():
+        groups["right" if phase else "left"] += body_parts.strings(leg)
     return groups
 
 
-def leg_ratio(roles: Roles) -> float:
+def leg_ratio(body_parts: BodyParts) -> float:
     """Length of the legs, relative to that for which gestures are written; 0 without legs."""
-    return leg_length(roles.body_map) / _LEG
+    return leg_length(body_parts.body_map) / _LEG
 
 
 def _bump(s: Array, step_time: float) -> Curve:

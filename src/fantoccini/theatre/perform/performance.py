@@ -225,7 +225,7 @@ class Performance:
             return self._targets.player.take_time
 
     def play_take(
-        self, take: Recording, *, armed: Collection[str] = (), again: bool = False
+        self, take: Recording, *, armed: Collection[str] = (), repeat: bool = False
     ) -> None:
         """Sets the puppet to the start of a take, and moves the hands as the take does.
 
@@ -235,7 +235,7 @@ class Performance:
         Args:
             take: take of this puppet.
             armed: lanes that the take does not move.
-            again: whether it begins again at its end, joined by state, until :meth:`stop_take`.
+            repeat: whether to repeat it, joined by state, until :meth:`stop_take`.
 
         Raises:
             StateError: a law moves the hands; or the take turns a driven body by nearly 180
@@ -250,7 +250,7 @@ class Performance:
             self._recorder.end("a take was begun")
             x = change.permitted(self.performed, take.start).replace(t=self.t)
             self._take(self.marionette, x, self._hands.lengths)
-            self._targets.player.play_take(motion, take.start.v_K, again)
+            self._targets.player.play_take(motion, take.start.v_K, repeat)
 
     @property
     def score(self) -> ScoreVoice | None:

@@ -33,7 +33,7 @@ class _Waiting(NamedTuple):
 
     gesture: Gesture
     on: float
-    again: bool
+    repeat: bool
 
 
 class Player:
@@ -104,22 +104,22 @@ class Player:
         """Present sum of all offsets."""
         return self._sum(self.t, self._all(), self.score)
 
-    def play(self, gesture: Gesture, *, on: float | None = None, again: bool = False) -> float:
+    def play(self, gesture: Gesture, *, on: float | None = None, repeat: bool = False) -> float:
         """Plays a gesture; returns its beginning, in terms of ``t`` [s].
 
         Args:
             gesture: gesture; it is slowed down if it would exceed the bounds.
             on: wanted beginning; as soon as possible by default. It begins later if the way to its
                 start takes longer.
-            again: whether it begins again at its end, until :meth:`once`.
+            repeat: whether to repeat it, until :meth:`once`.
         """
         gesture = fitted(gesture, self._most)
         self._waiting = [w for w in self._waiting if w.gesture.name != gesture.name]
         earliest = self.t + lead_time(gesture, self._before(gesture), self._most)
         if on is None or on <= earliest + self._tick:
-            self._start(gesture, on, again)
+            self._start(gesture, on, repeat)
         else:
-            self._waiting.append(_Waiting(gesture, on, again))
+            self._waiting.append(_Waiting(gesture, on, repeat))
         return earliest if on is None else max(on, earliest)
 
     def once(self, name: str) -> None:
@@ -129,17 +129,17 @@ class Player:
             if voice.gesture.name == name:
                 voice.finish()
 
-    def play_take(self, motion: Gesture, v_K: VecK, again: bool = False) -> None:
+    def play_take(self, motion: Gesture, v_K: VecK, repeat: bool = False) -> None:
         """Plays a take from now on; the hands have the velocities of its start.
 
         Args:
             motion: motion of the take, without the coordinates that it leaves alone.
             v_K: (n_vK,) rates at its beginning.
-            again: whether it begins again at its end, joined by state.
+            repeat: whether to repeat it, joined by state.
         """
         n = len(v_K)
         before = Offsets(np.zeros(n), np.where(motion.named, v_K, 0.0), np.zeros(n))
-        self.take = Voice(motion, self._most, self.t, before, again=again)
+        self.take = Voice(motion, self._most, self.t, before, repeat=repeat)
 
     def stop_take(self) -> VecK:
         """Ends the take; returns its (n_vK,) offsets, for the hands to hold."""
@@ -172,7 +172,7 @@ class Player:
             before = self._before(entry.gesture)
             if entry.on - lead_time(entry.gesture, before, self._most) <= self.t + self._tick:
                 self._waiting.remove(entry)
-                self._start(entry.gesture, entry.on, entry.again)
+                self._start(entry.gesture, entry.on, entry.repeat)
         now = self.offsets()
         self.t += self._tick
         if self.score is not None:
@@ -194,10 +194,10 @@ class Player:
 
     # -- inside ------------------------------------------------------------------------------
 
-    def _start(self, gesture: Gesture, on: float | None, again: bool) -> None:
+    def _start(self, gesture: Gesture, on: float | None, repeat: bool) -> None:
         before, over = self._before(gesture), self._taken_over(gesture)
         self._voices = [voice for voice in self._voices if voice not in over]
-        self._voices.append(Voice(gesture, self._most, self.t, before, on, again))
+        self._voices.append(Voice(gesture, self._most, self.t, before, on, repeat))
 
     def _before(self, gesture: Gesture) -> Offsets:
         """Sum of the offsets that a gesture takes over."""

@@ -135,7 +135,7 @@ class Targets:
 
     # -- gestures, takes and scores ----------------------------------------------------------
 
-    def play(self, gesture: Gesture, *, after: float | None = None, again: bool = False) -> float:
+    def play(self, gesture: Gesture, *, after: float | None = None, repeat: bool = False) -> float:
         """Plays a gesture on top of the held positions; returns the time until it begins [s].
 
         Offsets of several gestures add up. A gesture that moves all coordinates of another takes
@@ -149,7 +149,7 @@ class Targets:
             gesture: gesture of this puppet.
             after: time after which it should begin, for instance on a beat [s]; it begins later if
                 the way to its start takes longer.
-            again: whether it begins again at its end, until :meth:`play_once`.
+            repeat: whether to repeat it, until :meth:`play_once`.
 
         Raises:
             StateError: a law moves the hands.
@@ -159,7 +159,7 @@ class Targets:
         self.check_free()
         player = self.player
         on = None if after is None else player.t + after
-        return player.play(gesture, on=on, again=again) - player.t
+        return player.play(gesture, on=on, repeat=repeat) - player.t
 
     def play_once(self, name: str) -> None:
         """Ends the repetition of a gesture after the present round."""

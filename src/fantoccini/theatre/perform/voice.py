@@ -49,7 +49,7 @@ class Voice:
     Attributes:
         gesture: gesture that is played.
         starts: beginning of the gesture, after the way to its start [s].
-        again: whether it begins again at its end, joined by state.
+        repeat: whether to repeat it, joined by state.
 
     Args:
         gesture: gesture to play.
@@ -57,7 +57,7 @@ class Voice:
         begins: beginning of the way to its start [s].
         before: offsets at that time.
         on: wanted beginning of the gesture, if there is time [s].
-        again: see above.
+        repeat: see above.
     """
 
     def __init__(
@@ -67,15 +67,15 @@ class Voice:
         begins: float,
         before: Offsets,
         on: float | None = None,
-        again: bool = False,
+        repeat: bool = False,
     ):
-        self.gesture, self.again, self._most = gesture, again, most
+        self.gesture, self.repeat, self._most = gesture, repeat, most
         self._known: tuple[float, Offsets] | None = None
         self._go(begins, before, on)
 
     def at(self, t: float) -> Offsets:
         """Offsets at a time [s], which must not be earlier than in previous calls."""
-        while t >= self._end and (self.again or not self._last.still):
+        while t >= self._end and (self.repeat or not self._last.still):
             self._go_on()
         if t >= self._end:
             return self._last
@@ -90,7 +90,7 @@ class Voice:
 
     def over(self, t: float) -> bool:
         """Whether it has ended."""
-        return t >= self._end and not self.again and self._last.still
+        return t >= self._end and not self.repeat and self._last.still
 
     def bound(self, most: Array) -> None:
         """Sets the bounds of later transitions."""
@@ -98,7 +98,7 @@ class Voice:
 
     def finish(self) -> None:
         """Ends with the present round."""
-        self.again = False
+        self.repeat = False
 
     def _go(self, begins: float, before: Offsets, on: float | None) -> None:
         gesture, line = self.gesture, line_from(before, self._most)
@@ -109,7 +109,7 @@ class Voice:
         self._take(line, begins, before)
 
     def _go_on(self) -> None:
-        if self.again:
+        if self.repeat:
             self._go(self._end, self._last, None)
             return
         self._take(line_from(self._last, self._most).stopped(), self._end, self._last)

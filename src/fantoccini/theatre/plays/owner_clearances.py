@@ -84,7 +84,7 @@ def _of_bodies(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
 
 def _of_strings(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     """Distances of strings from strings and bodies of other players, and from obstacles."""
-    near = StringsApart(cast.whole, own=False).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
+    near = StringsApart(cast.whole, own=False).motion(path.q_D, path.q_K, path.t).nearest(WITHIN)
     for pair in (*near.strings, *near.bodies):
         owners = cast.owner(pair.what), cast.owner(pair.other)
         other = f"string {pair.other}" if pair in near.strings else pair.other

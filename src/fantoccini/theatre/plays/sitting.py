@@ -113,7 +113,7 @@ def sit(
     for side in ("left", "right"):
         for moves, more in zip((down, up), _limbs(physique, start, side, drop, away), strict=True):
             moves |= more
-    own = ContactBodies.of("", physique.roles.body_map)
+    own = ContactBodies.of("", physique.body_parts.body_map)
     return Sitting(
         gesture_of(stage, who, down, "sit", {"down": _T_SEATED}),
         gesture_of(stage, who, up, "stand up", {"up": _T_UPRIGHT}),
@@ -124,7 +124,7 @@ def sit(
 
 def _pelvis_bottom_height(physique: Physique, start: State) -> float:
     """Height of the bottom of the pelvis of a puppet that hangs upright [m]."""
-    root = physique.roles.body_map.trunk[0]
+    root = physique.body_parts.body_map.trunk[0]
     hips = physique.place(root)[2] - physique.place(physique.limb("leg_left").bodies[0])[2]
     return (
         float(physique.stage.pose(start, root)[2, 3] - hips) - physique.leg_ratio * _PELVIS_HEIGHT

@@ -80,10 +80,10 @@ def touches(
         rules, own = _Rules(cast, now, always), slice(begin, end)
         for near in rules.bodies(path.part(begin, end)):
             bodies.append(replace(near, first=begin + near.first, last=begin + near.last))
-        for touch in rules.strings(apart.over(q_D[own], q_K[own], t[own])):
+        for touch in rules.strings(apart.motion(q_D[own], q_K[own], t[own])):
             strings.setdefault(frozenset((touch.what, touch.other)), touch)
     listed = [*_merged(bodies), *strings.values()]
-    for crossing in apart.over(q_D, q_K, t).crossings():
+    for crossing in apart.motion(q_D, q_K, t).crossings():
         names = f"string {crossing.what}", f"string {crossing.other}"
         listed.append(Touch(crossing.t, *names, 0.0, crosses=True))
     return sorted(listed, key=lambda touch: (touch.t, touch.what, touch.other))
@@ -181,7 +181,7 @@ class _Near:
 def _near(clearance: Clearance, path: Path, clear: float) -> Iterator[_Near]:
     """Intervals in which a part is nearer to another than the clearance."""
     for name, part in clearance.parts().items():
-        at, distance = part.along(path, clear)
+        at, distance = part.distances_along(path, clear)
         near = distance < clear
         for k in np.flatnonzero(near & ~np.append(False, near[:-1])):
             end = int(k) + int(np.argmin(np.append(near[k:], False)))

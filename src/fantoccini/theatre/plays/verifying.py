@@ -152,7 +152,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     ]
     peaks, over = _peaks(play)
     space, outside = _space(play, run.q_K)
-    strings = StringsApart(play.marionette).over(*(x[::EVERY] for x in (run.q_D, run.q_K, run.t)))
+    strings = StringsApart(play.marionette).motion(*(x[::EVERY] for x in (run.q_D, run.q_K, run.t)))
     wound = tuple(
         winding
         for winding in strings.windings()

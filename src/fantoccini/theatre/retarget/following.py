@@ -352,7 +352,7 @@ def crossings_in(marionette: Marionette, run: Trajectory) -> tuple[Crossing, ...
     """Passages of strings through one another in a run."""
     k = np.unique(np.append(np.arange(0, len(run), _SAMPLE_STEP), len(run) - 1))
     samples = (x[k] for x in (run.q_D, run.q_K, run.t))
-    return StringsApart(marionette).over(*samples).crossings()
+    return StringsApart(marionette).motion(*samples).crossings()
 
 
 def eased(t: Times, ease: float = _EASE) -> Times:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, StateError, Times, check_not_negative
-from fantoccini.control.optimal import ReachedPoses, What, reach
+from fantoccini.control.optimal import ReachedPoses, TargetKey, reach
 from fantoccini.control.tasks import AnswerStatus
 from fantoccini.dynamics.compiled import refuse_contact
 from fantoccini.dynamics.marionette import Marionette
@@ -218,8 +218,8 @@ def retarget_clip(
     if not isinstance(clip, PlacedClip):
         clip = place_clip(marionette, clip, mapping, start, travel, up, turning, of)
     figure, start, placing = clip.figure, clip.start, clip.places
-    targets: dict[What, Any] = {figure.points[part]: placing.parts[part] for part in WEIGHTS}
-    weights: dict[What, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
+    targets: dict[TargetKey, Any] = {figure.points[part]: placing.parts[part] for part in WEIGHTS}
+    weights: dict[TargetKey, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
     above = straight_up(figure, placing.frames, start, clip.lean)
     for coordinate, values in above.items():
         targets[coordinate] = values

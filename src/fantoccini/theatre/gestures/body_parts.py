@@ -45,7 +45,7 @@ class Move:
 
 
 @dataclass(frozen=True, eq=False)
-class Roles:
+class BodyParts:
     """Body map of a puppet or of a scene's member, for gestures.
 
     Attributes:
@@ -59,8 +59,8 @@ class Roles:
     body_map: BodyMap
 
     @classmethod
-    def of(cls, marionette: Marionette, member: str = "") -> Roles:
-        """Roles of a puppet.
+    def of(cls, marionette: Marionette, member: str = "") -> BodyParts:
+        """Body parts of a puppet.
 
         Raises:
             StateError: it has no body map.
@@ -106,12 +106,12 @@ class Roles:
         bars = {"control": links[index(self.body_map.control)].joint}
         for kind in KINDS:
             limbs = [limb for limb in self.body_map.limbs if limb.kind == kind]
-            joints = {self._holding(string) for limb in limbs for string in limb.strings}
+            joints = {self._driven_joint(string) for limb in limbs for string in limb.strings}
             if len(joints) == 1 and not joints & {"", bars["control"]}:
                 bars[f"{kind}_bar"] = joints.pop()
         return bars
 
-    def _holding(self, string: str) -> str:
+    def _driven_joint(self, string: str) -> str:
         """Joint of the driven body to which a string is tied; "" if there is none."""
         tree = self.marionette.tree
         (row,) = (row for row in (*tree.strings, *tree.chains) if row.name == string)
@@ -176,7 +176,7 @@ class Roles:
         return side if way == "out" else other[side]
 
 
-def moves_of(roles: Roles, names: Iterable[str]) -> dict[str, tuple[str, Move]]:
+def moves_of(body_parts: BodyParts, names: Iterable[str]) -> dict[str, tuple[str, Move]]:
     """Strings and directions that names of parts and directions mean.
 
     Returns:
@@ -187,7 +187,7 @@ def moves_of(roles: Roles, names: Iterable[str]) -> dict[str, tuple[str, Move]]:
     """
     moves: dict[str, tuple[str, Move]] = {}
     for name in names:
-        for move in roles.moves(name):
+        for move in body_parts.moves(name):
             key = f"{move.string}.{move.way}"
             if key in moves:
                 raise StateError(f"it moves {name} and {moves[key][0]}, which both move {key}")
