@@ -76,7 +76,7 @@ class Pushes:
                 self.jobs += slip(live, hand, SLIP * way, float(t))
             else:
                 bodies = [own + "torso", own + "skull"]
-                force = GIVEN * players[who].alone.weight / 9.81 / SLIP_TIME * way
+                force = GIVEN * players[who].marionette.weight / 9.81 / SLIP_TIME * way
                 self.jobs += impulse(live, str(rng.choice(bodies)), force, float(t))
         self.jobs.sort(key=lambda job: job[0])
 
@@ -171,7 +171,7 @@ def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
             show.go()
             show.advance(begins)
         tick, name = shows[0].performance.tick, members.names[who]
-        weight = play.cast.players[name].alone.weight
+        weight = play.cast.players[name].marionette.weight
         force = GIVEN * weight / 9.81 / SLIP_TIME * np.array([0.6, 0.8, 0.0])
         off = []
         for k in range(round(8.0 / tick)):

@@ -112,7 +112,7 @@ def test_a_puppet_without_a_part_says_so(hans):
     with pytest.raises(fan.errors.StateError, match="no wing_left; its body map has arm_"):
         Physique.of(hans).limb("wing_left")
     with pytest.raises(fan.errors.StateError, match="somebody has no arm_left"):
-        cast.hanging(ContactBodies("somebody"), "left", "ball")
+        cast.hanging_pair(ContactBodies("somebody"), "left", "ball")
 
 
 RIG = """
@@ -168,7 +168,7 @@ def holding(puppet: str, along: float) -> fan.Marionette:
 @pytest.mark.parametrize(("changes", "end"), [({}, "0, 0, -0.09"), (ALONG_X, "0.09, 0, 0")])
 def test_the_distance_from_the_elbow_is_along_any_axis_of_the_forearm(changes, end):
     stage = holding(changed(changes, end=end), 0.05)
-    away = prop_gestures.along_forearm(stage, stage.state(), "", "ball", 0.0, side="left")
+    away = prop_gestures.handle_distance(stage, stage.state(), "", "ball", 0.0, side="left")
     assert away == pytest.approx(0.05, abs=1e-6)
 
 
@@ -280,14 +280,15 @@ def test_a_puppet_whose_file_looks_along_y_faces_walks_and_holds_like_one_along_
         (tmp_path / "she.yaml").write_text(text, encoding="utf-8")
         script = read_play(tmp_path / "holds.yaml", cast.ResultCache())
         she = script.cast.players["she"]
-        tree, state = she.alone.tree, she.x0
-        links = she.alone.poses(state.q_D[None], state.q_K[None])[0]
+        tree, state = she.marionette.tree, she.x0
+        links = she.marionette.poses(state.q_D[None], state.q_K[None])[0]
         poses.append({link.name: links[k] for k, link in enumerate(tree.links)})
         props.append(script.cast.props["ball"])
         steps = she.turned(script.gestures.walk(she, (Step(0.06), Step(0.06, 0.3)), 0.7), 0.4)
         walks.append(offsets_at(steps, 1.0))
         aims.append(
-            she.own(np.array([0.5, -0.2, 0.3]), she.start)[:2] - [she.middle.real, she.middle.imag]
+            she.in_own_frame(np.array([0.5, -0.2, 0.3]), she.start)[:2]
+            - [she.middle.real, she.middle.imag]
         )
     for body, pose in poses[0].items():
         columns = slice(3, 4) if body.endswith(".end") else slice(None)
@@ -310,7 +311,7 @@ def test_steps_and_clearances_are_those_of_the_player(tmp_path):
     assert she.leg_ratio == pytest.approx(ratio)
     assert walks.clear(she) == pytest.approx(she.radius + ratio * 0.026)
     # Chest, neck and crown of the file, lifted by 2.5 cm; the head leans a little at rest.
-    assert she.top == pytest.approx(0.388 + 0.122 + 0.181 + 0.025, abs=0.01)
+    assert she.height == pytest.approx(0.388 + 0.122 + 0.181 + 0.025, abs=0.01)
     goal = cast.Footing(0.1, 0.2, she.start.heading)
     free = dict(begin=0.0, wait=0.0, others=(), near=0.0, arrives=None, free_from=0.0)
     way, _ = walks.way(she, she.start, [goal], act_start=0.0, **free)

@@ -82,7 +82,9 @@ def _verified(waving: tuple[fan.theatre.Play, Path]) -> fan.theatre.Verification
 @pytest.fixture(scope="module", name="made")
 def _made(waving: tuple[fan.theatre.Play, Path]) -> ClipGesture:
     player = waving[0].cast.players["pierrot"]
-    return clip_gesture(place_on_spot(player.alone, waving[1], start=player.hangs), **BOUNDS)
+    return clip_gesture(
+        place_on_spot(player.marionette, waving[1], start=player.rest_state), **BOUNDS
+    )
 
 
 def test_a_play_with_a_clip_compiles_and_is_verified(
@@ -118,10 +120,10 @@ def test_the_limbs_follow_the_clip(
     start = play.cues[number - 1].start
     player, retargeted, table = play.cast.players[who], made.retargeted, play.marionette.coordinates
     run = verified.run.resample(start + made.t)
-    own = player.alone.coordinates
+    own = player.marionette.coordinates
     q_D = run.q_D[:, [table.q_D.index(f"{who}.{name}") for name in own.q_D]]
     q_K = run.q_K[:, [table.q_K.index(f"{who}.{name}") for name in own.q_K]]
-    seen = places_in(retargeted.figure, player.alone.poses(q_D, q_K))
+    seen = places_in(retargeted.figure, player.marionette.poses(q_D, q_K))
     xy, heading = [player.start.x, player.start.y], player.start.heading
     for way in play.ways[who]:
         (xy,), (heading,) = way.footing(np.array([start]))

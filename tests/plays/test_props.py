@@ -144,7 +144,7 @@ def handed(kind: str, side: str, place: tuple[float, float, float], off: float =
     beside = seen(*place, AHEAD + 0.986 * (along - 0.061), sign * RECEIVER)
     puppets = [puppet("pierrot", *place), puppet("columbine", *beside, place[2])]
     scene = stage(puppets, [hung(kind, *place, side, off)])
-    pair = prop_gestures.give(scene, "pierrot", "columbine", kind, side=side, along=along)
+    pair = prop_gestures.give(scene, "pierrot", "columbine", kind, side=side, elbow_distance=along)
     assert pair.place(*place) == pytest.approx((*beside, place[2]), abs=1e-3)
     return scene, pair
 
@@ -195,7 +195,7 @@ def test_a_prop_stays_on_the_forearm_in_a_walk(kind, side):
     along = -handle_in(scene, run, kind, arm)[:, 2]
     assert along.min() > 0.03 and along.max() < 0.08
     assert along[-1] == pytest.approx(
-        prop_gestures.along_forearm(
+        prop_gestures.handle_distance(
             scene, run.state(len(run) - 1), "pierrot", kind, THINGS[kind]["handle"], side=side
         )
     )

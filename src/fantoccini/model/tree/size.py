@@ -20,7 +20,7 @@ class Size:
     Attributes:
         low, high: (3,) corners of the box around the moving bodies [m], along the world's axes.
         mass: mass of the moving bodies [kg].
-        hangs: height of the strings' highest support above the lowest point of the moving bodies
+        hanging_height: height of the strings' highest support above the lowest point of the moving bodies
             [m]; None if no string has a support.
         bodies: (n_links, 3) lengths of the boxes around the links' shapes, along their own axes
             [m]; nan for a link without shapes.
@@ -31,7 +31,7 @@ class Size:
     low: np.ndarray
     high: np.ndarray
     mass: float
-    hangs: float | None
+    hanging_height: float | None
     bodies: np.ndarray
     masses: np.ndarray
     poses: np.ndarray
@@ -72,9 +72,9 @@ def measure(tree: Tree, number: Value) -> Size:
         for point in (string.points[0], string.points[-1])
         if point.link == WORLD or not moving[point.link]
     ]
-    hangs = float(max(tops) - low[2]) if tops else None
+    height = float(max(tops) - low[2]) if tops else None
     total = float(sum(m for m, moves in zip(masses, moving, strict=True) if moves))
-    return Size(low, high, total, hangs, bodies, masses, poses[0])
+    return Size(low, high, total, height, bodies, masses, poses[0])
 
 
 def path_lengths(tree: Tree, poses: np.ndarray, number: Value) -> dict[str, float]:

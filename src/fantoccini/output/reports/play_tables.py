@@ -197,6 +197,6 @@ def space_table(verification: Verification) -> Table:
 
 def _weight(verification: Verification, name: str) -> float:
     """Weight of a player [N]."""
-    alone = verification.play.cast.players[name].alone
-    mass = measure(alone.tree, alone.number).mass
-    return float(mass * np.linalg.norm(np.asarray(alone.puppet.gravity, dtype=float)))
+    marionette = verification.play.cast.players[name].marionette
+    mass = measure(marionette.tree, marionette.number).mass
+    return float(mass * np.linalg.norm(np.asarray(marionette.puppet.gravity, dtype=float)))

@@ -56,7 +56,7 @@ class Actor:
     def motion(self, until: float) -> tuple[Gesture, dict[str, Gesture]]:
         """Motion of all its lanes until a time [s], and each lane's own."""
         labels = [lane_name(self.player.name, i) for i in range(len(self.hands.lanes))]
-        return self.hands.motion(self.player.alone.coordinates, labels, until)
+        return self.hands.motion(self.player.marionette.coordinates, labels, until)
 
     def track(self) -> tuple[Times, Array]:
         """(T,) times and (T, 2) places, straight between them."""
@@ -80,8 +80,8 @@ class Corrections:
         pauses: cue -> delay of its beginning, until swing has decayed [s].
         refused: cue -> reason why it cannot be done.
         smaller: cue -> factor of its size.
-        hangs: cue -> distance from the elbow at which the handle hangs that is given or put down,
-            and its height [m].
+        handles: cue -> handle of the prop that is given or put down: distance from the elbow at
+            which it hangs, and its height [m].
         calms: (cue, player) -> offsets of its hands that damp swing before it [m]; see
             ``fantoccini.theatre.plays.calming``.
         stands: cue -> footing of the prop that is picked up, or of the seat.
@@ -92,7 +92,7 @@ class Corrections:
     pauses: Mapping[Spot, float] = field(default_factory=dict)
     refused: Mapping[Spot, str] = field(default_factory=dict)
     smaller: Mapping[Spot, float] = field(default_factory=dict)
-    hangs: Mapping[Spot, tuple[float, float]] = field(default_factory=dict)
+    handles: Mapping[Spot, tuple[float, float]] = field(default_factory=dict)
     calms: Mapping[tuple[Spot, str], tuple[float, ...]] = field(default_factory=dict)
     stands: Mapping[Spot, Footing] = field(default_factory=dict)
     approaches: Mapping[Spot, int] = field(default_factory=dict)

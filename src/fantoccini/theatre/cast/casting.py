@@ -16,7 +16,7 @@ from fantoccini.model import scene as scenes
 from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
-from fantoccini.theatre.cast.contacts import Pair, asked_pairs, rules_of
+from fantoccini.theatre.cast.contacts import Pair, allowed_pairs, contact_rules
 from fantoccini.theatre.cast.costumes import in_costume
 from fantoccini.theatre.cast.players import Player, placed, values_of
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
@@ -60,9 +60,11 @@ class Cast:
     lie: Mapping[str, PropState] = field(default_factory=dict)
 
     @cached_property
-    def asked_pairs(self) -> frozenset[Pair]:
+    def allowed_pairs(self) -> frozenset[Pair]:
         """All pairs that may touch at some time of the play."""
-        return asked_pairs(self.file, {who: player.bodies for who, player in self.players.items()})
+        return allowed_pairs(
+            self.file, {who: player.bodies for who, player in self.players.items()}
+        )
 
     def member(self, name: str) -> str:
         """Prefix of a player's coordinates in the scene."""
@@ -79,7 +81,7 @@ class Cast:
         """Player that owns a body or string of the scene; else the name itself."""
         if len(self.players) == 1:
             (only,) = self.players.values()
-            tree = only.alone.tree
+            tree = only.marionette.tree
             own = {*(link.name for link in tree.links), *(string.name for string in tree.strings)}
             return only.name if name in own else name
         first = name.split(".")[0]
@@ -110,7 +112,7 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             key = spec.puppet, repr((spec.lift, sorted(spec.pose.items())))
             if key not in compiled:
                 compiled[key] = _alone(file, puppet, spec)
-            alone, hangs, pose = compiled[key]
+            marionette, rest_state, pose = compiled[key]
         except (PuppetError, UnknownNameError) as error:
             log.mistakes.add(("cast", name), str(error))
             continue
@@ -118,28 +120,28 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             text = f"does not hang there with `lift: {spec.lift:g}`: {error}"
             log.mistakes.add(("cast", name), text)
             continue
-        fixed = _fixed(alone)
+        fixed = _fixed(marionette)
         if fixed:
             text = (
                 f"{spec.puppet} cannot be put anywhere: {fixed}; needed: a puppet that hangs free"
             )
             log.mistakes.add(("cast", name, "puppet"), text)
             continue
-        x0 = placed(alone, hangs, starts[name])
-        players[name] = Player(name, alone, hangs, x0, starts[name])
+        x0 = placed(marionette, rest_state, starts[name])
+        players[name] = Player(name, marionette, rest_state, x0, starts[name])
         # Only the stage shows costumes: the player alone is compiled once for all of its file.
         dressed = in_costume(puppet, spec.colours, ("cast", name, "colours"), log)
         members.append(Member(name=name, puppet=dressed, pose=pose))
     log.mistakes.refuse()
     _check_bodies(file, players, log)
     log.mistakes.refuse()
-    puppet_of = {name: player.alone for name, player in players.items()}
+    puppet_of = {name: player.marionette for name, player in players.items()}
     props = read_props(file, starts, puppet_of, places, log)
     log.mistakes.refuse()
     stage = file.stage
     only = f"{next(iter(players))}." if len(players) == 1 else ""
     bodies = {name: player.bodies for name, player in players.items()}
-    rules = rules_of(asked_pairs(file, bodies), lambda part: part.removeprefix(only))
+    rules = contact_rules(allowed_pairs(file, bodies), lambda part: part.removeprefix(only))
     try:
         scene = Scene(
             scene=file.play,
@@ -200,7 +202,7 @@ def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog)
         if who not in players or not limbs:
             continue
         try:
-            parts = BodyParts.of(players[who].alone).body_map.parts
+            parts = BodyParts.of(players[who].marionette).body_map.parts
             missing = [limb for limb in limbs if limb not in parts]
             have = ", ".join(parts) or "no limbs"
             reason = f"{file.cast[who].puppet} has no {', '.join(missing)}; it has {have}"
@@ -239,15 +241,15 @@ def _puppet(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:
 def _alone(file: PlayFile, puppet: Puppet, spec: PlayerFile) -> tuple[Marionette, State, Pose]:
     """The player's puppet in its own scene, its lifted rest, and the pose of that rest."""
     as_written = Marionette(_scene_of_one(file, puppet, dict(spec.pose)))
-    hangs = as_written.rest()
+    rest_state = as_written.rest()
     table = as_written.coordinates
     lifted = {
-        name: float(hangs[name] - spec.lift) for name in table.q_K if name.endswith(".length")
+        name: float(rest_state[name] - spec.lift) for name in table.q_K if name.endswith(".length")
     }
-    roots = {name: float(hangs[name] + spec.lift) for name in table.q_D if name.endswith(".z")}
+    roots = {name: float(rest_state[name] + spec.lift) for name in table.q_D if name.endswith(".z")}
     pose = {**spec.pose, **lifted, **roots}
-    alone = Marionette(_scene_of_one(file, puppet, pose))
-    return alone, alone.rest(), pose
+    marionette = Marionette(_scene_of_one(file, puppet, pose))
+    return marionette, marionette.rest(), pose
 
 
 def _scene_of_one(file: PlayFile, puppet: Puppet, pose: Pose) -> Scene:
@@ -255,9 +257,9 @@ def _scene_of_one(file: PlayFile, puppet: Puppet, pose: Pose) -> Scene:
     return Scene(scene=_OWN_SCENE, floor=file.stage.floor, puppets=(member,))
 
 
-def _fixed(alone: Marionette) -> str:
+def _fixed(marionette: Marionette) -> str:
     """Reason why a puppet is tied to the place in its file; "" if there is none."""
-    table, tree = alone.coordinates, alone.tree
+    table, tree = marionette.coordinates, marionette.tree
     moves = {*table.q_D, *table.q_K}
     for link in tree.links:
         name = link.name.removesuffix(".end")  # of a string
@@ -277,7 +279,7 @@ def all_together(
     q_D, q_K = np.array(x.q_D), np.array(x.q_K)
     for player in players.values():
         prefix = f"{player.name}." if len(players) > 1 else ""
-        for name, value in values_of(player.alone, player.x0).items():
+        for name, value in values_of(player.marionette, player.x0).items():
             own = prefix + name
             if own in whole.coordinates.q_D:
                 q_D[whole.coordinates.q_D.index(own)] = value

@@ -156,7 +156,7 @@ def read_clip(player: Player, path: Path) -> Clip:
     own = path.with_suffix(".yaml")
     mapping = load_mapping(own) if os.path.isfile(own) and has_key(own, "mapping") else None
     try:
-        placed = place_on_spot(player.alone, path, mapping, player.hangs)
+        placed = place_on_spot(player.marionette, path, mapping, player.rest_state)
     except FileError as error:
         if mapping is not None:
             raise

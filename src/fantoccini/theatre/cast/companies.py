@@ -1,7 +1,7 @@
 """Companies: players and props that may touch each other, and are simulated together.
 
-At every time the play is divided into companies; a player that touches nobody is one alone. Where
-a prop is taken, given or left, companies change, and their members continue from their states.
+At every time the play is divided into companies; a player that touches nobody is one by itself.
+Where a prop is taken, given or left, companies change, and members continue from their states.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fantoccini.model.scene import Member, Scene
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pieces
 from fantoccini.theatre.cast.casting import Cast, all_together
-from fantoccini.theatre.cast.contacts import Pair, hanging, rules_of
+from fantoccini.theatre.cast.contacts import Pair, contact_rules, hanging_pair
 from fantoccini.theatre.cast.players import placed
 from fantoccini.theatre.cast.props import PropState
 from fantoccini.theatre.cast.result_cache import ResultCache
@@ -218,12 +218,14 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
     players = [cast.players[name] for name in company.players]
     if len(players) == 1 and not company.props and not company.pairs:
         (only,) = players
-        return Staged(company, only.alone, {only.name: ""}, {}, {}, only.content)
+        return Staged(company, only.marionette, {only.name: ""}, {}, {}, only.content)
     things = [cast.props[name] for name in company.props]
     used = {name for pair in company.pairs for name in pair}
     stand = [obstacle for obstacle in cast.file.stage.obstacles if obstacle.name in used]
-    alone = len(players) == 1
-    prefixes = {player.name: "" if alone else f"player_{i}." for i, player in enumerate(players, 1)}
+    is_single = len(players) == 1
+    prefixes = {
+        player.name: "" if is_single else f"player_{i}." for i, player in enumerate(players, 1)
+    }
     props = {thing.name: f"prop_{i}" for i, thing in enumerate(things, 1)}
     # Names do not depend on those on the stage, so that equal scenes are compiled once.
     names = {obstacle.name: f"obstacle_{i}" for i, obstacle in enumerate(stand, 1)}
@@ -231,7 +233,7 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
         obstacle.model_copy(update={"name": names[obstacle.name]}) for obstacle in stand
     )
     solids = [*obstacles, *(shape for thing in things for shape in thing.prop.shapes)]
-    local = Staged(company, players[0].alone, prefixes, props, names, "").local
+    local = Staged(company, players[0].marionette, prefixes, props, names, "").local
     content = repr(
         (
             [player.content for player in players],
@@ -247,9 +249,9 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
         scene = Scene(
             scene="company",
             floor=cast.file.stage.floor,
-            contact=rules_of(company.pairs, local),
+            contact=contact_rules(company.pairs, local),
             puppets=tuple(
-                Member(name=f"player_{i}", puppet=player.alone.puppet)
+                Member(name=f"player_{i}", puppet=player.marionette.puppet)
                 for i, player in enumerate(players, 1)
             ),
             props=tuple(
@@ -274,14 +276,14 @@ def settled(cast: Cast, cache: ResultCache) -> Cast:
         held = [prop for prop in cast.props.values() if prop.held_by == who]
         if not held:
             continue
-        pairs = frozenset(hanging(player.bodies, prop.side, prop.name) for prop in held)
+        pairs = frozenset(hanging_pair(player.bodies, prop.side, prop.name) for prop in held)
         company = Company((who,), tuple(prop.name for prop in held), pairs)
         stage = staged(cast, company, cache)
         # A handle's place is given on the arm of the puppet as its file has it.
-        as_written = placed(player.alone, player.alone.state(), player.start)
+        as_written = placed(player.marionette, player.marionette.state(), player.start)
         x = stage.marionette.rest(stage.state({who: as_written}, lie))
         table = stage.marionette.coordinates
-        own = {name: float(x[name]) for name in player.alone.coordinates.q_D}
+        own = {name: float(x[name]) for name in player.marionette.coordinates.q_D}
         players[who] = dataclasses.replace(
             player, x0=player.x0.replace(q_D=np.array(list(own.values())))
         )

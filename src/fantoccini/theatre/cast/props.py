@@ -87,7 +87,7 @@ def top_of(file: PlayFile, name: str) -> float | None:
 def read_props(
     file: PlayFile,
     starts: Mapping[str, Footing],
-    alone: Mapping[str, Marionette],
+    marionette: Mapping[str, Marionette],
     places: Places,
     log: ScriptLog,
 ) -> dict[str, PlayProp]:
@@ -96,7 +96,7 @@ def read_props(
     Args:
         file: the play.
         starts: footings of the players at the start.
-        alone: puppets of the players, each in a scene of its own.
+        marionette: puppets of the players, each in a scene of its own.
         places: meaning of names of places.
         log: collects mistakes.
     """
@@ -108,7 +108,7 @@ def read_props(
             if other != name:
                 text = f"{other} hangs on the {entry.side} forearm of {entry.held_by} already"
                 log.mistakes.add(("props", name, "held by"), text)
-        prop = _prop(file, name, entry, starts, alone, places, log)
+        prop = _prop(file, name, entry, starts, marionette, places, log)
         if prop is not None:
             play_props[name] = prop
     return play_props
@@ -119,7 +119,7 @@ def _prop(
     name: str,
     entry: PropFile,
     starts: Mapping[str, Footing],
-    alone: Mapping[str, Marionette],
+    marionette: Mapping[str, Marionette],
     places: Places,
     log: ScriptLog,
 ) -> PlayProp | None:
@@ -137,7 +137,7 @@ def _prop(
             log.mistakes.add((*spot, "held by"), f"{name} has no handle; needed: `handle:`")
             return None
         stands = starts[entry.held_by]
-        forward, left, up = prop_gestures.handle_place(alone[entry.held_by], side=entry.side)
+        forward, left, up = prop_gestures.handle_place(marionette[entry.held_by], side=entry.side)
         place = stands.place + np.exp(1j * stands.heading) * complex(forward, left)
         height = up - handle
     else:

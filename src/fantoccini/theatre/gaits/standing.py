@@ -1,4 +1,4 @@
-"""Lengths of strings at which a puppet's legs hang free and its soles just reach the floor."""
+"""Lengths of strings at which a puppet's legs hang freely and its soles just reach the floor."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ lowered without pitching."""
 def standing_lengths(body_parts: BodyParts, start: State) -> dict[str, float]:
     """String -> length at which the soles just reach the floor [m].
 
-    Strings of legs then just reach their legs. Where front and hind legs differ in height, the
-    other strings pitch the trunk.
+    Strings of legs are then just taut. Where front and hind legs differ in height, the other
+    strings pitch the trunk.
 
     Args:
         body_parts: parts of the puppet.
@@ -40,22 +40,18 @@ def standing_lengths(body_parts: BodyParts, start: State) -> dict[str, float]:
     free = _with_free_legs(body_parts, start, L)
     poses = body_parts.marionette.poses(free.q_D[None], free.q_K[None])
     heading = _heading(body_parts, poses[0])
-    drop, of_legs = _drop(body_parts, poses[0], L, heading), set(leg_strings(body_parts))
-    lengths = {}
-    for row in body_parts.marionette.tree.strings:
-        name = row.name.removeprefix(body_parts.prefix)
-        length = f"{row.name}.length"
-        if (
-            not row.name.startswith(body_parts.prefix)
-            or length not in body_parts.marionette.coordinates.q_K
-        ):
+    drop, lengths = _drop(body_parts, poses[0], L, heading), {}
+    marionette, prefix = body_parts.marionette, body_parts.prefix
+    of_legs = set(leg_strings(body_parts))
+    for row in marionette.tree.strings:
+        name, length = row.name.removeprefix(prefix), f"{row.name}.length"
+        if not row.name.startswith(prefix) or length not in marionette.coordinates.q_K:
             continue
-        path = np.array(
-            [point_position(poses, point, body_parts.marionette.number)[0] for point in row.points]
-        )
+        positions = [point_position(poses, point, marionette.number)[0] for point in row.points]
+        path = np.array(positions)
         before = _length(path)
-        along = float(path[:, :2].mean(axis=0) @ heading)
-        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(along)
+        place = float(path[:, :2].mean(axis=0) @ heading)
+        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(place)
         after = _length(path)
         lengths[name] = after if name in of_legs else float(free[length]) + after - before
     return lengths
@@ -63,16 +59,13 @@ def standing_lengths(body_parts: BodyParts, start: State) -> dict[str, float]:
 
 def _with_free_legs(body_parts: BodyParts, start: State, leg: float) -> State:
     """Rest above the floor, with slack strings of the legs."""
-    table, up, of_legs = (
-        body_parts.marionette.coordinates,
-        _RAISED_HEIGHT * leg,
-        set(leg_strings(body_parts)),
-    )
+    table, up = body_parts.marionette.coordinates, _RAISED_HEIGHT * leg
+    of_legs = set(leg_strings(body_parts))
     values = {name: float(start[name]) for name in table.q_K}
     for name in table.q_K:
-        own, _, part = name.removeprefix(body_parts.prefix).rpartition(".")
+        string, _, part = name.removeprefix(body_parts.prefix).rpartition(".")
         if name.startswith(body_parts.prefix) and part == "length":
-            values[name] += (_SLACK_LENGTH * leg if own in of_legs else 0.0) - up
+            values[name] += (_SLACK_LENGTH * leg if string in of_legs else 0.0) - up
     for name in table.q_D:
         if name.startswith(body_parts.prefix) and name.endswith(".z"):
             values[name] = float(start[name]) + up
@@ -89,7 +82,7 @@ def _heading(body_parts: BodyParts, poses: Array) -> Array:
 def _drop(
     body_parts: BodyParts, poses: Array, leg: float, heading: Array
 ) -> Callable[[float], float]:
-    """Function: place along the heading -> distance to lower the trunk there until soles touch [m].
+    """Distance by which the trunk must be lowered until soles touch, by place along the heading.
 
     Args:
         body_parts: parts of the puppet.
@@ -98,7 +91,7 @@ def _drop(
         heading: (2,) horizontal unit direction in which the puppet looks.
 
     Returns:
-        Function of the point's place along the heading.
+        Function: place along the heading [m] -> distance [m].
     """
     marionette = body_parts.marionette
     floor = marionette.number(marionette.puppet.floor or 0.0)
@@ -109,10 +102,11 @@ def _drop(
         hips.append(float(poses[hip, :2, 3] @ heading))
         heights.append(min(shape_box(shape, poses[foot])[0][2] for shape in shapes) - floor)
     if np.ptp(hips) < _MIN_WHEELBASE * leg:
-        return lambda along: float(np.mean(heights))
+        return lambda place: float(np.mean(heights))
     slope, height = np.polyfit(hips, heights, 1)
-    return lambda along: float(height + slope * along)
+    return lambda place: float(height + slope * place)
 
 
 def _length(path: Array) -> float:
+    """Length of a path (n, 3) [m]."""
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

@@ -24,7 +24,7 @@ from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.reachable import reachable_part
-from fantoccini.theatre.gestures.walking import there_and_back
+from fantoccini.theatre.gestures.walking import rise_and_return
 
 To = str | Sequence[float]
 """A place [m], or the name of a body whose place at the start is meant."""
@@ -162,7 +162,7 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     names = _channels(puppet, strings)
     own = {name: float(solution.state[name] - ends.start[ends.of + name]) for name in names}
     way = max(_MIN_WAY_TIME, polynomial.minimum_jerk_duration(max(map(abs, own.values())), _SPEED))
-    t, curve = there_and_back(way, _HOLD_TIME)
+    t, curve = rise_and_return(way, _HOLD_TIME)
     for name, offset in own.items():
         ends.add(name, times(offset, curve))
     return ends.gesture(t, "point", {"points": way}, travels=False)
@@ -204,7 +204,7 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     way = max(
         _MIN_WAY_TIME, _TURN_TIME * abs(turn), polynomial.minimum_jerk_duration(farthest, _SPEED)
     )
-    t, curve = there_and_back(way, _HOLD_TIME)
+    t, curve = rise_and_return(way, _HOLD_TIME)
     ends.carry((np.zeros(len(t), dtype=complex),) * 3, times(turn, curve))
     for name, offset in own.items():
         ends.add(name, times(offset, curve))

@@ -1,4 +1,4 @@
-"""Parts of a body, such as a hand or the head, as strings of a puppet and directions of their ends.
+"""Parts of a body, such as a hand or the head, and the strings and bars that move them.
 
 A puppet on a control has bars as parts, too: the control, and for each kind of limb the bar to
 which all its strings are tied. A gesture moves parts by offsets for a body of certain sizes; for
@@ -23,17 +23,17 @@ KINDS = ("arm", "leg", "wing", "tail", "neck")
 """Kinds of limbs; a plural means all limbs of the kind, and none if the puppet has none."""
 SizeKind: TypeAlias = Literal["whole", "arm", "leg", "wing", "tail", "neck"]
 """Kind of limb, or the whole body, whose size scales offsets of trunk and head."""
-_TURN_DIGITS = 9
-"""Decimals of the heading of a puppet [rad]."""
+_HEADING_DECIMALS = 9
+"""Decimals to which the heading of a puppet is rounded [rad]."""
 
 
 @dataclass(frozen=True)
 class Move:
-    """A string or a bar, and a direction, that a part's name means.
+    """Motion of a string or a bar in a direction.
 
     Attributes:
         string: name of the string, or of the bar's joint.
-        way: direction, in which the puppet looks along x.
+        way: direction such as ``up``, for a puppet that looks along x.
         kind: kind of limb, or ``whole``.
         size: length of the limb, or size of the body [m].
     """
@@ -46,7 +46,7 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class BodyParts:
-    """Body map of a puppet or of a scene's member, for gestures.
+    """Puppet or scene's member with its body map, for gestures.
 
     Attributes:
         marionette: puppet or scene.
@@ -60,7 +60,7 @@ class BodyParts:
 
     @classmethod
     def of(cls, marionette: Marionette, member: str = "") -> BodyParts:
-        """Body parts of a puppet.
+        """Parts of a puppet, or of a scene's member.
 
         Raises:
             StateError: it has no body map.
@@ -72,7 +72,7 @@ class BodyParts:
     def heading(self) -> float:
         """Angle from x to the puppet's forward direction, in the frame of its file [rad]."""
         x, y, _ = self.own_axes(self.body_map.trunk[0]) @ np.array(self.body_map.facing)
-        return round(float(np.arctan2(y, x)), _TURN_DIGITS) + 0.0
+        return round(float(np.arctan2(y, x)), _HEADING_DECIMALS) + 0.0
 
     def own_axes(self, body: str) -> Array:
         """(3, 3) axes of a body in the pose of its file, as columns in the frame of that file."""
@@ -89,10 +89,10 @@ class BodyParts:
 
     @property
     def on_control(self) -> bool:
-        """Whether it hangs from its control on strings that keep their lengths."""
-        known = {*self.marionette.coordinates.q_K, *self.marionette.coordinates.q_D}
-        winds = any(f"{string}.length" in known for string in self.body_map.carrying)
-        return bool(self.body_map.control) and not winds
+        """Whether it hangs from its control on strings of fixed lengths."""
+        names = {*self.marionette.coordinates.q_K, *self.marionette.coordinates.q_D}
+        has_winches = any(f"{string}.length" in names for string in self.body_map.carrying)
+        return bool(self.body_map.control) and not has_winches
 
     @cached_property
     def bars(self) -> dict[str, str]:
@@ -144,30 +144,30 @@ class BodyParts:
             lengths = {f"{limb.kind}_bar": (limb.kind, limb.length) for limb in body.limbs}
             return [Move(self.bars[part], way, *lengths.get(part, ("whole", body.size)))]
         parts: list[tuple[str, SizeKind, float, str]] = [
-            (own, limb.kind, limb.length, limb.side)
-            for own, limb in body.parts.items()
-            if part in (own, f"{limb.kind}s")
+            (limb_name, limb.kind, limb.length, limb.side)
+            for limb_name, limb in body.parts.items()
+            if part in (limb_name, f"{limb.kind}s")
         ]
         if part in ("trunk", "head"):
             parts = [(part, "whole", body.size, "middle")]
         is_plural = part.removesuffix("s") in KINDS
         if (not parts and not is_plural) or (part == "head" and body.head is None):
-            have = ("trunk", *(("head",) if body.head else ()), *body.parts, *self.bars)
-            raise StateError(f"it moves {part}; {self._name} has {', '.join(have)}")
+            known = ("trunk", *(("head",) if body.head else ()), *body.parts, *self.bars)
+            raise StateError(f"it moves {part}; {self._name} has {', '.join(known)}")
         moves = []
-        for own, kind, size, side in parts:
-            if not (strings := body.strings_of(own)):
-                raise StateError(f"it moves {own}, which no string of {self._name} moves")
-            turned = self._sideways(way, side)
-            moves += [Move(string, turned, kind, size) for string in strings]
+        for part_name, kind, size, side in parts:
+            if not (strings := body.strings_of(part_name)):
+                raise StateError(f"it moves {part_name}, which no string of {self._name} moves")
+            direction = self._left_or_right(way, side)
+            moves += [Move(string, direction, kind, size) for string in strings]
         return moves
 
     @property
     def _name(self) -> str:
         return self.member or self.marionette.name
 
-    def _sideways(self, way: str, side: str) -> str:
-        """The direction, with left or right in place of in and out."""
+    def _left_or_right(self, way: str, side: str) -> str:
+        """The direction, with left or right instead of ``in`` and ``out``."""
         if way not in ("in", "out"):
             return way
         if side not in ("left", "right"):
@@ -177,10 +177,10 @@ class BodyParts:
 
 
 def moves_of(body_parts: BodyParts, names: Iterable[str]) -> dict[str, tuple[str, Move]]:
-    """Strings and directions that names of parts and directions mean.
+    """Moves of strings for names of parts and directions, such as ``arm_right.up``.
 
     Returns:
-        String and direction, such as ``hand_right.up`` -> the name, and its move.
+        String and direction, such as ``hand_right.up`` -> the part's name, and the move.
 
     Raises:
         StateError: the puppet lacks a part, or two parts move a string in one direction.

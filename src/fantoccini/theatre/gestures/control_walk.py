@@ -11,10 +11,10 @@ from fantoccini.theatre.gestures.walking import walk_parameters
 
 _STEP_TIME = 0.8
 """Duration of a step [s]: a wrist rocks a bar more slowly than fingers wind strings."""
-_ROCK = np.radians(23.0)
+_ROCK_ANGLE = np.radians(23.0)
 """Angle by which a leg bar rocks to each side [rad]."""
 _END_SHARE = 0.25
-"""Distance of the first and of the last half step time of a walk, as a share of a step."""
+"""Distance in the first and in the last half of a step time, as a share of a step."""
 
 
 def walk_on_control(
@@ -61,5 +61,5 @@ def walk_on_control(
 
 def _rocking(n: int) -> list[tuple[float, float]]:
     """Times [s] and angles [rad] of the leg bar for n steps; positive peaks lift the left knee."""
-    peaks = [((k + 0.5) * _STEP_TIME, (-1.0) ** k * _ROCK) for k in range(n)]
+    peaks = [((k + 0.5) * _STEP_TIME, (-1.0) ** k * _ROCK_ANGLE) for k in range(n)]
     return [(0.0, 0.0), *peaks, (n * _STEP_TIME, 0.0)]

@@ -141,7 +141,7 @@ def _sits(cast: Cast, meeting: Meeting, run: Run, _: Times) -> Failure | None:
     is_counted = (clock >= since) & (clock <= until)
     is_seat_point = np.array(ours, dtype=bool)[points.pair] & is_counted[points.sample]
     bears = float(np.sum(np.abs(points.force[is_seat_point, 2]))) / max(int(np.sum(is_counted)), 1)
-    weight = cast.players[who].alone.weight
+    weight = cast.players[who].marionette.weight
     if bears >= _MIN_SEAT_SHARE * weight:
         return None
     text = f"{who} would not sit: the seat bears {bears / weight:.0%} of its weight"
@@ -160,7 +160,7 @@ def _arm(cast: Cast, meeting: Meeting, who: str) -> tuple[str, Physique, str]:
     """Forearm of a player on which something hangs, the player's physique, and side of the arm."""
     names, player = {name for pair in meeting.pairs for name in pair}, cast.players[who]
     side, forearm = next(arm for arm in player.bodies.forearms.items() if arm[1] in names)
-    return forearm, Physique.of(player.alone), side
+    return forearm, Physique.of(player.marionette), side
 
 
 def _poses(run: Run, name: str, t: Times) -> Array:

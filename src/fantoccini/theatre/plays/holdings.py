@@ -10,9 +10,9 @@ from fantoccini.theatre.cast import (
     Footing,
     Meeting,
     Pair,
-    hanging,
-    sitting,
-    standing,
+    hanging_pair,
+    sitting_pairs,
+    standing_pairs,
 )
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.script import Spot
@@ -35,7 +35,9 @@ class Hangs:
 
     def meeting(self, bodies: ContactBodies, prop: str, until: float) -> Meeting:
         """Meeting of the player with these bodies and the prop until a time [s]."""
-        pairs: frozenset[Pair] = standing(prop, FLOOR) | {hanging(bodies, self.side, prop)}
+        pairs: frozenset[Pair] = standing_pairs(prop, FLOOR) | {
+            hanging_pair(bodies, self.side, prop)
+        }
         return Meeting(self.since, until, (self.player,), (prop,), pairs, "hangs", self.cue)
 
 
@@ -84,9 +86,9 @@ class Seated:
             up: time at which it begins to stand up [s].
             until: end of the meeting [s].
         """
-        pairs = sitting(bodies, self.seat)
+        pairs = sitting_pairs(bodies, self.seat)
         if self.on_prop:
-            pairs |= standing(self.seat, FLOOR)
+            pairs |= standing_pairs(self.seat, FLOOR)
         props = (self.seat,) if self.on_prop else ()
         bears, who = (self.down, up), (bodies.player,)
         return Meeting(self.since, until, who, props, pairs, "sits", self.cue, bears)

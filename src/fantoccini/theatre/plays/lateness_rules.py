@@ -76,7 +76,7 @@ def _late(
     if not timed:
         return []
     score = Score(
-        stage.script.cast.players[name].alone,
+        stage.script.cast.players[name].marionette,
         this_round.placement.motions[name],
         tuple(played),
         {},

@@ -111,11 +111,11 @@ class OnStage:
 
     # -- changes -----------------------------------------------------------------------------
 
-    def acting(self, actor: Actor) -> OnStage:
+    def with_actor(self, actor: Actor) -> OnStage:
         """Stage with an actor after more of its cues."""
         return replace(self, actors={**self.actors, actor.player.name: actor})
 
-    def part(
+    def with_part(
         self,
         actor: Actor,
         lane: int,
@@ -130,9 +130,9 @@ class OnStage:
         placed = {mark: start + t for mark, t in own.items()}
         part = Part(actor.player.name, lane, gesture, start, end, placed)
         actor = replace(actor, done=max(actor.done, end))
-        return replace(self.acting(actor), parts=(*self.parts, part))
+        return replace(self.with_actor(actor), parts=(*self.parts, part))
 
-    def passing(self, first: Spot, who: str, second: Spot, other: str) -> OnStage:
+    def with_pass(self, first: Spot, who: str, second: Spot, other: str) -> OnStage:
         """Stage on which a player gives way to another, in their cues.
 
         Args:
@@ -143,32 +143,32 @@ class OnStage:
         passes = {spot: (*self.passes.get(spot, ()), note) for spot, note in notes.items()}
         return replace(self, passes={**self.passes, **passes})
 
-    def placing(self, prop: str, where: Hangs | Stands) -> OnStage:
+    def with_prop(self, prop: str, where: Hangs | Stands) -> OnStage:
         """Stage with a prop in another place."""
         return replace(self, where={**self.where, prop: where})
 
-    def seating(self, who: str, seated: Seated | None) -> OnStage:
+    def with_seated(self, who: str, seated: Seated | None) -> OnStage:
         """Stage with a player that sits, or stands again."""
         others = {name: other for name, other in self.seated.items() if name != who}
         return replace(self, seated=others if seated is None else {**others, who: seated})
 
-    def meeting(self, *meetings: Meeting) -> OnStage:
+    def with_meetings(self, *meetings: Meeting) -> OnStage:
         """Stage with additional meetings."""
         return replace(self, met=(*self.met, *meetings))
 
-    def touching(
+    def with_contact(
         self, turn: Turn[PlayCue], prop: str, pairs: frozenset[Pair], start: float, end: float
     ) -> OnStage:
         """Stage with a meeting of the cue's players and a prop [s]."""
         kind = VERBS[turn.given.verb].meets
         assert kind is not None
-        return self.meeting(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
+        return self.with_meetings(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
 
-    def released(self, prop: str, held: Hangs, until: float) -> OnStage:
+    def without_hold(self, prop: str, held: Hangs, until: float) -> OnStage:
         """Stage with the meeting of a prop that has hung on a forearm until a time [s]."""
         if until <= held.since:
             return self
-        return self.meeting(held.meeting(self.bodies(held.player), prop, until))
+        return self.with_meetings(held.meeting(self.bodies(held.player), prop, until))
 
 
 def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) -> Actor:
@@ -213,7 +213,7 @@ def walked(
         CannotBe: it lacks a part of the body, or its strings are not driven.
     """
     if not way.steps:
-        gesture = Gesture.rest(actor.player.alone, 1e-3, everything=False)
+        gesture = Gesture.rest(actor.player.marionette, 1e-3, everything=False)
         return replace(actor, ways=(*actor.ways, way)), gesture
     try:
         steps = gestures.walk(actor.player, way.steps, way.step_time, carries)

@@ -219,7 +219,7 @@ class _Verbs:
                 after = self._walk(stage, turn, name, absent=other)
                 if later.wanted <= after.actors[name].done:
                     self._walk(after, later, other)
-                    return after.passing(turn.spot, name, later.spot, other)
+                    return after.with_pass(turn.spot, name, later.spot, other)
             except CannotBe:
                 continue
         raise reason
@@ -285,7 +285,7 @@ class _Verbs:
             )
         hands, start = actor.hands.add_busy(lane, gesture, start)
         self._check_time(turn, name, start - asked, start)
-        return stage.part(replace(actor, hands=hands), lane, gesture, start)
+        return stage.with_part(replace(actor, hands=hands), lane, gesture, start)
 
     def _walk(
         self,
@@ -315,7 +315,7 @@ class _Verbs:
         carries = stage.carries(name)
         earliest = turn.start if arrival is not None else begin
         actor = carry_pose(actor, carries, earliest, self._gestures)
-        stage, free = stage.acting(actor), max(actor.hands.lanes[0].end, turn.start)
+        stage, free = stage.with_actor(actor), max(actor.hands.lanes[0].end, turn.start)
         begin = max(begin, free)
         wait = max((entry.may_wait or 0.0) * self._log.beat - (begin - asked), 0.0)
         way, why = self._walks.way(
@@ -349,7 +349,7 @@ class _Verbs:
         actor = replace(actor, away=isinstance(entry, ExitsToCue))
         marks = {mark: t - (moves_off - way.begin) for mark, t in gesture.marks.items()}
         marks[ARRIVES] = way.end - moves_off
-        return stage.part(actor, 0, gesture, moves_off, marks, way.end)
+        return stage.with_part(actor, 0, gesture, moves_off, marks, way.end)
 
     def _end_of_gestures_in_turn(self, actor: Actor, way: Way) -> float | None:
         """Latest end of the gestures during which the walk would turn the player [s], or None."""
@@ -416,4 +416,4 @@ def _moment(part: Part, moment: str) -> float:
 
 
 def _bounds_of(player: Player, speed: float, acceleration: float) -> Array:
-    return limits(player.alone.coordinates, speed, acceleration)
+    return limits(player.marionette.coordinates, speed, acceleration)

@@ -103,7 +103,7 @@ class PlayerGestures:
         Raises:
             StateError: it cannot be done in this style.
         """
-        key = (player.alone, player.name, given.does, style, round(heading, 9))
+        key = (player.marionette, player.name, given.does, style, round(heading, 9))
         if key not in self._cache:
             self._cache[key] = self._styled(player, given, style, heading)
         return _or_raise(self._cache[key])
@@ -114,15 +114,15 @@ class PlayerGestures:
         Raises:
             StateError: no hanging pose does that.
         """
-        own = player.own(place, stands)
+        own = player.in_own_frame(place, stands)
         heading = stands.heading
-        key = (name, player.alone, player.name, *np.round(own, 6), round(heading, 9))
+        key = (name, player.marionette, player.name, *np.round(own, 6), round(heading, 9))
         if key not in self._cache:
             to = own.tolist()
-            job = partial(load_gesture, player.alone, name, player.hangs, to=to)
+            job = partial(load_gesture, player.marionette, name, player.rest_state, to=to)
             try:
                 gesture = self.cache.get(
-                    repr((player.content, "aimed", name, to)), job, gesture_form(player.alone)
+                    repr((player.content, "aimed", name, to)), job, gesture_form(player.marionette)
                 )
                 self._cache[key] = player.turned(gesture, heading)
             except InputError as error:
@@ -145,12 +145,12 @@ class PlayerGestures:
         Raises:
             StateError: the puppet lacks a part that the gesture moves.
         """
-        key = (player.alone, "walk", way, step_time, carries)
+        key = (player.marionette, "walk", way, step_time, carries)
         if key not in self._cache:
             if carries:
                 pose = self.pose(player, carries)
                 gesture = prop_gestures.steps_carrying(
-                    player.alone, pose, player.hangs, "", way, step_time
+                    player.marionette, pose, player.rest_state, "", way, step_time
                 )
             else:
                 gesture = steps(player.ends(), way, step_time)
@@ -163,10 +163,10 @@ class PlayerGestures:
         Raises:
             StateError: the puppet lacks a part that the gesture moves.
         """
-        key = (player.alone, "pose", side)
+        key = (player.marionette, "pose", side)
         if key not in self._cache:
             player.ends()
-            self._cache[key] = prop_gestures.carry(player.alone, "", side=side)
+            self._cache[key] = prop_gestures.carry(player.marionette, "", side=side)
         return _or_raise(self._cache[key])
 
     def reason_unable(self, player: Player, given: PlayCue) -> str:
@@ -181,7 +181,7 @@ class PlayerGestures:
             return gesture if isinstance(gesture, str) else ""
         try:
             if isinstance(given, LooksAtCue | PointsAtCue):
-                check_parts(player.alone, player.hangs, VERBS[given.verb].called)
+                check_parts(player.marionette, player.rest_state, VERBS[given.verb].called)
             else:
                 player.ends()
         except (StateError, UnknownNameError) as error:
@@ -191,7 +191,7 @@ class PlayerGestures:
 
     def _read(self, player: Player, name: str) -> Gesture | Clip | str:
         """Gesture of a file, a take, a clip or a bundled gesture; after a mistake its text."""
-        key = (player.alone, name)
+        key = (player.marionette, name)
         if key not in self._files:
             self._files[key] = self._loaded(player, name)
         return self._files[key]
@@ -211,7 +211,7 @@ class PlayerGestures:
         try:
             if is_clip(path):
                 return read_clip(player, path)
-            return load_gesture(player.alone, path, player.hangs)
+            return load_gesture(player.marionette, path, player.rest_state)
         except (FileError, InputError) as error:
             return "; ".join(str(mistake) for mistake in error.mistakes)
         except (UnknownNameError, StateError) as error:

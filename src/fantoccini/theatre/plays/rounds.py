@@ -238,8 +238,8 @@ def locate_and_calm(stage: Stage, results: Results, this_round: Round) -> Rule:
             corrections = corrections.setting("stands", spot, there)
         else:
             seen = handle_seen(cast, this_round.runs, meeting, meeting.begin - _JUST_BEFORE)
-            moved = _handle_changed(corrections.hangs.get(spot), seen)
-            corrections = corrections.setting("hangs", spot, seen)
+            moved = _handle_changed(corrections.handles.get(spot), seen)
+            corrections = corrections.setting("handles", spot, seen)
         looked = {**results.locate_counts, spot: results.locate_counts.get(spot, 0) + moved}
         results, changed = (
             replace(results, corrections=corrections, locate_counts=looked),
@@ -271,8 +271,8 @@ def _calm(stage: Stage, results: Results, this_round: Round) -> Rule:
         if start >= float(run.t[-1]) or results.calm_counts.get((spot, name), 0) >= _MAX_CALMINGS:
             continue
         x, label = run.at(start), f"calm {spot} {name}"
-        key = digest(x, calm_gesture(player.alone, NONE), "calm", player.content)
-        job = partial(_or, NONE, partial(calming, player.alone, x))
+        key = digest(x, calm_gesture(player.marionette, NONE), "calm", player.content)
+        job = partial(_or, NONE, partial(calming, player.marionette, x))
         jobs[label] = partial(stage.cache.get, key, job, NUMBERS)
         keys[label] = spot, name
     changed = False
@@ -303,9 +303,9 @@ def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
             continue
         begun, own = motion
         run, player = this_round.runs.players[part.who], stage.script.cast.players[part.who]
-        x, alone = run.at(begun), player.alone
-        key = digest(x, Gesture(alone.coordinates, *own), longest, "pause", player.content)
-        job = partial(_or, (0.0, 0.0, 0.0), partial(pause, alone, x, own, longest))
+        x, marionette = run.at(begun), player.marionette
+        key = digest(x, Gesture(marionette.coordinates, *own), longest, "pause", player.content)
+        job = partial(_or, (0.0, 0.0, 0.0), partial(pause, marionette, x, own, longest))
         jobs[f"{number}"] = partial(stage.cache.get, key, job, NUMBERS)
         cues[f"{number}"] = number, cue
     pauses = stage.cache.side_by_side(jobs, default_threads())

@@ -82,12 +82,12 @@ class Run:
         """End of the run [s]."""
         return self.begin + float(self.whole.t[-1])
 
-    def of_player(self, name: str, alone: State) -> Trajectory:
+    def of_player(self, name: str, own_state: State) -> Trajectory:
         """Part of the run that belongs to a player, in the player's coordinates."""
         prefix, run = self.staged.prefixes[name], self.whole
         if self.staged.company == Company((name,)):
             return run
-        own = alone.coordinates
+        own = own_state.coordinates
         assert own is not None
         changes: dict[str, Any] = {}
         for part in _SAMPLED[1:]:
@@ -294,7 +294,7 @@ class _Work:
     @property
     def _steps(self) -> bool:
         """Whether states may come from time steps, in which strings' lengths are less exact."""
-        return bool(self.cast.asked_pairs)
+        return bool(self.cast.allowed_pairs)
 
 
 def _last(
@@ -321,15 +321,20 @@ def _part(
     stage: Staged, x: State, motion: Gesture, bounds: StageFile, method: str, check: OnProgress
 ) -> Trajectory:
     inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
-    alone = stage.marionette
     if method == "event":
         max_memory = _MAX_MEMORY_RATE * motion.duration if stage.company.pairs else None
         return simulate(
-            alone, x, inputs, effort=False, throw=False, max_memory=max_memory, progress=check
+            stage.marionette,
+            x,
+            inputs,
+            effort=False,
+            throw=False,
+            max_memory=max_memory,
+            progress=check,
         )
     dt = _STEPS[method]
     return simulate(
-        alone,
+        stage.marionette,
         x,
         inputs,
         method=TimeStepping(dt=dt),

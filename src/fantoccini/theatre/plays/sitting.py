@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.theatre.cast import ContactBodies, Physique, Waypoints, gesture_of
+from fantoccini.theatre.cast import ContactBodies, Physique, Waypoints, member_gesture
 from fantoccini.theatre.gestures import Gesture
 
 _PELVIS_HEIGHT = 0.016
@@ -115,8 +115,8 @@ def sit(
             moves |= more
     own = ContactBodies.of("", physique.body_parts.body_map)
     return Sitting(
-        gesture_of(stage, who, down, "sit", {"down": _T_SEATED}),
-        gesture_of(stage, who, up, "stand up", {"up": _T_UPRIGHT}),
+        member_gesture(stage, who, down, "sit", {"down": _T_SEATED}),
+        member_gesture(stage, who, up, "stand up", {"up": _T_UPRIGHT}),
         away,
         tuple((part.removeprefix("."), on) for part in (*own.seated, *own.feet)),
     )

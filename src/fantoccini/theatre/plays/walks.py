@@ -51,7 +51,7 @@ class Walks:
         self._log = log
         self.step_time = step_time(log.beat)
         self.blocked: list[Region] = []
-        top = max(player.top for player in cast.players.values())
+        top = max(player.height for player in cast.players.values())
         for obstacle in stage.obstacles:
             self.blocked += _regions(obstacle.name, obstacle, top)
         for thing in cast.props.values():
