@@ -118,7 +118,7 @@ def test_a_play_out_of_time_is_that_of_its_last_complete_round(tmp_path, monkeyp
     assert "compiling was stopped after 1 round" in str(remark)
     assert play.counts.startswith("2 of 2 cues can be done, ")
     assert play.duration > 0.0 and not play
-    assert play.cache.until == np.inf
+    assert play.cache.deadline == np.inf
 
 
 def test_a_verification_out_of_time_measures_its_partial_run(tmp_path, monkeypatch):
@@ -142,7 +142,7 @@ def test_a_verification_out_of_time_measures_its_partial_run(tmp_path, monkeypat
 def test_nothing_is_computed_after_the_time_limit():
     cache = ResultCache()
     assert cache.get("a", lambda: 1) == 1
-    with cache.limited(time.monotonic() - 1.0):
+    with cache.time_limit(time.monotonic() - 1.0):
         assert cache.get("a", lambda: 2) == 1
         with pytest.raises(OutOfTime):
             cache.get("b", lambda: 2)

@@ -20,8 +20,8 @@ class Size:
     Attributes:
         low, high: (3,) corners of the box around the moving bodies [m], along the world's axes.
         mass: mass of the moving bodies [kg].
-        hanging_height: height of the strings' highest support above the lowest point of the moving bodies
-            [m]; None if no string has a support.
+        hanging_height: height of the strings' highest support above the lowest point of the moving
+            bodies [m]; None if no string has a support.
         bodies: (n_links, 3) lengths of the boxes around the links' shapes, along their own axes
             [m]; nan for a link without shapes.
         masses: (n_links,) masses of the links [kg].

@@ -43,7 +43,7 @@ def optimum_picture(
     """Writes a picture of an optimal motion.
 
     Left: the puppet, with later poses more opaque; tracked points in blue, their target paths
-    dashed in red, touched places as red circles. Right, against time: tracking errors, except of
+    dashed in red, touched places as red circles. Right, over time: tracking errors, except those of
     velocities; tensions, with dotted targets; speeds that have bounds; accelerations of the inputs
     that are not held. Bounds are dashed.
 
@@ -150,19 +150,20 @@ def _panels(optimum: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
         if track.kind != "velocity"
     }
     if errors:
-        panels.append(lambda axes: _errors(axes, optimum.t, errors, theme))
+        panels.append(lambda axes: _plot_errors(axes, optimum.t, errors, theme))
     if optimum.run.tension.names:
-        panels.append(lambda axes: _tensions(axes, optimum, theme))
+        panels.append(lambda axes: _plot_tensions(axes, optimum, theme))
     if np.any(np.isfinite(speed)):
-        panels.append(lambda axes: _inputs(axes, optimum, optimum.nodes.v_K, speed, "speed", theme))
+        v_K = optimum.nodes.v_K
+        panels.append(lambda axes: _plot_inputs(axes, optimum, v_K, speed, "speed", theme))
     limits = bounds.magnitudes(marionette, "acceleration")
     # Constant over the last interval.
-    accelerations = np.concatenate([optimum.nodes.acc_K, optimum.nodes.acc_K[-1:]])
-    panels.append(lambda axes: _inputs(axes, optimum, accelerations, limits, "acceleration", theme))
+    acc_K = np.concatenate([optimum.nodes.acc_K, optimum.nodes.acc_K[-1:]])
+    panels.append(lambda axes: _plot_inputs(axes, optimum, acc_K, limits, "acceleration", theme))
     return panels
 
 
-def _errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: Theme) -> None:
+def _plot_errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: Theme) -> None:
     for k, (name, error) in enumerate(errors.items()):
         axes.plot(t, error, **line_style(theme, k), linewidth=1.2, label=one_line(name, 24))
     axes.set_ylim(bottom=0.0)
@@ -170,14 +171,14 @@ def _errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: The
     use_powers_of_ten(axes, theme)
 
 
-def _tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
+def _plot_tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
     run, bounds = optimum.run, optimum.task.bounds.tension
     for k, name in enumerate(run.tension.names):
         style = line_style(theme, k)
         axes.plot(run.t, run.tension[name], **style, linewidth=1.2, label=one_line(name, 24))
         for bound in bounds.get(name, ()):
             if np.isfinite(bound):
-                _bound(axes, bound, style["color"])
+                _draw_bound(axes, bound, style["color"])
     for track in optimum.task.tracks:
         if track.kind == "tension":
             k = run.tension.names.index(track.name)
@@ -187,7 +188,7 @@ def _tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
     use_powers_of_ten(axes, theme)
 
 
-def _inputs(
+def _plot_inputs(
     axes: Axes,
     optimum: Optimum,
     values: np.ndarray,
@@ -216,8 +217,8 @@ def _inputs(
     for n, k in enumerate(moving[:1] if same_limit else moving):
         if limits[k] <= max_drawn:  # larger ones would flatten the lines
             colour = theme.muted if same_limit else line_style(theme, n)["color"]
-            _bound(axes, limits[k], colour)
-            _bound(axes, -limits[k], colour)
+            _draw_bound(axes, limits[k], colour)
+            _draw_bound(axes, -limits[k], colour)
     unit = "[m/s]" if quantity == "speed" else "[m/s\N{SUPERSCRIPT TWO}]"
     if any(row.unit != "m" for row in table.rows if row.name in table.q_K):
         unit = "(m, rad; s)"
@@ -225,5 +226,5 @@ def _inputs(
     use_powers_of_ten(axes, theme)
 
 
-def _bound(axes: Axes, value: float, colour: object) -> None:
+def _draw_bound(axes: Axes, value: float, colour: object) -> None:
     axes.axhline(value, color=colour, linewidth=0.8, linestyle=(0, (4, 3)), alpha=0.7)

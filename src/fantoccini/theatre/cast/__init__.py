@@ -44,8 +44,8 @@ from fantoccini.theatre.cast.result_cache import (
     OutOfTime,
     ResultCache,
     digest,
-    gesture_form,
-    run_form,
+    gesture_format,
+    run_format,
 )
 from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
@@ -83,7 +83,7 @@ __all__ = [
     "carry_offsets",
     "digest",
     "extent",
-    "gesture_form",
+    "gesture_format",
     "hanging_pair",
     "is_clip",
     "lane_name",
@@ -94,7 +94,7 @@ __all__ = [
     "prop_gestures",
     "read_cast",
     "read_clip",
-    "run_form",
+    "run_format",
     "settled",
     "shifted",
     "sign_of",

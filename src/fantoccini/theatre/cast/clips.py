@@ -15,9 +15,9 @@ from fantoccini.base.documents import has_key
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.cast.result_cache import (
-    Form,
+    DiskFormat,
     ResultCache,
-    gesture_form,
+    gesture_format,
     text_array,
     text_in,
 )
@@ -98,7 +98,7 @@ class Clip:
         try:
             gesture, why = follow(faster, lasts)
         except TooShortError as error:
-            raise TooShortError(error.name, error.lasts, error.ways, beat) from None
+            raise TooShortError(error.name, error.lasts, error.leads, beat) from None
         if not why:
             return gesture
         text = f"within {bounds[0]:.3g} m/s and {bounds[1]:.3g} m/s^2 {why}"
@@ -125,9 +125,9 @@ def _followed(
     return clip.gesture, _lacks(clip)
 
 
-def _form(marionette: Marionette) -> Form[tuple[Gesture, str]]:
+def _form(marionette: Marionette) -> DiskFormat[tuple[Gesture, str]]:
     """Form on disk of a puppet's gestures with their deviations in words."""
-    form = gesture_form(marionette)
+    form = gesture_format(marionette)
 
     def pack(followed: tuple[Gesture, str]) -> list[Array]:
         gesture, lacks = followed
@@ -136,7 +136,7 @@ def _form(marionette: Marionette) -> Form[tuple[Gesture, str]]:
     def unpack(arrays: Sequence[Array]) -> tuple[Gesture, str]:
         return form.unpack(arrays[1:]), str(text_in(arrays[0]))
 
-    return Form(pack, unpack)
+    return DiskFormat(pack, unpack)
 
 
 def read_clip(player: Player, path: Path) -> Clip:

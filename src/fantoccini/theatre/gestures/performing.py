@@ -120,7 +120,7 @@ class Hands:
             gesture: gesture with its variations.
             begin: earliest time [s].
         """
-        lanes = [*self.lanes, Line.empty(self.lanes[0].most)][: max(lane + 1, len(self.lanes))]
+        lanes = [*self.lanes, Line.empty(self.lanes[0].bounds)][: max(lane + 1, len(self.lanes))]
         continued = lanes[lane].add(gesture.motion, begin)
         lanes[lane] = continued.line
         return replace(self, lanes=tuple(lanes)), continued
@@ -128,7 +128,7 @@ class Hands:
     def add_busy(self, lane: int, gesture: Gesture, begin: float) -> tuple[Hands, float]:
         """The hands with a gesture that occupies its strings; and its beginning [s]."""
         hands, continued = self.add(lane, gesture, begin)
-        begun = continued.begun
+        begun = continued.start
         busy = Busy(lane, begun, begun + gesture.duration, gesture.named)
         return replace(hands, busy=(*self.busy, busy)), begun
 

@@ -78,7 +78,7 @@ def place_lanes(
     lanes: ScoreCues,
     marks: Mapping[str, Time],
     gestures: Gestures,
-    most: Array,
+    bounds: Array,
     log: ScriptLog,
     phrase: bool = False,
 ) -> PlacedLanes | None:
@@ -88,7 +88,7 @@ def place_lanes(
         lanes: lane -> its keys in the file, and its cues.
         marks: marks of the score; empty for a phrase.
         gestures: returns the gestures of cues.
-        most: (2, n_vK) bounds of speeds and accelerations.
+        bounds: (2, n_vK) bounds of speeds and accelerations.
         log: collects mistakes and changes.
         phrase: whether they are the lanes of a phrase.
     """
@@ -102,7 +102,7 @@ def place_lanes(
         return None
     verbs = _Verbs(cue_gestures, tuple(lanes), log, phrase)
     performer = Performer(timeline, _POLICY, verbs.do, lambda spot, t: _within(t, spot, log))
-    whole = performer.act(Performed(Hands(tuple(Line.empty(most) for _ in lanes))), 0, 0.0)
+    whole = performer.act(Performed(Hands(tuple(Line.empty(bounds) for _ in lanes))), 0, 0.0)
     ends = {cue.who[0]: whole.moments[cue.spot][END] for cue in cues}
     lines = zip(lanes, whole.state.rested().lanes, strict=True)
     parts = [(cue, part) for cue in cues for part in whole.placed[cue.spot].parts]

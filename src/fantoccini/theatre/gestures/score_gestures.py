@@ -23,15 +23,15 @@ class ScoreGestures:
         marionette: puppet that performs them.
         file: file of the score.
         start: state at rest.
-        most: (2, n_vK) bounds of speeds and accelerations.
+        bounds: (2, n_vK) bounds of speeds and accelerations.
         log: collects mistakes and changes.
     """
 
     def __init__(
-        self, marionette: Marionette, file: ScoreFile, start: State, most: Array, log: ScriptLog
+        self, marionette: Marionette, file: ScoreFile, start: State, bounds: Array, log: ScriptLog
     ):
         self._marionette, self._file, self._start = marionette, file, start
-        self._most, self._log = most, log
+        self._bounds, self._log = bounds, log
         self._files: dict[tuple[str, str, Parameters], Gesture | None] = {}
         self._wrong: dict[tuple[str, str, Parameters], list[tuple[Spot, str]]] = {}
         self._phrases: dict[str, Gesture | None] = {}
@@ -123,7 +123,7 @@ class ScoreGestures:
 
     def _phrase_gesture(self, name: str) -> Gesture | None:
         lanes = {name: (("phrases", name), self._file.phrases[name])}
-        placed = place_lanes(lanes, {}, self.of, self._most, self._log, phrase=True)
+        placed = place_lanes(lanes, {}, self.of, self._bounds, self._log, phrase=True)
         if placed is None or self._log.mistakes:
             return None
         marks: dict[str, float] = {}

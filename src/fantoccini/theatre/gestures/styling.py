@@ -7,7 +7,7 @@ from typing import Any
 
 from fantoccini.base import FantocciniError, StateError, UnknownNameError
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.transitions import ACCELERATION, SPEED, Most
+from fantoccini.theatre.gestures.transitions import ACCELERATION, SPEED, Limit
 from fantoccini.theatre.script import HOW, DoesCue, Styled
 
 _MAX_PIECES = 100_000
@@ -64,8 +64,8 @@ class Style:
         gesture: Gesture,
         heading: float | None = None,
         *,
-        speed: Most = SPEED,
-        acceleration: Most = ACCELERATION,
+        speed: Limit = SPEED,
+        acceleration: Limit = ACCELERATION,
     ) -> tuple[Gesture, Gesture]:
         """The gesture in this style, once and with its repetitions.
 

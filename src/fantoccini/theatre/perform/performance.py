@@ -15,7 +15,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import ContactPoints, State, check_same_puppet
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.perform import change
-from fantoccini.theatre.perform.grip import TOLERANCES, gripped
+from fantoccini.theatre.perform.grip import TOLERANCES, with_slipping_winches
 from fantoccini.theatre.perform.handle import Handle
 from fantoccini.theatre.perform.hands import HandBounds, Hands
 from fantoccini.theatre.perform.influences import HandLaw, Influences, Push, push_on
@@ -390,7 +390,7 @@ class Performance:
         self._recorder.end(why)
         before, targets, lengths = self.marionette, self._targets, self._hands.lengths
         x, lost = change.carried(before, self.state, marionette, start)
-        x = change.permitted(gripped(marionette, self._grip_of(marionette)), x)
+        x = change.permitted(with_slipping_winches(marionette, self._grip_of(marionette)), x)
         player, ended = targets.player.carried(before, marionette)
         lengths = Hands.ranges_of(marionette, start, self.dt) | lengths
         self._take(marionette, x, lengths, player)
@@ -449,7 +449,7 @@ class Performance:
         self.grip = self._grip_of(marionette)
         lengths = Hands.ranges_of(marionette, x, self.dt) if lengths is None else lengths
         self._hands = Hands.of(marionette, x, self.speed, self.acceleration, lengths)
-        performed = gripped(marionette, self.grip)
+        performed = with_slipping_winches(marionette, self.grip)
         self._run = TickRun(performed, self._hands, x, self.grip, self.tick, self._steps)
         self._targets = Targets(self._hands, self._run, self._influences, player)
 

@@ -49,13 +49,13 @@ class Player:
         score: score that is played or paused, or None.
 
     Args:
-        most: (2, n_vK) bounds of speeds and accelerations.
+        bounds: (2, n_vK) bounds of speeds and accelerations.
         tick: duration of a tick [s].
     """
 
-    def __init__(self, most: Array, tick: float):
+    def __init__(self, bounds: Array, tick: float):
         self.t = 0.0
-        self._most, self._tick = most, tick
+        self._bounds, self._tick = bounds, tick
         self._voices: list[Voice] = []
         self._waiting: list[_Waiting] = []
         self.take: Voice | None = None
@@ -74,7 +74,7 @@ class Player:
     @property
     def playing(self) -> tuple[str, ...]:
         """Names of the gestures that move or wait."""
-        moving = [voice.gesture.name for voice in self._voices if not voice.over(self.t)]
+        moving = [voice.gesture.name for voice in self._voices if not voice.has_ended(self.t)]
         return tuple(dict.fromkeys(moving + [entry.gesture.name for entry in self._waiting]))
 
     @property
@@ -92,13 +92,13 @@ class Player:
         parts = {"the gestures": self.away, "the take": self.take, "the score": self.score}
         return None, tuple(f"{what} ended" for what, part in parts.items() if part)
 
-    def bound(self, most: Array) -> None:
+    def set_bounds(self, bounds: Array) -> None:
         """Sets the bounds of later transitions."""
-        self._most = most
+        self._bounds = bounds
         for voice in self._all():
-            voice.bound(most)
+            voice.set_bounds(bounds)
         if self.score is not None:
-            self.score.bound(most)
+            self.score.set_bounds(bounds)
 
     def offsets(self) -> Offsets:
         """Present sum of all offsets."""
@@ -113,9 +113,9 @@ class Player:
                 start takes longer.
             repeat: whether to repeat it, until :meth:`once`.
         """
-        gesture = fitted(gesture, self._most)
+        gesture = fitted(gesture, self._bounds)
         self._waiting = [w for w in self._waiting if w.gesture.name != gesture.name]
-        earliest = self.t + lead_time(gesture, self._before(gesture), self._most)
+        earliest = self.t + lead_time(gesture, self._before(gesture), self._bounds)
         if on is None or on <= earliest + self._tick:
             self._start(gesture, on, repeat)
         else:
@@ -139,7 +139,7 @@ class Player:
         """
         n = len(v_K)
         before = Offsets(np.zeros(n), np.where(motion.named, v_K, 0.0), np.zeros(n))
-        self.take = Voice(motion, self._most, self.t, before, repeat=repeat)
+        self.take = Voice(motion, self._bounds, self.t, before, repeat=repeat)
 
     def stop_take(self) -> VecK:
         """Ends the take; returns its (n_vK,) offsets, for the hands to hold."""
@@ -150,14 +150,14 @@ class Player:
     def play_score(self, score: Score, motion: Gesture) -> ScoreVoice:
         """Plays a score from its start, as ``motion``; a score played before returns home."""
         self.stop_score()
-        self.score = ScoreVoice(score, motion, self._most)
+        self.score = ScoreVoice(score, motion, self._bounds)
         return self.score
 
     def stop_score(self) -> None:
         """Ends the score: its coordinates return home."""
         if self.score is not None:
             home = Gesture.rest(self.score.conductor.score.gesture.coordinates, self._tick)
-            self._voices.append(Voice(home, self._most, self.t, self.score.now))
+            self._voices.append(Voice(home, self._bounds, self.t, self.score.now))
             self.score = None
 
     def clear(self) -> VecK:
@@ -170,7 +170,7 @@ class Player:
         """Advances by a tick."""
         for entry in list(self._waiting):
             before = self._before(entry.gesture)
-            if entry.on - lead_time(entry.gesture, before, self._most) <= self.t + self._tick:
+            if entry.on - lead_time(entry.gesture, before, self._bounds) <= self.t + self._tick:
                 self._waiting.remove(entry)
                 self._start(entry.gesture, entry.on, entry.repeat)
         now = self.offsets()
@@ -182,22 +182,22 @@ class Player:
 
     def settle(self) -> VecK:
         """Drops motions that have ended at home; returns the (n_vK,) displacement of home."""
-        moved = np.zeros(self._most.shape[1])
+        moved = np.zeros(self._bounds.shape[1])
         for voice in list(self._voices):
             last = voice.at(self.t)
-            if voice.over(self.t) and last.home:
+            if voice.has_ended(self.t) and last.is_home:
                 moved += last.carried
                 self._voices.remove(voice)
-        if self.take is not None and self.take.over(self.t):
+        if self.take is not None and self.take.has_ended(self.t):
             moved += self.stop_take()
         return moved
 
     # -- inside ------------------------------------------------------------------------------
 
     def _start(self, gesture: Gesture, on: float | None, repeat: bool) -> None:
-        before, over = self._before(gesture), self._taken_over(gesture)
-        self._voices = [voice for voice in self._voices if voice not in over]
-        self._voices.append(Voice(gesture, self._most, self.t, before, on, repeat))
+        before, replaced = self._before(gesture), self._taken_over(gesture)
+        self._voices = [voice for voice in self._voices if voice not in replaced]
+        self._voices.append(Voice(gesture, self._bounds, self.t, before, on, repeat))
 
     def _before(self, gesture: Gesture) -> Offsets:
         """Sum of the offsets that a gesture takes over."""
@@ -215,7 +215,7 @@ class Player:
         return self._voices + ([] if self.take is None else [self.take])
 
     def _sum(self, t: float, voices: list[Voice], score: ScoreVoice | None = None) -> Offsets:
-        total = Offsets.none(self._most.shape[1]) if score is None else score.now
+        total = Offsets.none(self._bounds.shape[1]) if score is None else score.now
         for voice in voices:
             total = Offsets(*(a + b for a, b in zip(total, voice.at(t), strict=True)))
         return total

@@ -58,16 +58,16 @@ class ScoreVoice:
     Args:
         score: score that is played.
         motion: motion of all lanes together, without the armed ones.
-        most: (2, n_vK) bounds of speeds and accelerations of transitions.
+        bounds: (2, n_vK) bounds of speeds and accelerations of transitions.
     """
 
-    def __init__(self, score: Score, motion: Gesture, most: Array):
+    def __init__(self, score: Score, motion: Gesture, bounds: Array):
         self.conductor, self.running = Conductor(score), True
-        self.now = Offsets.none(most.shape[1])
+        self.now = Offsets.none(bounds.shape[1])
         self.share: Array = np.ones((2, 1))
-        nothing = np.zeros(most.shape[1])
+        nothing = np.zeros(bounds.shape[1])
         self.shift: tuple[VecK, VecK] = nothing, nothing
-        self._motion, self._most = motion, most
+        self._motion, self._bounds = motion, bounds
         self._pace, self._led, self._clock = 0.0, 0.0, 0.0
         self._lead: tuple[float, Array] | None = None
         self._ways: list[_Way] = []
@@ -93,9 +93,9 @@ class ScoreVoice:
         """Rate of its time: 1 while it plays."""
         return 0.0 if self.still else self._pace
 
-    def bound(self, most: Array) -> None:
+    def set_bounds(self, bounds: Array) -> None:
         """Sets the bounds of later transitions."""
-        self._most = most
+        self._bounds = bounds
 
     def seek(self, to: float | str) -> None:
         """Goes to a time of the score [s], or to a mark or a wait by name.
@@ -114,14 +114,16 @@ class ScoreVoice:
             (self.now.rate - self.shift[1]) * own,
             there * own,
             np.zeros(len(there)),
-            self._most * self.share,
+            self._bounds * self.share,
         )
 
     def leave(self, moves: MaskRows) -> None:
         """Leaves coordinates to the hands: they stop within bounds, and the others continue."""
         nothing = np.zeros(len(moves))
         stops = np.where(moves, np.nan, 0.0)
-        way, end = transition(self.now.d * moves, self.now.rate * moves, stops, nothing, self._most)
+        way, end = transition(
+            self.now.d * moves, self.now.rate * moves, stops, nothing, self._bounds
+        )
         coef = np.zeros((len(moves), polynomial.N_COEF))
         coef[:, 0] = end
         self._add(_Way(moves, True, self._clock, *(way or (0.0, coef))))
@@ -149,13 +151,13 @@ class ScoreVoice:
 
     def halt(self) -> None:
         """Stops all coordinates within bounds, at once; :meth:`lead_back` continues."""
-        self.leave(np.ones(self._most.shape[1], dtype=bool))
+        self.leave(np.ones(self._bounds.shape[1], dtype=bool))
         self.running, self._pace, self._lead = False, 0.0, None
 
     def advance(self, tick: float) -> None:
         """Advances by a tick [s]."""
         self._clock += tick
-        self._ways = [way for way in self._ways if not way.over(self._clock)]
+        self._ways = [way for way in self._ways if not way.has_ended(self._clock)]
         self.now = self._whole(*self._score(tick))
 
     # -- inside ------------------------------------------------------------------------------
@@ -163,7 +165,7 @@ class ScoreVoice:
     @property
     def _instead(self) -> MaskRows:
         """(n_vK,) whether a coordinate is left to the hands."""
-        led: MaskRows = np.zeros(self._most.shape[1], dtype=bool)
+        led: MaskRows = np.zeros(self._bounds.shape[1], dtype=bool)
         for way in self._ways:
             led |= way.moves & way.instead
         return led
@@ -197,8 +199,8 @@ class ScoreVoice:
         motion, t = self._motion, self.conductor.t
         meanwhile = (motion.breaks[1:] > t) & (motion.breaks[:-1] < t + duration)
         needed = np.max(motion.peaks_of_pieces[meanwhile], axis=0, initial=0.0)
-        left = np.maximum(self._most - needed, _MIN_BOUND_SHARE * self._most)
-        return np.minimum(left, self._most * self.share)
+        left = np.maximum(self._bounds - needed, _MIN_BOUND_SHARE * self._bounds)
+        return np.minimum(left, self._bounds * self.share)
 
     def _add(self, way: _Way) -> None:
         self._drop(way.moves)

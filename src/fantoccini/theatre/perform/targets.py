@@ -41,7 +41,7 @@ class Targets:
         self._hands, self._run, self._influences = hands, run, influences
         bounds = np.array([list(bound.values()) for bound in hands.each()[1:]])
         self.player = player or Player(bounds, run.tick)
-        self.player.bound(bounds)
+        self.player.set_bounds(bounds)
         self.q_K: ConfigK = np.array(run.x.q_K)
 
     def keep(self, before: Targets) -> None:

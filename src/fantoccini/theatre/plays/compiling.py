@@ -101,7 +101,7 @@ def load_play(
     # The first round is always completed.
     rounds = [make_round(stage, Results())]
     try:
-        with cache.limited(until):
+        with cache.time_limit(until):
             results, touching = _improve(stage, rounds, tell)
     except OutOfTime:
         script.log.change(

@@ -19,7 +19,7 @@ from fantoccini.theatre.cast import (
     Footing,
     Player,
     ResultCache,
-    gesture_form,
+    gesture_format,
     is_clip,
     prop_gestures,
     read_clip,
@@ -122,7 +122,9 @@ class PlayerGestures:
             job = partial(load_gesture, player.marionette, name, player.rest_state, to=to)
             try:
                 gesture = self.cache.get(
-                    repr((player.content, "aimed", name, to)), job, gesture_form(player.marionette)
+                    repr((player.content, "aimed", name, to)),
+                    job,
+                    gesture_format(player.marionette),
                 )
                 self._cache[key] = player.turned(gesture, heading)
             except InputError as error:

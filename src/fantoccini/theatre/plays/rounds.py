@@ -276,7 +276,7 @@ def _calm(stage: Stage, results: Results, this_round: Round) -> Rule:
         jobs[label] = partial(stage.cache.get, key, job, NUMBERS)
         keys[label] = spot, name
     changed = False
-    for label, offsets in stage.cache.side_by_side(jobs, default_threads()).items():
+    for label, offsets in stage.cache.in_parallel(jobs, default_threads()).items():
         who = keys[label]
         before = results.corrections.calms.get(who, NONE)
         moved = not np.allclose(before, offsets, rtol=0.0, atol=_MAX_PLACE_ERROR)
@@ -308,7 +308,7 @@ def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
         job = partial(_or, (0.0, 0.0, 0.0), partial(pause, marionette, x, own, longest))
         jobs[f"{number}"] = partial(stage.cache.get, key, job, NUMBERS)
         cues[f"{number}"] = number, cue
-    pauses = stage.cache.side_by_side(jobs, default_threads())
+    pauses = stage.cache.in_parallel(jobs, default_threads())
     for label, (number, cue) in cues.items():
         settled = {**results.settled, number: pauses[label]}
         corrections = results.corrections.setting("pauses", cue.spot, pauses[label][0])

@@ -34,7 +34,7 @@ from fantoccini.theatre.cast import (
     Staged,
     Stop,
     digest,
-    run_form,
+    run_format,
     spans,
     staged,
 )
@@ -278,7 +278,7 @@ class _Work:
         key = digest(x, motion, "part", stage.content, bounds.speed, bounds.acceleration, method)
         job = partial(_part, stage, x, motion, bounds, method, self.cache.check)
         try:
-            run = self.cache.get(key, job, run_form(stage.marionette))
+            run = self.cache.get(key, job, run_format(stage.marionette))
         except ERRORS as error:
             return None, str(error)
         return run, "" if run.status is Status.DONE else str(run.status)

@@ -116,7 +116,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     """
     faults = []
     try:
-        with play.cache.limited(math.inf if within is None else time.monotonic() + within):
+        with play.cache.time_limit(math.inf if within is None else time.monotonic() + within):
             runs = play.runs(exact=True)
     except OutOfTime:
         faults.append(
