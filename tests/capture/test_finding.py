@@ -90,8 +90,8 @@ def test_a_joint_that_is_called_as_another_part_is_a_doubt():
     names = tuple(renamed.get(name, name) for name in skeleton.names)
     guess = guess_joints(Skeleton(names, skeleton.parents, skeleton.offsets))
     assert names[guess.joints["hip_left"]] == "L_Knee"
-    assert "hip_left: 'L_Knee' is called as a person's knee" in map(str, guess.doubts)
-    assert "knee_left: 'L_Thigh' is called as a person's hip" in map(str, guess.doubts)
+    assert "hip_left: 'L_Knee' is the name of a knee" in map(str, guess.doubts)
+    assert "knee_left: 'L_Thigh' is the name of a hip" in map(str, guess.doubts)
 
 
 def test_sides_that_contradict_the_toes_are_a_doubt():
@@ -100,7 +100,7 @@ def test_sides_that_contradict_the_toes_are_a_doubt():
     guess = guess_joints(mirrored)
     assert names_of(skeleton, guess.joints) == CONVENTIONS["bandai"].joints()
     assert [str(doubt) for doubt in guess.doubts] == [
-        "the toes point backwards if left is what its name says"
+        "the toes point backwards if the names of the sides are right"
     ]
 
 

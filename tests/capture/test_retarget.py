@@ -227,7 +227,7 @@ def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
     assert done[-1] == 1.0 and done == sorted(done)
     errors = {part.name: part for part in follow.report}
     assert set(errors) == set(GROUPS)
-    assert errors["hands"].above < 0.02 and errors["head"].above < 0.02
+    assert errors["hands"].excess < 0.02 and errors["head"].excess < 0.02
     lines = follow.guides(np.array([0.0, 1.0]))
     assert [line.shape for line in lines] == [(2, 3, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3)]
     again = fan.simulate(marionette, follow.run.state(0), follow.inputs, effort=False)
@@ -240,7 +240,7 @@ def test_slow_hands_follow_worse_and_keep_their_bounds(marionette, tmp_path):
     follow = fan.theatre.follow_clip(marionette, path, speed=0.2, acceleration=2.0)
     assert np.max(np.abs(follow.run.v_K)) <= 0.2 * (1 + 1e-9)
     assert np.max(np.abs(follow.acc_K)) <= 2.0 * (1 + 1e-9)
-    assert {part.name: part.above for part in follow.report}["hands"] > 0.02
+    assert {part.name: part.excess for part in follow.report}["hands"] > 0.02
 
 
 @pytest.mark.slow
@@ -249,7 +249,7 @@ def test_a_run_that_begins_later_follows_as_well(marionette, tmp_path):
     begun = fan.theatre.retarget_clip(marionette, path, start=marionette.rest().replace(t=5.0))
     follow = fan.theatre.follow_clip(marionette, begun)
     assert follow.run.t[0] == 5.0 == follow.t[0]
-    assert all(part.above < 0.02 for part in follow.report)
+    assert all(part.excess < 0.02 for part in follow.report)
     speeds = np.abs(follow.run.v_K[-1])
     assert np.max(speeds) < 1e-9, "the hands are at rest in the end"
     with pytest.raises(StateError, match="has its mapping, start, travel, up and of already"):

@@ -188,7 +188,7 @@ def test_parts_that_hang_at_other_parts_are_refused(marionette):
 def test_a_marionette_with_a_waist_follows_a_clip(waisted, tmp_path):
     followed = fan.theatre.follow_clip(waisted, clip(tmp_path, "lafan1", "wave"))
     assert followed, followed.status
-    errors = {part.name: part.above for part in followed.report}
+    errors = {part.name: part.excess for part in followed.report}
     assert all(above < 0.02 for above in errors.values()), errors
 
 

@@ -309,7 +309,7 @@ def test_steps_and_clearances_are_those_of_the_player(tmp_path):
     she, walks = script.cast.players["she"], Walks(script.cast, script.log)
     ratio = 0.25824 / 0.26417
     assert she.leg_ratio == pytest.approx(ratio)
-    assert walks.clear(she) == pytest.approx(she.radius + ratio * 0.026)
+    assert walks.clearance(she) == pytest.approx(she.radius + ratio * 0.026)
     # Chest, neck and crown of the file, lifted by 2.5 cm; the head leans a little at rest.
     assert she.height == pytest.approx(0.388 + 0.122 + 0.181 + 0.025, abs=0.01)
     goal = cast.Footing(0.1, 0.2, she.start.heading)

@@ -142,7 +142,7 @@ def test_the_limbs_follow_the_clip(
         hung = rms([retargeted.hung[part] - path for part, path in zip(parts, clip, strict=True)])
         assert off - hung < most, group
         if who == "columbine":  # as where the gesture was computed
-            (alone,) = [row.above for row in made.report if row.name == group]
+            (alone,) = [row.excess for row in made.report if row.name == group]
             assert off - hung == pytest.approx(alone, abs=3e-3)
     path = retargeted.places.parts["hand_right"]
     assert rms([path - path[0]]) > 0.2  # a puppet at rest does not move it

@@ -29,8 +29,8 @@ def test_times_in_reasons_are_in_beats_of_the_act():
 
 def test_a_clip_that_lasts_too_short_is_answered_in_beats():
     assert str(TooShortError("wave", 0.8, 1.55, 60.0 / TEMPO)) == (
-        "found 1.6 beats for wave; needed: more than 3.1 beats, which the ways into it and back "
-        "take"
+        "found 1.6 beats for wave; needed: more than 3.1 beats, which the motions to its "
+        "start and back take"
     )
     assert str(TooShortError("wave", 0.8, 1.55)).startswith("found 0.8 s for wave")
 

@@ -167,7 +167,7 @@ def _report(followed: Followed) -> None:
                 f"{1e3 * part.reach:.1f}",
                 f"{1e3 * part.run:.1f}",
                 f"{1e3 * part.largest:.1f}",
-                f"{100 * part.above:.1f} %",
+                f"{100 * part.excess:.1f} %",
             )
             for part in followed.report
         ],

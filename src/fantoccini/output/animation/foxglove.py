@@ -1,4 +1,4 @@
-"""Writer of MCAP (.mcap) for Foxglove, and in part for Rerun; z up, metres.
+"""Writer of MCAP files (.mcap) for Foxglove, and in part for Rerun; z up, metres.
 
 Each frame has the poses of the bodies relative to their parents (``/tf``), the strings
 (``/strings``), the coordinates (``/joints``), the tensions [N] (``/tension``), and 1 where the
@@ -210,7 +210,7 @@ def _joints(run: Trajectory) -> FrameMessage | None:
 
 
 def _number_message(kind: str, columns: dict[str, Array]) -> FrameMessage:
-    """FrameMessage with the time and a field for each column."""
+    """Message with the time and a field for each column."""
     proto = descriptor_pb2.FileDescriptorProto(
         name=f"puppet/{kind}.proto",
         package="puppet",

@@ -61,6 +61,7 @@ def channels(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure,
 
 
 def _draw_channel(axes: Axes, result: Identified, j: int, theme: Theme) -> None:
+    """Draws samples, predictions and outliers of channel j."""
     t, r = result.t, result.residuals[:, j]
     samples = result.predicted[:, j] + r
     _shade_gaps(axes, t, np.isfinite(r), theme)
@@ -113,6 +114,7 @@ def _groups(result: Identified) -> list[tuple[str, list[int]]]:
 
 
 def _scaled(result: Identified, j: int) -> Array:
+    """(N,) residuals of channel j, relative to its noise."""
     return np.asarray(result.residuals[:, j] / result.noise[result.record.channels.names[j]])
 
 
@@ -177,7 +179,10 @@ def _running_mean(t: Array, z: Array) -> Array:
 
 
 def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
-    """Jumps between segments relative to the drift: the largest, and those of every coordinate."""
+    """Figure of jumps between segments: the largest, and those of every coordinate.
+
+    They are relative to the allowed drift.
+    """
     names = [one_line(name, 30) for name in result.record.marionette.coordinates.v_D]
     n, jump_times = len(names), result.starts[1:] + result.delay
     size = max(60, min(17 * n, 460))
@@ -281,7 +286,7 @@ def correlations(result: Identified, theme: Theme = LIGHT) -> Figure:
 
 
 def with_gaps(t: Array, y: Array) -> tuple[Array, Array]:
-    """The points of a line, with NaN at gaps in time, where the line is interrupted."""
+    """Points of a line that is interrupted, by NaN, at gaps in time."""
     gaps = np.flatnonzero(np.diff(t) > _MIN_GAP * np.median(np.diff(t))) + 1
     return np.insert(t, gaps, np.nan), np.insert(y, gaps, np.nan)
 

@@ -180,10 +180,10 @@ def _lacks(clip: ClipGesture) -> str:
     """Deviation of a player from its clip in words; "" if it is acceptable."""
     if not clip.arrived:
         return f"the puppet's run of the clip stops: {clip.run.status}"
-    worst = max(clip.report, key=lambda part: part.above)
-    if worst.above <= _MAX_EXCESS_DISTANCE:
+    worst = max(clip.report, key=lambda part: part.excess)
+    if worst.excess <= _MAX_EXCESS_DISTANCE:
         return ""
     return (
-        f"the {worst.name} would be {100 * worst.above:.0f} % of the puppet's height farther from "
+        f"the {worst.name} would be {100 * worst.excess:.0f} % of the puppet's height farther from "
         "the clip than where it hangs"
     )

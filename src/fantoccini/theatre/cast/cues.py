@@ -26,13 +26,14 @@ from fantoccini.theatre.script import (
     walks,
 )
 
-_MAX_ACT_TIME = 1800.0
-"""Longest act [s]."""
-_OF_PLAYER = re.compile(rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII)
+_MAX_ACT_DURATION = 1800.0
+"""Longest duration of an act [s]."""
+_PLAYER_TIME = re.compile(rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII)
+"""Time such as ``pierrot arrives + 2`` [beats]."""
 
 
 def act_time_in_words(t: float, start: float, beat: float) -> str:
-    """A time in words: ``on beat 4.0 of the act (12.40 s)``."""
+    """Time in words: ``on beat 4.0 of the act (12.40 s)``."""
     return f"on beat {(t - start) / beat:.1f} of the act ({t:.2f} s)"
 
 
@@ -70,8 +71,8 @@ def play_timeline(
             acts[-1].append(cue)
             cues.append(cue)
 
-    def special(cue: Cue[PlayCue], spot: Spot, given: Time) -> Reference | float | None:
-        match = _OF_PLAYER.fullmatch(given.strip()) if isinstance(given, str) else None
+    def player_time(cue: Cue[PlayCue], spot: Spot, given: Time) -> Reference | float | None:
+        match = _PLAYER_TIME.fullmatch(given.strip()) if isinstance(given, str) else None
         if match is None or match[1] not in file.cast:
             return None
         offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
@@ -84,7 +85,7 @@ def play_timeline(
         return 0.0
 
     times: dict[Spot, Time] = {("times", name): float(beat) for name, beat in file.times.items()}
-    timeline = make_timeline(acts, times, log, special)
+    timeline = make_timeline(acts, times, log, player_time)
     _check_order(timeline, log)
     _check_entrances(file, timeline, log)
     return timeline
@@ -92,11 +93,11 @@ def play_timeline(
 
 def _check_order(timeline: Timeline[PlayCue], log: ScriptLog) -> None:
     """Records cues that wait for those of a later act."""
-    of_spot = {cue.spot: cue for cue in timeline.cues}
+    cue_at = {cue.spot: cue for cue in timeline.cues}
     for cue in timeline.cues:
         for spot, _ in cue.times:
             ref = timeline.refs[spot]
-            other = of_spot.get(ref.spot) if isinstance(ref, Reference) else None
+            other = cue_at.get(ref.spot) if isinstance(ref, Reference) else None
             if other is not None and other.act > cue.act:
                 line = log.located.line(other.spot)
                 text = f"waits for {other.name} on line {line}, a cue of a later act"
@@ -104,7 +105,7 @@ def _check_order(timeline: Timeline[PlayCue], log: ScriptLog) -> None:
 
 
 def _check_entrances(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) -> None:
-    """Records entrances of players on the stage, and waits longer than the longest act."""
+    """Records entrances of players on the stage, and times beyond the longest act."""
     away: dict[str, bool] = dict.fromkeys(file.cast, True)
     for cue in timeline.cues:
         for who in cue.who:
@@ -113,8 +114,10 @@ def _check_entrances(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog
                 log.mistakes.add((*cue.spot, "enters to"), text)
             away[who] = isinstance(cue.given, ExitsToCue)
         for spot, start in cue.times:
-            if isinstance(start, float) and start * log.beat > _MAX_ACT_TIME:
-                text = f"found beat {start:g}; an act lasts {_MAX_ACT_TIME / 60:g} minutes at most"
+            if isinstance(start, float) and start * log.beat > _MAX_ACT_DURATION:
+                text = (
+                    f"found beat {start:g}; an act lasts {_MAX_ACT_DURATION / 60:g} minutes at most"
+                )
                 log.mistakes.add(spot, text)
 
 

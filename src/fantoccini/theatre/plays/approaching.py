@@ -175,7 +175,7 @@ class Approaching:
         self, footing: Footing, actor: Actor, other_footing: Footing, other: Actor
     ) -> Footing:
         """Nearest footing behind an actor's one at which two actors are clear of each other."""
-        distance = self._walks.clear(actor.player) + self._walks.clear(other.player)
+        distance = self._walks.clearance(actor.player) + self._walks.clearance(other.player)
         distance += _GAP * max(actor.player.leg_ratio, other.player.leg_ratio)
         steps_back = 0.01 * np.arange(int(100 * 2.0 * distance) + 1)
         places = footing.place - steps_back * np.exp(1j * footing.heading)

@@ -153,7 +153,7 @@ class Followed:
 
     def __repr__(self) -> str:
         clip = self.retargeted.clip
-        above = ", ".join(f"{part.name} {100 * part.above:.1f} %" for part in self.report)
+        above = ", ".join(f"{part.name} {100 * part.excess:.1f} %" for part in self.report)
         return f"<Followed {clip.name!r}: {self.status.name}, above reach {above} of the height>"
 
     @property
