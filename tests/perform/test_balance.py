@@ -57,7 +57,7 @@ def test_mistakes_of_pushes_are_named():
     with pytest.raises(StateError, match="three finite numbers"):
         live.push("bob", [1.0, np.nan, 0.0])
     live.record()
-    with pytest.raises(StateError, match="keeps no pushes"):
+    with pytest.raises(StateError, match="cannot contain pushes"):
         live.push("bob", [1.0, 0.0, 0.0])
 
 

@@ -315,7 +315,7 @@ def test_compiling_stops_in_time_with_a_partial_result(tmp_path):
     assert any(stops in str(remark) for remark in stopped.lacking)
     assert not any(stops in str(remark) for remark in whole.lacking)
     assert any("would be" in str(remark) for remark in stopped.lacking)  # touches are reported
-    assert [cue.what for cue in stopped.cues] == [cue.what for cue in whole.cues]
+    assert [cue.description for cue in stopped.cues] == [cue.description for cue in whole.cues]
     assert stopped.duration > 0.0
 
 

@@ -121,7 +121,7 @@ def _print(verification: Verification) -> None:
         for cue in play.cues:
             if cue.act != name:
                 continue
-            action = f"{cue.words} ({cue.mark})" if cue.mark else cue.words
+            action = f"{cue.action} ({cue.mark})" if cue.mark else cue.action
             action += f", {cue.passes}" if cue.passes else ""
             planned = f"{cue.wanted:.2f}"
             refusal = "left out" if cue.optional else "cannot be done"

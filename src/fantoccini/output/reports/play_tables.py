@@ -62,7 +62,7 @@ def cue_table(verification: Verification, act: str) -> Table:
     for cue in play.cues:
         if cue.act != act:
             continue
-        first = f"{cue.number}", f"{cue.line}", cue.words + (f" ({cue.mark})" if cue.mark else "")
+        first = f"{cue.number}", f"{cue.line}", cue.action + (f" ({cue.mark})" if cue.mark else "")
         if cue.refused:
             wrong.add(len(lines))
             lines.append(

@@ -89,7 +89,7 @@ def _lanes(play: Play, cross_width: float) -> dict[str, list[list[tuple[CueOfPla
             if cue.refused or marks is None:
                 bar = cue.wanted - cross_width, cue.wanted + 0.4 * cross_width, f"{cue.number}"
             else:
-                bar = marks["start"], marks["end"], f"{cue.number} {cue.words}"
+                bar = marks["start"], marks["end"], f"{cue.number} {cue.action}"
             free = [lane for lane in player_lanes if not lane or lane[-1][1][1] <= bar[0] + 1e-9]
             if not free:
                 player_lanes.append([])

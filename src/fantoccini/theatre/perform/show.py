@@ -371,7 +371,7 @@ class LivePlay:
 
 
 def _said(cue: CueOfPlay) -> str:
-    return f"cue {cue.number} ({cue.what})"
+    return f"cue {cue.number} ({cue.description})"
 
 
 def _most(play: Play) -> tuple[float, float]:

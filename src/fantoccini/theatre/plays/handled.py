@@ -59,7 +59,9 @@ def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failur
     return sorted(failures_so_far, key=lambda failure: failure.t)
 
 
-def handle_seen(cast: Cast, runs: Runs, meeting: Meeting, t: float) -> tuple[float, float] | None:
+def handle_position(
+    cast: Cast, runs: Runs, meeting: Meeting, t: float
+) -> tuple[float, float] | None:
     """Distance of a handle from the elbow, and its height, at a time [m]; None if unknown."""
     (prop,), who = meeting.props, meeting.players[0]
     run, handle = runs.with_prop(prop, t), cast.props[prop].handle
@@ -72,7 +74,7 @@ def handle_seen(cast: Cast, runs: Runs, meeting: Meeting, t: float) -> tuple[flo
     return float(to_hand @ (place - arm[:, 3])), float(place[2])
 
 
-def stands_seen(cast: Cast, runs: Runs, prop: str, t: float) -> Footing | None:
+def standing_place(cast: Cast, runs: Runs, prop: str, t: float) -> Footing | None:
     """Footing of a prop that was put down before a time [s]; None if it was not."""
     before = [run for run in runs.companies if prop in run.staged.props and run.end <= t + 1e-9]
     if not before:

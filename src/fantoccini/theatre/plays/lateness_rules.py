@@ -57,7 +57,7 @@ def refuse_late(
         if abs(seconds) > IN_TIME:
             side = "late" if seconds > 0.0 else "early"
             text = f"{name} would be {1e3 * abs(seconds):.0f} ms {side}, whenever its hands begin"
-            results = results.refusing(of_spot[spot], text) or results
+            results = results.with_refusal(of_spot[spot], text) or results
     return results, results is not before
 
 

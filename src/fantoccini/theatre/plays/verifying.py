@@ -17,7 +17,7 @@ from fantoccini.theatre.gestures import lateness, limits, names_and_units
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
-from fantoccini.theatre.plays.rounds import PEAKS
+from fantoccini.theatre.plays.rounds import PEAK_TOLERANCE
 from fantoccini.theatre.plays.stage_run import together
 from fantoccini.theatre.plays.touching import EVERY, Touch, touches
 from fantoccini.theatre.script import LATE, START
@@ -141,7 +141,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         if abs(timing.late) > IN_TIME + 1e-9:
             side = "late" if timing.late > 0.0 else "early"
             faults.append(
-                f"line {timing.cue.line}: {timing.cue.what}: "
+                f"line {timing.cue.line}: {timing.cue.description}: "
                 f"{timing.who} is {1e3 * abs(timing.late):.0f} ms "
                 f"{side}, in {play.when(timing.wanted)}"
             )
@@ -198,7 +198,7 @@ def _stops(play: Play, stop: Stop) -> str:
     starts.sort(key=lambda start: start[0])
     begun = [cue for t, cue in starts if t <= stop.t + LATE]
     cue = begun[-1] if begun else starts[0][1]
-    return f"line {cue.line}: {cue.what}: {sentence}"
+    return f"line {cue.line}: {cue.description}: {sentence}"
 
 
 def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:
@@ -215,14 +215,14 @@ def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:
             continue
         if cue.with_prop:
             # Its players begin one after the other: the cue begins with the first.
-            wanted = float(np.clip(cue.start, cue.wanted, cue.wanted + cue.give))
+            wanted = float(np.clip(cue.start, cue.wanted, cue.wanted + cue.max_delay))
             times.append(CueTime(cue, cue.who[0], wanted, cue.start, limb=False))
             continue
         for who, marks in cue.marks.items():
             own, hands = seen.get((cue.number, who)), marks[cue.mark or START]
             at = hands if own is None else hands + float(np.mean(own))
             # A cue that may be delayed is in time until then.
-            wanted = float(np.clip(at, cue.wanted, cue.wanted + cue.give))
+            wanted = float(np.clip(at, cue.wanted, cue.wanted + cue.max_delay))
             times.append(CueTime(cue, who, wanted, at, own is not None))
     return tuple(times)
 
@@ -243,7 +243,7 @@ def _peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], li
         )
         unit = names_and_units(table)[v][1]
         for row, what, per in ((0, "moves at", "s"), (1, "changes by", "s^2")):
-            if peaks[row, v] > bounds[row, v] * (1.0 + PEAKS):
+            if peaks[row, v] > bounds[row, v] * (1.0 + PEAK_TOLERANCE):
                 piece = int(np.argmax(score.gesture.peaks_of_pieces[:, row, v]))
                 when = play.when(score.gesture.breaks[piece])
                 over.append(
