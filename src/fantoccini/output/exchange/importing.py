@@ -91,7 +91,7 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     weightless = m.opt.disableflags & int(flags.mjDSBL_GRAVITY)
     gravity = [0.0, 0.0, 0.0] if weightless else numbers(m.opt.gravity)
     if gravity != [0.0, 0.0, -9.81]:
-        draft.top["gravity"] = gravity
+        draft.other_keys["gravity"] = gravity
     bodies = Bodies(compiled, draft)
     for model in models:
         draft.sources += (model.path, *model.others)

@@ -49,7 +49,7 @@ class Cast:
         x0: state of the scene at the start.
         file: the play's file.
         props: props by name.
-        lie: prop -> its state at the start.
+        prop_states: prop -> its state at the start of the play.
     """
 
     players: Mapping[str, Player]
@@ -57,7 +57,7 @@ class Cast:
     x0: State
     file: PlayFile
     props: Mapping[str, PlayProp] = field(default_factory=dict)
-    lie: Mapping[str, PropState] = field(default_factory=dict)
+    prop_states: Mapping[str, PropState] = field(default_factory=dict)
 
     @cached_property
     def allowed_pairs(self) -> frozenset[Pair]:
@@ -156,8 +156,8 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
         for one_mistake in error.mistakes:
             log.mistakes.add(("stage",), f"{one_mistake.key}: {one_mistake.message}")
         log.mistakes.refuse()
-    lie = {name: prop.start for name, prop in props.items()}
-    return Cast(players, whole, all_together(whole, players, lie), file, props, lie)
+    prop_states = {name: prop.start for name, prop in props.items()}
+    return Cast(players, whole, all_together(whole, players, prop_states), file, props, prop_states)
 
 
 def _check_names(file: PlayFile, log: ScriptLog) -> None:
@@ -272,7 +272,7 @@ def _fixed(marionette: Marionette) -> str:
 
 
 def all_together(
-    whole: Marionette, players: Mapping[str, Player], lie: Mapping[str, PropState]
+    whole: Marionette, players: Mapping[str, Player], prop_states: Mapping[str, PropState]
 ) -> State:
     """State of all players and props at the start."""
     x = whole.state()
@@ -285,7 +285,7 @@ def all_together(
                 q_D[whole.coordinates.q_D.index(own)] = value
             else:
                 q_K[whole.coordinates.q_K.index(own)] = value
-    for name, (q, _) in lie.items():
+    for name, (q, _) in prop_states.items():
         first = whole.coordinates.q_D.index(f"{name}.x")
         q_D[first : first + len(q)] = q
     return dataclasses.replace(x, q_D=q_D, q_K=q_K)

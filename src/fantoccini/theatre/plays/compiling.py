@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence, Set
 from dataclasses import replace
 
 from fantoccini.base import OnProgress, Progress, StateError
-from fantoccini.theatre.cast import OutOfTime, ResultCache, settled
+from fantoccini.theatre.cast import OutOfTime, ResultCache, with_settled_props
 from fantoccini.theatre.gestures import Part, Placed
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
@@ -91,7 +91,7 @@ def load_play(
         cache.on_disk = on_disk
     script = read_play(path, cache)
     try:
-        script = replace(script, cast=settled(script.cast, cache))
+        script = replace(script, cast=with_settled_props(script.cast, cache))
     except StateError as error:
         script.log.mistakes.add(("props",), f"held props do not hang at rest: {error}")
         script.log.mistakes.refuse()

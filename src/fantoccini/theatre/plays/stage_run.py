@@ -38,7 +38,7 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
     t = np.append(np.arange(0.0, end - 0.5 * sample, sample), end)
     whole = _Whole(cast, t)
     for name in cast.props:
-        whole.stands(name, -1.0, cast.lie[name])
+        whole.stands(name, -1.0, cast.prop_states[name])
     for run in runs.companies:
         whole.add(run)
     first = runs.companies[0].whole

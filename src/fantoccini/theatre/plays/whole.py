@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fantoccini.base import nearest
-from fantoccini.theatre.cast import Cast, lane_name, of_stage
+from fantoccini.theatre.cast import Cast, in_scene, lane_name
 from fantoccini.theatre.gestures import (
     Caption,
     Gesture,
@@ -38,12 +38,12 @@ def whole_score(
     file = cast.file
     table = cast.whole.coordinates
     lane_motions = {
-        label: of_stage(table, cast.member(name), gesture)
+        label: in_scene(table, cast.member(name), gesture)
         for name, player_lanes in lanes.items()
         for label, gesture in player_lanes.items()
     }
     whole, *others = (
-        of_stage(table, cast.member(name), motion) for name, motion in motions.items()
+        in_scene(table, cast.member(name), motion) for name, motion in motions.items()
     )
     for other in others:
         whole += other

@@ -118,7 +118,7 @@ def _obstruction(stage: Stage, goal: Footing, late: Way | None) -> NoWay:
     """Reason why no way leads to a goal in time; ``late`` is a way that takes too long."""
     movers = tuple(mover.name for mover in stage.movers)
     roadmap = stage.roadmap(goal)
-    if not np.any(np.isfinite(roadmap.rest[START])):
+    if not np.any(np.isfinite(roadmap.cost_to_goal[START])):
         names = _walls(stage, roadmap)
         return NoWay(Hindrance.NO_WAY_ROUND, f"no way leads round {_listed(names)}", names)
     if late is None:
@@ -160,7 +160,7 @@ def _free_places(stage: Stage, goal: Footing) -> Iterator[complex]:
     """Places that are free at the end, and reached past everything that stands."""
     roadmap = stage.roadmap(stage.start)
     # Players that arrive later count too, unless they shut the puppet in: it can leave before.
-    standing = stage.at_last if stage.is_free(roadmap.points[:1])[0] else stage.standing
+    standing = stage.final_regions if stage.is_free(roadmap.points[:1])[0] else stage.standing
     first, last = np.broadcast_arrays(roadmap.points[:, None], roadmap.points)
     reached = roadmap.points[roadmap.reached([stage.are_open(standing, first, last)])]
     directions = np.exp(2j * np.pi / _N_DIRECTIONS * np.arange(_N_DIRECTIONS))
