@@ -243,7 +243,7 @@ def test_puppets_stand_alike_in_every_direction():
 def test_steps_on_the_spot_are_searched_and_may_not_leave_it(promenade):
     draws = fan.control.Draws(runs=3, generations=1)
     tuned = find_gait(promenade, Gait(stride=0.0), rounds=1, draws=draws)
-    assert tuned.feet.asked_distance == 0.0
+    assert tuned.feet.wanted_distance == 0.0
     assert abs(tuned.feet.distance) < 0.02
     assert np.isfinite(tuned.feet.distance_error)
 
@@ -254,8 +254,8 @@ def test_a_walk_backward_is_not_a_walk_forward(promenade):
     run = fan.simulate(promenade, x0, inputs, method=fan.TimeStepping(dt=2e-3), save_every=4)
     body_parts = BodyParts.of(promenade, "pierrot")
     backward = footfalls(body_parts, run, dataclasses.replace(PROMENADE, stride=-0.1), steps)
-    assert backward.asked_distance < 0.0
-    assert backward.distance == pytest.approx(backward.asked_distance, abs=0.02)
+    assert backward.wanted_distance < 0.0
+    assert backward.distance == pytest.approx(backward.wanted_distance, abs=0.02)
     forward = footfalls(body_parts, run, PROMENADE, steps)
     assert forward.distance == backward.distance and forward.status is WalkStatus.OFF_DISTANCE
     assert gait_cost(body_parts, run, PROMENADE, steps) > 20.0

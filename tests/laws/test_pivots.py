@@ -39,7 +39,7 @@ drives:
 
 @pytest.mark.parametrize("name", ["crane", "marionette_bar", "stand6", "wound"])
 def test_the_joints_inertias_are_the_blocks_and_the_pivots_of_M(name):
-    """With outer joints held they are M's blocks; else det M is their product."""
+    """They are blocks of M if outer joints are held; otherwise det M is their product."""
     marionette = loads(WOUND) if name == "wound" else fan.load(fan.puppets.path(name))
     table, rng = marionette.coordinates, np.random.default_rng(1)
     q_D = np.nan_to_num(table.start_D, nan=1.0) + rng.normal(size=table.n_qD)

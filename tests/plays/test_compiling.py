@@ -12,7 +12,7 @@ import fantoccini as fan
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.theatre.cast.companies import Meeting
 from fantoccini.theatre.plays.placing import IN_TIME
-from fantoccini.theatre.plays.touching import AT_HAND, touches
+from fantoccini.theatre.plays.touching import HANDLING_DISTANCE, touches
 from plays.conftest import HEAD, Plays
 from plays.tiny import TOUCHES, write_play
 
@@ -213,7 +213,7 @@ def test_players_may_be_near_only_while_they_handle_a_prop(plays: Plays):
 
     near, nearer = (
         beside(still, brentq(off, 0.1, 0.5, args=(d,)), AHEAD)
-        for d in (3.0 * AT_HAND, 0.5 * AT_HAND)
+        for d in (3.0 * HANDLING_DISTANCE, 0.5 * HANDLING_DISTANCE)
     )
 
     def seen(run: fan.Trajectory, begin: float, end: float) -> list[float]:

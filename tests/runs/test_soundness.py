@@ -113,7 +113,7 @@ def spun(what: fan.Marionette | fan.State, v_D: np.ndarray) -> fan.State:
 
 @pytest.mark.parametrize("w, bound", [(10.0, 0.03), (20.0, 0.05), (40.0, 0.1)])
 def test_a_free_body_that_spins_keeps_its_energy(w, bound):
-    """With its velocity products at v it gained a factor of 2.5 to 4,000 in 5 s."""
+    """Velocity products at v let it gain a factor of 2.5 to 4,000 in 5 s."""
     puppet = fan.loads(CAPSULE)
     run = fan.simulate(
         puppet, spun(puppet, [0, 0, 0, w, 0.1 * w, w]), t_end=5.0, method="timestepping"

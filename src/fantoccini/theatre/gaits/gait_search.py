@@ -205,13 +205,13 @@ def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
     """Gait and feet of :func:`_packed`."""
     numbers, slide, lift, stands, *scalars = arrays
     values = dict(zip(SEARCHED_PARAMETERS, numbers.tolist(), strict=True))
-    distance, asked_distance, distance_error, turn, upright, status = map(float, scalars)
+    distance, wanted_distance, distance_error, turn, upright, status = map(float, scalars)
     feet = Footfalls(
         slide,
         lift,
         stands,
         distance,
-        asked_distance,
+        wanted_distance,
         distance_error,
         turn,
         upright,

@@ -31,7 +31,7 @@ from fantoccini.theatre.plays.rounds import (
     settle,
 )
 from fantoccini.theatre.plays.stage_run import SAMPLE, together
-from fantoccini.theatre.plays.touching import EVERY, Touch, touches
+from fantoccini.theatre.plays.touching import SAMPLE_STRIDE, Touch, touches
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.plays.whole import whole_score
 from fantoccini.theatre.script import (
@@ -189,7 +189,7 @@ def _touches(stage: Stage, this_round: Round, report: OnProgress) -> list[Touch]
     """Forbidden touches in the whole run of a round."""
     report(Progress("looking for touches", 0.97, 1.0))
     # The run has only the samples that are measured.
-    run = together(stage.script.cast, this_round.runs, EVERY * SAMPLE)
+    run = together(stage.script.cast, this_round.runs, SAMPLE_STRIDE * SAMPLE)
     return touches(stage.script.cast, run, this_round.placement.meetings, every=1)
 
 

@@ -19,7 +19,7 @@ from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.rounds import PEAK_TOLERANCE
 from fantoccini.theatre.plays.stage_run import together
-from fantoccini.theatre.plays.touching import EVERY, Touch, touches
+from fantoccini.theatre.plays.touching import SAMPLE_STRIDE, Touch, touches
 from fantoccini.theatre.script import LATE, START
 
 _MAX_REST_RATE = 1e-6
@@ -152,7 +152,9 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     ]
     peaks, over = _peaks(play)
     space, outside = _space(play, run.q_K)
-    strings = StringsApart(play.marionette).motion(*(x[::EVERY] for x in (run.q_D, run.q_K, run.t)))
+    strings = StringsApart(play.marionette).motion(
+        *(x[::SAMPLE_STRIDE] for x in (run.q_D, run.q_K, run.t))
+    )
     wound = tuple(
         winding
         for winding in strings.windings()

@@ -243,7 +243,7 @@ class Walks:
         return Rectangle((a + r, c + r), (b - r, d - r))
 
     def _reason(self, player: Player, failure: NoWay, act_start: float) -> str:
-        """Why there is no way, in words, with the nearest possible time and place."""
+        """Reason why there is no way, in words, with the nearest possible time and place."""
         text = f"{player.name} cannot get there: {failure.reason}"
         if failure.earliest is not None:
             when = act_time_in_words(failure.earliest, act_start, self._log.beat)

@@ -41,15 +41,15 @@ HOW: dict[str, dict[str, Any]] = {
     "twice": {"repeat": 2},
     "thrice": {"repeat": 3},
 }
-"""Word -> variation of a gesture; factors multiply."""
+"""Word -> variation of a gesture; factors of several words are multiplied."""
 
-_FACTORS = (1e-3, 1e3)
+_FACTOR_RANGE = (1e-3, 1e3)
 """Least and largest factor of sizes, speeds and durations."""
 _MARK = rf"{NAME}( \d+)?"
 
 
 def _factor(number: float) -> float:
-    low, high = _FACTORS
+    low, high = _FACTOR_RANGE
     if not low <= number <= high:
         raise mistake(f"found {number:g}; needed: a number from {low:g} to {high:g}")
     return number
