@@ -243,7 +243,7 @@ def test_a_draft_has_its_doubts_beside_the_joints():
     text = draft_mapping(captured(Skeleton(names, skeleton.parents, skeleton.offsets * [-1, 1, 1])))
     assert "# Doubtful: the toes point backwards" in text
     (line,) = [line for line in text.splitlines() if line.startswith("  knee_left:")]
-    assert line.startswith("  knee_left: L_Thigh  ") and "# 'L_Thigh' is called as" in line
+    assert line.startswith("  knee_left: L_Thigh  ") and "# 'L_Thigh' is the name of" in line
 
 
 def test_a_draft_of_no_person_is_to_be_filled_in(tmp_path):

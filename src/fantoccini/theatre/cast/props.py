@@ -146,7 +146,7 @@ def _prop(
             return None
         (x, y, height), heading = there, places.direction(entry.facing, (*spot, "facing"))
         if isinstance(heading, str):
-            middle = places.still(heading)
+            middle = places.midpoint(heading)
             if middle is None:
                 text = f"found {heading!r}; needed: an angle, a direction or an obstacle"
                 log.mistakes.add((*spot, "facing"), text)
@@ -196,7 +196,7 @@ def _place(
     height = file.stage.floor
     middle: Array | None = None
     if entry.on is not None:
-        top, middle = top_of(file, entry.on), places.still(entry.on)
+        top, middle = top_of(file, entry.on), places.midpoint(entry.on)
         if top is None:
             known = [obstacle.name for obstacle in file.stage.obstacles]
             text = f"found {entry.on!r}; needed: an obstacle{nearest(entry.on, known)}"

@@ -25,7 +25,7 @@ from fantoccini.theatre.gestures.leg_order import (
     phases,
 )
 from fantoccini.theatre.gestures.moves import names_and_units, planes
-from fantoccini.theatre.gestures.parameters import MADE
+from fantoccini.theatre.gestures.parameters import COMPUTED_GESTURES
 from fantoccini.theatre.gestures.performing import (
     CannotBe,
     Hands,
@@ -56,7 +56,7 @@ from fantoccini.theatre.gestures.walking import SWAY, leg_ratio, steps
 __all__ = [
     "ACCELERATION",
     "ARM",
-    "MADE",
+    "COMPUTED_GESTURES",
     "SAME",
     "SPEED",
     "STEP_TIME",

@@ -1,4 +1,4 @@
-"""Gestures computed from numbers and places: walks, pointing, looking."""
+"""Gestures computed from numbers and places: walking, pointing and looking."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from fantoccini.theatre.gestures.walking import walk
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
-MADE = {"walk": ("steps", "step", "turn"), "point": ("to",), "look": ("to",)}
-"""Bundled gesture -> its parameters; one with a file is computed only if they are given."""
+COMPUTED_GESTURES = {"walk": ("steps", "step", "turn"), "point": ("to",), "look": ("to",)}
+"""Bundled gesture -> its parameters; if it has a file, it is computed only with parameters."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,20 @@ class Parameters:
     turn: float | None = None
     to: To | None = None
 
-    def makes(self, name: str) -> bool:
-        """Whether a bundled gesture is computed from them, instead of read from a file."""
-        return name == "walk" or (name in MADE and self.to is not None)
+    def computes(self, name: str) -> bool:
+        """Whether a bundled gesture is computed from them instead of read from a file."""
+        return name == "walk" or (name in COMPUTED_GESTURES and self.to is not None)
 
     def refuse(self, name: str, known: tuple[str, ...] = ()) -> None:
         """Raises an InputError for parameters that a gesture does not have."""
         mistakes = Mistakes.of_inputs()
         for field in fields(self):
             if getattr(self, field.name) is not None and field.name not in known:
-                have = ", ".join(other for other, own in MADE.items() if field.name in own)
-                mistakes.add((field.name,), f"{name} has no {field.name!r}; those with it: {have}")
+                others = [
+                    gesture for gesture, names in COMPUTED_GESTURES.items() if field.name in names
+                ]
+                text = f"{name} has no {field.name!r}; those with it: {', '.join(others)}"
+                mistakes.add((field.name,), text)
         mistakes.refuse()
 
 
@@ -60,7 +63,7 @@ def member_prefix(table: CoordinateTable, of: str) -> str:
     return f"{of}."
 
 
-def made_gesture(
+def computed_gesture(
     puppet: Table, name: str, given: Parameters, prefix: str, start: State | None
 ) -> Gesture:
     """Bundled gesture computed from parameters.
@@ -70,7 +73,7 @@ def made_gesture(
         StateError: the puppet lacks a part of the body.
         UnknownNameError: an end or length of a string is not driven.
     """
-    given.refuse(name, MADE[name])
+    given.refuse(name, COMPUTED_GESTURES[name])
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{name} begins where the puppet hangs; it takes a Marionette")
     start, mistakes = puppet.rest() if start is None else start, Mistakes.of_inputs()

@@ -7,7 +7,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.gesture_file import bundled, gesture_names, load_gesture
-from fantoccini.theatre.gestures.parameters import Parameters, made_gesture, member_prefix
+from fantoccini.theatre.gestures.parameters import Parameters, computed_gesture, member_prefix
 from fantoccini.theatre.gestures.placing import place_lanes
 from fantoccini.theatre.gestures.styling import Style, StyleError
 from fantoccini.theatre.script import GestureCue, PhraseCue, PlayedCue, ScoreFile, ScriptLog, Spot
@@ -79,9 +79,9 @@ class ScoreGestures:
             self._wrong[name, of, parameters] = [(("gesture",), message)]
             return None
         try:
-            if is_bundled and parameters.makes(name):
+            if is_bundled and parameters.computes(name):
                 prefix = member_prefix(self._marionette.coordinates, of)
-                gesture = made_gesture(self._marionette, name, parameters, prefix, self._start)
+                gesture = computed_gesture(self._marionette, name, parameters, prefix, self._start)
             else:
                 parameters.refuse(name)
                 gesture = load_gesture(self._marionette, path, self._start, of=of)

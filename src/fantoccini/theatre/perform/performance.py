@@ -389,9 +389,9 @@ class Performance:
         change.check_steps(marionette, start, self.dt)
         self._recorder.end(reason)
         before, targets, lengths = self.marionette, self._targets, self._hands.lengths
-        x, lost = change.carried(before, self.state, marionette, start)
+        x, lost = change.transferred(before, self.state, marionette, start)
         x = change.permitted(with_slipping_winches(marionette, self._grip_of(marionette)), x)
-        player, ended = targets.player.carried(before, marionette)
+        player, ended = targets.player.transferred(before, marionette)
         lengths = Hands.ranges_of(marionette, start, self.dt) | lengths
         self._set_puppet(marionette, x, lengths, player)
         self._targets.keep(targets)

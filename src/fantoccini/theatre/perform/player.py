@@ -1,4 +1,4 @@
-"""Player of gestures, a take and a score on top of the positions that hands hold.
+"""Player that adds gestures, a take and a score to the positions that hands hold.
 
 q_K(t) = q_K,held(t) + d(t),   d(t): sum of the gestures, the take and the score
 """
@@ -15,8 +15,8 @@ from fantoccini.theatre.gestures import Gesture, Score
 from fantoccini.theatre.perform.score_voice import ScoreVoice
 from fantoccini.theatre.perform.voice import Offsets, Voice, fitted, lead_time
 
-_ROUNDING = 1e-9
-"""Tolerance for equal times, and for offsets at rest [s, m or rad]."""
+_TOLERANCE = 1e-9
+"""Tolerance of offsets and rates at rest [m or rad, per s]."""
 
 
 class Steps(NamedTuple):
@@ -29,7 +29,7 @@ class Steps(NamedTuple):
 
 
 class _Waiting(NamedTuple):
-    """A gesture that waits for its time ``on`` [s]."""
+    """Gesture that waits for its time ``on`` [s]."""
 
     gesture: Gesture
     on: float
@@ -37,11 +37,11 @@ class _Waiting(NamedTuple):
 
 
 class Player:
-    """Player of gestures and takes on top of the hands, tick by tick.
+    """Player of gestures, takes and scores, tick by tick.
 
-    Gestures add up, except if one takes over from another: it moves all coordinates that the other
-    moves, or both end in a place of their own, as kneeling and sitting do. It then begins with the
-    position and velocity of the other.
+    Gestures are added. A gesture replaces another one if it moves all coordinates of that, or if
+    both end away from home, as kneeling and sitting do; it then begins with the position and
+    velocity of the other.
 
     Attributes:
         t: time since the player was created [s].
@@ -62,13 +62,13 @@ class Player:
         self.score: ScoreVoice | None = None
 
     @property
-    def idle(self) -> bool:
+    def is_idle(self) -> bool:
         """Whether nothing is played."""
         return not (self._voices or self._waiting or self.take or self.score)
 
     @property
-    def away(self) -> bool:
-        """Whether gestures are played, or have ended elsewhere than they began."""
+    def is_away(self) -> bool:
+        """Whether gestures are played, wait, or have ended away from home."""
         return bool(self._voices or self._waiting)
 
     @property
@@ -82,15 +82,15 @@ class Player:
         """Time within the take [s]; None without one."""
         return None if self.take is None else self.take.time(self.t)
 
-    def carried(
+    def transferred(
         self, before: Marionette, after: Marionette
     ) -> tuple[Player | None, tuple[str, ...]]:
-        """The player if it can continue with a changed puppet, else None; and messages."""
+        """The player, or None if it cannot continue with a changed puppet; and messages."""
         old, new = before.coordinates, after.coordinates
         if (old.q_K, old.v_K) == (new.q_K, new.v_K):
             return self, ()
-        parts = {"the gestures": self.away, "the take": self.take, "the score": self.score}
-        return None, tuple(f"{what} ended" for what, part in parts.items() if part)
+        parts = {"the gestures": self.is_away, "the take": self.take, "the score": self.score}
+        return None, tuple(f"{name} ended" for name, part in parts.items() if part)
 
     def set_bounds(self, bounds: Array) -> None:
         """Sets the bounds of later transitions."""
@@ -109,9 +109,9 @@ class Player:
 
         Args:
             gesture: gesture; it is slowed down if it would exceed the bounds.
-            on: wanted beginning; as soon as possible by default. It begins later if the way to its
-                start takes longer.
-            repeat: whether to repeat it, until :meth:`once`.
+            on: wanted beginning; as soon as possible by default. It begins later if the transition
+                to its start takes longer.
+            repeat: whether to repeat it, until :meth:`finish`.
         """
         gesture = fitted(gesture, self._bounds)
         self._waiting = [w for w in self._waiting if w.gesture.name != gesture.name]
@@ -122,8 +122,8 @@ class Player:
             self._waiting.append(_Waiting(gesture, on, repeat))
         return earliest if on is None else max(on, earliest)
 
-    def once(self, name: str) -> None:
-        """Ends the repetition of a gesture after the present round."""
+    def finish(self, name: str) -> None:
+        """Ends a gesture after its present repetition."""
         self._waiting = [w for w in self._waiting if w.gesture.name != name]
         for voice in self._voices:
             if voice.gesture.name == name:
@@ -133,7 +133,7 @@ class Player:
         """Plays a take from now on; the hands have the velocities of its start.
 
         Args:
-            motion: motion of the take, without the coordinates that it leaves alone.
+            motion: motion of the take, without the coordinates that it does not move.
             v_K: (n_vK,) rates at its beginning.
             repeat: whether to repeat it, joined by state.
         """
@@ -148,13 +148,13 @@ class Player:
         return offset
 
     def play_score(self, score: Score, motion: Gesture) -> ScoreVoice:
-        """Plays a score from its start, as ``motion``; a score played before returns home."""
+        """Plays a score from its start; ``motion`` is its motion. A former score returns home."""
         self.stop_score()
         self.score = ScoreVoice(score, motion, self._bounds)
         return self.score
 
     def stop_score(self) -> None:
-        """Ends the score: its coordinates return home."""
+        """Ends the score; its coordinates return home."""
         if self.score is not None:
             home = Gesture.rest(self.score.conductor.score.gesture.coordinates, self._tick)
             self._voices.append(Voice(home, self._bounds, self.t, self.score.now))
@@ -173,15 +173,15 @@ class Player:
             if entry.on - lead_time(entry.gesture, before, self._bounds) <= self.t + self._tick:
                 self._waiting.remove(entry)
                 self._start(entry.gesture, entry.on, entry.repeat)
-        now = self.offsets()
+        before = self.offsets()
         self.t += self._tick
         if self.score is not None:
             self.score.advance(self._tick)
-        then = self.offsets()
-        return Steps(now.d, now.rate, then.d, then.rate)
+        after = self.offsets()
+        return Steps(before.d, before.rate, after.d, after.rate)
 
     def settle(self) -> VecK:
-        """Drops motions that have ended at home; returns the (n_vK,) displacement of home."""
+        """Removes motions that have ended at home; returns the (n_vK,) displacement of home."""
         moved = np.zeros(self._bounds.shape[1])
         for voice in list(self._voices):
             last = voice.at(self.t)
@@ -192,36 +192,40 @@ class Player:
             moved += self.stop_take()
         return moved
 
-    # -- inside ------------------------------------------------------------------------------
+    # -- internal ----------------------------------------------------------------------------
 
     def _start(self, gesture: Gesture, on: float | None, repeat: bool) -> None:
-        before, replaced = self._before(gesture), self._taken_over(gesture)
+        before, replaced = self._before(gesture), self._replaced(gesture)
         self._voices = [voice for voice in self._voices if voice not in replaced]
         self._voices.append(Voice(gesture, self._bounds, self.t, before, on, repeat))
 
     def _before(self, gesture: Gesture) -> Offsets:
-        """Sum of the offsets that a gesture takes over."""
-        return self._sum(self.t, self._taken_over(gesture))
+        """Sum of the offsets of the gestures that a gesture replaces."""
+        return self._sum(self.t, self._replaced(gesture))
 
-    def _taken_over(self, gesture: Gesture) -> list[Voice]:
+    def _replaced(self, gesture: Gesture) -> list[Voice]:
+        """Gestures that a gesture replaces."""
         return [
             voice
             for voice in self._voices
             if np.all(gesture.named | ~voice.gesture.named)
-            or (_ends_elsewhere(gesture) and _ends_elsewhere(voice.gesture))
+            or (_ends_away(gesture) and _ends_away(voice.gesture))
         ]
 
     def _all(self) -> list[Voice]:
+        """Gestures that are played, and the take."""
         return self._voices + ([] if self.take is None else [self.take])
 
     def _sum(self, t: float, voices: list[Voice], score: ScoreVoice | None = None) -> Offsets:
+        """Sum of offsets at a time [s]."""
         total = Offsets.none(self._bounds.shape[1]) if score is None else score.now
         for voice in voices:
             total = Offsets(*(a + b for a, b in zip(total, voice.at(t), strict=True)))
         return total
 
 
-def _ends_elsewhere(gesture: Gesture) -> bool:
-    """Whether a gesture ends at rest in a place of its own."""
+def _ends_away(gesture: Gesture) -> bool:
+    """Whether a gesture ends at rest away from home."""
     d, rate = gesture.ends[0][1], gesture.ends[1][1]
-    return bool(np.any(np.abs(d - gesture.travel) > _ROUNDING) and not np.any(np.abs(rate) > 1e-9))
+    is_away = np.any(np.abs(d - gesture.travel) > _TOLERANCE)
+    return bool(is_away and not np.any(np.abs(rate) > _TOLERANCE))

@@ -65,7 +65,7 @@ class Targets:
             asked = law.acceleration(x.replace(t=self._run.t))
             self.q_K = np.array(x.q_K)
             return self._hands.bounded(x.v_K + self._run.tick * asked)
-        if player.idle:
+        if player.is_idle:
             return self._hands.wanted_velocity(x, self.q_K, self._run.tick)
         velocity = self._hands.wanted_velocity(x, self.q_K, self._run.tick, player.step())
         self._fold(player.settle())
@@ -84,7 +84,7 @@ class Targets:
     def aim(self, name: str) -> Place:
         """Target of a handle with the player's present offsets, as :meth:`place`."""
         aimed = self.q_K
-        if not self.player.idle:
+        if not self.player.is_idle:
             aimed = self._hands.moved(aimed, self.player.offsets().d)
         return self._hands.place_at(name, aimed, self._run.x)
 
@@ -163,7 +163,7 @@ class Targets:
 
     def play_once(self, name: str) -> None:
         """Ends the repetition of a gesture after the present round."""
-        self.player.once(name)
+        self.player.finish(name)
 
     def go_home(self, start: State) -> None:
         """Returns from all gestures; if there are none, the hands return to their start.
@@ -175,7 +175,7 @@ class Targets:
             StateError: a law moves the hands.
         """
         self.check_free()
-        if self.player.away:
+        if self.player.is_away:
             self.player.play(Gesture.rest(self._hands.marionette, self._run.tick))
         else:
             self.q_K = np.array(start.q_K)

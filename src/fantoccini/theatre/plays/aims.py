@@ -79,7 +79,7 @@ class Aims:
         marks = self._cast.file.stage.marks
         if where in marks:
             return np.array([*marks[where].at, 0.0], dtype=float)
-        still = self._places.still(where)
+        still = self._places.midpoint(where)
         if still is None:
             raise CannotBe(f"nothing is called {where!r}")
         return still

@@ -25,7 +25,7 @@ from fantoccini.theatre.cast import (
     read_clip,
 )
 from fantoccini.theatre.gestures import (
-    MADE,
+    COMPUTED_GESTURES,
     STEP_TIME,
     Gesture,
     Step,
@@ -209,7 +209,9 @@ class PlayerGestures:
             path = bundled_clip(name)
         if path is None:
             text = f"no file beside this one, and no bundled gesture or clip, is called {name!r}"
-            return text + nearest(name, sorted({*gesture_names(), *clip_names()} - {*MADE}))
+            return text + nearest(
+                name, sorted({*gesture_names(), *clip_names()} - {*COMPUTED_GESTURES})
+            )
         try:
             if is_clip(path):
                 return read_clip(player, path)
