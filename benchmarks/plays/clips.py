@@ -69,7 +69,7 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
     cells = []
     for parts in GROUPS.values():
         wanted = {part: clip.places.parts[part] for part in parts}
-        hung = rms([clip.hung[part] - wanted[part] for part in parts])
+        hung = rms([clip.hanging_positions[part] - wanted[part] for part in parts])
         off = rms([seen[part] - (wanted[part] - middle) @ turn.T - [*at, 0.0] for part in parts])
         cells.append(f"{hung:.1f} + {off - hung:.1f}")
     return (

@@ -194,7 +194,7 @@ def test_hanging_poses_hang_and_miss_the_clip_by_no_more_than_stated(marionette,
     # Place of the point according to the body's pose.
     pose = marionette.pose(follow.reach[40].state, "forearm_right")
     hand = pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09]
-    np.testing.assert_allclose(follow.hung["hand_right"][40], hand, atol=1e-9)
+    np.testing.assert_allclose(follow.hanging_positions["hand_right"][40], hand, atol=1e-9)
     off = np.linalg.norm(hand - follow.places.parts["hand_right"][40])
     assert follow.errors["hand_right"][40] == pytest.approx(off, abs=1e-9)
     # Up to 8 cm of 56 are beyond the strings' reach where an arm points to the side; the head is
@@ -287,7 +287,7 @@ def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
     hung = fan.theatre.retarget_clip(marionette, "walk_up")
     lost = fan.theatre.follow_clip(marionette, hung, speed=1.0, acceleration={"head.length": 4.0})
     assert lost.status is FollowStatus.DIVERGED and not lost
-    assert lost.far > 0.15 > lost.hanging_far
+    assert lost.error > 0.15 > lost.pose_error
     assert bounds == [(1.0, 4.0), (0.5, 2.0), (0.25, 1.0)]
     ran = fantoccini("follow", "walk_up", "marionette", "--quiet")
     assert ran.exit_code == 1
@@ -325,9 +325,9 @@ def test_a_limb_that_is_lost_for_a_third_of_the_clip_does_not_follow(marionette,
 
     hung = fan.theatre.retarget_clip(marionette, "walk_up")
     monkeypatch.setattr(following, "errors_of", one_hand_off)
-    monkeypatch.setattr(following, "SLOWER", ())
+    monkeypatch.setattr(following, "BOUND_FACTORS", ())
     lost = fan.theatre.follow_clip(marionette, hung)
-    assert lost.status is FollowStatus.DIVERGED and lost.far < 0.15
+    assert lost.status is FollowStatus.DIVERGED and lost.error < 0.15
     assert [loss.part for loss in lost.losses] == ["hand_left"]
 
 
@@ -373,8 +373,8 @@ def test_a_member_of_a_scene_follows(marionette):
         )
         assert retargeted.figure.points["trunk"][0] == "anna.torso"
         alone = fan.theatre.retarget_clip(marionette, captured(np.repeat(STANDS[None], 2, axis=0)))
-        for part, places in alone.hung.items():
-            np.testing.assert_allclose(retargeted.hung[part], places, atol=2e-3)
+        for part, places in alone.hanging_positions.items():
+            np.testing.assert_allclose(retargeted.hanging_positions[part], places, atol=2e-3)
     with pytest.raises(fan.errors.UnknownNameError, match="no member of a scene is called 'otta'"):
         fan.theatre.retarget_clip(scene, captured(STANDS[None]), of="otta")
     with pytest.raises(StateError, match=r"has no body 'otto\.torso'"):

@@ -139,7 +139,12 @@ def test_the_limbs_follow_the_clip(
         clip = [retargeted.places.parts[part] for part in parts]
         there = [(path - middle) @ turn.T + [*xy, 0.0] for path in clip]
         off = rms([seen[part] - path for part, path in zip(parts, there, strict=True)])
-        hung = rms([retargeted.hung[part] - path for part, path in zip(parts, clip, strict=True)])
+        hung = rms(
+            [
+                retargeted.hanging_positions[part] - path
+                for part, path in zip(parts, clip, strict=True)
+            ]
+        )
         assert off - hung < most, group
         if who == "columbine":  # as where the gesture was computed
             (alone,) = [row.excess for row in made.report if row.name == group]

@@ -45,7 +45,7 @@ def test_a_play_is_performed_as_written(plays: Plays):
     # The limb turns on the beat: its hand leads by its lag.
     (seen,) = [seen_cue for seen_cue in verification.cues if seen_cue.cue is wave]
     assert seen.limb
-    assert abs(seen.seen - 5 * 0.6) <= IN_TIME
+    assert abs(seen.observed - 5 * 0.6) <= IN_TIME
     assert wave.marks["columbine"]["second"] < 5 * 0.6 - IN_TIME
 
 

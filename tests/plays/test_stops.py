@@ -133,7 +133,7 @@ def test_a_verification_out_of_time_measures_its_partial_run(tmp_path, monkeypat
     monkeypatch.setattr(type(play), "runs", stopped)
     verification = fan.theatre.verify_play(play, within=3.0)
     assert not verification
-    assert "the time was over after 3 s" in verification.faults[0]
+    assert "the time limit passed after 3 s" in verification.faults[0]
     assert verification.run.t[-1] == pytest.approx(play.duration)
     monkeypatch.undo()
     assert fan.theatre.verify_play(play, within=0.0)  # all is cached

@@ -112,7 +112,7 @@ def _print(verification: Verification) -> None:
             (
                 observation.who,
                 f"{observation.wanted:.2f}",
-                f"{observation.seen:.2f}",
+                f"{observation.observed:.2f}",
                 f"{1e3 * observation.late:+.0f}",
             )
         )

@@ -53,7 +53,7 @@ def cue_table(verification: Verification, act: str) -> Table:
             (
                 observation.who,
                 f"{observation.wanted:.2f}",
-                f"{observation.seen:.2f}",
+                f"{observation.observed:.2f}",
                 f"{1e3 * observation.late:+.0f}",
                 "limb" if observation.limb else "hands",
             )

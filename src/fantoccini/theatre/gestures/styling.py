@@ -11,15 +11,14 @@ from fantoccini.theatre.gestures.transitions import ACCELERATION, SPEED, Limit
 from fantoccini.theatre.script import HOW, DoesCue, Styled
 
 _MAX_PIECES = 100_000
-"""Largest number of pieces of a repeated gesture, limited by memory."""
+"""Largest number of pieces of a repeated gesture, to limit memory."""
 
 
 class StyleError(StateError):
-    """A gesture cannot be varied as a cue asks for.
+    """A gesture cannot be varied as in a cue.
 
     Args:
-        key: the variation that is impossible, by its key in the cue; empty for transitions between
-            repetitions.
+        key: key of the impossible variation in the cue; empty for transitions between repetitions.
         reason: message with the reason.
     """
 
@@ -36,7 +35,7 @@ class Style:
         larger, faster: factors of its size and speed.
         mirrored: whether left and right are exchanged.
         repeat: number of repetitions.
-        lasts: duration of each repetition [s]; None keeps its own.
+        lasts: duration of each repetition [s]; None keeps that of the gesture.
     """
 
     larger: float = 1.0
@@ -47,7 +46,7 @@ class Style:
 
     @classmethod
     def of(cls, cue: Styled, beat: float) -> Style:
-        """Style of a cue, from its words and numbers together; a beat lasts ``beat`` [s]."""
+        """Style of a cue, by its words and numbers; ``beat`` is the duration of a beat [s]."""
         larger, faster = cue.larger, cue.faster
         mirrored, repeat = cue.mirrored, cue.repeat
         for word in cue.how if isinstance(cue, DoesCue) else ():
@@ -73,12 +72,12 @@ class Style:
 
         Args:
             gesture: gesture as its file has it.
-            heading: angle by which it is turned about the vertical [rad]; None leaves it as it is.
+            heading: angle by which it is turned about the vertical [rad]; None does not turn it.
             speed, acceleration: bounds of the transitions between repetitions; see
                 :meth:`Gesture.then`.
 
         Raises:
-            StyleError: a variation is impossible; ``key`` says which.
+            StyleError: a variation is impossible.
         """
         key = "mirrored"
         try:

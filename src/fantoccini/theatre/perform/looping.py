@@ -21,7 +21,7 @@ _TOLERANCE = 1e-13
 """Error at the end of the way that counts as exact [m or rad, per s]."""
 
 
-def way_back(
+def return_motion(
     table: CoordinateTable, end: tuple[ConfigK, VecK], start: tuple[ConfigK, VecK], tick: float
 ) -> Array:
     """(k, n_vK) accelerations from one position and velocity to another; k is 0 if they agree.

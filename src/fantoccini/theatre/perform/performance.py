@@ -133,7 +133,7 @@ class Performance:
     @property
     def bounds(self) -> HandBounds:
         """Bounds of each driven coordinate."""
-        return self._hands.each()
+        return self._hands.coordinate_bounds()
 
     @property
     def state(self) -> State:

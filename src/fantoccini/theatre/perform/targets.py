@@ -39,7 +39,7 @@ class Targets:
         self, hands: Hands, run: TickRun, influences: Influences, player: Player | None = None
     ):
         self._hands, self._run, self._influences = hands, run, influences
-        bounds = np.array([list(bound.values()) for bound in hands.each()[1:]])
+        bounds = np.array([list(bound.values()) for bound in hands.coordinate_bounds()[1:]])
         self.player = player or Player(bounds, run.tick)
         self.player.set_bounds(bounds)
         self.q_K: ConfigK = np.array(run.x.q_K)
@@ -105,7 +105,7 @@ class Targets:
             StateError: a position or orientation is invalid, or a law moves the hands.
         """
         self.check_free()
-        self.q_K = self._hands.brought(self.q_K, name, position, wxyz, self._run.x)
+        self.q_K = self._hands.configuration_at(self.q_K, name, position, wxyz, self._run.x)
 
     def wind(self, string: str, length: float) -> None:
         """Sets the target length of a driven string [m], clipped to its range.
@@ -115,18 +115,18 @@ class Targets:
             StateError: the length is not a finite number, or a law moves the hands.
         """
         self.check_free()
-        place = self._hands.length_place(string)
+        place = self._hands.length_index(string)
         if not np.isfinite(length):
             raise StateError(f"{string}: found {length}; a length is a finite number")
         self.q_K[place] = np.clip(length, *self._hands.lengths[string])
 
     def length(self, string: str) -> float:
         """Present length of a driven string [m]."""
-        return float(self._run.x.q_K[self._hands.length_place(string)])
+        return float(self._run.x.q_K[self._hands.length_index(string)])
 
     def wanted_length(self, string: str) -> float:
         """Target length of a driven string [m]."""
-        return float(self.q_K[self._hands.length_place(string)])
+        return float(self.q_K[self._hands.length_index(string)])
 
     def hold(self) -> None:
         """Stops all hands: sets their targets to their present places."""

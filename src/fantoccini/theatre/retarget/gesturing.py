@@ -162,7 +162,8 @@ def _gesture_with_lean(
     home = places_in(placed.figure, marionette.poses(start.q_D[None], start.q_K[None]))
     retargeted = retarget_clip(marionette, placed)
     dip = max(
-        float(np.max(home[foot][0, 2] - retargeted.hung[foot][:, 2])) for foot in GROUPS["feet"]
+        float(np.max(home[foot][0, 2] - retargeted.hanging_positions[foot][:, 2]))
+        for foot in GROUPS["feet"]
     )
     if dip > 0.0:
         retargeted = retarget_clip(marionette, _raised(placed, dip))

@@ -90,7 +90,7 @@ class Retargeted:
         return sum(status in are_minima for status in self.reach.status)
 
     @cached_property
-    def hung(self) -> dict[str, Array]:
+    def hanging_positions(self) -> dict[str, Array]:
         """Part -> (T, 3) position in the hanging poses."""
         poses = self.marionette.poses(self.reach.q_D, self.reach.q_K)
         return places_in(self.figure, poses)
@@ -99,7 +99,7 @@ class Retargeted:
     def errors(self) -> dict[str, Array]:
         """Part -> (T,) distance [m] of the pose from the clip; a local minimum if settled."""
         return {
-            part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
+            part: np.linalg.norm(self.hanging_positions[part] - self.places.parts[part], axis=1)
             for part in WEIGHTS
         }
 
