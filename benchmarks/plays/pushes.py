@@ -177,7 +177,9 @@ def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
         for k in range(round(8.0 / tick)):
             body = f"{play.cast.member(name)}torso"
             shows[0].performance.push(body, force if k * tick < SLIP_TIME else None)
-            places = [members.middles(x.q_D, x.q_K)[who] for x in (s.advance(tick) for s in shows)]
+            places = [
+                members.mass_centres(x.q_D, x.q_K)[who] for x in (s.advance(tick) for s in shows)
+            ]
             off.append(np.linalg.norm((places[0] - places[1])[:2]))
         far_off = np.flatnonzero(np.array(off) > 0.01)
         durations.append(tick * (far_off[-1] + 1) if len(far_off) else 0.0)

@@ -272,8 +272,8 @@ def test_a_single_pose_has_no_use_for_the_time_of_a_frame(tmp_path, interval):
     text = "".join(ARM.splitlines(keepends=True)[:-1]).replace("Frames: 2", "Frames: 1")
     clip = fan.theatre.load_bvh(written(tmp_path, text.replace("0.025", interval)))
     assert clip.t == pytest.approx([0.0]) and not clip.notes
-    held = clip.held(1.0)
-    assert held.t == pytest.approx([0.0, 1.0]) and held.held(2.0) is held
+    held = clip.holding_single_pose(1.0)
+    assert held.t == pytest.approx([0.0, 1.0]) and held.holding_single_pose(2.0) is held
     assert np.array_equal(held.positions[0], held.positions[1])
 
 

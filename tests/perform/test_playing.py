@@ -347,7 +347,7 @@ def test_a_score_is_played_paused_and_set(marionette, score):
     agrees(1e-6)
     live.score.running = True
     live.advance(3.0)
-    assert live.score.conductor.waiting.name == "clap" and live.score.still
+    assert live.score.conductor.waiting.name == "clap" and live.score.is_still
     agrees(1e-6)
     assert live.score.conductor.go()
     live.advance(score.duration)

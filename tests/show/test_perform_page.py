@@ -270,7 +270,7 @@ def test_a_score_waits_for_go_pauses_and_jumps_to_marks(scene):
     scene.viewer.wait_for_text("&lt;b&gt;One&lt;/b&gt;, two")  # words, not markup
     assert "<b>One" not in scene.viewer.text
     scene.viewer.press("Pause (Y)")
-    until(lambda: performance.score.still, "a pause")
+    until(lambda: performance.score.is_still, "a pause")
     scene.viewer.pick("Go to", "turn")
     until(lambda: performance.score.t == 3.0, "the mark")
     scene.viewer.press("Play (Y)")

@@ -262,6 +262,6 @@ class Stage:
             next_beat = tempo.next(t)
             beat = (next_beat - t) / factor, tempo.beat / factor, round(tempo.beats(next_beat))
         playing = self.performance.score
-        if playing is None or playing.still or factor != 1.0:
+        if playing is None or playing.is_still or factor != 1.0:
             return SoundState(beat, None)
         return SoundState(beat, playing.t + ahead)

@@ -38,7 +38,7 @@ from fantoccini.theatre.cast.prop_gestures import (
     sum_of_waypoints,
     time_reversed,
 )
-from fantoccini.theatre.cast.props import PlayProp, PropState, top_of
+from fantoccini.theatre.cast.props import PlayProp, PropState, obstacle_top
 from fantoccini.theatre.cast.result_cache import (
     NUMBERS,
     OutOfTime,
@@ -90,6 +90,7 @@ __all__ = [
     "lane_name",
     "member_gesture",
     "member_name",
+    "obstacle_top",
     "play_timeline",
     "prop_gestures",
     "read_cast",
@@ -103,6 +104,5 @@ __all__ = [
     "standing_pairs",
     "sum_of_waypoints",
     "time_reversed",
-    "top_of",
     "with_settled_props",
 ]

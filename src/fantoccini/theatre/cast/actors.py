@@ -14,7 +14,7 @@ from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.gestures import Gesture, Hands
 from fantoccini.theatre.script import Spot
 
-_TRACK = 0.05
+_TRACK_INTERVAL = 0.05
 """Time between samples of a walk, which is straight between them [s]."""
 
 
@@ -64,7 +64,7 @@ class Actor:
         for way in self.ways:
             if not way.steps:
                 continue
-            own = np.append(np.arange(way.begin, way.end, _TRACK), way.end)
+            own = np.append(np.arange(way.begin, way.end, _TRACK_INTERVAL), way.end)
             own = own[own > t[-1]]
             t += own.tolist()
             xy += way.footing(own)[0].tolist()

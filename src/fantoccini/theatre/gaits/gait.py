@@ -187,10 +187,12 @@ class _Walk:
 
     @property
     def _looking(self) -> set[str]:
-        return {name.removeprefix(self._ends.of) for name in self._ends.body_parts.body_map.looking}
+        return {
+            name.removeprefix(self._ends.prefix) for name in self._ends.body_parts.body_map.looking
+        }
 
     def _from_start(self, string: str, length: float) -> float:
-        return length - float(self._ends.start[f"{self._ends.of}{string}.length"])
+        return length - float(self._ends.start[f"{self._ends.prefix}{string}.length"])
 
     def _wind(self, string: str, curve: Curve) -> None:
         self._ends.add(f"{string}.length", curve)

@@ -24,7 +24,7 @@ from fantoccini.theatre.gestures.leg_order import (
     legs,
     phases,
 )
-from fantoccini.theatre.gestures.moves import names_and_units, planes
+from fantoccini.theatre.gestures.moves import names_and_units, xy_indices
 from fantoccini.theatre.gestures.parameters import COMPUTED_GESTURES
 from fantoccini.theatre.gestures.performing import (
     CannotBe,
@@ -108,11 +108,11 @@ __all__ = [
     "names_and_units",
     "phases",
     "piecewise",
-    "planes",
     "read_sounds",
     "rehearse",
     "stepping",
     "steps",
     "times",
     "transition",
+    "xy_indices",
 ]

@@ -160,7 +160,7 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
         mistakes.add(("to",), f"the {side} hand cannot point there: {reason}")
     mistakes.refuse()
     names = _channels(puppet, strings)
-    offsets = {name: float(solution.state[name] - ends.start[ends.of + name]) for name in names}
+    offsets = {name: float(solution.state[name] - ends.start[ends.prefix + name]) for name in names}
     farthest = max(map(abs, offsets.values()))
     move_time = max(_MIN_MOVE_TIME, polynomial.minimum_jerk_duration(farthest, _SPEED))
     t, curve = rise_and_return(move_time, _HOLD_TIME)

@@ -19,7 +19,7 @@ _ROUNDING = 2e-3
 Cues = Sequence[tuple[Cue[ScoreCue], Played, Motion]]
 
 
-def note_passed(whole: Gesture, bounds: Array, cues: Cues, log: ScriptLog) -> None:
+def note_exceeded(whole: Gesture, bounds: Array, cues: Cues, log: ScriptLog) -> None:
     """Records where a speed or an acceleration exceeds its bound, once for each cue."""
     sizes, middle = whole.peaks_of_pieces, 0.5 * (whole.breaks[1:] + whole.breaks[:-1])
     over = sizes > bounds * (1.0 + _ROUNDING)

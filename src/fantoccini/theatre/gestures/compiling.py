@@ -12,7 +12,7 @@ import numpy as np
 from fantoccini.base import Array, FileError, InputError, UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
-from fantoccini.theatre.gestures.bounding import note_passed
+from fantoccini.theatre.gestures.bounding import note_exceeded
 from fantoccini.theatre.gestures.placing import PlacedLanes, place_lanes
 from fantoccini.theatre.gestures.score import Caption, Score, Wait
 from fantoccini.theatre.gestures.score_gestures import ScoreGestures
@@ -74,7 +74,7 @@ class _Compiler:
             log.beat,
         )
         whole, lane_motions = placed.hands.motion(self._table, [*file.lanes], end)
-        note_passed(whole, bounds, placed.played, log)
+        note_exceeded(whole, bounds, placed.played, log)
         note_moving(whole, waits, placed.played, log)
         log.mistakes.refuse()
         last: list[tuple[Spot, float]] = [(("marks", name), t) for name, t in placed.marks.items()]

@@ -61,13 +61,13 @@ class Ends:
         has_head = bool(self.body_parts.body_map.looking)
         self.body = self.body_parts.strings("head", "trunk") if has_head else carrying
         known = pieces.channel_names(self.table)
-        own = [name[len(self.of) :] for name in known if name.startswith(self.of)]
+        own = [name[len(self.prefix) :] for name in known if name.startswith(self.prefix)]
         owners = {name.rsplit(".", 1)[0] for name in own}
         for owner in self.body:
             self.check_driven(owner)
         for owner in sorted(owners):
             if f"{owner}.x" in own and f"{owner}.y" in own and "." not in owner:
-                x, y = (float(self.start[f"{self.of}{owner}.{part}"]) for part in "xy")
+                x, y = (float(self.start[f"{self.prefix}{owner}.{part}"]) for part in "xy")
                 self.places[owner] = complex(x, y)
         self.middle = sum(self.places[name] for name in carrying) / len(carrying)
 
@@ -77,7 +77,7 @@ class Ends:
         return self.body_parts.marionette.coordinates
 
     @property
-    def of(self) -> str:
+    def prefix(self) -> str:
         """Prefix of the strings' names: ``pierrot.``, or nothing."""
         return self.body_parts.prefix
 
@@ -85,8 +85,8 @@ class Ends:
         """Raises UnknownNameError unless a string's end moves along x and y, and it is wound."""
         known = pieces.channel_names(self.table)
         for part in ("x", "y", "length"):
-            if f"{self.of}{string}.{part}" not in known:
-                raise UnknownNameError("driven coordinate", f"{self.of}{string}.{part}", known)
+            if f"{self.prefix}{string}.{part}" not in known:
+                raise UnknownNameError("driven coordinate", f"{self.prefix}{string}.{part}", known)
 
     def carry(
         self,
@@ -132,12 +132,19 @@ class Ends:
         self.curves[name] = curve
 
     def gesture(self, t: Times, name: str, marks: dict[str, float], travels: bool) -> Gesture:
-        """Motion as a gesture with breaks at the curves' times."""
+        """Motion as a gesture with breaks at the curves' times.
+
+        Args:
+            t: times of the curves [s].
+            name: name of the gesture.
+            marks: mark -> time [s].
+            travels: whether the next gesture begins where this one ends.
+        """
         h, n = np.diff(t), self.table.n_vK
         coef, named = np.zeros((len(h), n, polynomial.N_COEF)), np.zeros(n, dtype=bool)
         travel, known = np.zeros(n), pieces.channel_names(self.table)
         for channel, curve in self.curves.items():
-            v = known[self.of + channel][1].start
+            v = known[self.prefix + channel][1].start
             d, rate, change = curve
             first, last = (d[:-1], rate[:-1], change[:-1]), (d[1:], rate[1:], change[1:])
             coef[:, v] = polynomial.hermite(h, first, last)

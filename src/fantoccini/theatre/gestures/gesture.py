@@ -176,7 +176,7 @@ class Gesture:
 
         Args:
             table: coordinate table.
-            offsets: name as in :func:`moves.places` -> times [s] and offsets.
+            offsets: name as in :func:`moves.scalar_indices` -> times [s] and offsets.
             travels, name, marks: see :meth:`of`.
 
         Raises:
@@ -279,7 +279,7 @@ class Gesture:
         points = {name: [(0.0, offset)] for name, offset in by.items()}
         read = moves.read(self.coordinates, points, mistakes)
         mistakes.refuse()
-        coef, places = np.array(self.coef), moves.places(self.coordinates)
+        coef, places = np.array(self.coef), moves.scalar_indices(self.coordinates)
         for name, (_, offsets) in read.items():
             coef[:, places[name], 0] += offsets[0]
         named = self.named | Gesture.of_offsets(self.coordinates, read).named
@@ -297,7 +297,7 @@ class Gesture:
         """
         coef, travel = np.zeros_like(self.coef), np.zeros_like(self.travel)
         named = np.zeros_like(self.named)
-        for v, to, sign in moves.images(self.coordinates, self.named):
+        for v, to, sign in moves.mirror_images(self.coordinates, self.named):
             coef[:, to] = sign[:, None] * self.coef[:, v]
             named[to], travel[to] = self.named[v], sign * self.travel[v]
         return replace(self, coef=coef, named=named, travel=travel)
@@ -315,7 +315,7 @@ class Gesture:
         """
         coef, travel, named = np.array(self.coef), np.array(self.travel), np.array(self.named)
         c, s = np.cos(angle), np.sin(angle)
-        for x, y in moves.planes(self.coordinates, self.named, bodies):
+        for x, y in moves.xy_indices(self.coordinates, self.named, bodies):
             a, b = self.coef[:, x], self.coef[:, y]
             coef[:, x], coef[:, y] = c * a - s * b, s * a + c * b
             a, b = self.travel[x], self.travel[y]

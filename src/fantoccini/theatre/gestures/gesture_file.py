@@ -270,12 +270,12 @@ def _gesture_of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         parts = moves_of(body_parts, points)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
-    string_mistakes, known = Mistakes.of_inputs(), moves.places(table)
+    string_mistakes, known = Mistakes.of_inputs(), moves.scalar_indices(table)
     waypoints = {name: points[part] for name, (part, _) in parts.items()}
     offsets = moves.read(table, waypoints, string_mistakes, (key,))
     units = moves.names_and_units(table)
     for name, (part, move) in parts.items():
-        channel = moves.meaning(name, table)[0]
+        channel = moves.driven_coordinate(name, table)[0]
         if channel not in known:
             reason = f"its move {part} would move {channel}, which is not a driven coordinate"
             raise _not_for_this_puppet(file, reason)
@@ -361,7 +361,7 @@ def _pose_offsets(
     mistakes.refuse()
     pose_offsets = {
         name: (np.array(poses.at), np.empty(len(poses.at)))
-        for name in moves.places(table)
+        for name in moves.scalar_indices(table)
         if name.rpartition(".")[0] in strings or name in strings
     }
     q_K_of_moves = None
@@ -386,7 +386,7 @@ def _pose_offsets(
         except StateError as error:
             raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
         change = puppet.difference(x0.q_K, reached.state.q_K, driven=True)
-        for name, v in moves.places(table).items():
+        for name, v in moves.scalar_indices(table).items():
             if name in pose_offsets:
                 pose_offsets[name][1][i] = change[v]
     mistakes.refuse()

@@ -33,7 +33,7 @@ from fantoccini.theatre.script import (
 )
 
 _MAX_HEADING_ERROR = 1e-2
-"""Largest difference of headings at which strings hold together [rad]."""
+"""Largest error of the heading for which a turn keeps strings together [rad]."""
 _POLICY = Policy(LATE)
 """Late cues of a score are reported."""
 
@@ -258,9 +258,9 @@ class _Verbs:
         if abs((entry.heading or 0.0) - heading) > _MAX_HEADING_ERROR:
             self._log.change(
                 spot,
-                f"{whole.name} turns as if the puppet looked "
-                f"{np.degrees(entry.heading or 0.0):.0f} deg to the left, and tears its "
-                f"strings apart: it looks {np.degrees(heading):.0f} deg; give "
+                f"{whole.name} turns as for a heading of "
+                f"{np.degrees(entry.heading or 0.0):.0f} deg, which pulls the strings apart: the "
+                f"puppet's heading is {np.degrees(heading):.0f} deg; give "
                 f"`heading: {np.degrees(heading):.0f} deg`",
             )
 

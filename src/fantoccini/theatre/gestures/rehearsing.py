@@ -24,10 +24,10 @@ from fantoccini.theatre.gestures.score import Score
 from fantoccini.theatre.gestures.timekeeping import (
     AXES,
     Late,
-    hanging,
+    hanging_poses,
     lateness,
-    paths,
-    places,
+    point_paths,
+    point_positions,
     ties,
 )
 from fantoccini.theatre.gestures.transitions import limits
@@ -262,8 +262,8 @@ def _hanging_positions(score: Score, x0: State, t: Times) -> Array:
     marionette, inputs = score.marionette, score.inputs(x0)
     coarse = np.append(t[:-1:2], t[-1])
     q_K = inputs.evaluate(np.minimum(x0.t + coarse, inputs.end))[0]
-    hanging_poses = hanging(marionette, q_K, x0, coarse)
-    hanging_positions = places(marionette, hanging_poses.q_D, hanging_poses.q_K, ties(marionette))
+    poses = hanging_poses(marionette, q_K, x0, coarse)
+    hanging_positions = point_positions(marionette, poses.q_D, poses.q_K, ties(marionette))
     return np.asarray(CubicSpline(coarse, hanging_positions)(t))
 
 
@@ -332,4 +332,4 @@ def _run_of(score: Score, x0: State, t: Times, learnt: Array) -> tuple[Trajector
     """Event-driven run, and (T, n_points, 3) positions of the strings' ends."""
     marionette = score.marionette
     run = simulate(marionette, x0, _inputs(score, x0, t, learnt), x0.t + float(t[-1]))
-    return run, paths(marionette, run, ties(marionette), x0.t + t)
+    return run, point_paths(marionette, run, ties(marionette), x0.t + t)

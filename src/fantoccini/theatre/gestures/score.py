@@ -100,6 +100,7 @@ class Score:
         beat: duration of a beat [s]; 1 if times are in seconds.
         changes: deviations from the file and their reasons, with file and line.
         name: name of the score.
+        speed, acceleration: bounds of the driven coordinates, for all or by name.
         waits: waits of live performances, in order; elsewhere they take no time.
         sounds: sounds with their times.
         lanes: lane -> its own motion.

@@ -38,7 +38,7 @@ class ScoreGestures:
         self._open: list[str] = []
 
     def read_all(self) -> None:
-        """Compiles the phrases that no cue plays too, for their mistakes."""
+        """Compiles all phrases, so that mistakes in those that no cue plays are found too."""
         for name in self._file.phrases:
             self._phrase(name, ("phrases", name))
 
@@ -104,8 +104,8 @@ class ScoreGestures:
     def _phrase(self, name: str, spot: Spot) -> Gesture | None:
         """A phrase as one gesture, from the puppet's rest; it ends at rest."""
         if name in self._open:
-            way = " -> ".join([*self._open[self._open.index(name) :], name])
-            self._log.mistakes.add(spot, f"a phrase is part of itself: {way}")
+            chain = " -> ".join([*self._open[self._open.index(name) :], name])
+            self._log.mistakes.add(spot, f"a phrase is part of itself: {chain}")
             return None
         if name not in self._file.phrases:
             text = f"no phrase is called {name!r}{nearest(name, self._file.phrases)}"

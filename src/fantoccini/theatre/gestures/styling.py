@@ -8,7 +8,7 @@ from typing import Any
 from fantoccini.base import FantocciniError, StateError, UnknownNameError
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.transitions import ACCELERATION, SPEED, Limit
-from fantoccini.theatre.script import HOW, DoesCue, Styled
+from fantoccini.theatre.script import STYLE_WORDS, DoesCue, Styled
 
 _MAX_PIECES = 100_000
 """Largest number of pieces of a repeated gesture, to limit memory."""
@@ -50,7 +50,7 @@ class Style:
         larger, faster = cue.larger, cue.faster
         mirrored, repeat = cue.mirrored, cue.repeat
         for word in cue.how if isinstance(cue, DoesCue) else ():
-            changes: dict[str, Any] = HOW[word]
+            changes: dict[str, Any] = STYLE_WORDS[word]
             larger *= changes.get("larger", 1.0)
             faster *= changes.get("faster", 1.0)
             mirrored = mirrored != changes.get("mirrored", False)

@@ -12,7 +12,13 @@ from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Curve, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.leg_order import leg_length, phases
-from fantoccini.theatre.gestures.stepping import LONGEST, MOST_TURN, STEP_TIME, Step, Track
+from fantoccini.theatre.gestures.stepping import (
+    MAX_STEP_LENGTH,
+    MAX_STEP_TURN,
+    STEP_TIME,
+    Step,
+    Track,
+)
 
 STEPS, STEP = 4, 0.06
 """Default number of steps of a walk, and default length of a step [m]."""
@@ -66,11 +72,11 @@ def walk_parameters(
     angle = 0.0 if turn is None else float(turn)
     if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= _MAX_STEPS:
         mistakes.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MAX_STEPS}")
-    elif not abs(angle) <= n * MOST_TURN:
+    elif not abs(angle) <= n * MAX_STEP_TURN:
         text = f"found {np.degrees(angle):g} deg in {n} steps; needed: at most 90 deg in each"
         mistakes.add(("turn",), text)
-    if not abs(step) <= LONGEST:
-        mistakes.add(("step",), f"found {step:g} m; needed: at most {LONGEST:g} m")
+    if not abs(step) <= MAX_STEP_LENGTH:
+        mistakes.add(("step",), f"found {step:g} m; needed: at most {MAX_STEP_LENGTH:g} m")
     return n, step, angle
 
 

@@ -280,7 +280,7 @@ class LivePlay:
     def _reference_time(self) -> float:
         """Time in the play; during a transition to a cue, just after the cue's beginning [s]."""
         voice = self.voice
-        is_leading = voice is not None and voice.leading and voice.conductor.waiting is None
+        is_leading = voice is not None and voice.is_leading and voice.conductor.waiting is None
         return self.t + 2.0 * _SAME_TIME * is_leading
 
     def _begin(self) -> ScoreVoice:
@@ -337,7 +337,7 @@ class LivePlay:
             self._current, self._act, self._wait = (), "", ""
             return
         t = voice.t
-        if not voice.leading:
+        if not voice.is_leading:
             act = [name for name, start in self.play.acts.items() if start <= t]
             if act and act[-1] != self._act:
                 self._act = act[-1]
@@ -351,14 +351,14 @@ class LivePlay:
                 self._report("start", self.play.cues[number - 1].name, number)
         self._current = current
         wait = voice.conductor.waiting
-        name = "" if wait is None or voice.leading else wait.name
+        name = "" if wait is None or voice.is_leading else wait.name
         if name and name != self._wait:
             self._report("wait", name)
         self._wait = name
 
     def _current_cues(self, voice: ScoreVoice) -> tuple[int, ...]:
         """Numbers of the cues that are being played."""
-        if voice.leading or voice.conductor.done:
+        if voice.is_leading or voice.conductor.done:
             return ()
         wait, t = voice.conductor.waiting, voice.t
         waiting = None if wait is None else self._cue_of(wait)

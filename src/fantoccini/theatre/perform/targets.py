@@ -68,7 +68,7 @@ class Targets:
         if player.is_idle:
             return self._hands.wanted_velocity(x, self.q_K, self._run.tick)
         velocity = self._hands.wanted_velocity(x, self.q_K, self._run.tick, player.step())
-        self._fold(player.settle())
+        self._add_to_targets(player.settle())
         return velocity
 
     # -- hands -------------------------------------------------------------------------------
@@ -91,9 +91,8 @@ class Targets:
     def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
         """Sets the target of a handle; components that its joint cannot reach are projected away.
 
-        A joint that drives move in part moves as a whole by the handle of its body or string end;
-        ``bar.carriage1`` and so on are handles of its parts. A target on a moving body moves with
-        it.
+        A joint with several drives has a handle for the whole, that of its body or string end, and
+        one for each part (``bar.carriage1``). A target on a moving body moves with it.
 
         Args:
             name: name of the handle.
@@ -138,12 +137,10 @@ class Targets:
     def play(self, gesture: Gesture, *, after: float | None = None, repeat: bool = False) -> float:
         """Plays a gesture on top of the held positions; returns the time until it begins [s].
 
-        Offsets of several gestures add up. A gesture that moves all coordinates of another takes
-        over from it, and so does one that ends in a place of its own from another that does, as
-        sitting from
-        kneeling: position and velocity are continuous. A gesture that would exceed the hands'
-            bounds is
-        played slower.
+        Offsets of several gestures add up. A gesture that moves all coordinates of another
+        replaces it, and so does one that ends in a place of its own if the other one does, such as
+        sitting after kneeling: position and velocity are continuous. A gesture that would exceed
+        the hands' bounds is played slower.
 
         Args:
             gesture: gesture of this puppet.
@@ -182,7 +179,7 @@ class Targets:
 
     def stop_take(self) -> None:
         """Ends the take; the hands stop where they are."""
-        self._fold(self.player.stop_take())
+        self._add_to_targets(self.player.stop_take())
 
     def play_score(self, score: Score, *, armed: Collection[str] = ()) -> ScoreVoice:
         """Plays a score from its start, on top of the held positions; returns ``score``.
@@ -255,7 +252,7 @@ class Targets:
             raise StateError("no score is played: play_score begins one")
         return self.player.score
 
-    def _fold(self, d: VecK) -> None:
+    def _add_to_targets(self, d: VecK) -> None:
         """Adds offsets to the targets."""
         if d.any():
             self.q_K = self._hands.moved(self.q_K, d)

@@ -1,4 +1,4 @@
-"""Run of a puppet in hands, tick by tick, which continues after any motion of the hands."""
+"""Run of a puppet that hands move, tick by tick; it continues after any motion of the hands."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from fantoccini.theatre.perform.hands import Hands
 
 
 class TickRun:
-    """Run of a puppet in hands, tick by tick.
+    """Run of a puppet that hands move, tick by tick.
 
     Attributes:
-        performed: puppet with the winches in use.
+        performed: puppet as it is simulated, with its present winches.
         tick: duration of a tick [s].
         stepper: present stepper; :meth:`restart` creates another one.
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Times
-from fantoccini.theatre.cast import Cast, Footing, Meeting, Physique, top_of
+from fantoccini.theatre.cast import Cast, Footing, Meeting, Physique, obstacle_top
 from fantoccini.theatre.plays.runs import Run, Runs
 from fantoccini.theatre.script import MeetingKind, Spot
 
@@ -121,7 +121,7 @@ def _stands(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     (prop,) = meeting.props
     obstacles = {obstacle.name for obstacle in cast.file.stage.obstacles}
     (on,) = {name for pair in meeting.pairs for name in pair} & obstacles
-    pose, top = _poses(run, prop, t[-1:])[0], top_of(cast.file, on)
+    pose, top = _poses(run, prop, t[-1:])[0], obstacle_top(cast.file, on)
     assert top is not None
     first = run.whole.coordinates.v_D.index(f"{run.staged.props[prop]}.x")
     rates = run.whole.resample(t[-1:]).v_D[0, first : first + 3]

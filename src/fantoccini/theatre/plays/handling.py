@@ -17,14 +17,14 @@ from fantoccini.theatre.cast import (
     Footing,
     Physique,
     hanging_pair,
+    obstacle_top,
     prop_gestures,
     standing_pairs,
-    top_of,
 )
 from fantoccini.theatre.gestures import CannotBe, Turn
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.approaching import CALM_TIME, Approaching, place_ahead
-from fantoccini.theatre.plays.holdings import Hangs, Seated, Stands
+from fantoccini.theatre.plays.holdings import Hanging, Seated, Standing
 from fantoccini.theatre.plays.on_stage import OnStage, carry_pose
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.sitting import sit
@@ -151,7 +151,7 @@ class Handling:
             for name, arm in ((who, held.side), (to, other))
         }
         stage = stage.with_contact(turn, prop, pairs, start, end)
-        stage = stage.with_prop(prop, Hangs(to, other, end, turn.spot))
+        stage = stage.with_prop(prop, Hanging(to, other, end, turn.spot))
         giver, receiver = stage.actors[who], stage.actors[to]
         retreat = self._steps.behind(here, giver, receiver.last, receiver)
         return self._steps.step_straight(stage, who, retreat, end, ignored=to)
@@ -206,7 +206,7 @@ class Handling:
         actor = stage.actors[who]
         held = stage.held(prop, who)
         stage.check_stands(who)
-        top = top_of(self._cast.file, onto)
+        top = obstacle_top(self._cast.file, onto)
         assert top is not None  # otherwise it is a mistake of the file
         bottom = self._bottom_height(turn, actor, prop, held)
         puts = self._putting(
@@ -222,7 +222,7 @@ class Handling:
         pairs = standing_pairs(prop, onto) | {hanging_pair(stage.bodies(who), held.side, prop)}
         stage = stage.without_hold(prop, held, start).with_contact(turn, prop, pairs, start, end)
         z = goal.place + np.exp(1j * goal.heading) * complex(puts.forward, puts.left)
-        stands = Stands(Footing(z.real, z.imag, goal.heading), top, onto)
+        stands = Standing(Footing(z.real, z.imag, goal.heading), top, onto)
         return self._steps.step_straight(
             stage.with_prop(prop, stands), who, stop, end, step=_MAX_TABLE_STEP
         )
@@ -232,7 +232,7 @@ class Handling:
     ) -> OnStage:
         prop, (who,) = given.picks_up, turn.who
         actor, thing, side = stage.actors[who], stage.where[prop], "right"
-        if isinstance(thing, Hangs):
+        if isinstance(thing, Hanging):
             raise CannotBe(f"{thing.player} holds {prop}")
         if self._cast.props[prop].handle is None:
             raise CannotBe(f"{prop} has no handle")
@@ -254,7 +254,7 @@ class Handling:
         stage, end = self._steps.perform(stage, who, puts.gesture, start)
         pairs = standing_pairs(prop, thing.on) | {hanging_pair(stage.bodies(who), side, prop)}
         stage = stage.with_contact(turn, prop, pairs, start, end)
-        stage = stage.with_prop(prop, Hangs(who, side, end, turn.spot))
+        stage = stage.with_prop(prop, Hanging(who, side, end, turn.spot))
         return self._steps.step_straight(stage, who, stop, end, step=_MAX_TABLE_STEP)
 
     # -- state -------------------------------------------------------------------------------
@@ -343,7 +343,7 @@ class Handling:
         measured = self._corrections.handles.get(turn.spot)
         return None if measured is None else measured[0]
 
-    def _bottom_height(self, turn: Turn[PlayCue], actor: Actor, prop: str, held: Hangs) -> float:
+    def _bottom_height(self, turn: Turn[PlayCue], actor: Actor, prop: str, held: Hanging) -> float:
         """Height of the bottom of a held prop, as measured in an earlier round if it was [m]."""
         measured = self._corrections.handles.get(turn.spot)
         handle = self._cast.props[prop].handle
@@ -358,13 +358,13 @@ class Handling:
         """Middle of a seat [m], heading of a sitter [rad], and height of the seat [m]."""
         if name in stage.where:
             thing, seat = stage.where[name], self._cast.props[name].seat
-            if isinstance(thing, Hangs):
+            if isinstance(thing, Hanging):
                 raise CannotBe(f"{thing.player} holds {name}")
             if seat is None:
                 raise CannotBe(f"{name} has no seat; needed: `seat:` of the prop")
             place = self._corrections.stands.get(turn.spot, thing.place)
             return place.place, place.heading, thing.height + seat
-        top = top_of(self._cast.file, name)
+        top = obstacle_top(self._cast.file, name)
         assert top is not None  # otherwise it is a mistake of the file
         middle = self._walks.middle(name)
         if middle is None:

@@ -1,4 +1,4 @@
-"""Holders of props while cues are placed: a forearm, a sitter, or a place on the stage."""
+"""Places of props and sitters while cues are placed: a forearm, the stage, or a seat."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from fantoccini.theatre.script import Spot
 
 
 @dataclass(frozen=True)
-class Hangs:
-    """A prop on a forearm.
+class Hanging:
+    """A prop that hangs on a forearm.
 
     Attributes:
         player, side: player and side of the forearm.
-        since: [s].
+        since: time from which it hangs there [s].
         cue: cue that brought it there; None from the start on.
     """
 
@@ -42,7 +42,7 @@ class Hangs:
 
 
 @dataclass(frozen=True)
-class Stands:
+class Standing:
     """A prop that stands on the floor or an obstacle.
 
     Attributes:

@@ -10,7 +10,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import Role
 from fantoccini.theatre.capture import Capture, Skeleton
 from fantoccini.theatre.retarget.bodies import bodies_of_map
-from fantoccini.theatre.retarget.figure import USUAL
+from fantoccini.theatre.retarget.figure import BUNDLED_BODIES
 from fantoccini.theatre.retarget.finding import Doubt
 from fantoccini.theatre.retarget.mapping import BODIES, PARTS, recognise
 
@@ -68,7 +68,7 @@ def _indented(skeleton: Skeleton) -> Iterator[str]:
 def _puppet_lines(marionette: Marionette) -> list[str]:
     """Lines of the puppet's bodies; none if their names are those of the bundled marionette."""
     names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
-    if all(body_file.body in names for body_file in USUAL.values()):
+    if all(body_file.body in names for body_file in BUNDLED_BODIES.values()):
         return []
     try:
         bodies = bodies_of_map(marionette)

@@ -20,7 +20,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import State, Trajectory
 from fantoccini.theatre.capture import Capture, load_bvh
-from fantoccini.theatre.gestures import Gesture, planes
+from fantoccini.theatre.gestures import Gesture, xy_indices
 from fantoccini.theatre.retarget.deviations import GROUPS, PartError, errors_of, report_of
 from fantoccini.theatre.retarget.following import (
     INTERVAL,
@@ -247,7 +247,7 @@ def _bounds_for_all_headings(
     """Bounds of speed and acceleration by coordinate, which also hold after any turn."""
     table = marionette.coordinates
     share = np.ones(table.n_vK)
-    for x, y in planes(table, np.ones(table.n_vK, dtype=bool)):
+    for x, y in xy_indices(table, np.ones(table.n_vK, dtype=bool)):
         share[[x, y]] = np.sqrt(0.5)
     return (
         dict(zip(table.v_K, (speed * share).tolist(), strict=True)),

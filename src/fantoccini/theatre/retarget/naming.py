@@ -9,7 +9,7 @@ from collections.abc import Sequence
 END = ".end"
 """Suffix of the end of a chain."""
 _SIDES = (("left", "right"), ("lft", "rgt"), ("l", "r"), ("左", "右"))
-"""Words for the sides, left first, long ones before their beginnings."""
+"""Words for the sides, left first; longer words come before those with which they begin."""
 _WORD = re.compile(r"[A-Z]+(?![^\W\d_A-Z])|[A-Z]?[^\W\d_A-Z]+")
 _PREFIX = re.compile(r"[^\W\d_]+\d*[ _.\-]+")
 """Beginning of a name, up to its first separator."""

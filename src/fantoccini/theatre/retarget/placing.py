@@ -151,7 +151,10 @@ def _halves(
     lower = axes_along(up, hip_line) @ figure.lower.axes.T
     waist = hips + lower @ (figure.lower.waist - figure.at("trunk"))
     upper = axes_along(up, shoulder_line) @ figure.axes.T
-    return (_Half(upper, waist, figure.lower.below_trunk), _Half(lower, hips, figure.at("trunk")))
+    return (
+        _Half(upper, waist, figure.lower.waist_in_trunk),
+        _Half(lower, hips, figure.at("trunk")),
+    )
 
 
 def _trunks(x: Mapping[str, Array]) -> Array:

@@ -167,7 +167,7 @@ def place_clip(
     refuse_contact(marionette, "follow")
     check_not_negative(travel=travel, turning=turning)
     name = clip.name or "clip"
-    clip = clip.held(_POSE_TIME).without_calibration()
+    clip = clip.holding_single_pose(_POSE_TIME).without_calibration()
     if mapping is None:
         recognised = recognise(clip.skeleton, name, clip.positions)
         mapping = recognised.mapping

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 from fantoccini.base import nearest
 from fantoccini.theatre.script.cues import CueFile
 from fantoccini.theatre.script.log import ScriptLog
-from fantoccini.theatre.script.times import Ref, Reference, Times, circle
+from fantoccini.theatre.script.times import Ref, Reference, Times, circular_wait
 from fantoccini.theatre.script.values import END, START, Spot, Time
 
 CueT = TypeVar("CueT", bound=CueFile)
@@ -211,7 +211,7 @@ def make_timeline(
     for act in acts:
         firsts.append(firsts[-1] + len([*act]))
     timeline = Timeline(cues, tuple(firsts), tuple(marks), times, refs, gos, log.beat)
-    mistake = circle(timeline.graph(), log.located)
+    mistake = circular_wait(timeline.graph(), log.located)
     if mistake is not None:
         log.mistakes.add(*mistake)
     return timeline

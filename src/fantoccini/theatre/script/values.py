@@ -30,7 +30,7 @@ START, END = "start", "end"
 DIRECTIONS = {"audience": 0.0, "left": 90.0, "back": 180.0, "right": -90.0}
 """Direction on the stage -> angle from the audience, which is along x [deg]."""
 
-HOW: dict[str, dict[str, Any]] = {
+STYLE_WORDS: dict[str, dict[str, Any]] = {
     "timidly": {"larger": 0.6, "faster": 0.8},
     "boldly": {"larger": 1.25},
     "slowly": {"faster": 0.7},
@@ -104,8 +104,10 @@ def _where(value: Any) -> Any:
 
 
 def _style_word(value: str) -> str:
-    if value not in HOW:
-        raise mistake(f"found {shown(value)}; allowed: {', '.join(HOW)}{nearest(value, HOW)}")
+    if value not in STYLE_WORDS:
+        raise mistake(
+            f"found {shown(value)}; allowed: {', '.join(STYLE_WORDS)}{nearest(value, STYLE_WORDS)}"
+        )
     return value
 
 
@@ -145,7 +147,7 @@ Names = Annotated[
     Field(min_length=1),
 ]
 _StyleWord = Annotated[
-    str, AfterValidator(_style_word), WithJsonSchema({"type": "string", "enum": list(HOW)})
+    str, AfterValidator(_style_word), WithJsonSchema({"type": "string", "enum": list(STYLE_WORDS)})
 ]
 How = Annotated[
     tuple[_StyleWord, ...], BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...])

@@ -173,5 +173,5 @@ class Traffic:
 def _phase(n: int, samples_per_step: int) -> Array:
     """(n parts + 1,) share of a leg of n steps that is completed at its samples."""
     s = np.arange(samples_per_step) / samples_per_step
-    coef = stepping.leg(n)
+    coef = stepping.leg_progress(n)
     return np.append(polynomial.evaluate(coef[:, None], s[None])[0].ravel(), 1.0)
