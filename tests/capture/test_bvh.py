@@ -112,7 +112,7 @@ class RandomTree:
 
 
 def test_positions_near_zero_are_relative_to_offsets(tmp_path):
-    """Poses of MakeHuman are written so; their joints would all lie in one point."""
+    """MakeHuman writes poses in this way; as positions they would put all joints in one point."""
     text = ARM.replace("CHANNELS 1 Zrotation", "CHANNELS 4 Xposition Yposition Zposition Zrotation")
     text = text.replace("1 2 3 0 0 0 90 ", "1 2 3 0 0 0 0.01 0 0 90 ")
     text = text.replace("0 0 0 90 0 0 0 ", "0 0 0 90 0 0 0 0.02 0 0 ")

@@ -102,7 +102,7 @@ def test_all_legs_jump(dachshund, heron):
     assert legs < set(load_gesture(heron, "jump").uses)
 
 
-def test_a_missing_part_is_told_in_one_sentence(dachshund):
+def test_a_missing_part_is_named_in_one_sentence(dachshund):
     with pytest.raises(FileError) as error:
         load_gesture(dachshund, "wave")
     assert str(error.value) == (
@@ -231,7 +231,7 @@ def test_a_dog_looks_aside(dachshund):
     assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(135.0, abs=15.0)
 
 
-def test_a_score_says_where_a_part_is_missing(dachshund, tmp_path):
+def test_a_score_gives_the_line_of_a_missing_part(dachshund, tmp_path):
     path = tmp_path / "number.yaml"
     path.write_text(
         "score: number\nlanes:\n  a:\n  - {gesture: clap}\n  - {gesture: wave}\n", encoding="utf-8"

@@ -261,7 +261,7 @@ def test_a_walk_backward_is_not_a_walk_forward(promenade):
     assert gait_cost(body_parts, run, PROMENADE, steps) > 20.0
 
 
-def test_a_gait_that_does_not_walk_says_so_even_from_the_cache(promenade):
+def test_a_gait_that_does_not_walk_has_that_status_also_from_the_cache(promenade):
     draws = fan.control.Draws(runs=3, generations=1)
     for _ in range(2):
         tuned = find_gait(promenade, Gait(stride=0.6), rounds=1, draws=draws)
@@ -280,7 +280,7 @@ def test_a_gait_that_does_not_walk_says_so_even_from_the_cache(promenade):
         ({"run_status": fan.Status.TENSION_CAP}, WalkStatus.STOPPED),
     ],
 )
-def test_feet_tell_whether_the_puppet_walks(changes, status):
+def test_footfalls_show_whether_the_puppet_walks(changes, status):
     rows = np.full((2, 2), 1e-3), np.full((2, 2), 0.02), np.full((2, 2), 0.6)
     feet = Footfalls(*rows, 1.0, 1.0, 0.0, 0.0, 0.99, fan.Status.DONE)
     changed = dataclasses.replace(feet, **changes)

@@ -45,28 +45,28 @@ def literals(path: Path) -> list[str]:
     return [node.value for node in nodes if isinstance(node.value, str)]
 
 
-def is_wired(text: str) -> bool:
+def is_own_name(text: str) -> bool:
     """Whether a constant is a name of the bundled marionette, or its beginning before a side."""
     names = "|".join(sorted(own_names()))
     match = re.fullmatch(rf"\.?({names})(_(left|right)?)?(\.[a-z]*)?", text)
     return match is not None and (match[1] not in ROLES or match[2] is not None)
 
 
-def test_the_search_sees_names_of_the_bundled_marionette():
+def test_the_search_finds_names_of_the_bundled_marionette():
     assert {"hand", "shoulder", "knee", "torso", "skull", "forearm", "thigh"} <= own_names()
     for text in ("skull", "hand_", ".forearm_", "knee_left.up", "torso", "shoulder_right"):
-        assert is_wired(text), text
+        assert is_own_name(text), text
     for text in ("arm_", "leg_left", "head", "trunk", "a hand"):
-        assert not is_wired(text), text
+        assert not is_own_name(text), text
 
 
 @pytest.mark.parametrize("room", ["cast", "plays"])
-def test_no_name_of_the_bundled_marionette_is_wired(room):
+def test_no_name_of_the_bundled_marionette_is_hard_coded(room):
     wired = [
         f"{path.name}: {text!r}"
         for path in sorted((SOURCE / room).rglob("*.py"))
         for text in literals(path)
-        if is_wired(text)
+        if is_own_name(text)
     ]
     assert not wired
 
@@ -76,7 +76,7 @@ def _hans() -> fan.Marionette:
     return fan.puppets.hans()
 
 
-def moved(gesture: fan.theatre.Gesture) -> set[str]:
+def moved_strings(gesture: fan.theatre.Gesture) -> set[str]:
     """Names of the strings that a gesture moves."""
     names = pieces.channel_names(gesture.coordinates).items()
     return {name.split(".")[0] for name, (_, v) in names if gesture.named[v].any()}
@@ -96,19 +96,24 @@ def test_a_puppet_of_other_names_and_sizes_has_the_gestures_with_props_and_seats
     assert physique.arm_ratio("left") == pytest.approx(0.25579 / 0.19, abs=1e-5)
     assert physique.leg_ratio == pytest.approx(0.25824 / 0.26417, abs=1e-5)
     assert set(physique.trunk_strings) == {"crown", "collar_left", "collar_right", "seat"}
-    assert moved(prop_gestures.carry(hans, "", side="left")) == {"wrist_left"}
-    assert moved(putting.putting(hans, "", "ball", 0.01).gesture) == set(physique.strings)
+    assert moved_strings(prop_gestures.carry(hans, "", side="left")) == {"wrist_left"}
+    assert moved_strings(putting.putting(hans, "", "ball", 0.01).gesture) == set(physique.strings)
     handing = prop_gestures.give(hans, "", "", "ball", side="left")
-    assert moved(handing.giver) == {"wrist_left"} and "leg_right" in moved(handing.receiver)
+    assert moved_strings(handing.giver) == {"wrist_left"} and "leg_right" in moved_strings(
+        handing.receiver
+    )
     assert handing.touching == (("lower_arm_left", "ball"), ("lower_arm_right", "ball"))
     # The elbow is at [0, 0.09, 0.343] in the file's pose.
     place = np.array([1.34626 * 0.061, 0.106, 0.347])
     np.testing.assert_allclose(prop_gestures.handle_place(hans, side="left"), place, atol=1e-5)
     sitting = sit(hans, "", "chair", 0.15, start=hans.state())
-    assert moved(sitting.down) == set(physique.strings) and ("pelvis", "chair") in sitting.touching
+    assert (
+        moved_strings(sitting.down) == set(physique.strings)
+        and ("pelvis", "chair") in sitting.touching
+    )
 
 
-def test_a_puppet_without_a_part_says_so(hans):
+def test_a_missing_part_is_named(hans):
     with pytest.raises(fan.errors.StateError, match="no wing_left; its body map has arm_"):
         Physique.of(hans).limb("wing_left")
     with pytest.raises(fan.errors.StateError, match="somebody has no arm_left"):

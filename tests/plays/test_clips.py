@@ -37,7 +37,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 FRAMES = 60
 BOUNDS = {"speed": 1.5, "acceleration": 12.0}
 """Bounds of a stage without bounds in its file."""
-WITHIN = 1.0 + 2e-3
+MAX_BOUND_SHARE = 1.0 + 2e-3
 """Factor by which peaks may exceed a bound, as in the verification of a play."""
 
 
@@ -156,8 +156,8 @@ def test_the_limbs_follow_the_clip(
 def test_a_clip_keeps_its_bounds_in_any_heading(made: ClipGesture):
     for angle in np.radians([0.0, 30.0, 45.0, 100.0]):
         speed, acceleration = made.gesture.turned(float(angle)).peaks
-        assert np.max(speed) <= BOUNDS["speed"] * WITHIN
-        assert np.max(acceleration) <= BOUNDS["acceleration"] * WITHIN
+        assert np.max(speed) <= BOUNDS["speed"] * MAX_BOUND_SHARE
+        assert np.max(acceleration) <= BOUNDS["acceleration"] * MAX_BOUND_SHARE
     offsets, rates = made.gesture.ends
     assert np.max(np.abs(offsets)) < 1e-9
     assert np.max(np.abs(rates)) < 1e-9
@@ -288,8 +288,8 @@ def test_clips_take_the_options_of_gestures(plays: Plays, short: Path):
     assert first["end"] - first["start"] == pytest.approx(9 * 0.6, abs=1e-9)
     assert {"begins", "over", "begins 2", "over 2"} <= {*second}
     for speed, _, acceleration, _ in verification.peaks.values():
-        assert speed <= BOUNDS["speed"] * WITHIN
-        assert acceleration <= BOUNDS["acceleration"] * WITHIN
+        assert speed <= BOUNDS["speed"] * MAX_BOUND_SHARE
+        assert acceleration <= BOUNDS["acceleration"] * MAX_BOUND_SHARE
     # The other arm goes up.
     rise = {
         name: np.ptp(verification.run[f"{name}.length"])
@@ -316,5 +316,5 @@ def test_a_clip_that_is_too_fast_is_refused_with_a_remedy(plays: Plays, short: P
     assert 1.0 <= float(can[1]) < 2.0
 
 
-def test_no_clip_is_called_as_a_gesture():
+def test_no_clip_has_the_name_of_a_gesture():
     assert not {*clip_names()} & {*gesture_names()}

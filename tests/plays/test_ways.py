@@ -249,7 +249,7 @@ def test_touching_disks_may_part_and_meet():
     check(found(start, goal, others=[beside]), goal, others=[beside])
 
 
-def test_the_same_stage_has_the_same_way():
+def test_the_same_stage_has_the_same_path():
     walks = [
         straight("pierrot", (1.0, 0.5), (-1.0, 0.5), 0.0, 15.0),
         straight("columbine", (0.3, -0.9), (0.3, 0.9), 0.0, 15.0),
@@ -258,7 +258,7 @@ def test_the_same_stage_has_the_same_way():
     assert dataclasses.asdict(check(first, EAST, [TABLE], walks)) == dataclasses.asdict(second)
 
 
-def test_a_hundred_ways_past_others_never_touch_any():
+def test_a_hundred_paths_past_others_never_touch_any():
     rng = np.random.default_rng(3)
     ways, waited, took = 0, 0, []
 

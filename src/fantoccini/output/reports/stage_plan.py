@@ -1,4 +1,4 @@
-"""Plan of a play's stage: marks, obstacles, start positions of players, and their ways."""
+"""Plan of a play's stage: marks, obstacles, start positions of players, and their walks."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def plan(play: Play, reached: Box) -> Figure:
 
 
 def _player(axes: Axes, play: Play, stage: Overhead, name: str, colour: str) -> None:
-    """Draws a player's start and heading, and its ways with their start and end times."""
+    """Draws a player's start and heading, and its walks with their start and end times."""
     from matplotlib.patches import Circle
 
     start, radius = stage.starts[name], play.cast.players[name].radius

@@ -30,8 +30,8 @@ class Curve:
     Attributes:
         label: label in the legend.
         x, y: (n,) the points; a logarithmic axis leaves out values that are not positive.
-        marked: draw a dot at each point.
-        faint: draw a reference line, dashed and grey.
+        marked: whether to draw a dot at each point.
+        faint: whether to draw a dashed grey line, for reference.
     """
 
     label: str

@@ -182,9 +182,9 @@ class Sheet:
         Args:
             geometry: geometry with the floor.
             layout: camera and theme.
-            grid: draw grid lines.
+            grid: whether to draw grid lines.
             middle: (3,) centre of the light [m]; by default the light covers the whole motion.
-            animated: drawn only on request, in matplotlib's sense.
+            animated: whether matplotlib draws it only on request, as for animations.
 
         Returns:
             The added artists.

@@ -106,8 +106,8 @@ class Geometry:
             return self
         lines = tuple(np.asarray(line, dtype=float) for line in guides(self.t))
         for line in lines:
-            of_times = line.ndim == 3 and line.shape[::2] == (len(self.t), 3)
-            if not of_times or line.shape[1] < 2:
+            fits_times = line.ndim == 3 and line.shape[::2] == (len(self.t), 3)
+            if not fits_times or line.shape[1] < 2:
                 raise ValueError(
                     f"a guide has the shape {line.shape}; it must be ({len(self.t)}, n, 3) with at "
                     "least 2 points"

@@ -55,7 +55,8 @@ def strip(
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px]; by default adapted to the motion.
         scale: pixels of the file per pixel of ``size``.
-        forces: draw the forces of contacts as arrows to scale; those of impacts are shortened.
+        forces: whether to draw the forces of contacts, as arrows to scale; those of impacts are
+            shortened.
         guides: lines that the motion is compared with, as for :func:`film`.
 
     Returns:
