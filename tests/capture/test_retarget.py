@@ -294,7 +294,7 @@ def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
     assert "does not follow: the error of its" in ran.stderr and "slower hands" in ran.stderr
 
 
-def test_a_part_that_is_lost_for_a_while_is_told_with_its_time():
+def test_a_part_that_is_lost_for_a_while_is_reported_with_its_time():
     """A hand that swings over its string is off for a second, which a mean over the clip hides."""
     t = np.linspace(0.0, 10.0, 301)
     hanging = {"head": np.full(301, 0.01), "hand_left": np.full(301, 0.05)}

@@ -33,7 +33,7 @@ def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, log: ScriptLo
             continue
         first, first_rate = piecewise.at(whole.breaks, whole.coef, wait.loop_start)
         for what, unit, gap in (
-            ("place", "m", np.abs(d - first)),
+            ("value", "m", np.abs(d - first)),
             ("speed", "m/s", np.abs(rate - first_rate)),
         ):
             v = int(np.argmax(gap))
