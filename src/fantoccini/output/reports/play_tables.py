@@ -92,7 +92,9 @@ def _reason(cue: CueOfPlay) -> str:
 
 def _pause(verification: Verification, cue: CueOfPlay) -> str:
     """Pause before a cue until swing has settled, and its effect on the swing."""
-    pause, swing_without, swing_with = verification.play.settled.get(cue.number, (0.0, 0.0, 0.0))
+    pause, swing_without, swing_with = verification.play.settling_pauses.get(
+        cue.number, (0.0, 0.0, 0.0)
+    )
     if pause <= 0.0:
         return ""
     return (

@@ -36,7 +36,7 @@ class Actor:
     done: float = 0.0
     away: bool = False
 
-    def stands(self, t: float) -> Footing:
+    def footing_at(self, t: float) -> Footing:
         """Footing at a time [s]."""
         way = next((way for way in reversed(self.ways) if way.begin <= t), None)
         if way is None:
@@ -47,7 +47,7 @@ class Actor:
     @property
     def last(self) -> Footing:
         """Footing after all walks."""
-        return self.stands(np.inf)
+        return self.footing_at(np.inf)
 
     def rested(self) -> Actor:
         """The actor with all its strings brought to rest."""

@@ -70,7 +70,7 @@ class Cast:
         """Prefix of a player's coordinates in the scene."""
         return f"{name}." if len(self.players) > 1 else ""
 
-    def named(self, name: str) -> str:
+    def scene_name(self, name: str) -> str:
         """Name in the scene of a name such as ``pierrot.torso``; other names are unchanged."""
         if len(self.players) > 1:
             return name
@@ -120,10 +120,11 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             text = f"does not hang there with `lift: {spec.lift:g}`: {error}"
             log.mistakes.add(("cast", name), text)
             continue
-        fixed = _fixed(marionette)
-        if fixed:
+        fixed_reason = _fixed_reason(marionette)
+        if fixed_reason:
             text = (
-                f"{spec.puppet} cannot be put anywhere: {fixed}; needed: a puppet that hangs free"
+                f"{spec.puppet} cannot be placed on the stage: {fixed_reason}; needed: a puppet "
+                "that hangs free"
             )
             log.mistakes.add(("cast", name, "puppet"), text)
             continue
@@ -260,7 +261,7 @@ def _scene_of_one(file: PlayFile, puppet: Puppet, pose: Pose) -> Scene:
     return Scene(scene=_OWN_SCENE, floor=file.stage.floor, puppets=(member,))
 
 
-def _fixed(marionette: Marionette) -> str:
+def _fixed_reason(marionette: Marionette) -> str:
     """Reason why a puppet is tied to the place in its file; "" if there is none."""
     table, tree = marionette.coordinates, marionette.tree
     moves = {*table.q_D, *table.q_K}

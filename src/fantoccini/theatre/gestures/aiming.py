@@ -26,7 +26,7 @@ from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.reachable import reachable_part
 from fantoccini.theatre.gestures.walking import rise_and_return
 
-To = str | Sequence[float]
+AimTarget = str | Sequence[float]
 """Place [m], or name of a body for its place at the start."""
 
 _ARM_SHARE = 0.9
@@ -70,7 +70,9 @@ class Aim:
         StateError: a member of a scene has other strings than the bundled marionette.
     """
 
-    def __init__(self, marionette: Marionette, start: State, of: str, to: To, mistakes: Mistakes):
+    def __init__(
+        self, marionette: Marionette, start: State, of: str, to: AimTarget, mistakes: Mistakes
+    ):
         bodies = [link.name for link in marionette.tree.links]
         if isinstance(to, str):
             name = of + to if of + to in bodies else to
@@ -95,8 +97,8 @@ class Aim:
                 place = frame[:3, :3].T @ (place - frame[:3, 3])
         self.place, self.body_parts = place, BodyParts.of(self.puppet)
 
-    def held(self, strings: tuple[str, ...]) -> Bounds:
-        """Bounds under which only some strings move."""
+    def bounds_for(self, strings: tuple[str, ...]) -> Bounds:
+        """Bounds under which only the given strings move."""
         names = self.puppet.coordinates.q_K
         return Bounds(held=tuple(x for x in names if x.rpartition(".")[0] not in strings))
 
@@ -143,7 +145,7 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     hand, at = arm.bodies[-1], arm.end
     joints = [puppet.pose(x0, body)[:3, 3] for body in arm.bodies]
     length = float(sum(np.linalg.norm(b - a) for a, b in pairwise(joints)) + np.linalg.norm(at))
-    shoulder, bounds = joints[0], aim.held(strings)
+    shoulder, bounds = joints[0], aim.bounds_for(strings)
     aim.direction(shoulder, mistakes)
 
     def pose_towards(place: Array) -> ReachedPose:
@@ -195,7 +197,7 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     ahead = aim.body_parts.own_axes(head.body).T @ [np.cos(first), np.sin(first), 0.0]
     point = tuple((_FACE_DISTANCE * ahead).tolist())
     targets = {(head.body, point): neck + _FACE_DISTANCE * face}
-    pose = reach(puppet, targets, turned, bounds=aim.held(strings))[0].state
+    pose = reach(puppet, targets, turned, bounds=aim.bounds_for(strings))[0].state
     # A remaining error is accepted: the head's strings can do no more.
     offsets = {name: float(pose[name] - turned[name]) for name in _channels(puppet, strings)}
     farthest = max(map(abs, offsets.values()))

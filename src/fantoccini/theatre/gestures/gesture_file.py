@@ -39,7 +39,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
-from fantoccini.theatre.gestures.aiming import To
+from fantoccini.theatre.gestures.aiming import AimTarget
 from fantoccini.theatre.gestures.body_parts import BodyParts, SizeKind, moves_of
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.parameters import (
@@ -164,7 +164,7 @@ def load_gesture(
     steps: int | None = None,
     step: float | None = None,
     turn: float | None = None,
-    to: To | None = None,
+    to: AimTarget | None = None,
 ) -> Gesture:
     """Gesture from a file or a take, or a bundled gesture.
 

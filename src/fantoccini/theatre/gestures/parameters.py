@@ -9,7 +9,7 @@ from fantoccini.base import UnknownNameError
 from fantoccini.base.documents import Mistakes
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, Table
-from fantoccini.theatre.gestures.aiming import Aim, To, look, point
+from fantoccini.theatre.gestures.aiming import Aim, AimTarget, look, point
 from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.control_walk import walk_on_control
 from fantoccini.theatre.gestures.ends import Ends
@@ -30,7 +30,7 @@ class Parameters:
     steps: int | None = None
     step: float | None = None
     turn: float | None = None
-    to: To | None = None
+    to: AimTarget | None = None
 
     def computes(self, name: str) -> bool:
         """Whether a bundled gesture is computed from them instead of read from a file."""

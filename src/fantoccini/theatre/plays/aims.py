@@ -74,7 +74,7 @@ class Aims:
             numbers = [float(x) for x in where]
             return np.array([*numbers, _EYE_HEIGHT][:3])
         if where in stage.actors:
-            other = stage.actors[where].stands(max(t, 0.0))
+            other = stage.actors[where].footing_at(max(t, 0.0))
             return np.array([other.x, other.y, _EYE_HEIGHT])
         marks = self._cast.file.stage.marks
         if where in marks:

@@ -328,7 +328,7 @@ def _play(
         placement.starts,
         placement.meetings,
         placement.ways,
-        results.settled,
+        results.settling_pauses,
         count,
         stage.cache,
     )

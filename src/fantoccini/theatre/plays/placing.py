@@ -281,8 +281,8 @@ class _Verbs:
         lane, start = actor.hands.free_lane(gesture, earliest)
         if start > earliest + LATE:
             gesture = self._gesture(stage, turn, name, start)
-        heading = actor.stands(start).heading
-        turned = abs(actor.stands(start + gesture.duration).heading - heading)
+        heading = actor.footing_at(start).heading
+        turned = abs(actor.footing_at(start + gesture.duration).heading - heading)
         if turned > _MAX_TURN:
             until = max(way.end for way in actor.ways)
             raise CannotBe(
@@ -364,7 +364,7 @@ class _Verbs:
             since, until = max(gesture.start, way.begin), min(gesture.end, way.end)
             if since < until - LATE:
                 _, heading = way.footing(np.linspace(since, until, 9))
-                turned = np.abs(heading - actor.stands(gesture.start).heading)
+                turned = np.abs(heading - actor.footing_at(gesture.start).heading)
                 if np.max(turned) > _MAX_TURN:
                     ends.append(gesture.end)
         return max(ends, default=None)
@@ -398,7 +398,7 @@ class _Verbs:
     def _gesture(self, stage: OnStage, turn: Turn[PlayCue], name: str, t: float) -> Gesture:
         """Gesture of a player that begins at a time [s]."""
         entry, actor = turn.given, stage.actors[name]
-        player, stands = actor.player, actor.stands(t)
+        player, stands = actor.player, actor.footing_at(t)
         try:
             if isinstance(entry, DoesCue):
                 style = self._gestures.style(entry)
@@ -411,7 +411,7 @@ class _Verbs:
             # Aim again from where player and target are when the gesture points.
             t_pointing = t + min(gesture.marks.values())
             place = self._aims.place_of(stage, entry.verb_value, cue_path, t_pointing)
-            return self._gestures.aimed(player, called, place, actor.stands(t_pointing))
+            return self._gestures.aimed(player, called, place, actor.footing_at(t_pointing))
         except StateError as error:
             raise CannotBe(str(error)) from None
 

@@ -97,8 +97,8 @@ class Play:
         starts: player -> times at which its cues begin [s].
         meetings: players and props that may touch, with times.
         ways: player -> its walks.
-        settled: number of a cue -> its pause [s], and the trunk's speeds after it without the pause
-            and with it [m/s].
+        settling_pauses: number of a cue -> its pause [s], and the trunk's speeds after it without
+            the pause and with it [m/s].
         rounds: number of rounds in which cues were placed.
         cache: cached runs and ways, for the next version of the play.
     """
@@ -115,7 +115,7 @@ class Play:
     starts: Mapping[str, tuple[float, ...]] = field(repr=False)
     meetings: tuple[Meeting, ...]
     ways: Mapping[str, tuple[Way, ...]]
-    settled: Mapping[int, tuple[float, float, float]]
+    settling_pauses: Mapping[int, tuple[float, float, float]]
     rounds: int
     cache: ResultCache = field(repr=False)
 

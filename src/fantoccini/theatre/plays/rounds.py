@@ -62,8 +62,8 @@ class Results:
         hand_tries: (cue, player) -> number of times that its hands were moved in time.
         locate_counts: cue -> number of times that its prop was located.
         calm_counts: (cue, player) -> number of times that the motion against swing was computed.
-        settled: number of a cue -> its pause, and the trunk's speeds after it without the pause
-            and with it [s, m/s, m/s].
+        settling_pauses: number of a cue -> its pause, and the trunk's speeds after it without the
+            pause and with it [s, m/s, m/s].
         touching: cues that are refused because something would touch.
     """
 
@@ -71,7 +71,7 @@ class Results:
     hand_tries: Mapping[tuple[Spot, str], int] = field(default_factory=dict)
     locate_counts: Mapping[Spot, int] = field(default_factory=dict)
     calm_counts: Mapping[tuple[Spot, str], int] = field(default_factory=dict)
-    settled: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+    settling_pauses: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
     touching: tuple[Spot, ...] = ()
 
     def with_refusal(self, placed: Placed[PlayCue] | None, reason: str) -> Results | None:
@@ -308,9 +308,9 @@ def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
         cues[f"{number}"] = number, cue
     pauses = stage.cache.in_parallel(jobs, default_threads())
     for label, (number, cue) in cues.items():
-        settled = {**results.settled, number: pauses[label]}
+        settling_pauses = {**results.settling_pauses, number: pauses[label]}
         corrections = results.corrections.setting("pauses", cue.spot, pauses[label][0])
-        results = replace(results, corrections=corrections, settled=settled)
+        results = replace(results, corrections=corrections, settling_pauses=settling_pauses)
     return results, any(p > 0.0 for p, _, _ in pauses.values())
 
 

@@ -139,7 +139,7 @@ class _Whole:
 
     def _named(self, run: Run, name: str) -> str:
         """Name on the stage of a name in a company's scene."""
-        return self._cast.named(run.staged.on_stage(name))
+        return self._cast.scene_name(run.staged.on_stage(name))
 
 
 def _joined(points: list[ContactPoints]) -> ContactPoints | None:

@@ -72,7 +72,7 @@ def touches(
     }
     always = {frozenset(pair) for pair in stand}
     for pair in {pair for meeting in meetings for pair in meeting.pairs}:
-        if not any(cast.owner(cast.named(name)) in cast.players for name in pair):
+        if not any(cast.owner(cast.scene_name(name)) in cast.players for name in pair):
             always.add(pair)
     string_distances = StringsApart(cast.whole, own=False)
     bodies, strings = list[_Near](), dict[Pair, Touch]()

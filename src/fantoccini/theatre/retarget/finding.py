@@ -156,7 +156,7 @@ def _branches(tree: JointTree, junction: int, pairs: Sequence[Pair]) -> list[int
     """Children of a joint that lead neither into limbs nor to the junction of limbs."""
     taken = {i for pair in pairs for i in (pair.junction, *tree.above(pair.junction))}
     taken |= {limb.path[0] for pair in pairs for limb in pair.limbs}
-    branches = [k for k in tree.children[junction] if k not in taken and not tree.added(k)]
+    branches = [k for k in tree.children[junction] if k not in taken and not tree.is_added_joint(k)]
     return [k for k in branches if tree.lengths[k] + tree.depth[k] > 0.0]
 
 
@@ -173,7 +173,7 @@ def _head(tree: JointTree, legs: Pair, arms: Pair) -> int:
         return head
     while True:
         below = [k for k in tree.children[joint] if not tree.plain[k].endswith(END)]
-        if len(below) != 1 or tree.added(below[0]):
+        if len(below) != 1 or tree.is_added_joint(below[0]):
             return joint
         joint = below[0]
 
@@ -277,7 +277,7 @@ def _limb_doubts(tree: JointTree, names: Sequence[str], limb: Limb) -> list[Doub
     if all(part_called(tree.plain[joint]) for joint in limb.joints):
         return []
     doubts = []
-    if not limb.plausible:
+    if not limb.is_plausible:
         doubts.append(Doubt(names[1], "upper and lower bone differ in length more than twofold"))
     if limb.beyond > _MAX_LENGTH_BEYOND * limb.length:
         doubts.append(Doubt(names[2], "the limb extends beyond it by more than half its length"))

@@ -21,17 +21,17 @@ from fantoccini.theatre.retarget.naming import (
 )
 
 ARM, LEG = ("shoulder", "elbow", "hand"), ("hip", "knee", "foot")
-"""Begin, middle and end of the limbs."""
+"""Start, middle and end of the limbs."""
 _MAX_BONE_RATIO = 2.0
 """Largest ratio of the lengths of a limb's two bones."""
 _MAX_DIFFERENCE = 0.1
 """Largest relative difference of the bones of two limbs of a pair."""
 _MAX_TWIN_DIFFERENCE = 0.4
-"""The same for limbs whose names differ in their side only."""
+"""Largest relative difference of the bones of a pair whose names differ in their side only."""
 _MIN_START_DISTANCE = 0.04
 """Least distance of a shoulder or hip from the joint between both, relative to the limb."""
 _MIN_NAMED_LENGTH = 0.7
-"""Length, relative to the largest, above which names decide."""
+"""Length, relative to that of the longest choice, above which a choice is judged by its names."""
 _MAX_INNER_LENGTH = 0.6
 """Largest length of limbs within a limb, relative to its own."""
 
@@ -42,7 +42,7 @@ class Limb:
 
     Attributes:
         path: all joints, from the first to the end of the longest branch.
-        joints: begin, middle and end of the limb: shoulder, elbow, hand.
+        joints: start, middle and end of the limb: shoulder, elbow, hand.
         bones: lengths of the upper and lower bone.
         beyond: length from the limb's end to the path's.
     """
@@ -58,7 +58,7 @@ class Limb:
         return sum(self.bones)
 
     @property
-    def plausible(self) -> bool:
+    def is_plausible(self) -> bool:
         """Whether the bones are similar in length."""
         return max(self.bones) <= _MAX_BONE_RATIO * min(self.bones)
 
@@ -116,12 +116,16 @@ class JointTree:
         depth = np.zeros(len(self.parents))
         for i in reversed(range(len(self.parents))):
             depth[i] = max(
-                (self.lengths[k] + depth[k] for k in self.children[i] if not self.added(k)),
+                (
+                    self.lengths[k] + depth[k]
+                    for k in self.children[i]
+                    if not self.is_added_joint(k)
+                ),
                 default=0.0,
             )
         return depth
 
-    def added(self, joint: int) -> bool:
+    def is_added_joint(self, joint: int) -> bool:
         """Whether a joint belongs to a face, hair, clothes, props or controls."""
         return is_added(self.plain[joint])
 
@@ -150,11 +154,11 @@ class JointTree:
         longest branch has fewer than two bones.
         """
         path = [first]
-        while below := [k for k in self.children[path[-1]] if not self.added(k)]:
+        while below := [k for k in self.children[path[-1]] if not self.is_added_joint(k)]:
             path.append(max(below, key=lambda k: self.lengths[k] + self.depth[k]))
         merged = [i for i in range(len(path)) if not i or not self._same_bone(*path[i - 1 : i + 1])]
         limbs = [_longest(self, path, places) for places in (merged, range(len(path)))]
-        return next((limb for limb in limbs if limb and limb.plausible), limbs[0] or limbs[1])
+        return next((limb for limb in limbs if limb and limb.is_plausible), limbs[0] or limbs[1])
 
     def _same_bone(self, above: int, joint: int) -> bool:
         """Whether a joint is a piece of the bone of the joint above it."""
@@ -163,7 +167,7 @@ class JointTree:
 
     def pairs(self, joint: int = 0) -> list[Pair]:
         """Pairs of limbs in the branch of a joint, without those within a limb."""
-        children = [k for k in self.children[joint] if not self.added(k)]
+        children = [k for k in self.children[joint] if not self.is_added_joint(k)]
         inner = {k: self.pairs(k) for k in children}
         limbs = {
             k: limb

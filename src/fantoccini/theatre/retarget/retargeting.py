@@ -113,8 +113,8 @@ class Retargeted:
         angle = np.degrees(np.arccos(max(upward, -1.0)))
         return (
             f"the trunk is {angle:.0f} degrees off the vertical in half of "
-            "the frames; if nobody lies or crawls in the clip, say which of the file's axes is up: "
-            "`y` or `z`",
+            "the frames; if nobody lies or crawls in the clip, give the axis of the file that is "
+            "up: `y` or `z`",
         )
 
     @property
@@ -253,7 +253,7 @@ def _up(clip: Capture, joints: Mapping[str, int]) -> str | None:
     if axis == 0 or trunk[axis] < 0.0:
         raise StateError(
             f"{clip.name or 'clip'}: trunks point along {'-' if trunk[axis] < 0.0 else ''}"
-            f"{'xyz'[axis]}; needed: along y or z; say which axis is up, `y` or `z`"
+            f"{'xyz'[axis]}; needed: along y or z; give the axis that is up: `y` or `z`"
         )
     return "xyz"[axis]
 
