@@ -84,7 +84,7 @@ class Draft:
     def unique_name(
         self, kind: str, name: str, instead: str = "", line: int | None = None, suffix: str = ""
     ) -> str:
-        """Unique name for a part; if it differs from the model's, the report says so.
+        """Unique name for a part; if it differs from the model's, the report notes it.
 
         Args:
             kind, name: kind and name of the element in the model.

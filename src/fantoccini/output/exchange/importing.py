@@ -46,7 +46,7 @@ def import_model(
         keyframe: keyframe of an MJCF file in which the puppet starts; by default its zero pose.
         density: density of the solids of links without inertia in URDF [kg/m^3]. By default, if a
             joint would move no mass, that of water; else such links have no mass. The report
-            says which.
+            names them.
 
     Raises:
         ExchangeError: the file is not a model, or has something that no puppet can have.

@@ -249,8 +249,8 @@ class _Verbs:
             self._log.change(
                 spot,
                 f"{whole.name} takes {words(whole.duration)} instead of "
-                f"{words(whole.duration - longer)}: it ends elsewhere than it begins, and goes "
-                "back each time",
+                f"{words(whole.duration - longer)}: it ends elsewhere than it begins, and returns "
+                "each time",
             )
         if not whole.turns:
             return

@@ -231,7 +231,7 @@ def _sides(
     if not any(signs):
         signs = [toes * across, toes]
     if not all(signs):
-        raise StateError("neither the joints' names nor toes tell left from right")
+        raise StateError("neither the joints' names nor toes distinguish left and right")
     if signs[0] * signs[1] * across < 0:
         doubts.append(Doubt("", "by their names the left arm and the left leg are not on one side"))
     if signs[1] * toes < 0:
