@@ -55,7 +55,7 @@ def anonymous(skeleton: Skeleton) -> Skeleton:
 
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize("convention", ["mixamo:", "smpl", "bandai", "biped", "unity", "asf"])
-def test_without_names_the_toes_tell_left_from_right(convention, pose):
+def test_without_names_the_toes_distinguish_left_and_right(convention, pose):
     named = skeleton_of(CONVENTIONS[convention], pose, "z")
     guess = guess_joints(anonymous(named))
     expected = CONVENTIONS[convention].joints()
@@ -78,7 +78,7 @@ def without(skeleton: Skeleton, *words: str) -> Skeleton:
     )
 
 
-def test_without_names_and_toes_nothing_tells_left_from_right():
+def test_without_names_and_toes_nothing_distinguishes_left_and_right():
     footless = without(skeleton_of(CONVENTIONS["bandai"]), "Toes")
     with pytest.raises(StateError, match="neither the joints' names nor toes"):
         guess_joints(without(anonymous(footless), ".end"))
