@@ -10,20 +10,20 @@ import fantoccini as fan
 from fantoccini.control import Draws
 from fantoccini.output import view
 from fantoccini.theatre import Gait, find_gait, footfalls
-from fantoccini.theatre.gestures import Roles
+from fantoccini.theatre.gestures import BodyParts
 
 STEPS = 8
 out = Path("out")
 out.mkdir(exist_ok=True)
 stage = fan.puppets.promenade()
-x0, roles = stage.rest(), Roles.of(stage, "pierrot")
+x0, body_parts = stage.rest(), BodyParts.of(stage, "pierrot")
 
 
 def walk(gait: Gait) -> fan.Trajectory:
     """Run of a gait's steps, with its slide printed."""
     inputs = gait.inputs(stage, STEPS, x0)
     run = fan.simulate(stage, x0, inputs, method=fan.TimeStepping(dt=2e-3), save_every=2)
-    feet = footfalls(roles, run, gait, STEPS)
+    feet = footfalls(body_parts, run, gait, STEPS)
     print(f"{feet.status.name}: {feet.message}; {1e3 * feet.slide.mean():.2f} mm on average")
     return run
 

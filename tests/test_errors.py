@@ -62,7 +62,7 @@ def test_all_are_found():
 
 @pytest.mark.parametrize("kind", exceptions(), ids=lambda kind: kind.__qualname__)
 def test_a_copy_and_a_pickle_are_the_exception(kind):
-    """17.24: class, sentence, arguments and facts are restored."""
+    """Class, sentence, arguments and facts are restored."""
     error = example(kind)
     error.add_note("while the puppet hung")
     for again in (pickle.loads(pickle.dumps(error)), copy.copy(error), copy.deepcopy(error)):
@@ -76,7 +76,7 @@ def _stops(string: str) -> None:
 
 
 def test_an_exception_of_a_worker_is_raised_in_the_caller():
-    """17.24: a pool does not wait for ever for a worker that raised an exception."""
+    """A pool does not wait for ever for a worker that raised an exception."""
     with (
         multiprocessing.get_context("spawn").Pool(1) as pool,
         pytest.raises(errors.UnknownNameError, match="did you mean 'hand'") as caught,

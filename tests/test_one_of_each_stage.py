@@ -29,7 +29,15 @@ from fantoccini.theatre.gestures import (
 from fantoccini.theatre.plays.on_stage import OnStage
 from fantoccini.theatre.plays.placing import Placement
 from fantoccini.theatre.plays.rounds import Results, Round
-from fantoccini.theatre.script import HOW, VERBS, CueFile, PlayFile, ScoreFile, Timeline, spelled
+from fantoccini.theatre.script import (
+    STYLE_WORDS,
+    VERBS,
+    CueFile,
+    PlayFile,
+    ScoreFile,
+    Timeline,
+    spelled,
+)
 
 pytestmark = pytest.mark.medium
 
@@ -84,7 +92,7 @@ def test_scores_and_plays_take_the_verbs_of_the_table():
 def test_names_of_a_verb_are_keys_of_its_cues(key: str):
     verb = VERBS[key]
     assert {*verb.names} <= {*verb.cue.model_fields}
-    assert verb.cue.verb == key and spelled(key) not in HOW
+    assert verb.cue.verb == key and spelled(key) not in STYLE_WORDS
 
 
 def sources() -> Iterator[tuple[str, ast.Module]]:
@@ -209,6 +217,6 @@ def test_gestures_are_varied_in_one_place():
         name
         for name, tree in sources()
         for node in ast.walk(tree)
-        if isinstance(node, ast.Subscript) and getattr(node.value, "id", "") == "HOW"
+        if isinstance(node, ast.Subscript) and getattr(node.value, "id", "") == "STYLE_WORDS"
     }
     assert modules == {"gestures/styling.py"}

@@ -92,7 +92,7 @@ def main() -> None:
     }
 
     def show(clip: str, label: str, report: tuple[PartError, ...], remark: str) -> None:
-        above = [100.0 * part.above for part in report]
+        above = [100.0 * part.excess for part in report]
         tables.setdefault(label, []).append(above)
         print(f"{clip:14} {label:14}" + "".join(f"{x:7.1f}" for x in above), remark, flush=True)
 

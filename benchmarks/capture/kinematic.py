@@ -35,11 +35,11 @@ from fantoccini.motion import Input, State
 from fantoccini.theatre.retarget.following import ACCELERATION, SPEED, eased
 from fantoccini.theatre.retarget.retargeting import (
     WEIGHTS,
-    Hanger,
     Retargeted,
-    hangers,
+    TiedString,
     places_in,
-    straight_up,
+    tied_strings,
+    vertical_strings,
 )
 
 _POTENTIAL = 1e-3
@@ -135,11 +135,11 @@ def kinematic_inputs(
     }
     frames = {part: poses[:, marionette.link_index(body)] for part, body in figure.bodies.items()}
     times = _DT * np.arange(int(np.ceil(at[-1] / _DT - 1e-9)) + 1, dtype=float)
-    above = straight_up(figure, frames, start)
+    above = vertical_strings(figure, frames, start)
     hands = [string.name for string in hand_strings(figure, start)]
     columns: dict[str, Array] = {}
     widths = {}
-    for string in hangers(figure, start):
+    for string in tied_strings(figure, start):
         names = [*string.ends, *filter(None, [string.length])]
         if not names:
             continue
@@ -153,7 +153,7 @@ def kinematic_inputs(
 
 
 def _leader(
-    string: Hanger, feed_forward: bool | Swing, marionette: Marionette
+    string: TiedString, feed_forward: bool | Swing, marionette: Marionette
 ) -> Callable[[Array], Array] | None:
     """The feed-forward of a hand's string: (T, n) ends and length -> the same, with ends led."""
     if feed_forward is False:

@@ -23,7 +23,7 @@ from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import Input, State
 from fantoccini.theatre.retarget.figure import Figure
 from fantoccini.theatre.retarget.mapping import SIDES
-from fantoccini.theatre.retarget.retargeting import Hanger, hangers, places_in
+from fantoccini.theatre.retarget.retargeting import TiedString, places_in, tied_strings
 
 _STEP, _RISE, _LONG = 0.02, 0.1, 3.0
 """Size of a step [m], its duration and that of the observation [s]."""
@@ -87,10 +87,10 @@ def lead(y: Array, dt: float, a: Array | float, b: float = 0.0) -> Array:
     return np.asarray(y + a * w)
 
 
-def hand_strings(figure: Figure, start: State) -> list[Hanger]:
+def hand_strings(figure: Figure, start: State) -> list[TiedString]:
     """Strings from forearms to upper ends that move."""
     arms = [f"forearm_{side}" for side in SIDES]
-    return [h for h in hangers(figure, start) if h.part in arms and h.ends and h.length]
+    return [h for h in tied_strings(figure, start) if h.part in arms and h.ends and h.length]
 
 
 def identify_swing(
@@ -119,7 +119,7 @@ def identify_swing(
 
 
 def _fit(
-    marionette: Marionette, figure: Figure, x0: State, string: Hanger, name: str, axis: Array
+    marionette: Marionette, figure: Figure, x0: State, string: TiedString, name: str, axis: Array
 ) -> Array:
     """(3,) gain, a and b, from the mean of steps in both directions."""
     from scipy.optimize import least_squares  # slow to import

@@ -50,12 +50,12 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
     check = fan.theatre.verify_play(play)
     player, bounds = play.cast.players["pierrot"], play.cast.file.stage
     gesture = clip_gesture(
-        place_on_spot(player.alone, path, start=player.hangs),
+        place_on_spot(player.marionette, path, start=player.rest_state),
         speed=bounds.speed,
         acceleration=bounds.acceleration,
     )
     run, clip = check.run.resample(cue_of_play.start + gesture.t), gesture.retargeted
-    seen = places_in(clip.figure, player.alone.poses(run.q_D, run.q_K))
+    seen = places_in(clip.figure, player.marionette.poses(run.q_D, run.q_K))
     at, heading = np.array([player.start.x, player.start.y]), player.start.heading
     for way in play.ways["pierrot"]:
         (at,), (heading,) = way.footing(np.array([cue_of_play.start]))
@@ -69,7 +69,7 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
     cells = []
     for parts in GROUPS.values():
         wanted = {part: clip.places.parts[part] for part in parts}
-        hung = rms([clip.hung[part] - wanted[part] for part in parts])
+        hung = rms([clip.hanging_positions[part] - wanted[part] for part in parts])
         off = rms([seen[part] - (wanted[part] - middle) @ turn.T - [*at, 0.0] for part in parts])
         cells.append(f"{hung:.1f} + {off - hung:.1f}")
     return (

@@ -76,7 +76,7 @@ class Pushes:
                 self.jobs += slip(live, hand, SLIP * way, float(t))
             else:
                 bodies = [own + "torso", own + "skull"]
-                force = GIVEN * players[who].alone.weight / 9.81 / SLIP_TIME * way
+                force = GIVEN * players[who].marionette.weight / 9.81 / SLIP_TIME * way
                 self.jobs += impulse(live, str(rng.choice(bodies)), force, float(t))
         self.jobs.sort(key=lambda job: job[0])
 
@@ -171,13 +171,15 @@ def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
             show.go()
             show.advance(begins)
         tick, name = shows[0].performance.tick, members.names[who]
-        weight = play.cast.players[name].alone.weight
+        weight = play.cast.players[name].marionette.weight
         force = GIVEN * weight / 9.81 / SLIP_TIME * np.array([0.6, 0.8, 0.0])
         off = []
         for k in range(round(8.0 / tick)):
             body = f"{play.cast.member(name)}torso"
             shows[0].performance.push(body, force if k * tick < SLIP_TIME else None)
-            places = [members.middles(x.q_D, x.q_K)[who] for x in (s.advance(tick) for s in shows)]
+            places = [
+                members.mass_centres(x.q_D, x.q_K)[who] for x in (s.advance(tick) for s in shows)
+            ]
             off.append(np.linalg.norm((places[0] - places[1])[:2]))
         far_off = np.flatnonzero(np.array(off) > 0.01)
         durations.append(tick * (far_off[-1] + 1) if len(far_off) else 0.0)

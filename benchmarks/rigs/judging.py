@@ -11,7 +11,7 @@ import fantoccini as fan
 from fantoccini.base import FantocciniError
 from fantoccini.theatre import Gait, find_gait, footfalls, load_gesture
 from fantoccini.theatre.gaits import WalkStatus
-from fantoccini.theatre.gestures import Roles
+from fantoccini.theatre.gestures import BodyParts
 
 from .drawing import Rig
 
@@ -72,13 +72,13 @@ def judge(seed: int, rounds: int) -> Verdict:
     status = None
     try:
         stage = rig.stage
-        roles = Roles.of(stage, "rig")
-        own = [limb for limb in roles.body_map.limbs if limb.kind == "leg" and limb.strings]
+        body_parts = BodyParts.of(stage, "rig")
+        own = [limb for limb in body_parts.body_map.limbs if limb.kind == "leg" and limb.strings]
         mapped = {limb.bodies[-1].removeprefix("rig.") for limb in own} == set(rig.legs)
-        bows = bow(stage, roles)
+        bows = bow(stage, body_parts)
         tuned = find_gait(stage, FIRST_GAITS[rig.n_pairs], rounds=rounds)
         status = tuned.status
-        slide, force, distance = walk(stage, roles, tuned.gait)
+        slide, force, distance = walk(stage, body_parts, tuned.gait)
     except FantocciniError as error:
         problem = str(error)
     walks = slide <= MAX_SLIDE and abs(distance - DISTANCE) < _MAX_DISTANCE_ERROR * DISTANCE
@@ -86,39 +86,44 @@ def judge(seed: int, rounds: int) -> Verdict:
     return Verdict(name, mapped, walks, status, bows, slide, force, distance, seconds, problem)
 
 
-def bow(stage: fan.Marionette, roles: Roles) -> bool:
+def bow(stage: fan.Marionette, body_parts: BodyParts) -> bool:
     """Whether the bundled bow lowers the head."""
-    x0, head = stage.rest(), roles.body_map.head
+    x0, head = stage.rest(), body_parts.body_map.head
     if head is None:
         return False
     gesture = (
-        load_gesture(stage, "bow", x0, of="rig") if roles.prefix else load_gesture(stage, "bow", x0)
+        load_gesture(stage, "bow", x0, of="rig")
+        if body_parts.prefix
+        else load_gesture(stage, "bow", x0)
     )
     run = fan.simulate(
         stage, x0, gesture.inputs(x0), method=fan.TimeStepping(dt=2e-3), save_every=10, throw=False
     )
     height = stage.poses(run.q_D, run.q_K)[:, stage.link_index(head.body), 2, 3]
-    return run.status is fan.Status.DONE and height.min() < height[0] - 0.005 * roles.body_map.size
+    return (
+        run.status is fan.Status.DONE
+        and height.min() < height[0] - 0.005 * body_parts.body_map.size
+    )
 
 
-def walk(stage: fan.Marionette, roles: Roles, gait: Gait) -> tuple[float, float, float]:
+def walk(stage: fan.Marionette, body_parts: BodyParts, gait: Gait) -> tuple[float, float, float]:
     """Largest slide of a foot in a cycle [m], share of weight on the feet, and distance [m].
 
     The slide is that of contact points with a normal force; infinite if the puppet falls.
     """
-    leg = np.mean([limb.length for limb in roles.body_map.limbs if limb.kind == "leg"])
+    leg = np.mean([limb.length for limb in body_parts.body_map.limbs if limb.kind == "leg"])
     steps = max(2, round(DISTANCE / (gait.stride * float(leg))))
     x0 = stage.rest()
     inputs = gait.inputs(stage, steps, x0)
     run = fan.simulate(
         stage, x0, inputs, method=fan.TimeStepping(dt=1e-3), save_every=5, throw=False
     )
-    feet = footfalls(roles, run, gait, steps)
+    feet = footfalls(body_parts, run, gait, steps)
     if run.status is not fan.Status.DONE or feet.falls:
         return np.inf, 0.0, feet.distance
     cycle = ((run.t - run.t[0]) / (2.0 * gait.step_time)).astype(int)
     slide, force = 0.0, 0.0
-    for limb in (limb for limb in roles.body_map.limbs if limb.kind == "leg"):
+    for limb in (limb for limb in body_parts.body_map.limbs if limb.kind == "leg"):
         points = run.contact.of(limb.bodies[-1])
         touching = points.normal_force > _MIN_FORCE * stage.weight
         speed = np.zeros(len(run.t))

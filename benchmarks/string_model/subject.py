@@ -9,7 +9,7 @@ import numpy as np
 import fantoccini as fan
 from fantoccini import puppets
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.model.tree import WORLD, place
+from fantoccini.model.tree import WORLD, point_position
 from fantoccini.motion import State
 
 
@@ -57,7 +57,7 @@ class Subject:
         rows = (*puppet.tree.strings, *puppet.tree.chains)
         point = next(r for r in rows if r.name == self.string).points[0]
         assert point.link != WORLD
-        return place(puppet.poses(run.q_D, run.q_K), point, puppet.number)
+        return point_position(puppet.poses(run.q_D, run.q_K), point, puppet.number)
 
 
 ARM = Subject(

@@ -115,7 +115,7 @@ def test_a_folder_of_another_user_is_refused(cache, key, source, monkeypatch):
 
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o1777])
 def test_a_subfolder_that_others_can_write_to_is_refused(cache, key, source, mode):
-    """17.33: the folder is refused even if its entries exist and nothing would be written."""
+    """The folder is refused even if its entries exist and nothing would be written."""
     build.obtain(key, source)
     (cache / key[:2]).chmod(mode)
     with pytest.warns(RuntimeWarning, match="written by other users"):
@@ -128,7 +128,7 @@ def test_a_subfolder_that_others_can_write_to_is_refused(cache, key, source, mod
 def test_an_entry_that_others_may_have_written_is_compiled_again(
     tmp_path, cache, key, source, what, trouble
 ):
-    """17.33: an entry is compiled again if another user may have written it or one of its files."""
+    """An entry is compiled again if another user may have written it or one of its files."""
     path = build.obtain(key, lambda: source(1)) / what
     match trouble:
         case "writable":
@@ -154,7 +154,7 @@ def test_an_entry_that_others_may_have_written_is_compiled_again(
 
 
 def test_files_of_an_entry_are_private_whatever_the_umask(key, source):
-    """17.33: files are private even with a umask of 0, which lets everybody write."""
+    """Files are private even with a umask of 0, which lets everybody write."""
     old = os.umask(0)
     try:
         entry = build.obtain(key, source)
@@ -167,7 +167,7 @@ def test_files_of_an_entry_are_private_whatever_the_umask(key, source):
 
 @pytest.mark.parametrize("what", ["link", "pipe"])
 def test_a_lock_is_a_file_and_not_a_link(tmp_path, cache, key, source, what):
-    """17.33: the target of a lock that is a link is not emptied; a pipe is not waited for."""
+    """The target of a lock that is a link is not emptied; a pipe is not waited for."""
     lock = cache / key[:2] / f"{key}.lock"
     cache.mkdir(mode=0o700)
     lock.parent.mkdir(mode=0o700)

@@ -16,7 +16,7 @@ PACKAGE = Path(fantoccini.__file__).parent
 
 
 def test_imports_are_found_wherever_they_stand():
-    """18.1: they are read from the text; Python's own parser finds no others."""
+    """They are read from the text; Python's own parser finds no others."""
     for file in PACKAGE.rglob("*.py"):
         wanted = set()
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
@@ -29,7 +29,7 @@ def test_imports_are_found_wherever_they_stand():
 
 
 def test_modules_that_compute_numbers_count_and_views_do_not():
-    """18.1: compiled code contains the inertia of shapes; the former list omitted their module."""
+    """Compiled code contains the inertia of shapes; the former list omitted their module."""
     files = {f.relative_to(PACKAGE).as_posix() for f in closure.closure(compiled.SOURCE_MODULES)}
     assert {
         "model/puppet/shapes.py",
@@ -79,7 +79,7 @@ def package(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("file", "counts"), [("late.py", True), ("two/b.py", False)])
 def test_the_hash_changes_only_with_imported_names(package, file, counts):
-    """18.1: only the imported names of a package count."""
+    """Only the imported names of a package count."""
     before = closure.code_fingerprint("fantoccini.one")
     (package / file).write_text("x = 1\n", encoding="utf-8")
     closure.code_fingerprint.cache_clear()
@@ -87,7 +87,7 @@ def test_the_hash_changes_only_with_imported_names(package, file, counts):
 
 
 def test_a_package_counts_where_it_defines_a_name_itself(package):
-    """18.1: then all its imports count too."""
+    """Then all its imports count too."""
     files = {f.relative_to(package).as_posix() for f in closure.closure(["fantoccini.asks"])}
     assert files == {"asks.py", "two/__init__.py", "own.py", "two/a.py", "two/b.py", "late.py"}
 
@@ -100,7 +100,7 @@ def test_a_package_counts_where_it_defines_a_name_itself(package):
     ],
 )
 def test_comments_and_docstrings_do_not_change_the_hash(package, text, counts):
-    """18.1: an edit of comments and docstrings compiles nothing."""
+    """An edit of comments and docstrings compiles nothing."""
     hashes = []
     for written in ('"""One."""\nfrom fantoccini.two import a\n', text):
         (package / "one.py").write_text(written, encoding="utf-8")
@@ -119,7 +119,7 @@ def bare(text: str) -> str:
 
 
 def test_only_comments_and_docstrings_are_left_out():
-    """18.1: Python's own parser reads the same program from the hashed text."""
+    """Python's own parser reads the same program from the hashed text."""
     for file in closure.closure(compiled.SOURCE_MODULES):
         text = file.read_text(encoding="utf-8")
         assert bare(significant_python(text)) == bare(text), file

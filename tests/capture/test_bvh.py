@@ -112,7 +112,7 @@ class RandomTree:
 
 
 def test_positions_near_zero_are_relative_to_offsets(tmp_path):
-    """Poses of MakeHuman are written so; their joints would all lie in one point."""
+    """MakeHuman writes poses in this way; as positions they would put all joints in one point."""
     text = ARM.replace("CHANNELS 1 Zrotation", "CHANNELS 4 Xposition Yposition Zposition Zrotation")
     text = text.replace("1 2 3 0 0 0 90 ", "1 2 3 0 0 0 0.01 0 0 90 ")
     text = text.replace("0 0 0 90 0 0 0 ", "0 0 0 90 0 0 0 0.02 0 0 ")
@@ -272,8 +272,8 @@ def test_a_single_pose_has_no_use_for_the_time_of_a_frame(tmp_path, interval):
     text = "".join(ARM.splitlines(keepends=True)[:-1]).replace("Frames: 2", "Frames: 1")
     clip = fan.theatre.load_bvh(written(tmp_path, text.replace("0.025", interval)))
     assert clip.t == pytest.approx([0.0]) and not clip.notes
-    held = clip.held(1.0)
-    assert held.t == pytest.approx([0.0, 1.0]) and held.held(2.0) is held
+    held = clip.holding_single_pose(1.0)
+    assert held.t == pytest.approx([0.0, 1.0]) and held.holding_single_pose(2.0) is held
     assert np.array_equal(held.positions[0], held.positions[1])
 
 

@@ -55,7 +55,7 @@ def anonymous(skeleton: Skeleton) -> Skeleton:
 
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize("convention", ["mixamo:", "smpl", "bandai", "biped", "unity", "asf"])
-def test_without_names_the_toes_tell_left_from_right(convention, pose):
+def test_without_names_the_toes_distinguish_left_and_right(convention, pose):
     named = skeleton_of(CONVENTIONS[convention], pose, "z")
     guess = guess_joints(anonymous(named))
     expected = CONVENTIONS[convention].joints()
@@ -78,7 +78,7 @@ def without(skeleton: Skeleton, *words: str) -> Skeleton:
     )
 
 
-def test_without_names_and_toes_nothing_tells_left_from_right():
+def test_without_names_and_toes_nothing_distinguishes_left_and_right():
     footless = without(skeleton_of(CONVENTIONS["bandai"]), "Toes")
     with pytest.raises(StateError, match="neither the joints' names nor toes"):
         guess_joints(without(anonymous(footless), ".end"))
@@ -90,8 +90,8 @@ def test_a_joint_that_is_called_as_another_part_is_a_doubt():
     names = tuple(renamed.get(name, name) for name in skeleton.names)
     guess = guess_joints(Skeleton(names, skeleton.parents, skeleton.offsets))
     assert names[guess.joints["hip_left"]] == "L_Knee"
-    assert "hip_left: 'L_Knee' is called as a person's knee" in map(str, guess.doubts)
-    assert "knee_left: 'L_Thigh' is called as a person's hip" in map(str, guess.doubts)
+    assert "hip_left: 'L_Knee' is the name of a knee" in map(str, guess.doubts)
+    assert "knee_left: 'L_Thigh' is the name of a hip" in map(str, guess.doubts)
 
 
 def test_sides_that_contradict_the_toes_are_a_doubt():
@@ -100,7 +100,7 @@ def test_sides_that_contradict_the_toes_are_a_doubt():
     guess = guess_joints(mirrored)
     assert names_of(skeleton, guess.joints) == CONVENTIONS["bandai"].joints()
     assert [str(doubt) for doubt in guess.doubts] == [
-        "the toes point backwards if left is what its name says"
+        "the toes point backwards if the names of the sides are right"
     ]
 
 
@@ -243,7 +243,7 @@ def test_a_draft_has_its_doubts_beside_the_joints():
     text = draft_mapping(captured(Skeleton(names, skeleton.parents, skeleton.offsets * [-1, 1, 1])))
     assert "# Doubtful: the toes point backwards" in text
     (line,) = [line for line in text.splitlines() if line.startswith("  knee_left:")]
-    assert line.startswith("  knee_left: L_Thigh  ") and "# 'L_Thigh' is called as" in line
+    assert line.startswith("  knee_left: L_Thigh  ") and "# 'L_Thigh' is the name of" in line
 
 
 def test_a_draft_of_no_person_is_to_be_filled_in(tmp_path):

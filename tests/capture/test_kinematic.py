@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 import fantoccini as fan
 from fantoccini.theatre.retarget import figure_of, retarget_clip
 from fantoccini.theatre.retarget.following import ACCELERATION, SPEED
-from fantoccini.theatre.retarget.retargeting import hangers, places_in
+from fantoccini.theatre.retarget.retargeting import places_in, tied_strings
 
 pytestmark = pytest.mark.medium
 
@@ -121,6 +121,6 @@ def test_strings_are_vertical_above_poses_near_the_clip(conduct):
         np.testing.assert_allclose(low[:, :2], high[:, :2], atol=0.01)  # of the smoothing
         column = table.q_K.index(f"{string.name}.length")
         np.testing.assert_allclose(high[:, 2] - low[:, 2], q_K[:, column], atol=0.01)
-    assert {hanger.name for hanger in hangers(conduct.figure, conduct.start)} == set(
+    assert {string.name for string in tied_strings(conduct.figure, conduct.start)} == set(
         baseline.widths
     )

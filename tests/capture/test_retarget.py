@@ -194,7 +194,7 @@ def test_hanging_poses_hang_and_miss_the_clip_by_no_more_than_stated(marionette,
     # Place of the point according to the body's pose.
     pose = marionette.pose(follow.reach[40].state, "forearm_right")
     hand = pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09]
-    np.testing.assert_allclose(follow.hung["hand_right"][40], hand, atol=1e-9)
+    np.testing.assert_allclose(follow.hanging_positions["hand_right"][40], hand, atol=1e-9)
     off = np.linalg.norm(hand - follow.places.parts["hand_right"][40])
     assert follow.errors["hand_right"][40] == pytest.approx(off, abs=1e-9)
     # Up to 8 cm of 56 are beyond the strings' reach where an arm points to the side; the head is
@@ -227,7 +227,7 @@ def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
     assert done[-1] == 1.0 and done == sorted(done)
     errors = {part.name: part for part in follow.report}
     assert set(errors) == set(GROUPS)
-    assert errors["hands"].above < 0.02 and errors["head"].above < 0.02
+    assert errors["hands"].excess < 0.02 and errors["head"].excess < 0.02
     lines = follow.guides(np.array([0.0, 1.0]))
     assert [line.shape for line in lines] == [(2, 3, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3)]
     again = fan.simulate(marionette, follow.run.state(0), follow.inputs, effort=False)
@@ -240,7 +240,7 @@ def test_slow_hands_follow_worse_and_keep_their_bounds(marionette, tmp_path):
     follow = fan.theatre.follow_clip(marionette, path, speed=0.2, acceleration=2.0)
     assert np.max(np.abs(follow.run.v_K)) <= 0.2 * (1 + 1e-9)
     assert np.max(np.abs(follow.acc_K)) <= 2.0 * (1 + 1e-9)
-    assert {part.name: part.above for part in follow.report}["hands"] > 0.02
+    assert {part.name: part.excess for part in follow.report}["hands"] > 0.02
 
 
 @pytest.mark.slow
@@ -249,7 +249,7 @@ def test_a_run_that_begins_later_follows_as_well(marionette, tmp_path):
     begun = fan.theatre.retarget_clip(marionette, path, start=marionette.rest().replace(t=5.0))
     follow = fan.theatre.follow_clip(marionette, begun)
     assert follow.run.t[0] == 5.0 == follow.t[0]
-    assert all(part.above < 0.02 for part in follow.report)
+    assert all(part.excess < 0.02 for part in follow.report)
     speeds = np.abs(follow.run.v_K[-1])
     assert np.max(speeds) < 1e-9, "the hands are at rest in the end"
     with pytest.raises(StateError, match="has its mapping, start, travel, up and of already"):
@@ -287,14 +287,14 @@ def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
     hung = fan.theatre.retarget_clip(marionette, "walk_up")
     lost = fan.theatre.follow_clip(marionette, hung, speed=1.0, acceleration={"head.length": 4.0})
     assert lost.status is FollowStatus.DIVERGED and not lost
-    assert lost.far > 0.15 > lost.hanging_far
+    assert lost.error > 0.15 > lost.pose_error
     assert bounds == [(1.0, 4.0), (0.5, 2.0), (0.25, 1.0)]
     ran = fantoccini("follow", "walk_up", "marionette", "--quiet")
     assert ran.exit_code == 1
     assert "does not follow: the error of its" in ran.stderr and "slower hands" in ran.stderr
 
 
-def test_a_part_that_is_lost_for_a_while_is_told_with_its_time():
+def test_a_part_that_is_lost_for_a_while_is_reported_with_its_time():
     """A hand that swings over its string is off for a second, which a mean over the clip hides."""
     t = np.linspace(0.0, 10.0, 301)
     hanging = {"head": np.full(301, 0.01), "hand_left": np.full(301, 0.05)}
@@ -325,9 +325,9 @@ def test_a_limb_that_is_lost_for_a_third_of_the_clip_does_not_follow(marionette,
 
     hung = fan.theatre.retarget_clip(marionette, "walk_up")
     monkeypatch.setattr(following, "errors_of", one_hand_off)
-    monkeypatch.setattr(following, "SLOWER", ())
+    monkeypatch.setattr(following, "BOUND_FACTORS", ())
     lost = fan.theatre.follow_clip(marionette, hung)
-    assert lost.status is FollowStatus.DIVERGED and lost.far < 0.15
+    assert lost.status is FollowStatus.DIVERGED and lost.error < 0.15
     assert [loss.part for loss in lost.losses] == ["hand_left"]
 
 
@@ -373,8 +373,8 @@ def test_a_member_of_a_scene_follows(marionette):
         )
         assert retargeted.figure.points["trunk"][0] == "anna.torso"
         alone = fan.theatre.retarget_clip(marionette, captured(np.repeat(STANDS[None], 2, axis=0)))
-        for part, places in alone.hung.items():
-            np.testing.assert_allclose(retargeted.hung[part], places, atol=2e-3)
+        for part, places in alone.hanging_positions.items():
+            np.testing.assert_allclose(retargeted.hanging_positions[part], places, atol=2e-3)
     with pytest.raises(fan.errors.UnknownNameError, match="no member of a scene is called 'otta'"):
         fan.theatre.retarget_clip(scene, captured(STANDS[None]), of="otta")
     with pytest.raises(StateError, match=r"has no body 'otto\.torso'"):

@@ -69,7 +69,7 @@ def test_a_puppet_with_a_waist_has_the_figure_of_one_without(waisted, marionette
     assert figure.leg == pytest.approx(whole.leg)
     assert figure.height == pytest.approx(whole.height, rel=5e-3)
     np.testing.assert_allclose(figure.lower.waist, [0, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(figure.lower.below_trunk, [0, 0, -0.03], atol=1e-12)
+    np.testing.assert_allclose(figure.lower.waist_in_trunk, [0, 0, -0.03], atol=1e-12)
 
 
 def test_shoulders_turn_the_upper_half_of_the_trunk_and_hips_the_lower(waisted):
@@ -89,7 +89,7 @@ def test_shoulders_turn_the_upper_half_of_the_trunk_and_hips_the_lower(waisted):
         np.testing.assert_allclose(turn.as_rotvec(degrees=True), [0, 0, degrees], atol=1e-9)
     # Both halves meet at the waist.
     lower = placed.figure.lower
-    for point, body in ((lower.below_trunk, "trunk"), (lower.waist, "hips")):
+    for point, body in ((lower.waist_in_trunk, "trunk"), (lower.waist, "hips")):
         frame = placed.places.frames[body]
         joints = frame[:, :, :3] @ point + frame[:, :, 3]
         np.testing.assert_allclose(joints[1], joints[0], atol=1e-12)
@@ -146,7 +146,7 @@ def test_a_trunk_whose_lower_half_carries_the_upper_one_has_a_waist():
     figure = figure_of(robot, robot.rest())
     assert figure.bodies["hips"] == "base" and figure.lower is not None
     np.testing.assert_allclose(figure.lower.waist, [0, 0, 0.06], atol=1e-9)
-    np.testing.assert_allclose(figure.lower.below_trunk, 0.0, atol=1e-9)
+    np.testing.assert_allclose(figure.lower.waist_in_trunk, 0.0, atol=1e-9)
     np.testing.assert_allclose(figure.at("trunk"), [0, 0, -0.03], atol=1e-9)
     np.testing.assert_allclose(figure.at("shoulder_left"), [0, 0.07, 0.1], atol=1e-9)
 
@@ -188,7 +188,7 @@ def test_parts_that_hang_at_other_parts_are_refused(marionette):
 def test_a_marionette_with_a_waist_follows_a_clip(waisted, tmp_path):
     followed = fan.theatre.follow_clip(waisted, clip(tmp_path, "lafan1", "wave"))
     assert followed, followed.status
-    errors = {part.name: part.above for part in followed.report}
+    errors = {part.name: part.excess for part in followed.report}
     assert all(above < 0.02 for above in errors.values()), errors
 
 

@@ -79,12 +79,13 @@ def test_check_prints_size_mass_and_height(dog):
     result = dog()
     assert (result.exit_code, result.stderr) == (0, "")
     size = measure(loads(DOG).tree, float)
-    assert size.hangs == pytest.approx(0.65 + 0.02 + 0.05 + 0.017, abs=0.01)
+    assert size.hanging_height == pytest.approx(0.65 + 0.02 + 0.05 + 0.017, abs=0.01)
     assert size.lengths[1] == pytest.approx(0.076)
     lengths = " x ".join(f"{x:.3g}" for x in size.lengths)
     assert result.stdout.splitlines() == [
         "dog.yaml: no mistakes; 10 DOF, 2 strings, 3 driven",
-        f"dog.yaml: {size.mass:.4g} kg, {lengths} m (x, y, z), hangs {size.hangs:.3g} m high",
+        f"dog.yaml: {size.mass:.4g} kg, {lengths} m (x, y, z), "
+        f"hangs {size.hanging_height:.3g} m high",
     ]
 
 

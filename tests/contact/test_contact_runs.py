@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.perform.before import arrays_before
+from tests.perform.before import previous_format_arrays
 
 import fantoccini as fan
 from contact.bodies import G, on_slope, stepped, thrown
@@ -342,7 +342,7 @@ def test_damaged_contacts_of_a_recording_are_refused(box, tmp_path):
     performance.record()
     performance.advance(0.2)
     take = performance.stop()
-    arrays = arrays_before(take, tmp_path / "take.npz")
+    arrays = previous_format_arrays(take, tmp_path / "take.npz")
     loaded = fan.theatre.Recording.load(tmp_path / "take.npz")
     assert len(loaded.trajectory.contact) > 0
     assert np.array_equal(loaded.trajectory.contact.force, take.trajectory.contact.force)

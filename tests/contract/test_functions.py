@@ -31,7 +31,7 @@ def derived(equations: Equations) -> dict:
 
 @pytest.mark.parametrize("name", ["arm2d", "arm3d", "crane"])
 def test_functions_have_the_arguments_results_and_sizes_that_are_declared(name):
-    """18.1: C's shape was documented as (n_vD, n_vD); it has the driven velocities too."""
+    """C's shape was documented as (n_vD, n_vD); it has the driven velocities too."""
     equations = getattr(fan.puppets, name)().equations
     assert list(equations.sizes) == list(contract.SIZES)
     functions = derived(equations)
@@ -47,7 +47,7 @@ def test_functions_have_the_arguments_results_and_sizes_that_are_declared(name):
 
 
 def test_results_have_their_names_and_shapes():
-    """18.1: results come by name, matrices as matrices, numbers as numbers."""
+    """Results come by name, matrices as matrices, numbers as numbers."""
     arm = fan.puppets.arm2d()
     x = arm.rest()
     state = {"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "p": arm.p}
@@ -85,13 +85,13 @@ def test_leading_axes_that_do_not_go_together_are_named():
 
 
 def test_files_generated_from_the_contract_are_fresh():
-    """18.1: `contract.hpp` and the page of the docs."""
+    """`contract.hpp` and the page of the docs."""
     assert HEADER.read_text(encoding="utf-8") == header(), FRESH
     assert PAGE.read_text(encoding="utf-8") == page(), FRESH
 
 
 def test_a_library_of_another_contract_or_puppet_is_refused(monkeypatch):
-    """18.1: the digest and the puppet's sizes guard against a stale library."""
+    """The digest and the puppet's sizes guard against a stale library."""
     arm = fan.puppets.arm2d()
     path = arm.library.path
     with pytest.raises(BuildError, match=r"n_vD = 2, not \d+"):

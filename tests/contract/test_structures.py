@@ -34,7 +34,7 @@ def offsets(structure) -> list[int]:
 
 
 def test_the_fields_are_where_cpp_has_them(tmp_path):
-    """18.1: one declaration, the same layout in both languages."""
+    """One declaration, the same layout in both languages."""
     lines = ["#include <cstddef>", '#include "fantoccini/contract.hpp"', "using namespace fan;"]
     for s in STRUCTURES:
         expressions = [f"offsetof({s.name}, {f.name})" for f in s.fields] + [f"sizeof({s.name})"]
@@ -88,14 +88,14 @@ def test_an_integer_that_does_not_fit_is_refused():
 
 
 def test_the_parts_of_a_batch_are_a_row_behind_its_time():
-    """18.1: event-driven batches copy rows part by part."""
+    """Event-driven batches copy rows part by part."""
     sizes = arm2d().tree.sizes
     assert width(PARTS, sizes) + 1 == width(SAMPLE, sizes)
     assert tuple(q.name for q in SAMPLE[9:16]) == ENERGY_TERMS
 
 
 def test_wording_does_not_change_the_digest(monkeypatch):
-    """18.1: names, shapes, types and codes make the digest."""
+    """Names, shapes, types and codes make the digest."""
     before = identity.digest()
     for change in (STRUCTURES[1:], STRUCTURES[::-1]):
         identity.digest.cache_clear()

@@ -1,4 +1,4 @@
-"""17.3: motors too weak for their load are events, are in the summary, and set the status."""
+"""Motors too weak for their load are events, are in the summary, and set the status."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def time_of_first_lost_step(torque: float) -> float:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_weak_stepper_loses_steps(stepped, method):
-    """17.3: steps are lost at the times of the rotor's equation, and the run is not DONE."""
+    """Steps are lost at the times of the rotor's equation, and the run is not DONE."""
     x0, weak = stepped.rest({"line.length": COMMANDED_LENGTH}), stepped.with_parameters({"T": 0.02})
     run = fan.simulate(weak, x0, t_end=0.04, method=fine(method), throw=False)
     first = time_of_first_lost_step(0.02)
@@ -123,7 +123,7 @@ def test_a_flows_guard_locates_the_first_lost_step(stepped):
 
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
-    """17.3: it does not fall for ever; the message states a sufficient holding torque."""
+    """It does not fall for ever; the message states a sufficient holding torque."""
     x0, weak = stepped.rest({"line.length": COMMANDED_LENGTH}), stepped.with_parameters({"T": 0.02})
     with pytest.raises(SimulationError, match=r"line\.length ran away from t = 0\.01") as caught:
         fan.simulate(weak, x0, t_end=5.0, method=fine(method))
@@ -143,7 +143,7 @@ def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_servo_that_is_too_weak_runs_away(servoed, method):
-    """17.3: 0.1 m below all its commands, with its motor at its bound: s = a t^2 / 2."""
+    """0.1 m below all its commands, with its motor at its bound: s = a t^2 / 2."""
     x0, torque = servoed.state({"line.length": COMMANDED_LENGTH}), 0.02
     x0 = servoed.project(x0)
     weak = servoed.with_parameters({"T": torque})
@@ -169,7 +169,7 @@ def test_a_motor_that_lags_does_not_run_away(servoed):
 
 
 def test_batches_report_each_lane(stepped):
-    """17.3: strong and weak motors side by side; a lane that runs away ends alone."""
+    """Strong and weak motors side by side; a lane that runs away ends alone."""
     x0 = stepped.rest({"line.length": COMMANDED_LENGTH})
     gentle = fan.Input.hold(stepped).bound(x0.q_K)
     rough = fan.Input.waypoints(stepped, {"line.length": [(0, COMMANDED_LENGTH), (0.03, 0.35)]})
@@ -185,7 +185,7 @@ def test_batches_report_each_lane(stepped):
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_a_copied_stepper_has_lost_the_same_steps(stepped, method):
-    """17.18: a copy's motors used to restart at their present tooth."""
+    """A copy's motors used to restart at their present tooth."""
     x0 = stepped.rest({"line.length": COMMANDED_LENGTH})
     stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, fine(method))
     stepper.advance(0.02)
@@ -200,7 +200,7 @@ def test_a_copied_stepper_has_lost_the_same_steps(stepped, method):
 
 
 def test_a_stepper_continues_and_reports_lost_steps(stepped):
-    """17.3: online, lost steps raise no error: the status keeps them; events are new ones."""
+    """Online, lost steps raise no error: the status keeps them; events are new ones."""
     x0 = stepped.rest({"line.length": COMMANDED_LENGTH})
     stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, fan.TimeStepping(dt=1e-4))
     stepper.advance(0.01)
@@ -213,7 +213,7 @@ def test_a_stepper_continues_and_reports_lost_steps(stepped):
 
 
 def test_a_performance_reports_lost_steps(stepped):
-    """17.3: it continues, names the failures of its motors, and its recording is not DONE."""
+    """It continues, names the failures of its motors, and its recording is not DONE."""
     x0 = stepped.rest({"line.length": COMMANDED_LENGTH})
     live = fan.Performance(stepped.with_parameters({"T": 0.02}), x0)
     live.record()

@@ -128,7 +128,11 @@ def test_offsets_are_those_of_the_inputs(score):
     ("change", "line", "message"),
     [
         (("curtain: 1", "curtain: 2.3"), 6, r"march of lane legs \(line 10\)"),
-        (("loop: 4", "loop: 4.5"), 7, r"march of lane legs \(line 10\); needed: a loop that ends"),
+        (
+            ("loop: 4", "loop: 4.5"),
+            7,
+            r"march of lane legs \(line 10\), differs by .*; needed: a loop",
+        ),
         (("loop: 4", "loop: 9"), 7, "begins on beat 9.00"),
         (("loop: 4", "loop: 0"), 7, "curtain waits on beat 1.00"),
         (("curtain: 1", "curtain: 8"), 7, "waits on beat 8.00"),

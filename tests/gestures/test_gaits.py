@@ -16,7 +16,7 @@ from fantoccini.model.scene import Member, Scene
 from fantoccini.theatre import Gait, find_gait, footfalls
 from fantoccini.theatre.gaits import PREPARATION, Footfalls, WalkStatus, standing_lengths
 from fantoccini.theatre.gaits.gait_search import gait_cost
-from fantoccini.theatre.gestures import Ends, Roles, Step
+from fantoccini.theatre.gestures import BodyParts, Ends, Step
 from fantoccini.theatre.gestures.leg_order import phases
 
 pytestmark = pytest.mark.slow
@@ -31,8 +31,8 @@ PROMENADE = Gait(
     body_lead=-0.2000313746082361,
     overshoot=0.1775447391377389,
     sway=-0.006663049281129267,
-    early=0.12282758870822792,
-    top=0.31489467544172334,
+    vertical_share=0.12282758870822792,
+    peak_share=0.31489467544172334,
 )
 """Gait that `find_gait` has found for the bundled marionette on `promenade`."""
 DACHSHUND = Gait(
@@ -46,8 +46,8 @@ DACHSHUND = Gait(
     body_lead=-0.04212908956896589,
     overshoot=0.008941754182766262,
     sway=-0.01544227659903244,
-    early=0.1282499930081487,
-    top=0.3518971634136726,
+    vertical_share=0.1282499930081487,
+    peak_share=0.3518971634136726,
 )
 """Gait that a search has found for the bundled dachshund, straight and along an arc of 1 m."""
 
@@ -63,7 +63,7 @@ def contact_slides(stage: fan.Marionette, run: fan.Trajectory, gait: Gait) -> np
     cycle = np.floor(0.5 * ((run.t - run.t[0]) / gait.step_time - PREPARATION)).astype(int)
     own = cycle[:-1] >= 0
     slides = []
-    for limb in Roles.of(stage, "pierrot").body_map.limbs:
+    for limb in BodyParts.of(stage, "pierrot").body_map.limbs:
         if limb.kind != "leg":
             continue
         points = run.contact.of(limb.bodies[-1])
@@ -106,7 +106,7 @@ def test_legs_take_turns_as_their_pattern_says():
 
 
 def test_ends_of_a_standing_leg_stand_still_and_close_up(promenade):
-    ends = Ends(Roles.of(promenade, "pierrot"), promenade.rest())
+    ends = Ends(BodyParts.of(promenade, "pierrot"), promenade.rest())
     gait = Gait(leg_lead=0.0, body_lead=0.0, overshoot=0.0)
     walk = gait.gesture(ends, [Step(0.02)] * 6)
     assert walk.duration == pytest.approx(gait.duration(6))
@@ -127,7 +127,7 @@ def test_it_walks_a_metre_and_its_feet_hardly_slide(promenade, turn):
     x0, steps = promenade.rest(), 38
     inputs = PROMENADE.inputs(promenade, steps, x0, turn=turn)
     run = fan.simulate(promenade, x0, inputs, method=fan.TimeStepping(dt=1e-3), save_every=5)
-    feet = footfalls(Roles.of(promenade, "pierrot"), run, PROMENADE, steps)
+    feet = footfalls(BodyParts.of(promenade, "pierrot"), run, PROMENADE, steps)
     slides = contact_slides(promenade, run, PROMENADE)
     # Landings are chaotic: rounding decides in which of the cycles a foot slides by 2 mm.
     assert slides.mean() < 1e-3
@@ -154,7 +154,7 @@ def test_a_trotting_dachshund_keeps_its_heading_and_hardly_slides():
     x0 = stage.rest()
     inputs = DACHSHUND.inputs(stage, steps, x0)
     run = fan.simulate(stage, x0, inputs, method=fan.TimeStepping(dt=1e-3), save_every=5)
-    feet = footfalls(Roles.of(stage, "dog"), run, DACHSHUND, steps)
+    feet = footfalls(BodyParts.of(stage, "dog"), run, DACHSHUND, steps)
     assert feet, feet.message
     assert feet.slide.mean() < 0.5e-3 and feet.max_slide < 2e-3
     assert abs(feet.turn) < np.radians(2.0)
@@ -179,16 +179,18 @@ def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
     assert again.status is tuned.status and again.feet.run_status is fan.Status.DONE
 
 
-def with_leg(roles: Roles, leg: Limb) -> Roles:
+def with_leg(body_parts: BodyParts, leg: Limb) -> BodyParts:
     """The puppet with one more leg."""
-    limbs = (*roles.body_map.limbs, leg)
-    return dataclasses.replace(roles, body_map=dataclasses.replace(roles.body_map, limbs=limbs))
+    limbs = (*body_parts.body_map.limbs, leg)
+    return dataclasses.replace(
+        body_parts, body_map=dataclasses.replace(body_parts.body_map, limbs=limbs)
+    )
 
 
 def test_a_leg_in_the_middle_steps_between_the_others(promenade):
-    roles, x0 = Roles.of(promenade, "pierrot"), promenade.rest()
-    arm = roles.body_map.parts["arm_left"]
-    three = with_leg(roles, dataclasses.replace(arm, kind="leg", side="middle"))
+    body_parts, x0 = BodyParts.of(promenade, "pierrot"), promenade.rest()
+    arm = body_parts.body_map.parts["arm_left"]
+    three = with_leg(body_parts, dataclasses.replace(arm, kind="leg", side="middle"))
     gait = Gait(sway=0.05)
     walk = gait.gesture(Ends(three, x0), [Step(0.02)] * 4)
     index = promenade.coordinates.v_K.index(f"{arm.strings[0]}.x")
@@ -202,27 +204,27 @@ def test_a_leg_in_the_middle_steps_between_the_others(promenade):
 
 
 def test_feet_without_shapes_stand_on_the_body_before_them(promenade):
-    roles, x0 = Roles.of(promenade, "pierrot"), promenade.rest()
-    lengths = standing_lengths(roles, x0)
+    body_parts, x0 = BodyParts.of(promenade, "pierrot"), promenade.rest()
+    lengths = standing_lengths(body_parts, x0)
     end = "knee_left.end"  # the massless end of a string
     legs = [
         dataclasses.replace(limb, bodies=(*limb.bodies, end)) if limb.kind == "leg" else limb
-        for limb in roles.body_map.limbs
+        for limb in body_parts.body_map.limbs
     ]
-    body_map = dataclasses.replace(roles.body_map, limbs=tuple(legs))
-    assert standing_lengths(dataclasses.replace(roles, body_map=body_map), x0) == lengths
+    body_map = dataclasses.replace(body_parts.body_map, limbs=tuple(legs))
+    assert standing_lengths(dataclasses.replace(body_parts, body_map=body_map), x0) == lengths
     bare = dataclasses.replace(legs[0], kind="leg", side="middle", bodies=(end,))
     message = "it stands on leg; needed: shapes on one of its bodies, knee_left.end"
     with pytest.raises(StateError, match=message):
-        standing_lengths(with_leg(roles, bare), x0)
+        standing_lengths(with_leg(body_parts, bare), x0)
 
 
 @pytest.mark.parametrize(("end", "n_cycles"), [(1.0, 0), (5.0, 1), (6.8, 2)])
 def test_runs_that_end_early_have_the_feet_of_whole_cycles_only(promenade, end, n_cycles):
-    roles, x0, gait = Roles.of(promenade, "pierrot"), promenade.rest(), Gait()
+    body_parts, x0, gait = BodyParts.of(promenade, "pierrot"), promenade.rest(), Gait()
     inputs = gait.inputs(promenade, 8, x0)  # cycles of the right leg begin at 3.15 s, 4.95 s, ...
     run = fan.simulate(promenade, x0, inputs, end, method=fan.TimeStepping(dt=2e-3), save_every=4)
-    feet = footfalls(roles, run, gait, 8)
+    feet = footfalls(body_parts, run, gait, 8)
     assert feet.slide.shape == feet.lift.shape == feet.stands.shape == (n_cycles, 2)
     assert feet.status is WalkStatus.STOPPED and feet.run_status is fan.Status.RUNNING
     assert "has not reached its end" in feet.message
@@ -234,14 +236,14 @@ def test_puppets_stand_alike_in_every_direction():
         heading = Orientation(axis=(0, 0, 1), angle=turn)
         member = Member(name="dog", puppet=dog, at=(0.3, 0.2, 0.0), orientation=heading)
         stage = fan.Marionette(Scene(scene="floor", floor=0.0, puppets=(member,)))
-        lengths.append(standing_lengths(Roles.of(stage, "dog"), stage.rest()))
+        lengths.append(standing_lengths(BodyParts.of(stage, "dog"), stage.rest()))
     assert lengths[1] == pytest.approx(lengths[0], abs=1e-5)
 
 
 def test_steps_on_the_spot_are_searched_and_may_not_leave_it(promenade):
     draws = fan.control.Draws(runs=3, generations=1)
     tuned = find_gait(promenade, Gait(stride=0.0), rounds=1, draws=draws)
-    assert tuned.feet.asked_distance == 0.0
+    assert tuned.feet.wanted_distance == 0.0
     assert abs(tuned.feet.distance) < 0.02
     assert np.isfinite(tuned.feet.distance_error)
 
@@ -250,16 +252,16 @@ def test_a_walk_backward_is_not_a_walk_forward(promenade):
     x0, steps = promenade.rest(), 6
     inputs = dataclasses.replace(PROMENADE, stride=-0.1).inputs(promenade, steps, x0)
     run = fan.simulate(promenade, x0, inputs, method=fan.TimeStepping(dt=2e-3), save_every=4)
-    roles = Roles.of(promenade, "pierrot")
-    backward = footfalls(roles, run, dataclasses.replace(PROMENADE, stride=-0.1), steps)
-    assert backward.asked_distance < 0.0
-    assert backward.distance == pytest.approx(backward.asked_distance, abs=0.02)
-    forward = footfalls(roles, run, PROMENADE, steps)
+    body_parts = BodyParts.of(promenade, "pierrot")
+    backward = footfalls(body_parts, run, dataclasses.replace(PROMENADE, stride=-0.1), steps)
+    assert backward.wanted_distance < 0.0
+    assert backward.distance == pytest.approx(backward.wanted_distance, abs=0.02)
+    forward = footfalls(body_parts, run, PROMENADE, steps)
     assert forward.distance == backward.distance and forward.status is WalkStatus.OFF_DISTANCE
-    assert gait_cost(roles, run, PROMENADE, steps) > 20.0
+    assert gait_cost(body_parts, run, PROMENADE, steps) > 20.0
 
 
-def test_a_gait_that_does_not_walk_says_so_even_from_the_cache(promenade):
+def test_a_gait_that_does_not_walk_has_that_status_also_from_the_cache(promenade):
     draws = fan.control.Draws(runs=3, generations=1)
     for _ in range(2):
         tuned = find_gait(promenade, Gait(stride=0.6), rounds=1, draws=draws)
@@ -278,7 +280,7 @@ def test_a_gait_that_does_not_walk_says_so_even_from_the_cache(promenade):
         ({"run_status": fan.Status.TENSION_CAP}, WalkStatus.STOPPED),
     ],
 )
-def test_feet_tell_whether_the_puppet_walks(changes, status):
+def test_footfalls_show_whether_the_puppet_walks(changes, status):
     rows = np.full((2, 2), 1e-3), np.full((2, 2), 0.02), np.full((2, 2), 0.6)
     feet = Footfalls(*rows, 1.0, 1.0, 0.0, 0.0, 0.99, fan.Status.DONE)
     changed = dataclasses.replace(feet, **changes)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends
-from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.stepping import Step, Track, footing_after
 from fantoccini.theatre.gestures.walking import SWAY, steps
 
@@ -35,7 +35,7 @@ def hanging(marionette: fan.Marionette) -> fan.State:
 
 
 def made(marionette: fan.Marionette, given=GIVEN, step_time: float = 0.5) -> fan.theatre.Gesture:
-    return steps(Ends(Roles.of(marionette), hanging(marionette)), given, step_time)
+    return steps(Ends(BodyParts.of(marionette), hanging(marionette)), given, step_time)
 
 
 def ends_at(marionette: fan.Marionette, gesture: fan.theatre.Gesture, t: float) -> np.ndarray:

@@ -140,7 +140,7 @@ def test_bounds_hold_where_walks_are_joined(marionette):
     assert np.all(row.peaks <= bounds)
 
 
-def test_a_second_walk_goes_on_in_the_new_direction(marionette):
+def test_a_second_walk_continues_in_the_new_direction(marionette):
     """Two walks, the second in the direction of the first one's end, are one rigid motion."""
     x0 = marionette.rest()
     walk = fan.theatre.load_gesture(marionette, "walk", steps=3, step=0.05, turn=0.4)
@@ -247,7 +247,7 @@ def test_a_member_points_at_places_of_the_world(visit):
             assert bearing(run, visit, there + s, to, "columbine.", side) < 15.0
 
 
-def test_scores_take_them(marionette, visit, tmp_path):
+def test_scores_have_walks_and_targets(marionette, visit, tmp_path):
     jsonschema.validate(read_file(written(tmp_path, SCORE)).data, score_schema())
     score = fan.load_score(marionette, written(tmp_path, SCORE))
     assert score, score.changes

@@ -42,7 +42,7 @@ def test_an_arm_is_estimated_within_the_tolerances(case):
     assert estimate.converged and not estimate.combinations
     assert 0.9 < estimate.chi2 < 1.15  # outliers count as 4 deviations
     assert 10 < len(estimate.outliers) < 100  # of some 35 bad triples
-    assert not estimate.lost  # outliers do not invalidate their segments
+    assert not estimate.rejected  # outliers do not invalidate their segments
     assert abs(estimate.noise["wrist.x"] - 2e-3) < 2e-4
     assert "delay" in estimate.summary()
 

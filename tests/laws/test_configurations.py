@@ -35,7 +35,7 @@ def same(puppet, p, q, driven) -> None:
 
 @pytest.mark.parametrize("driven", [False, True])
 def test_integrate_undoes_difference(puppet, driven):
-    """17.18: integrate(q0, difference(q0, q1)) is q1, for one and for many."""
+    """integrate(q0, difference(q0, q1)) is q1, for one and for many."""
     rng = np.random.default_rng(5)
     t = puppet.coordinates
     n_v = t.n_vK if driven else t.n_vD
@@ -53,7 +53,7 @@ def test_integrate_undoes_difference(puppet, driven):
 
 
 def test_tangent_vectors_are_those_of_linearise():
-    """17.18: derivatives of accelerations are with respect to these tangent vectors."""
+    """Derivatives of accelerations are with respect to these tangent vectors."""
     arm = fan.puppets.arm3d()
     x = arm.rest()
     lin = arm.linearise(x, rows=[])
@@ -71,7 +71,7 @@ def test_tangent_vectors_are_those_of_linearise():
 
 
 def test_arrays_of_other_sizes_are_refused(puppet):
-    """17.18: the message states the sizes."""
+    """The message states the sizes."""
     q = puppet.state().q_D
     with pytest.raises(fan.errors.StateError, match="q has the shape"):
         puppet.difference(q[:-1], q)

@@ -39,7 +39,7 @@ drives:
 
 @pytest.mark.parametrize("name", ["crane", "marionette_bar", "stand6", "wound"])
 def test_the_joints_inertias_are_the_blocks_and_the_pivots_of_M(name):
-    """17.30: with outer joints held they are M's blocks; else det M is their product."""
+    """They are blocks of M if outer joints are held; otherwise det M is their product."""
     marionette = loads(WOUND) if name == "wound" else fan.load(fan.puppets.path(name))
     table, rng = marionette.coordinates, np.random.default_rng(1)
     q_D = np.nan_to_num(table.start_D, nan=1.0) + rng.normal(size=table.n_qD)
@@ -59,7 +59,7 @@ def test_the_joints_inertias_are_the_blocks_and_the_pivots_of_M(name):
 
 
 def test_a_puppet_is_checked_without_its_equations(monkeypatch):
-    """17.30: deriving them took 41 s and 1.9 GB for ten chains of 200 pieces."""
+    """Deriving them took 41 s and 1.9 GB for ten chains of 200 pieces."""
     marionette = loads(WOUND)
     monkeypatch.setattr(Libraries, "equations", property(lambda _: pytest.fail("derived")))
     check_mass_matrix(marionette.puppet, marionette.tree)

@@ -197,7 +197,7 @@ def test_a_stone_that_bounces_among_strings_never_gains_energy():
 
 
 def test_unresolvable_bounces_end():
-    """17.22: a stiff winch and a restitution of 1 bounced every 0.7 us, 740,000 times in 0.3 s."""
+    """A stiff winch and a restitution of 1 bounced every 0.7 us, 740,000 times in 0.3 s."""
     winch = fan.loads("""
 puppet: winch
 bodies:

@@ -121,7 +121,7 @@ def test_a_run_through_catches_and_releases(swing):
 
 
 def test_a_run_by_the_values_of_its_waypoints(swing):
-    """17.5: derivatives by the value of every waypoint are exact, through catches and releases."""
+    """Derivatives by the value of every waypoint are exact, through catches and releases."""
     arm, x0, _ = swing
     # The second point's slope is a mean, not linear in the values.
     lengths = [(0, 0.95), (0.2, 0.9), (0.5, 0.70), (0.75, 0.95)]

@@ -7,7 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from tests.perform.before import arrays_before
+from tests.perform.before import previous_format_arrays
 
 import fantoccini as fan
 from damage import entries, fuzz, packed, stored
@@ -33,7 +33,7 @@ def files(arm, tmp_path_factory):
     live.record()
     live.advance(0.05)
     take = live.stop()
-    np.savez(folder / "before.npz", **arrays_before(take, folder / "take.npz"))
+    np.savez(folder / "before.npz", **previous_format_arrays(take, folder / "take.npz"))
     t = np.linspace(0, 1, 40)
     np.savez(folder / "inputs.npz", **{"t": t, "hand.length": 0.8 + 0.01 * np.sin(t)})
     readers = {
@@ -212,7 +212,7 @@ def test_damaged_cases_of_a_sweep_count_as_none(tmp_path):
 
 
 def test_a_file_that_is_being_written_is_not_among_those_with_its_ending(tmp_path):
-    """18.8: a list of a folder's npz files contains only complete ones."""
+    """A list of a folder's npz files contains only complete ones."""
     with replacing(tmp_path / "run.npz") as part:
         part.write_bytes(b"half")
         assert list(tmp_path.glob("*.npz")) == []

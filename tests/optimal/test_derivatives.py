@@ -58,7 +58,7 @@ def test_residuals_by_changes_of_states(crane: fan.Marionette, nodes: Nodes, tra
 
 def test_a_search_keeps_its_number_of_steps_where_a_free_duration_gets_shorter(crane):
     """Otherwise the dynamics would jump where the duration crosses a multiple of the step."""
-    steps = TimeSteps(crane, 0.012, longest=0.05)
+    steps = TimeSteps(crane, 0.012, max_interval=0.05)
     for interval in np.linspace(0.005, 0.05, 50):
         assert steps.steps(interval) == (5, pytest.approx(interval / 5))
 

@@ -116,7 +116,7 @@ def _one_flow(marionette, run, inputs, t_end, slipping, how):
             slipping.discard(i)
         elif now[i] and not before:
             run.events.append(Happened(t, "catch", name))
-        elif i < n and now[i] and np.isfinite(marionette.upper[i]):
+        elif i < n and now[i] and np.isfinite(marionette.max_forces[i]):
             if i in caught or (i == row and i not in slipping):
                 speed = caught[i][1] if i in caught else 0.0
                 run.events.append(Happened(t, "slip", name, 0.0, speed))
@@ -210,7 +210,7 @@ def _struck(marionette, x, held, name):
     marionette, at = marionette, Evaluation.of(marionette, x)
     row = marionette.tree.row_names.index(name)
     closed = held | (np.abs(at.h) <= CLOSED * marionette.row_scales(x.q_D, x.q_K))
-    firm = np.flatnonzero(closed & ~np.isfinite(marionette.upper))
+    firm = np.flatnonzero(closed & ~np.isfinite(marionette.max_forces))
     restitution = np.zeros(len(held))
     n = len(marionette.tree.strings)
     restitution[:n] = marionette.winches[:, WINCH_AT["restitution"]]

@@ -9,7 +9,7 @@ import numpy as np
 import fantoccini as fan
 
 
-def arrays_before(recording: fan.theatre.Recording, path: Path) -> dict[str, np.ndarray]:
+def previous_format_arrays(recording: fan.theatre.Recording, path: Path) -> dict[str, np.ndarray]:
     """The arrays of a file of the format `fantoccini.recording.2`.
 
     Args:

@@ -9,7 +9,7 @@ from tests.perform.hands import hands_of
 import fantoccini as fan
 from fantoccini.dynamics.steppers import Stepper
 from fantoccini.theatre.perform import reach
-from fantoccini.theatre.perform.grip import HELD
+from fantoccini.theatre.perform.grip import HELD_SLIP
 from properties import puppets
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
@@ -19,10 +19,10 @@ CALM = ("marionette", "marionette_bar", "stand6")
 """Puppets with enough damping to come to rest within half a minute."""
 MAX_ENERGY_GAIN = 12.0
 """Largest gain of energy, relative to the puppet's weight times 1 m; the largest seen was 7."""
-OWN = ("wire", "cable_robot", "tackle", "beads", "winches", "springs")
+OTHER_NAMES = ("wire", "cable_robot", "tackle", "beads", "winches", "springs")
 
 
-def abused(live: fan.Performance, throws: int, ticks: int, seed: int) -> float:
+def energy_gain_of_throws(live: fan.Performance, throws: int, ticks: int, seed: int) -> float:
     """Handles thrown 10 m away and back, strings wound to both ends; the largest gain of energy."""
     marionette, hands, rng = live.marionette, hands_of(live), np.random.default_rng(seed)
     homes = {h.name: live.place(h.name) for h in live.handles}
@@ -64,7 +64,7 @@ def test_a_puppet_thrown_a_hundred_times_returns_to_rest(name):
     marionette = getattr(fan.puppets, name)()
     live = fan.Performance(marionette)
     x0 = live.state
-    gained = abused(live, throws=100, ticks=40, seed=1)
+    gained = energy_gain_of_throws(live, throws=100, ticks=40, seed=1)
     assert gained < MAX_ENERGY_GAIN * marionette.weight
     live.advance(15.0)
     # The hands return to their positions ...
@@ -82,11 +82,11 @@ def test_a_puppet_thrown_a_hundred_times_returns_to_rest(name):
     assert potential - marionette.energies(x0)[1] < 2e-3 * marionette.weight
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", OTHER_NAMES)
 def test_wires_pulleys_and_springs_return_to_rest_too(name):
     marionette = puppets.load(name)
     live = fan.Performance(marionette)
-    assert abused(live, 40, 30, seed=2) < 2 * MAX_ENERGY_GAIN * marionette.weight
+    assert energy_gain_of_throws(live, 40, 30, seed=2) < 2 * MAX_ENERGY_GAIN * marionette.weight
     live.advance(10.0)
     assert np.all(np.isfinite(live.state.q_D))
 
@@ -101,7 +101,7 @@ def test_a_hand_stops_just_beyond_the_puppets_reach_and_returns_at_once():
     reached = live.place("hand")[0][0]
     farthest = np.sqrt((0.6 + live.length("hand")) ** 2 - home[2] ** 2)
     assert farthest - 0.03 < reached < farthest + 0.03
-    assert abs(live.slip[0] - HELD) < 0.005
+    assert abs(live.slip[0] - HELD_SLIP) < 0.005
     assert "limit" in live.lagging["hand"] and "slips by" in live.lagging["hand"]
     assert live.tension[0] <= live.grip * (1 + 1e-9)
     live.move("hand", home)

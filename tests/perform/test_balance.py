@@ -15,11 +15,11 @@ from fantoccini.base.errors import StateError, UnknownNameError
 pytestmark = pytest.mark.medium
 
 
-def kicked(arm: fan.Marionette, size: float = 2.0) -> fan.State:
+def kicked_state(arm: fan.Marionette, size: float = 2.0) -> fan.State:
     return arm.project(arm.rest().replace(v_D=size * np.array([0.6, -0.8])))
 
 
-def settled(arm: fan.Marionette, live: fan.Performance) -> float:
+def late_speed(arm: fan.Marionette, live: fan.Performance) -> float:
     """Largest velocity over the last part of a time."""
     live.advance(1.2)
     speeds = []
@@ -57,17 +57,17 @@ def test_mistakes_of_pushes_are_named():
     with pytest.raises(StateError, match="three finite numbers"):
         live.push("bob", [1.0, np.nan, 0.0])
     live.record()
-    with pytest.raises(StateError, match="keeps no pushes"):
+    with pytest.raises(StateError, match="cannot contain pushes"):
         live.push("bob", [1.0, 0.0, 0.0])
 
 
 def test_hands_calm_a_kicked_arm(arm):
     left = []
     for balanced in (False, True):
-        live = fan.Performance(arm, kicked(arm))
+        live = fan.Performance(arm, kicked_state(arm))
         if balanced:
             live.set_hand_law(fan.theatre.Balance(live))
-        left.append(settled(arm, live))
+        left.append(late_speed(arm, live))
     assert left[1] < 0.2 * left[0]
 
 
@@ -111,7 +111,7 @@ def test_a_reset_ends_the_balancing(arm):
 
 
 def test_a_thread_makes_the_updates_and_counts_those_that_are_late(arm):
-    live = fan.Performance(arm, kicked(arm, 1.0))
+    live = fan.Performance(arm, kicked_state(arm, 1.0))
     law = fan.theatre.Balance(live, nodes=20, threaded=True)
     live.set_hand_law(law)
     end = time.monotonic() + 60.0

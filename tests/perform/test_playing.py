@@ -161,7 +161,7 @@ def test_gestures_begin_on_time(marionette, gestures):
 def test_a_repetition_ends_on_request(marionette, gestures):
     live = fan.Performance(marionette)
     home = live.state.q_K
-    live.play(gestures["march"], again=True)
+    live.play(gestures["march"], repeat=True)
     live.record()
     live.advance(3.0 * gestures["march"].duration)
     assert live.playing == ("march",)
@@ -222,7 +222,7 @@ def test_hands_stop_where_a_take_ends(marionette, take):
 def test_a_loop_never_jumps(marionette, take):
     part = take.trimmed(0.4, 2.2)
     live = fan.Performance(marionette)
-    live.play_take(part, again=True)
+    live.play_take(part, repeat=True)
     live.record()
     live.advance(5.0)
     recording = live.stop()
@@ -346,7 +346,7 @@ def test_a_score_is_played_paused_and_set(marionette, score):
     agrees(1e-6)
     live.score.running = True
     live.advance(3.0)
-    assert live.score.conductor.waiting.name == "clap" and live.score.still
+    assert live.score.conductor.waiting.name == "clap" and live.score.is_still
     agrees(1e-6)
     assert live.score.conductor.go()
     live.advance(score.duration)
@@ -375,7 +375,7 @@ def test_armed_lanes_of_a_score_are_in_the_hands(marionette, score):
 
 def test_played_motions_continue_or_are_reported_as_ended(marionette, gestures, score):
     live = fan.Performance(marionette)
-    live.play(gestures["wave"], again=True)
+    live.play(gestures["wave"], repeat=True)
     playing = live.play_score(score)
     live.advance(0.5)
     assert live.replace(fan.puppets.marionette()) == ()

@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pytest
 import trimesh
-from tests.perform.before import arrays_before
+from tests.perform.before import previous_format_arrays
 
 import fantoccini as fan
 from fantoccini.base import rotation
@@ -108,9 +108,9 @@ def test_a_file_of_another_machine_keeps_its_samples(gentle, rough, tmp_path):
         )
 
 
-def test_a_file_of_the_format_before_is_read(rough, tmp_path):
+def test_a_file_of_the_previous_format_is_read(rough, tmp_path):
     """It has every sample, and events."""
-    np.savez(tmp_path / "old.npz", **arrays_before(rough, tmp_path / "new.npz"))
+    np.savez(tmp_path / "old.npz", **previous_format_arrays(rough, tmp_path / "new.npz"))
     read = fan.theatre.Recording.load(tmp_path / "old.npz")
     assert read.written is not None
     same(read.trajectory, rough.trajectory)

@@ -412,7 +412,7 @@ def test_a_refused_address_leaves_nothing_open(stage, monkeypatch):
 
 
 def test_a_flood_is_counted_and_prints_nothing(desk, caplog, capfd):
-    """python-osc printed a line for every message that it read in part."""
+    """Regression: python-osc printed a line for every message that it read in part."""
     unknown = b"#bundle\0" + bytes(7) + b"\1" + b"\0\0\0\4" + b"none"
     for _ in range(300):
         desk.raw(b"/go\0,x\0\0")

@@ -44,7 +44,7 @@ def damped() -> Problem:
 
 
 def test_plans_are_confirmed_event_driven_by_default(damped):
-    """17.19: they end at the goal without contact, checked every millisecond."""
+    """They end at the goal without contact, checked every millisecond."""
     for seed in range(16):
         plan = solve(damped, seed=seed, time_limit=60.0)
         assert plan and plan.status is fan.control.AnswerStatus.EXACT
@@ -59,7 +59,7 @@ def refused(plan: PlanPath) -> check.Check:
 
 
 def test_the_search_continues_after_an_unconfirmed_plan(boxes, monkeypatch, tmp_path):
-    """17.19: the next one is used, and the number of refused plans is reported."""
+    """The next one is used, and the number of refused plans is reported."""
     plans = []
 
     def not_the_first_two(plan: PlanPath) -> check.Check:
@@ -94,7 +94,7 @@ def test_a_plan_with_too_weak_drives_is_not_confirmed(boxes, monkeypatch, status
 
 
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
-    """17.19: a run stopped by Ctrl-C says nothing about the plan, and is not refused."""
+    """A run stopped by Ctrl-C says nothing about the plan, and is not refused."""
     full_run = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)
     stopped = dataclasses.replace(full_run, status=fan.Status.STOPPED)
     monkeypatch.setattr(plan_path, "simulate", lambda *_, **__: stopped)
@@ -103,7 +103,7 @@ def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
 
 
 def test_a_true_plan_is_confirmed_in_any_case(boxes, monkeypatch):
-    """17.19: bool(plan) of an unconfirmed search simulates the plan."""
+    """bool(plan) of an unconfirmed search simulates the plan."""
     plan = first_plan(boxes, made=lambda p: solve(boxes, seed=0, confirm=False))
     assert plan.status is fan.control.AnswerStatus.UNCONFIRMED and plan.holds
     monkeypatch.setattr(result, "confirmed", refused)
@@ -115,7 +115,7 @@ def test_a_true_plan_is_confirmed_in_any_case(boxes, monkeypatch):
 
 
 def test_contact_between_checks_is_found(boxes):
-    """17.19: the string passes a bead between two checks, without contact at either."""
+    """The string passes a bead between two checks, without contact at either."""
     plan = solve(boxes, seed=0)
     run = plan.verify(method="event").run
     arm, first = boxes.marionette, np.arange(0.0, run.t[-1], boxes.rollouts.options.interval)
@@ -143,7 +143,7 @@ def test_polish_says_that_polished_versions_are_too_long(monkeypatch):
 
 
 def test_polish_has_a_status(boxes, monkeypatch, tmp_path):
-    """17.4: an unchanged plan has a reason."""
+    """An unchanged plan has a reason."""
     plan_checked = first_plan(boxes, near, polished)
     assert plan_checked.polished.status is PolishStatus.POLISHED and "as required" in repr(
         plan_checked
@@ -162,7 +162,7 @@ def test_polish_has_a_status(boxes, monkeypatch, tmp_path):
 
 
 def test_improving_names_the_reason_for_a_missing_polish():
-    """17.4: a goal that is a function, a plan without a motion, and no time."""
+    """A goal that is a function, a plan without a motion, and no time."""
     arm = fan.puppets.arm3d()
     hangs = arm.rest(START)
     function = Problem(arm, hangs, lambda rows: np.maximum(0.3 - rows.q_K[..., 1], 0.0))
@@ -175,7 +175,7 @@ def test_improving_names_the_reason_for_a_missing_polish():
 
 
 def test_a_goal_state_at_rest_ends_at_rest():
-    """17.4: this includes driven velocities; the crane's trolley and its winch."""
+    """This includes driven velocities; the crane's trolley and its winch."""
     crane = fan.puppets.crane()
     start, goal = (crane.rest({"trolley": x}) for x in (-1.5, 1.5))
     problem = Problem(crane, start, goal, bounds=fan.control.Bounds(speed=2.0, acceleration=2.0))

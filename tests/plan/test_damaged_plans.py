@@ -11,7 +11,7 @@ pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 
 def test_a_damaged_plan_is_a_located_error(tmp_path):
-    """17.28: byte flips, cut ends, swapped and changed entries and headers."""
+    """Byte flips, cut ends, swapped and changed entries and headers."""
     problem = fan.control.load_problem("arm3d_boxes")
     whole = tmp_path / "plan.npz"
     fan.control.solve(problem, seed=1, time_limit=0.5).save(whole)

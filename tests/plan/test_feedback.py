@@ -252,7 +252,7 @@ def changed(plan: PlanResult, row: StateArrays, z: np.ndarray) -> StateArrays:
 
 
 def test_a_plan_may_be_followed_by_a_rest(plan):
-    """17.7: the small final speed of a polished plan is removed."""
+    """The small final speed of a polished plan is removed."""
     arm, inputs = plan.problem.marionette, plan.inputs
     left = np.max(np.abs(inputs.evaluate(inputs.end)[1]))
     assert 0.0 < left < 5e-4
@@ -264,7 +264,7 @@ def test_a_plan_may_be_followed_by_a_rest(plan):
 
 
 def test_plans_begin_at_time_stepped_states(plan):
-    """17.1: such a plan is checked event-driven, from the nearest state with exact lengths."""
+    """Such a plan is checked event-driven, from the nearest state with exact lengths."""
     problem, arm = plan.problem, plan.problem.marionette
     hold = fan.Input.hold(arm, 0.1)
     x = arm.project(plan.start.replace(v_D=plan.start.v_D + 0.3))

@@ -119,7 +119,7 @@ def test_the_papers_planner_comes_nearer():
 
 
 def test_the_papers_planner_solves_the_papers_problem():
-    """17.4: the arm of Fig. 4, past two boxes, with the defaults of `est-2007`.
+    """The arm of Fig. 4, past two boxes, with the defaults of `est-2007`.
 
     It takes seconds with 200,000 rollouts; rollouts of 40 to 200 ms gave no plan in 400,000.
     """

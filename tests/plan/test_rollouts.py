@@ -222,7 +222,7 @@ def test_a_goal_counts_with_the_parameters_of_the_puppet_that_plans():
 
 
 def test_python_hears_signals_while_many_rollouts_are_simulated():
-    """17.30: a timer's handler runs repeatedly during one long sweep."""
+    """A timer's handler runs repeatedly during one long sweep."""
     if not hasattr(signal, "setitimer"):
         pytest.skip("needs setitimer")
     task, heard = problem(rollouts=RolloutOptions(dt=0.002, n_checks=1000)), []

@@ -45,28 +45,28 @@ def literals(path: Path) -> list[str]:
     return [node.value for node in nodes if isinstance(node.value, str)]
 
 
-def is_wired(text: str) -> bool:
+def is_own_name(text: str) -> bool:
     """Whether a constant is a name of the bundled marionette, or its beginning before a side."""
     names = "|".join(sorted(own_names()))
     match = re.fullmatch(rf"\.?({names})(_(left|right)?)?(\.[a-z]*)?", text)
     return match is not None and (match[1] not in ROLES or match[2] is not None)
 
 
-def test_the_search_sees_names_of_the_bundled_marionette():
+def test_the_search_finds_names_of_the_bundled_marionette():
     assert {"hand", "shoulder", "knee", "torso", "skull", "forearm", "thigh"} <= own_names()
     for text in ("skull", "hand_", ".forearm_", "knee_left.up", "torso", "shoulder_right"):
-        assert is_wired(text), text
+        assert is_own_name(text), text
     for text in ("arm_", "leg_left", "head", "trunk", "a hand"):
-        assert not is_wired(text), text
+        assert not is_own_name(text), text
 
 
 @pytest.mark.parametrize("room", ["cast", "plays"])
-def test_no_name_of_the_bundled_marionette_is_wired(room):
+def test_no_name_of_the_bundled_marionette_is_hard_coded(room):
     wired = [
         f"{path.name}: {text!r}"
         for path in sorted((SOURCE / room).rglob("*.py"))
         for text in literals(path)
-        if is_wired(text)
+        if is_own_name(text)
     ]
     assert not wired
 
@@ -76,7 +76,7 @@ def _hans() -> fan.Marionette:
     return fan.puppets.hans()
 
 
-def moved(gesture: fan.theatre.Gesture) -> set[str]:
+def moved_strings(gesture: fan.theatre.Gesture) -> set[str]:
     """Names of the strings that a gesture moves."""
     names = pieces.channel_names(gesture.coordinates).items()
     return {name.split(".")[0] for name, (_, v) in names if gesture.named[v].any()}
@@ -96,23 +96,28 @@ def test_a_puppet_of_other_names_and_sizes_has_the_gestures_with_props_and_seats
     assert physique.arm_ratio("left") == pytest.approx(0.25579 / 0.19, abs=1e-5)
     assert physique.leg_ratio == pytest.approx(0.25824 / 0.26417, abs=1e-5)
     assert set(physique.trunk_strings) == {"crown", "collar_left", "collar_right", "seat"}
-    assert moved(prop_gestures.carry(hans, "", side="left")) == {"wrist_left"}
-    assert moved(putting.putting(hans, "", "ball", 0.01).gesture) == set(physique.strings)
+    assert moved_strings(prop_gestures.carry(hans, "", side="left")) == {"wrist_left"}
+    assert moved_strings(putting.putting(hans, "", "ball", 0.01).gesture) == set(physique.strings)
     handing = prop_gestures.give(hans, "", "", "ball", side="left")
-    assert moved(handing.giver) == {"wrist_left"} and "leg_right" in moved(handing.receiver)
+    assert moved_strings(handing.giver) == {"wrist_left"} and "leg_right" in moved_strings(
+        handing.receiver
+    )
     assert handing.touching == (("lower_arm_left", "ball"), ("lower_arm_right", "ball"))
     # The elbow is at [0, 0.09, 0.343] in the file's pose.
     place = np.array([1.34626 * 0.061, 0.106, 0.347])
     np.testing.assert_allclose(prop_gestures.handle_place(hans, side="left"), place, atol=1e-5)
     sitting = sit(hans, "", "chair", 0.15, start=hans.state())
-    assert moved(sitting.down) == set(physique.strings) and ("pelvis", "chair") in sitting.touching
+    assert (
+        moved_strings(sitting.down) == set(physique.strings)
+        and ("pelvis", "chair") in sitting.touching
+    )
 
 
-def test_a_puppet_without_a_part_says_so(hans):
+def test_a_missing_part_is_named(hans):
     with pytest.raises(fan.errors.StateError, match="no wing_left; its body map has arm_"):
         Physique.of(hans).limb("wing_left")
     with pytest.raises(fan.errors.StateError, match="somebody has no arm_left"):
-        cast.hanging(ContactBodies("somebody"), "left", "ball")
+        cast.hanging_pair(ContactBodies("somebody"), "left", "ball")
 
 
 RIG = """
@@ -169,7 +174,7 @@ def holding(puppet: str, along: float) -> fan.Marionette:
 @pytest.mark.parametrize(("changes", "end"), [({}, "0, 0, -0.09"), (ALONG_X, "0.09, 0, 0")])
 def test_the_distance_from_the_elbow_is_along_any_axis_of_the_forearm(changes, end):
     stage = holding(changed(changes, end=end), 0.05)
-    away = prop_gestures.along_forearm(stage, stage.state(), "", "ball", 0.0, side="left")
+    away = prop_gestures.handle_distance(stage, stage.state(), "", "ball", 0.0, side="left")
     assert away == pytest.approx(0.05, abs=1e-6)
 
 
@@ -283,14 +288,15 @@ def test_a_puppet_whose_file_looks_along_y_faces_walks_and_holds_like_one_along_
         (tmp_path / "she.yaml").write_text(text, encoding="utf-8")
         script = read_play(tmp_path / "holds.yaml", cast.ResultCache())
         she = script.cast.players["she"]
-        tree, state = she.alone.tree, she.x0
-        links = she.alone.poses(state.q_D[None], state.q_K[None])[0]
+        tree, state = she.marionette.tree, she.x0
+        links = she.marionette.poses(state.q_D[None], state.q_K[None])[0]
         poses.append({link.name: links[k] for k, link in enumerate(tree.links)})
         props.append(script.cast.props["ball"])
         steps = she.turned(script.gestures.walk(she, (Step(0.06), Step(0.06, 0.3)), 0.7), 0.4)
         walks.append(offsets_at(steps, 1.0))
         aims.append(
-            she.own(np.array([0.5, -0.2, 0.3]), she.start)[:2] - [she.middle.real, she.middle.imag]
+            she.in_own_frame(np.array([0.5, -0.2, 0.3]), she.start)[:2]
+            - [she.middle.real, she.middle.imag]
         )
     for body, pose in poses[0].items():
         columns = slice(3, 4) if body.endswith(".end") else slice(None)
@@ -311,9 +317,9 @@ def test_steps_and_clearances_are_those_of_the_player(tmp_path):
     she, walks = script.cast.players["she"], Walks(script.cast, script.log)
     ratio = 0.25824 / 0.26417
     assert she.leg_ratio == pytest.approx(ratio)
-    assert walks.clear(she) == pytest.approx(she.radius + ratio * 0.026)
+    assert walks.clearance(she) == pytest.approx(she.radius + ratio * 0.026)
     # Chest, neck and crown of the file, lifted by 2.5 cm; the head leans a little at rest.
-    assert she.top == pytest.approx(0.388 + 0.122 + 0.181 + 0.025, abs=0.01)
+    assert she.height == pytest.approx(0.388 + 0.122 + 0.181 + 0.025, abs=0.01)
     goal = cast.Footing(0.1, 0.2, she.start.heading)
     free = dict(begin=0.0, wait=0.0, others=(), near=0.0, arrives=None, free_from=0.0)
     way, _ = walks.way(she, she.start, [goal], act_start=0.0, **free)

@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.theatre.cast.companies import Company, Meeting, Span, spans
-from fantoccini.theatre.cast.contacts import ContactBodies, hanging
+from fantoccini.theatre.cast.contacts import ContactBodies, hanging_pair
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.stage_run import together
 
@@ -36,7 +36,8 @@ acts:
 
 def meeting(begin: float, end: float, players: str, props: str = "p") -> Meeting:
     pairs = frozenset(
-        hanging(ContactBodies(player, {"left": f"{player}.arm"}), "left", "p") for player in players
+        hanging_pair(ContactBodies(player, {"left": f"{player}.arm"}), "left", "p")
+        for player in players
     )
     return Meeting(begin, end, tuple(players), tuple(props), pairs, "hangs")
 

@@ -12,7 +12,7 @@ import fantoccini as fan
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.theatre.cast.companies import Meeting
 from fantoccini.theatre.plays.placing import IN_TIME
-from fantoccini.theatre.plays.touching import AT_HAND, touches
+from fantoccini.theatre.plays.touching import HANDLING_DISTANCE, touches
 from plays.conftest import HEAD, Plays
 from plays.tiny import TOUCHES, write_play
 
@@ -45,7 +45,7 @@ def test_a_play_is_performed_as_written(plays: Plays):
     # The limb turns on the beat: its hand leads by its lag.
     (seen,) = [seen_cue for seen_cue in verification.cues if seen_cue.cue is wave]
     assert seen.limb
-    assert abs(seen.seen - 5 * 0.6) <= IN_TIME
+    assert abs(seen.observed - 5 * 0.6) <= IN_TIME
     assert wave.marks["columbine"]["second"] < 5 * 0.6 - IN_TIME
 
 
@@ -186,7 +186,7 @@ def test_a_changed_play_uses_the_cache_and_equals_a_new_one(plays: Plays):
     assert again.cache.n_computed - n_computed < 0.6 * anew.cache.n_computed
 
 
-def beside(run: fan.Trajectory, y: float, x: float = 0.0) -> fan.Trajectory:
+def run_of_neighbours(run: fan.Trajectory, y: float, x: float = 0.0) -> fan.Trajectory:
     """A run in which columbine copies pierrot, beside him and ahead of him [m]."""
     table, q_D, q_K = run.coordinates, np.array(run.q_D), np.array(run.q_K)
     for q, names in ((q_D, table.q_D), (q_K, table.q_K)):
@@ -208,12 +208,12 @@ def test_players_may_be_near_only_while_they_handle_a_prop(plays: Plays):
     still = dataclasses.replace(run, q_D=run.q_D[[0] * len(run)], q_K=run.q_K[[0] * len(run)])
 
     def off(y: float, wanted: float) -> float:
-        moved = beside(still, y, AHEAD)
+        moved = run_of_neighbours(still, y, AHEAD)
         return float(clearance.at(moved.q_D[0], moved.q_K[0])) - wanted
 
     near, nearer = (
-        beside(still, brentq(off, 0.1, 0.5, args=(d,)), AHEAD)
-        for d in (3.0 * AT_HAND, 0.5 * AT_HAND)
+        run_of_neighbours(still, brentq(off, 0.1, 0.5, args=(d,)), AHEAD)
+        for d in (3.0 * HANDLING_DISTANCE, 0.5 * HANDLING_DISTANCE)
     )
 
     def seen(run: fan.Trajectory, begin: float, end: float) -> list[float]:
@@ -231,7 +231,7 @@ def test_players_may_be_near_only_while_they_handle_a_prop(plays: Plays):
 def test_touches_of_forced_cues_are_reported(plays: Plays):
     """Two runs of players in one place: touches of bodies and of strings are found."""
     play = plays.compiled("{who: pierrot, does: nod}")
-    touching = touches(play.cast, beside(fan.theatre.verify_play(play).run, 0.15))
+    touching = touches(play.cast, run_of_neighbours(fan.theatre.verify_play(play).run, 0.15))
     kinds = {("string" in touch.what, "string" in touch.other) for touch in touching}
     assert (False, False) in kinds
     assert any("string" in touch.what for touch in touching)
@@ -315,7 +315,7 @@ def test_compiling_stops_in_time_with_a_partial_result(tmp_path):
     assert any(stops in str(remark) for remark in stopped.lacking)
     assert not any(stops in str(remark) for remark in whole.lacking)
     assert any("would be" in str(remark) for remark in stopped.lacking)  # touches are reported
-    assert [cue.what for cue in stopped.cues] == [cue.what for cue in whole.cues]
+    assert [cue.description for cue in stopped.cues] == [cue.description for cue in whole.cues]
     assert stopped.duration > 0.0
 
 

@@ -24,8 +24,8 @@ def test_players_of_one_file_wear_other_colours_on_the_stage(tmp_path):
     assert of_body == {"one.ball": GREEN, "two.ball": BLUE}
     # Each is alone as the file has it, and both are compiled once.
     first, second = players.players.values()
-    assert first.alone is second.alone
-    assert first.alone.puppet.expanded().bodies[0].shapes[0].colour == RED
+    assert first.marionette is second.marionette
+    assert first.marionette.puppet.expanded().bodies[0].shapes[0].colour == RED
 
 
 def test_a_colour_that_the_puppet_lacks_is_a_mistake_at_its_line(tmp_path):

@@ -12,8 +12,8 @@ import fantoccini as fan
 from fantoccini.model import scene as scenes
 from fantoccini.model.puppet import bundled
 from fantoccini.theatre import cast
-from fantoccini.theatre.cast import ContactBodies, sitting
-from fantoccini.theatre.cast.contacts import rules_of
+from fantoccini.theatre.cast import ContactBodies, sitting_pairs
+from fantoccini.theatre.cast.contacts import contact_rules
 from fantoccini.theatre.plays.sitting import sit
 
 pytestmark = pytest.mark.slow
@@ -32,14 +32,14 @@ def on_a_chair() -> fan.Marionette:
     for name in (*hans.coordinates.q_D, *hans.coordinates.q_K):
         if name.endswith((".length", ".z")):
             pose[name] = float(start[name]) + (LIFT if name.endswith(".z") else -LIFT)
-    pairs = sitting(ContactBodies.of("hans", hans.body_map), "chair")
+    pairs = sitting_pairs(ContactBodies.of("hans", hans.body_map), "chair")
     pairs |= {frozenset(("chair", "floor"))}
     scene = fan.Scene(
         scene="seat",
         floor=0.0,
         puppets=[{"name": "hans", "puppet": scenes.load(bundled("hans")), "pose": pose}],
         props=[{"name": "chair", "at": [-BACK, 0, 0], "shapes": CHAIR["shapes"]}],
-        contact=rules_of(pairs, lambda name: name.removeprefix("hans.")),
+        contact=contact_rules(pairs, lambda name: name.removeprefix("hans.")),
     )
     return fan.Marionette(scene)
 

@@ -97,9 +97,9 @@ def test_looks_and_pauses_are_kept(plays: Plays):
     """
     first = plays.compiled(cues, on_disk=True)
     again = plays.compiled(cues, on_disk=True)
-    assert first.cache.n_computed > 0 and first.settled
+    assert first.cache.n_computed > 0 and first.settling_pauses
     assert again.cache.n_computed == 0
-    assert (again.changes, again.settled) == (first.changes, first.settled)
+    assert (again.changes, again.settling_pauses) == (first.changes, first.settling_pauses)
     for name, motion in first.motions.items():
         assert np.array_equal(motion.coef, again.motions[name].coef)
     assert same(first.runs(), again.runs())

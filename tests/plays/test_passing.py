@@ -9,7 +9,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.theatre.plays import clearances
-from fantoccini.theatre.plays.touching import EVERY, touches
+from fantoccini.theatre.plays.touching import SAMPLE_STRIDE, touches
 from plays.tiny import write_play
 
 
@@ -20,7 +20,7 @@ def test_a_ball_thrown_through_another_or_through_a_block_is_detected(tmp_path):
     names = run.coordinates.q_D
     x, y, z = (names.index(f"one.ball.{axis}") for axis in "xyz")
     still = np.repeat(run.q_D[:1], len(run), axis=0)
-    k = EVERY * (len(run) // (2 * EVERY))
+    k = SAMPLE_STRIDE * (len(run) // (2 * SAMPLE_STRIDE))
     link = next(i for i, a in enumerate(play.marionette.tree.links) if a.name == "one.ball")
     at = play.marionette.poses(run.q_D[0], run.q_K[0])[link, :, 3]
     middle = still[0, [x, y, z]] - at  # middle of the stage, in the ball's coordinates
@@ -37,7 +37,7 @@ def test_a_ball_thrown_through_another_or_through_a_block_is_detected(tmp_path):
         times = [
             touch.t for touch in passages if {touch.what, touch.other} == {"one.ball", through}
         ]
-        assert run.t[k] < min(times) < run.t[k + EVERY]
+        assert run.t[k] < min(times) < run.t[k + SAMPLE_STRIDE]
         assert any(
             {approach.what, approach.other} == {"one.ball", through} and approach.distance < 0.0
             for approach in clearances(play.cast, passing)

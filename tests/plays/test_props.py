@@ -23,15 +23,15 @@ pytestmark = [pytest.mark.slow, pytest.mark.own_puppets, pytest.mark.long]
 RAISED = 0.02
 """Height of the feet above the floor: event-driven runs have many events just above it [m]."""
 RULES = {"friction": 0.6, "meets": ["floor", "obstacles", "props"]}
-HUNG = {"head": 0.6225, "shoulder": 0.7658, "hand": 0.9154, "knee": 1.0609}
+STRING_LENGTHS = {"head": 0.6225, "shoulder": 0.7658, "hand": 0.9154, "knee": 1.0609}
 METHOD = fan.TimeStepping(dt=1e-3)
 
 
 def puppet(name: str, x: float, y: float, heading: float) -> dict:
-    pose = {"torso.z": 0.345 + RAISED, "head.length": HUNG["head"] - RAISED}
+    pose = {"torso.z": 0.345 + RAISED, "head.length": STRING_LENGTHS["head"] - RAISED}
     for side in ("left", "right"):
         for string in ("shoulder", "hand", "knee"):
-            pose[f"{string}_{side}.length"] = HUNG[string] - RAISED
+            pose[f"{string}_{side}.length"] = STRING_LENGTHS[string] - RAISED
     return {
         "name": name,
         "puppet": "marionette",
@@ -41,13 +41,15 @@ def puppet(name: str, x: float, y: float, heading: float) -> dict:
     }
 
 
-def seen(x: float, y: float, heading: float, forward: float, left: float) -> tuple[float, float]:
+def world_place(
+    x: float, y: float, heading: float, forward: float, left: float
+) -> tuple[float, float]:
     """A place in front of a puppet, in world coordinates [m]."""
     c, s = np.cos(heading), np.sin(heading)
     return x + c * forward - s * left, y + s * forward + c * left
 
 
-THINGS = {
+PROP_DATA = {
     name: YAML(typ="safe").load(files(cast).joinpath("prop_files", f"{name}.yaml").read_text())
     for name in ("ball", "basket", "chair")
 }
@@ -57,18 +59,18 @@ def prop(kind: str, x: float, y: float, z: float, heading: float) -> dict:
     return {
         "name": kind,
         "at": [x, y, z],
-        "drag": THINGS[kind]["drag"],
+        "drag": PROP_DATA[kind]["drag"],
         "orientation": {"axis": [0, 0, 1], "angle": heading},
-        "shapes": THINGS[kind]["shapes"],
+        "shapes": PROP_DATA[kind]["shapes"],
     }
 
 
-def hung(kind: str, x: float, y: float, heading: float, side: str, off: float = 0.0) -> dict:
+def hung_prop(kind: str, x: float, y: float, heading: float, side: str, off: float = 0.0) -> dict:
     """A prop on the forearm of a puppet standing there."""
     forward, left, up = prop_gestures.handle_place(fan.puppets.marionette(), side=side)
     up += RAISED
-    place = seen(x, y, heading, forward + off, left)
-    return prop(kind, *place, up - 0.35 * off - THINGS[kind]["handle"], heading)
+    place = world_place(x, y, heading, forward + off, left)
+    return prop(kind, *place, up - 0.35 * off - PROP_DATA[kind]["handle"], heading)
 
 
 def stage(puppets: list, things: list, obstacles=(), pairs=()) -> fan.Marionette:
@@ -97,7 +99,7 @@ def stage(puppets: list, things: list, obstacles=(), pairs=()) -> fan.Marionette
     )
 
 
-def met(run, name: str) -> dict[str, tuple[float, float]]:
+def contact_times(run, name: str) -> dict[str, tuple[float, float]]:
     """Other body -> first and last time of its contact with a body [s]."""
     contacts: dict[str, tuple[float, float]] = {}
     contact = run.contact
@@ -114,11 +116,11 @@ def handle_in(scene, run, kind: str, body: str) -> np.ndarray:
     """(T, 3) place of a handle's middle in the frame of a forearm [m]."""
     poses = scene.poses(run.q_D, run.q_K)
     thing, arm = (poses[:, scene.link_index(name)] for name in (kind, body))
-    place = thing[:, :, 3] + THINGS[kind]["handle"] * thing[:, :, 2]
+    place = thing[:, :, 3] + PROP_DATA[kind]["handle"] * thing[:, :, 2]
     return np.einsum("tij,ti->tj", arm[:, :, :3], place - arm[:, :, 3])
 
 
-def nearest(scene, run, kind: str, arms: tuple[str, ...]) -> float:
+def least_distance(scene, run, kind: str, arms: tuple[str, ...]) -> float:
     """Least distance of a prop or a string from those of others [m]; none may cross."""
     links = [link.name for link in scene.tree.links]
     t, q_D, q_K = run.t[::2], run.q_D[::2], run.q_K[::2]
@@ -137,14 +139,14 @@ def nearest(scene, run, kind: str, arms: tuple[str, ...]) -> float:
     return min(*distances, *(approach.distance for approach, a, b in owner if a != b))
 
 
-def handed(kind: str, side: str, place: tuple[float, float, float], off: float = 0.0):
+def handover_scene(kind: str, side: str, place: tuple[float, float, float], off: float = 0.0):
     """The scene, the pair of gestures and their sum."""
     sign = -1.0 if side == "right" else 1.0
     along = 0.061 if off == 0.0 else 0.0595 + off
-    beside = seen(*place, AHEAD + 0.986 * (along - 0.061), sign * RECEIVER)
+    beside = world_place(*place, AHEAD + 0.986 * (along - 0.061), sign * RECEIVER)
     puppets = [puppet("pierrot", *place), puppet("columbine", *beside, place[2])]
-    scene = stage(puppets, [hung(kind, *place, side, off)])
-    pair = prop_gestures.give(scene, "pierrot", "columbine", kind, side=side, along=along)
+    scene = stage(puppets, [hung_prop(kind, *place, side, off)])
+    pair = prop_gestures.give(scene, "pierrot", "columbine", kind, side=side, elbow_distance=along)
     assert pair.place(*place) == pytest.approx((*beside, place[2]), abs=1e-3)
     return scene, pair
 
@@ -162,13 +164,13 @@ RECEIVER, AHEAD = 0.4322, 0.0202
     ],
 )
 def test_a_prop_is_handed_over_and_no_string_passes_it(kind, side, place, off):
-    scene, pair = handed(kind, side, place, off)
+    scene, pair = handover_scene(kind, side, place, off)
     x0, both = scene.rest(), pair.giver + pair.receiver
     run = fan.simulate(scene, x0, both.inputs(x0), t_end=16.0, method=METHOD, save_every=10)
     assert run.status is fan.Status.DONE
     other = {"left": "right", "right": "left"}[side]
     his, hers = f"pierrot.forearm_{side}", f"columbine.forearm_{other}"
-    touched = met(run, kind)
+    touched = contact_times(run, kind)
     assert set(touched) == {his, hers} == {arm for arm, _ in pair.touching}
     assert touched[his][0] == 0.0 and touched[his][1] < 9.0
     assert touched[hers][0] > 2.0 and touched[hers][1] == run.t[-1]
@@ -176,13 +178,13 @@ def test_a_prop_is_handed_over_and_no_string_passes_it(kind, side, place, off):
     assert 0.03 < -where[-1, 2] < 0.088
     assert np.ptp(where[run.t > 15.0], axis=0).max() < 0.002
     # A handle 1 cm nearer to the hand is nearer to its string as well.
-    assert nearest(scene, run, kind, (his, hers)) > (0.005 if off == 0.0 else 0.004)
+    assert least_distance(scene, run, kind, (his, hers)) > (0.005 if off == 0.0 else 0.004)
 
 
 @pytest.mark.parametrize(("kind", "side"), [("ball", "right"), ("basket", "left")])
 def test_a_prop_stays_on_the_forearm_in_a_walk(kind, side):
     place = (0.0, 0.0, 0.0)
-    scene = stage([puppet("pierrot", *place), ASIDE], [hung(kind, *place, side)])
+    scene = stage([puppet("pierrot", *place), OTHER_PUPPET], [hung_prop(kind, *place, side)])
     x0 = scene.rest()
     pose = prop_gestures.carry(scene, "pierrot", side=side)
     leg, turn = [Step(0.06)] * 12, [Step(0.0, np.pi / 6)] * 3
@@ -191,29 +193,29 @@ def test_a_prop_stays_on_the_forearm_in_a_walk(kind, side):
         scene, x0, walk.inputs(x0), t_end=walk.duration + 1.0, method=METHOD, save_every=10
     )
     arm = f"pierrot.forearm_{side}"
-    assert set(met(run, kind)) == {arm}
+    assert set(contact_times(run, kind)) == {arm}
     along = -handle_in(scene, run, kind, arm)[:, 2]
     assert along.min() > 0.03 and along.max() < 0.08
     assert along[-1] == pytest.approx(
-        prop_gestures.along_forearm(
-            scene, run.state(len(run) - 1), "pierrot", kind, THINGS[kind]["handle"], side=side
+        prop_gestures.handle_distance(
+            scene, run.state(len(run) - 1), "pierrot", kind, PROP_DATA[kind]["handle"], side=side
         )
     )
-    assert nearest(scene, run, kind, (arm,)) > 0.005
+    assert least_distance(scene, run, kind, (arm,)) > 0.005
 
 
-SEAT = THINGS["chair"]["seat"]
-ASIDE = puppet("other", 3.0, 3.0, 0.0)
+SEAT = PROP_DATA["chair"]["seat"]
+OTHER_PUPPET = puppet("other", 3.0, 3.0, 0.0)
 """A puppet that takes no part."""
 
 
 def test_a_seat_bears_a_player_and_lets_her_stand_up():
     place = (0.3, 0.2, -1.2)
-    x, y = seen(*place, -0.135, 0.0)
+    x, y = world_place(*place, -0.135, 0.0)
     chair = {
         "name": "chair",
         "at": [x, y, 0],
-        "shapes": THINGS["chair"]["shapes"],
+        "shapes": PROP_DATA["chair"]["shapes"],
         "orientation": {"axis": [0, 0, 1], "angle": place[2]},
     }
     scene = stage([puppet("columbine", *place)], [chair])
@@ -238,7 +240,7 @@ def test_a_seat_bears_a_player_and_lets_her_stand_up():
     assert hers[sits].min() > 0.3 and hers[sits].max() < 0.95
     # Her legs may still swing against the chair: in plays she steps away from it.
     assert np.abs(hers[stands]).mean() < 0.02
-    assert set(met(run, "chair")) - {"floor"} <= {body for body, _ in sitting.touching}
+    assert set(contact_times(run, "chair")) - {"floor"} <= {body for body, _ in sitting.touching}
     torso = scene.poses(run.q_D, run.q_K)[:, scene.link_index("torso"), :, 3]
     assert np.linalg.norm(torso[-1] - torso[0]) < 0.04  # it swings
     assert np.ptp(run["chair.x"]) < 5e-3
@@ -246,7 +248,7 @@ def test_a_seat_bears_a_player_and_lets_her_stand_up():
 
 def test_a_basket_is_put_down():
     side, place, top = "left", (0.3, 0.2, -1.2), 0.195
-    x, y = seen(*place, 0.36, 0.07)
+    x, y = world_place(*place, 0.36, 0.07)
     table = {
         "name": "table",
         "type": "box",
@@ -256,7 +258,7 @@ def test_a_basket_is_put_down():
     }
     scene = stage(
         [puppet("columbine", *place)],
-        [hung("basket", *place, side)],
+        [hung_prop("basket", *place, side)],
         [table],
         [{"between": ["table", "columbine"], "meet": False}],
     )
@@ -269,7 +271,7 @@ def test_a_basket_is_put_down():
     whole = pose.then(down.gesture)
     run = fan.simulate(scene, x0, whole.inputs(x0), t_end=22.0, method=METHOD, save_every=10)
     assert run.status is fan.Status.DONE
-    touched = met(run, "basket")
+    touched = contact_times(run, "basket")
     where = np.stack([run[f"basket.{axis}"] for axis in "xyz"], axis=1)
     c, s = np.cos(place[2]), np.sin(place[2])
     own = (where[:, :2] - place[:2]) @ np.array([[c, -s], [s, c]])

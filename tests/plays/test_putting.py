@@ -47,7 +47,7 @@ def write(
     return path
 
 
-def stood(play: fan.theatre.Play, prop: str) -> np.ndarray:
+def prop_place(play: fan.theatre.Play, prop: str) -> np.ndarray:
     """(4,) place of a prop's bottom and height of its axis, between the two cues of a play."""
     run = together(play.cast, play.runs())
     t = 0.5 * (play.cues[0].end + play.cues[1].start)
@@ -68,7 +68,7 @@ def stood(play: fan.theatre.Play, prop: str) -> np.ndarray:
 def test_a_prop_is_put_down_and_picked_up_again(tmp_path, prop, side, top, at):
     play = fan.load_play(write(tmp_path, DOWN + UP, prop, side, top, at))
     assert play.changes == ()
-    x, y, z, upright = stood(play, prop)
+    x, y, z, upright = prop_place(play, prop)
     assert max(abs(x - 0.6), abs(y)) < 0.15  # half the table's width
     assert z == pytest.approx(top, abs=1e-3)
     assert upright > 0.9999

@@ -27,10 +27,10 @@ def test_times_in_reasons_are_in_beats_of_the_act():
     assert act_time_in_words(12.0, 4.0, 60.0 / TEMPO) == "on beat 16.0 of the act (12.00 s)"
 
 
-def test_a_clip_that_lasts_too_short_is_answered_in_beats():
+def test_a_clip_that_is_too_short_is_reported_in_beats():
     assert str(TooShortError("wave", 0.8, 1.55, 60.0 / TEMPO)) == (
-        "found 1.6 beats for wave; needed: more than 3.1 beats, which the ways into it and back "
-        "take"
+        "found 1.6 beats for wave; needed: more than 3.1 beats, which the motions to its "
+        "start and back take"
     )
     assert str(TooShortError("wave", 0.8, 1.55)).startswith("found 0.8 s for wave")
 
@@ -40,7 +40,7 @@ def test_durations_of_scripts_are_in_the_unit_of_their_file():
     assert ScriptLog(Located(), None).duration_in_words(1.25) == "1.25 s"
 
 
-def test_a_place_that_is_too_high_to_point_at_says_how_much_lower_it_may_be(marionette):
+def test_the_reason_gives_how_much_lower_a_place_must_be_for_pointing(marionette):
     high = np.array([0.1, 0.1, 0.9])
     with pytest.raises(InputError) as caught:
         fan.theatre.load_gesture(marionette, "point", to=high)
@@ -65,7 +65,7 @@ poses:
 """
 
 
-def test_a_key_pose_out_of_reach_says_how_much_of_it_can_be_reached(marionette, tmp_path):
+def test_the_reason_gives_how_much_of_a_key_pose_can_be_reached(marionette, tmp_path):
     path = tmp_path / "offer.yaml"
     path.write_text(POSES.replace("UP", "0.5"))
     with pytest.raises(FileError) as caught:
@@ -88,7 +88,7 @@ def test_a_key_pose_out_of_reach_says_how_much_of_it_can_be_reached(marionette, 
                 fan.theatre.load_gesture(marionette, path)
 
 
-def test_a_time_before_the_act_is_answered_in_beats(plays):
+def test_a_time_before_the_act_is_reported_in_beats(plays):
     play = plays.compiled(
         """{who: pierrot, does: wave, when: 6}
         {who: columbine, does: bow, when: wave.start - 9}"""

@@ -8,8 +8,8 @@ from benchmarks.plays.random_plays import random_play
 from ruamel.yaml import YAML
 
 import fantoccini as fan
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends
-from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.stepping import Step
 from fantoccini.theatre.gestures.walking import steps
 from fantoccini.theatre.plays.settling import Swing, pause
@@ -39,7 +39,7 @@ def test_players_together_move_as_in_a_run_of_the_whole_stage(plays: Plays):
 def _after_a_walk() -> tuple[fan.Marionette, fan.State, fan.theatre.Gesture]:
     puppet = fan.puppets.marionette()
     hangs = puppet.rest()
-    walk = steps(Ends(Roles.of(puppet), hangs), [Step(0.1)] * 3)
+    walk = steps(Ends(BodyParts.of(puppet), hangs), [Step(0.1)] * 3)
     inputs = walk.inputs(hangs, speed=1.5, acceleration=12.0)
     run = fan.simulate(puppet, hangs, inputs, method="timestepping")
     return puppet, run.state(len(run) - 1).replace(t=0.0), walk

@@ -33,7 +33,7 @@ STANDS = "{who: pierrot, stands up from: SEAT, after: 1}"
 BOWS = "{who: pierrot, does: bow}"
 
 
-def made(
+def compiled_play(
     folder: Path,
     *cues: str,
     seat: str = "chair",
@@ -71,13 +71,15 @@ def check_sits(play: fan.theatre.Play) -> None:
 
 def test_she_sits_on_a_chair_waves_stands_up_and_bows(tmp_path):
     props = CHAIR.format(at="[0.1, -0.2]", facing="audience")
-    check_sits(made(tmp_path, SITS, WAVES, STANDS, BOWS, props=props))
+    check_sits(compiled_play(tmp_path, SITS, WAVES, STANDS, BOWS, props=props))
 
 
 @pytest.mark.parametrize("facing", ["left", "back"])
 def test_she_sits_wherever_a_chair_stands(tmp_path, facing):
     props = CHAIR.format(at="[0.3, -0.4]", facing=facing)
-    check_sits(made(tmp_path, SITS, WAVES, STANDS, "{who: pierrot, walks to: west}", props=props))
+    check_sits(
+        compiled_play(tmp_path, SITS, WAVES, STANDS, "{who: pierrot, walks to: west}", props=props)
+    )
 
 
 def test_she_comes_up_to_a_chair_head_on_and_sits_twice(tmp_path):
@@ -100,7 +102,7 @@ acts:
 @pytest.mark.parametrize("height", [0.13, 0.16])
 def test_she_sits_on_an_obstacle(tmp_path, height):
     bench = BENCH.format(h=height, z=height / 2)
-    check_sits(made(tmp_path, SITS, WAVES, STANDS, BOWS, seat="bench", obstacles=bench))
+    check_sits(compiled_play(tmp_path, SITS, WAVES, STANDS, BOWS, seat="bench", obstacles=bench))
 
 
 def reasons(play: fan.theatre.Play) -> str:
@@ -108,7 +110,7 @@ def reasons(play: fan.theatre.Play) -> str:
 
 
 def test_a_sitting_player_does_not_walk_and_her_seat_is_taken(tmp_path):
-    play = made(
+    play = compiled_play(
         tmp_path,
         SITS,
         "{who: pierrot, walks to: west}",
@@ -123,14 +125,14 @@ def test_a_sitting_player_does_not_walk_and_her_seat_is_taken(tmp_path):
 
 def test_standing_up_needs_the_seat_of_the_player(tmp_path):
     props = CHAIR.format(at="[0.1, -0.2]", facing="audience")
-    play = made(tmp_path, BOWS, STANDS, props=props)
+    play = compiled_play(tmp_path, BOWS, STANDS, props=props)
     assert len(play.changes) == 1
     assert "pierrot does not sit on chair, but stands" in reasons(play)
 
 
 def test_a_seat_is_neither_too_high_nor_too_low(tmp_path):
     bench = BENCH.format(h=0.2, z=0.1)
-    play = made(tmp_path, SITS, seat="bench", obstacles=bench)
+    play = compiled_play(tmp_path, SITS, seat="bench", obstacles=bench)
     assert len(play.changes) == 1
     assert "m below the pelvis; needed: 0.09 to 0.18 m" in reasons(play)
 

@@ -51,7 +51,7 @@ def test_an_error_of_the_simulator_refuses_its_cue_and_the_rest_is_played(
 ):
     """Regression: it ended the whole play, without line, player and cue."""
     path = write_play(tmp_path, TWICE)
-    failing(monkeypatch, lambda x, inputs, _: moves_again(x, inputs), error)
+    failing(monkeypatch, lambda x, inputs, _: is_second_hop(x, inputs), error)
     play = fan.load_play(path)
     (change,) = play.changes
     assert change.line == play.cues[1].line == 15
@@ -62,7 +62,7 @@ def test_an_error_of_the_simulator_refuses_its_cue_and_the_rest_is_played(
     assert verification, verification.faults
 
 
-def moves_again(x: fan.State, inputs: fan.Input) -> bool:
+def is_second_hop(x: fan.State, inputs: fan.Input) -> bool:
     """Whether this is the second hop of a player, with 2 s until the end; the first has 2.5 s."""
     length = x.coordinates.q_K.index("hold.length")
     early = float(np.abs(inputs.evaluate(0.25)[0] - inputs.evaluate(0.0)[0])[length])
@@ -82,7 +82,7 @@ def test_an_error_at_the_start_is_reported_with_player_and_line(tmp_path, monkey
 def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_path, monkeypatch):
     play = fan.load_play(write_play(tmp_path, TWICE))
     play = dataclasses.replace(play, cache=ResultCache())
-    failing(monkeypatch, lambda x, inputs, _: moves_again(x, inputs), ERRORS[0])
+    failing(monkeypatch, lambda x, inputs, _: is_second_hop(x, inputs), ERRORS[0])
     verification = fan.theatre.verify_play(play)
     assert not verification
     (fault,) = [message for message in verification.faults if "run stops" in message]
@@ -118,7 +118,7 @@ def test_a_play_out_of_time_is_that_of_its_last_complete_round(tmp_path, monkeyp
     assert "compiling was stopped after 1 round" in str(remark)
     assert play.counts.startswith("2 of 2 cues can be done, ")
     assert play.duration > 0.0 and not play
-    assert play.cache.until == np.inf
+    assert play.cache.deadline == np.inf
 
 
 def test_a_verification_out_of_time_measures_its_partial_run(tmp_path, monkeypatch):
@@ -133,7 +133,7 @@ def test_a_verification_out_of_time_measures_its_partial_run(tmp_path, monkeypat
     monkeypatch.setattr(type(play), "runs", stopped)
     verification = fan.theatre.verify_play(play, within=3.0)
     assert not verification
-    assert "the time was over after 3 s" in verification.faults[0]
+    assert "the time limit passed after 3 s" in verification.faults[0]
     assert verification.run.t[-1] == pytest.approx(play.duration)
     monkeypatch.undo()
     assert fan.theatre.verify_play(play, within=0.0)  # all is cached
@@ -142,7 +142,7 @@ def test_a_verification_out_of_time_measures_its_partial_run(tmp_path, monkeypat
 def test_nothing_is_computed_after_the_time_limit():
     cache = ResultCache()
     assert cache.get("a", lambda: 1) == 1
-    with cache.limited(time.monotonic() - 1.0):
+    with cache.time_limit(time.monotonic() - 1.0):
         assert cache.get("a", lambda: 2) == 1
         with pytest.raises(OutOfTime):
             cache.get("b", lambda: 2)
@@ -162,7 +162,7 @@ CANNOT = {
 
 @pytest.mark.parametrize(("cue", "says"), CANNOT.values(), ids=CANNOT)
 def test_check_refuses_cues_that_a_puppet_cannot_do(tmp_path, cue, says):
-    """Such plays passed: players without legs walked, or looked without a head."""
+    """Regression: players without legs walked, and players without a head looked."""
     path = write_play(tmp_path, f"      - {cue}\n")
     if says is None:
         assert check_play(path).play == "tiny"
@@ -188,7 +188,7 @@ SEATS_AND_PROPS = {
 
 @pytest.mark.parametrize(("cue", "verb", "who"), SEATS_AND_PROPS.values(), ids=SEATS_AND_PROPS)
 def test_check_names_the_player_without_the_bodies_for_a_seat_or_a_prop(tmp_path, cue, verb, who):
-    """It named pairs of contact, at the line of the stage."""
+    """Regression: it named pairs of contact, at the line of the stage."""
     props = (
         "props:\n  bag: {shapes: [{type: box, size: [0.05, 0.05, 0.05]}], mass: 0.1, at: [1, 0]}\n"
     )
@@ -264,7 +264,7 @@ def test_check_simulates_nothing_for_possible_cues(plays: Plays, monkeypatch):
 
 @pytest.mark.slow
 def test_a_gesture_follows_a_walk_despite_a_catch_at_its_beginning(plays: Plays):
-    """Its part began with a string at its bound, and the whole play ended."""
+    """Regression: its part began with a string at its bound, and the whole play ended."""
     cues, beat = "{who: pierrot, walks to: [0, 0.3]}\n{who: pierrot, does: nod, when: 12}", 0.6
     play = plays.compiled(cues)
     walk, run = play.cues[0], play.runs().players["pierrot"]

@@ -19,7 +19,7 @@ SWAP = """
     {who: pierrot, walks to: east}
     {who: columbine, walks to: west}
 """
-EVERY = 25
+SAMPLE_STRIDE = 25
 """Number of samples of the run between two measured ones."""
 
 
@@ -49,7 +49,7 @@ def test_two_players_change_places_and_keep_their_distance(plays):
     assert second.length > 1.25
     assert abs(first.end - second.end) < 6.0
     run = together(play.cast, play.runs())
-    poses = play.marionette.poses(run.q_D[::EVERY], run.q_K[::EVERY])
+    poses = play.marionette.poses(run.q_D[::SAMPLE_STRIDE], run.q_K[::SAMPLE_STRIDE])
     strings = string_points(play, poses)
     gaps = [
         np.linalg.norm(a[:, None] - b[None], axis=2).min()

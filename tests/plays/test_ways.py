@@ -13,8 +13,8 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends
-from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.walking import SWAY, steps
 from fantoccini.theatre.ways.regions import Box, Disk, Rectangle
 from fantoccini.theatre.ways.traffic import Other
@@ -105,7 +105,7 @@ def test_a_path_is_walked_as_planned():
     """The gesture's ends follow the path's footing, turned to the start's heading."""
     puppet, start, goal = fan.puppets.marionette(), Footing(-1.0, 0.2, 0.7), Footing(0.9, 0.1, 2.0)
     way = check(found(start, goal, blocked=[TABLE]), goal, [TABLE])
-    gesture = steps(Ends(Roles.of(puppet), puppet.rest()), way.steps, way.step_time)
+    gesture = steps(Ends(BodyParts.of(puppet), puppet.rest()), way.steps, way.step_time)
     v_K = puppet.coordinates.v_K
     for t in np.linspace(0.0, gesture.duration, 400):
         d, _ = gesture.offsets(t)
@@ -249,7 +249,7 @@ def test_touching_disks_may_part_and_meet():
     check(found(start, goal, others=[beside]), goal, others=[beside])
 
 
-def test_the_same_stage_has_the_same_way():
+def test_the_same_stage_has_the_same_path():
     walks = [
         straight("pierrot", (1.0, 0.5), (-1.0, 0.5), 0.0, 15.0),
         straight("columbine", (0.3, -0.9), (0.3, 0.9), 0.0, 15.0),
@@ -258,7 +258,7 @@ def test_the_same_stage_has_the_same_way():
     assert dataclasses.asdict(check(first, EAST, [TABLE], walks)) == dataclasses.asdict(second)
 
 
-def test_a_hundred_ways_past_others_never_touch_any():
+def test_a_hundred_paths_past_others_never_touch_any():
     rng = np.random.default_rng(3)
     ways, waited, took = 0, 0, []
 

@@ -338,7 +338,7 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
     after = np.append(np.diff(run.t) > 0, run.status is Status.DONE)
     after[-1] &= all(e.t < run.t[-1] for e in run.events)
     # Strings on slipping winches yield, so that only Eq. 10 applies to them.
-    firm = ~np.isfinite(given.marionette.upper)
+    firm = ~np.isfinite(given.marionette.max_forces)
     speed = SPEED * np.maximum(1.0, np.max(np.abs(run.v_D), axis=1, initial=0.0))[:, None]
     closed = (np.abs(rows.h) <= 1e-14 * rows.scale) & firm
     pulls = rows.pulls & firm

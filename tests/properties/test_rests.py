@@ -1,4 +1,4 @@
-"""17.9: puppets with a rest by construction: `rest` finds one from every start.
+"""Puppets with a rest by construction: `rest` finds one from every start.
 
 `make soak-rests` tries a thousand.
 """
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.mark.parametrize("puppet", [1, 2, 27])
 def test_a_puppet_with_a_rest_is_found_one(puppet):
-    """17.9: starts keep the rows, violate them by centimetres, or pass limits."""
+    """Starts keep the rows, violate them by centimetres, or pass limits."""
     counts, failures = rests.tried(puppet, cases=10)
     assert not failures, "\n".join(failures)
     assert counts["settles: found"] >= 8

@@ -7,7 +7,7 @@ from benchmarks.rigs.drawing import Rig
 from benchmarks.rigs.judging import bow, walk
 
 from fantoccini.theatre import Gait
-from fantoccini.theatre.gestures import Roles
+from fantoccini.theatre.gestures import BodyParts
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
@@ -16,12 +16,12 @@ pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 def test_a_random_puppet_has_its_legs_bows_and_walks(seed):
     rig = Rig(seed)
     stage = rig.stage
-    roles = Roles.of(stage, "rig")
-    legs = [limb for limb in roles.body_map.limbs if limb.kind == "leg"]
+    body_parts = BodyParts.of(stage, "rig")
+    legs = [limb for limb in body_parts.body_map.limbs if limb.kind == "leg"]
     assert {limb.bodies[-1] for limb in legs} == set(rig.legs)
     assert all(limb.strings for limb in legs)
-    assert bow(stage, roles)
-    slide, force, distance = walk(stage, roles, Gait())
+    assert bow(stage, body_parts)
+    slide, force, distance = walk(stage, body_parts, Gait())
     assert slide < 0.05  # it has not fallen; a search makes it slide less
     assert force > 0.01
     assert distance == pytest.approx(1.0, rel=0.05)

@@ -27,7 +27,7 @@ def simulated(x0, **how):
 @pytest.mark.parametrize("x0", [X0, [X0, X0]], ids=["one", "many"])
 @pytest.mark.parametrize("every", [0, -1, 2.5, np.nan, 2**31, 2**32, 2**33 + 5, 2**70])
 def test_saving_intervals_fit_their_integer(method, x0, every):
-    """17.23: an interval beyond its integer is refused; 2^32 used to become 0 and crash Python."""
+    """An interval beyond its integer is refused; 2^32 used to become 0 and crash Python."""
     with pytest.raises(ValueError, match=r"save_every is .* a whole number from 1 to 2147483647"):
         simulated(x0, t_end=0.01, method=method, save_every=every)
     if method == "event":
@@ -37,7 +37,7 @@ def test_saving_intervals_fit_their_integer(method, x0, every):
 
 
 def test_integers_that_cross_to_compiled_code_are_checked():
-    """17.23: arguments and fields of all structures are checked; ctypes silently wraps them."""
+    """Arguments and fields of all structures are checked; ctypes silently wraps them."""
 
     class Pair(Numbers):
         _fields_ = (("short", ctypes.c_int), ("long", ctypes.c_longlong))
@@ -54,7 +54,7 @@ def test_integers_that_cross_to_compiled_code_are_checked():
 
 
 def test_every_structure_of_the_runtime_is_checked():
-    """17.23: no structure takes an integer without a check."""
+    """No structure takes an integer without a check."""
     import fantoccini.kernel.runtime as runtime
 
     def with_subclasses(kind):
@@ -70,7 +70,7 @@ def test_every_structure_of_the_runtime_is_checked():
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 @pytest.mark.parametrize("x0", [X0, [X0] * 8], ids=["one", "many"])
 def test_too_many_rows_are_refused_before_allocation(method, x0):
-    """17.6, 17.26: 5e11 rows of fixed steps; a batch used to allocate 37 GiB before the check."""
+    """5e11 rows of fixed steps; a batch used to allocate 37 GiB before the check."""
     with pytest.raises(ValueError, match=r"5e\+11 samples from 0 s .* GB may be used.*save_every="):
         simulated(x0, t_end=1e9, method=method)
     with pytest.raises(ValueError, match=r"need 0.0.* GB .*max_memory"):
@@ -83,14 +83,14 @@ def test_too_many_rows_are_refused_before_allocation(method, x0):
 
 @pytest.mark.parametrize("x0", [X0, [X0] * 2000], ids=["one", "many"])
 def test_times_to_save_that_do_not_fit_are_refused(x0):
-    """17.6: the number of rows of an event-driven run with fixed times is known beforehand."""
+    """The number of rows of an event-driven run with fixed times is known beforehand."""
     times = np.linspace(0.0, 1e3, 10**5)
     with pytest.raises(ValueError, match=r"1e\+05 samples .* fewer times in save_at"):
         simulated(x0, t_end=1e3, save_at=times, max_memory=1e7)
 
 
 def test_a_run_with_too_many_rows_ends_and_keeps_them():
-    """17.6: a run with too many steps ends with a status, before memory is exhausted."""
+    """A run with too many steps ends with a status, before memory is exhausted."""
     x0 = ARM.project(X0.replace(v_D=[3.0, -3.0]))
     how = {"t_end": 20.0, "method": fan.Event(rtol=1e-9, atol=1e-9)}
     whole_run = simulated(x0, max_memory=1e9, **how)
@@ -105,7 +105,7 @@ def test_a_run_with_too_many_rows_ends_and_keeps_them():
 
 
 def test_steps_of_a_batch_are_bounded(monkeypatch):
-    """17.26: max_steps also ends runs with fixed steps in a batch."""
+    """max_steps also ends runs with fixed steps in a batch."""
     options = fan.Marionette.run_options
     monkeypatch.setattr(
         fan.Marionette, "run_options", lambda *a, **how: options(*a, max_steps=10, **how)
@@ -116,7 +116,7 @@ def test_steps_of_a_batch_are_bounded(monkeypatch):
 
 
 def test_memory_is_limited_by_the_machine_the_group_and_the_process(tmp_path):
-    """17.6: a container's limit counts, minus its memory in use that cannot be freed."""
+    """A container's limit counts, minus its memory in use that cannot be freed."""
     assert 1e6 < memory.allowed() < 1e15
     assert memory.bound(1e3, None) == np.inf and memory.bound(1e9, None) < 1e15
     assert memory.bound(1e9, 5.0) == 5.0
@@ -129,7 +129,7 @@ def test_memory_is_limited_by_the_machine_the_group_and_the_process(tmp_path):
 
 
 def test_a_run_needs_no_more_memory_than_estimated():
-    """17.6: the estimate counts every copy that a run creates."""
+    """The estimate counts every copy that a run creates."""
     import tracemalloc
 
     fan.simulate(ARM, X0, t_end=0.1, method="timestepping")
@@ -143,7 +143,7 @@ def test_a_run_needs_no_more_memory_than_estimated():
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 @pytest.mark.parametrize("x0", [X0, [X0] * 3], ids=["one", "many"])
 def test_a_step_longer_than_the_run_is_one_step(method, x0):
-    """17.31: dt = 1e300 used to be DONE at once; dt below the clock's resolution never ended."""
+    """dt = 1e300 used to be DONE at once; dt below the clock's resolution never ended."""
     for dt in (0.01, 1.0, 1e300):
         run = simulated(x0, t_end=0.01, method=method_of(method, dt=dt))
         assert run.t.tolist() == [0.0, 0.01]
@@ -157,7 +157,7 @@ def test_a_step_longer_than_the_run_is_one_step(method, x0):
 
 
 def test_threads_and_arrays_of_a_batch_are_checked():
-    """17.31: threads=-1 used to be called a lack of memory; an array for two results had both."""
+    """threads=-1 used to be called a lack of memory; an array for two results had both."""
     for threads in (-1, 0, 1.5):
         with pytest.raises(ValueError, match=r"threads is .* a whole number from 1"):
             fan.simulate_batch(ARM, [X0] * 2, t_end=0.1, threads=threads)

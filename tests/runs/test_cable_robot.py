@@ -17,7 +17,7 @@ METHODS = ("event", "timestepping", "variational")
 
 @pytest.mark.parametrize("method", METHODS)
 def test_lengths_that_contradict_one_another_are_named(eight, method):
-    """17.10: rounding between samples suffices; no method continues, or ends without a reason."""
+    """Rounding between samples suffices; no method continues, or ends without a reason."""
     x0, inputs = moved(eight)
     with pytest.raises(fan.errors.SimulationError) as caught:
         fan.simulate(eight, x0, inputs, method=method)
@@ -37,7 +37,7 @@ def giving():
 
 
 def test_yielding_winches_move_it(giving):
-    """17.10: the advice works: four winches with a largest tension yield to the others."""
+    """The advice works: four winches with a largest tension yield to the others."""
     x0, inputs = moved(giving)
     run = fan.simulate(giving, x0, inputs, 1.5, method="timestepping")
     assert run.status is Status.DONE
@@ -52,7 +52,7 @@ def limited(request):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_slipping_strings_beside_taut_ones_do_not_stop_time(limited, seed):
-    """17.22: strings that slip by the contradictions of the samples were caught and released for
+    """Strings that slip by the contradictions of the samples were caught and released for
     ever. If they are decided together, the run ends where fixed steps do, energies balance, and
     no catch adds energy; a slipping string pulls with its largest tension, and none with more.
     """
@@ -95,7 +95,7 @@ strings:
 @pytest.mark.parametrize("most", [8.0, 20.0, 60.0])
 @pytest.mark.parametrize("length", [0.7, 1.3])
 def test_a_driven_winch_that_slips_beside_a_taut_string(most, length):
-    """17.22: it had 298,581 catches and releases of impulse 0 in 0.4 ms."""
+    """It had 298,581 catches and releases of impulse 0 in 0.4 ms."""
     two = fan.loads(TWO).with_parameters({"most": most})
     x0 = two.project(two.state({"slips.length": 1.2}))
     inputs = fan.Input.waypoints(two, {"slips.length": [(0, 1.2), (0.5, length), (1.0, 1.2)]})
@@ -108,7 +108,7 @@ def test_a_driven_winch_that_slips_beside_a_taut_string(most, length):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_consistent_redundant_strings_hold(eight, method):
-    """17.10: at rest eight strings share the weight, without a warning."""
+    """At rest eight strings share the weight, without a warning."""
     x0, _ = moved(eight)
     run = fan.simulate(eight, x0, t_end=0.2, method=method)
     assert run.status is Status.DONE
@@ -120,7 +120,7 @@ def test_consistent_redundant_strings_hold(eight, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_redundant_strings_stop_runs_of_a_batch(eight, method):
-    """17.10: they ended with the method's first error, or DONE; runs that hold are unaffected."""
+    """They ended with the method's first error, or DONE; runs that hold are unaffected."""
     x0, inputs = moved(eight)
     held_inputs = fan.Input.hold(eight, 1.0).bound(x0.q_K)
     batch = fan.simulate_batch(eight, x0, [held_inputs, inputs, held_inputs], 0.5, method=method)
@@ -132,7 +132,7 @@ def test_redundant_strings_stop_runs_of_a_batch(eight, method):
 
 @pytest.mark.parametrize("method", ["event", "variational"])
 def test_redundant_strings_stop_a_stepper(eight, method):
-    """17.10: a stepper has the status of a single run."""
+    """A stepper has the status of a single run."""
     x0, inputs = moved(eight)
     stepper = eight.stepper(x0, method)
     with pytest.raises(fan.errors.SimulationError, match="are 8 strings on 6 degrees of freedom"):
@@ -144,7 +144,7 @@ def test_redundant_strings_stop_a_stepper(eight, method):
 
 
 def test_only_redundant_strings_are_checked(eight, giving):
-    """17.10: batches of other puppets have no extra cost."""
+    """Batches of other puppets have no extra cost."""
     assert may_be_redundant(eight) and not may_be_redundant(giving)
     assert not may_be_redundant(fan.puppets.arm2d())
     text = """
@@ -161,7 +161,7 @@ strings:
 
 
 def test_two_hands_that_pull_apart_are_not_redundant():
-    """17.10: there is no redundant string, but an impossible pull: the status is unchanged."""
+    """There is no redundant string, but an impossible pull: the status is unchanged."""
     between = fan.loads("""
 puppet: between
 bodies:

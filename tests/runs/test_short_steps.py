@@ -40,7 +40,7 @@ def energies(run):
 
 @pytest.mark.parametrize("remainder", REMAINDERS)
 def test_a_short_last_step_gains_no_energy(swing, remainder):
-    """17.20: it corrected a violation within itself, at up to 1 m/s, and kept that speed."""
+    """It corrected a violation within itself, at up to 1 m/s, and kept that speed."""
     x0 = swinging(swing)
     run = fan.simulate(swing, x0, t_end=WHOLE + remainder, method=fan.TimeStepping(dt=DT))
     assert run.t[-1] - run.t[-2] == pytest.approx(remainder, rel=1e-6)
@@ -55,7 +55,7 @@ def test_a_short_last_step_gains_no_energy(swing, remainder):
 
 
 def test_short_last_steps_are_the_same_in_lanes(swing):
-    """17.20: a batch's last step equals the single run's."""
+    """A batch's last step equals the single run's."""
     x0 = swinging(swing)
     states = [x0.replace(v_D=x0.v_D * k) for k in (1.0, 0.5, -1.0, 0.2, 0.7)]
     for remainder in REMAINDERS[::5]:
@@ -69,7 +69,7 @@ def test_short_last_steps_are_the_same_in_lanes(swing):
 
 @pytest.mark.parametrize("remainder", [1e-6, 1e-5, 1e-4, 1e-3])
 def test_a_catch_within_a_short_step_is_exact(swing, remainder):
-    """17.20: a slack string closes within the step, and moves no farther."""
+    """A slack string closes within the step, and moves no farther."""
     x0 = swing.rest()
     start = x0.q_D.copy()
     speed = 2.0
@@ -81,7 +81,7 @@ def test_a_catch_within_a_short_step_is_exact(swing, remainder):
 
 
 def test_many_short_pieces_keep_the_energy(swing):
-    """17.20: a stepper with pieces shorter than its step keeps swinging."""
+    """A stepper with pieces shorter than its step keeps swinging."""
     x0 = swinging(swing)
     stepper = swing.stepper(x0, fan.TimeStepping(dt=DT))
     full_run = fan.simulate(swing, x0, t_end=0.1, method=fan.TimeStepping(dt=DT))

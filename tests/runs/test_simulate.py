@@ -69,7 +69,7 @@ def test_steps_and_tolerances_are_positive(kind, name, value):
 
 
 def test_methods_are_named_or_given_with_their_options(arm, hanging):
-    """18.2: plain names are short forms; an option of another method is refused."""
+    """Plain names are short forms; an option of another method is refused."""
     assert as_method("timestepping") == fan.TimeStepping()
     assert as_method("variational", dt=0.01) == fan.Variational(dt=0.01)
     with pytest.raises(ValueError, match="method='timestepping' has no option rtol"):
@@ -82,7 +82,7 @@ def test_methods_are_named_or_given_with_their_options(arm, hanging):
 
 
 def test_a_marionette_does_not_change(arm):
-    """18.2: a changed one is another marionette, with the same compiled library."""
+    """A changed one is another marionette, with the same compiled library."""
     heavy = arm.with_parameters({"m2": 0.2})
     assert heavy.libraries is arm.libraries
     for change in (lambda: setattr(arm, "model", heavy), lambda: setattr(arm, "p", heavy.p)):

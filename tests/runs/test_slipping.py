@@ -165,7 +165,7 @@ def test_rest_rewinds_slip_where_possible():
 
 
 def test_slip_is_not_a_violation():
-    """17.2: variational batches counted it as one, and had to exclude it from the status."""
+    """Variational batches counted it as one, and had to exclude it from the status."""
     weight = fan.loads(WEIGHT)
     x0 = weight.state()
     batch = fan.simulate_batch(

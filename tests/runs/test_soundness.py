@@ -113,7 +113,7 @@ def spun(what: fan.Marionette | fan.State, v_D: np.ndarray) -> fan.State:
 
 @pytest.mark.parametrize("w, bound", [(10.0, 0.03), (20.0, 0.05), (40.0, 0.1)])
 def test_a_free_body_that_spins_keeps_its_energy(w, bound):
-    """17.20: with its velocity products at v it gained a factor of 2.5 to 4,000 in 5 s."""
+    """Velocity products at v let it gain a factor of 2.5 to 4,000 in 5 s."""
     puppet = fan.loads(CAPSULE)
     run = fan.simulate(
         puppet, spun(puppet, [0, 0, 0, w, 0.1 * w, w]), t_end=5.0, method="timestepping"
@@ -122,7 +122,7 @@ def test_a_free_body_that_spins_keeps_its_energy(w, bound):
 
 
 def test_a_chain_of_bodies_that_spins_keeps_its_energy_in_lanes_too():
-    """17.20: ball and scalar joints; a batch has the steps of single runs."""
+    """Ball and scalar joints; a batch has the steps of single runs."""
     puppet = fan.loads(CHAIN)
     rng = np.random.default_rng(0)
     starts = [spun(puppet, 10.0 * rng.uniform(-1, 1, puppet.coordinates.n_vD)) for _ in range(3)]
@@ -136,7 +136,7 @@ def test_a_chain_of_bodies_that_spins_keeps_its_energy_in_lanes_too():
 
 
 def test_a_gain_of_energy_ends_with_a_status():
-    """17.20: too fast a spin for the step is reported, with the complete trajectory."""
+    """Too fast a spin for the step is reported, with the complete trajectory."""
     puppet = fan.loads(CAPSULE)
     x = spun(puppet, [0, 0, 0, 300, 30, 300])
     with pytest.raises(fan.errors.SimulationError, match=r"shorter than 0\.002 s") as caught:
@@ -316,7 +316,7 @@ def test_the_state_after_the_last_step_is_checked():
 
 
 def test_drag_is_implicit():
-    """17.21: drag of any size slows down, and the ledger contains its loss."""
+    """Drag of any size slows down, and the ledger contains its loss."""
     puppet = fan.loads(DRAGGED)
     x = spun(puppet, [1.0, 0.2, -0.3, 1.0, 0.5, -0.2])
     run = fan.simulate(puppet, x, t_end=0.1, method="timestepping")
@@ -327,7 +327,7 @@ def test_drag_is_implicit():
 
 
 def test_the_derivatives_of_a_step_have_its_drag():
-    """17.21: A is that of the implicit step."""
+    """A is that of the implicit step."""
     puppet = fan.loads(DRAGGED)
     x, dt, n = spun(puppet, [1.0, 0.2, -0.3, 1.0, 0.5, -0.2]), 0.002, 6
     A = puppet.linearise_step(x, dt=dt).A[n:, n:]
@@ -344,7 +344,7 @@ def test_the_derivatives_of_a_step_have_its_drag():
 
 @pytest.mark.parametrize("k, c, longest", [(1e6, 0.0, "0.00063"), (10.0, 150.0, "0.0013")])
 def test_springs_too_stiff_for_the_step_are_refused(k, c, longest):
-    """17.21: 2 / omega, or 2 m / c; a run at a third of it is sound."""
+    """2 / omega, or 2 m / c; a run at a third of it is sound."""
     method = "timestepping"
     puppet = fan.loads(SPRUNG).with_parameters({"k": k, "c": c})
     x = puppet.state().replace(q_D=np.array([0.0, 0.0, 0.11]))
@@ -356,7 +356,7 @@ def test_springs_too_stiff_for_the_step_are_refused(k, c, longest):
 
 @pytest.mark.parametrize("k, c, ends", [(1e6, 0.0, "GAINED_ENERGY"), (10.0, 150.0, "DONE")])
 def test_springs_too_stiff_for_a_variational_step_are_reported(k, c, ends):
-    """17.21: it allows longer steps than 2 / omega; if it fails, its ledger shows it."""
+    """It allows longer steps than 2 / omega; if it fails, its ledger shows it."""
     puppet = fan.loads(SPRUNG).with_parameters({"k": k, "c": c})
     x = puppet.state().replace(q_D=np.array([0.0, 0.0, 0.11]))
     run = fan.simulate(puppet, x, t_end=1.0, method=fan.Variational(dt=0.01), throw=False)
@@ -374,7 +374,7 @@ def test_runs_of_a_batch_are_judged_by_their_own_mass():
 
 
 def test_strings_that_vibrate_faster_than_the_step_are_reported():
-    """17.2: 1 g between two strings above 1,000 kg; the longest step is 2 / omega."""
+    """1 g between two strings above 1,000 kg; the longest step is 2 / omega."""
     puppet = fan.loads(UNEQUAL)
     x = spun(puppet, [0, 0, 0.3, 0])
     omega = np.sqrt(2 * 1000 * 9.81 / 0.001)
@@ -393,7 +393,7 @@ def test_strings_that_vibrate_faster_than_the_step_are_reported():
 
 
 def test_a_violation_between_the_rows_counts():
-    """17.2: every step is checked, independent of the written rows."""
+    """Every step is checked, independent of the written rows."""
     puppet = fan.loads(UNEQUAL)
     x = spun(puppet, [0, 0, 0.3, 0])
     for every in (500, 10**6):

@@ -40,7 +40,7 @@ def forces(run: fan.Trajectory, row: int) -> np.ndarray:
 
 @pytest.mark.parametrize("method", FIXED)
 def test_states_of_fixed_steps_have_the_tensions_of_their_run(marionette, wandering, method):
-    """17.1: accelerations use the mode of the state, for any gaps left by a step."""
+    """Accelerations use the mode of the state, for any gaps left by a step."""
     run = wandering[1][method]
     events = np.array([e.t for e in run.events])
     differences = []
@@ -57,7 +57,7 @@ def test_states_of_fixed_steps_have_the_tensions_of_their_run(marionette, wander
 
 
 def test_tensions_of_stepped_states_are_of_the_steps_order(arm, lift):
-    """17.1: the difference of accelerations from the run's tensions shrinks with the step."""
+    """The difference of accelerations from the run's tensions shrinks with the step."""
     x0, worst = arm.rest({"hand.length": 0.8}), []
     for dt in (0.004, 0.002):
         run = fan.simulate(arm, x0, lift, t_end=1.4, method=fan.TimeStepping(dt=dt))
@@ -70,7 +70,7 @@ def test_tensions_of_stepped_states_are_of_the_steps_order(arm, lift):
 
 
 def test_stepped_states_are_linearised_in_their_mode(arm, lift):
-    """17.1: the rows of a linearisation are the taut ones in the run."""
+    """The rows of a linearisation are the taut ones in the run."""
     x0 = arm.rest({"hand.length": 0.8})
     run = fan.simulate(arm, x0, lift, t_end=1.4, method="timestepping")
     for i in range(0, len(run), 25):
@@ -82,7 +82,7 @@ def test_stepped_states_are_linearised_in_their_mode(arm, lift):
 
 
 def test_project_keeps_taut_strings(arm, lift):
-    """17.1: a string that is slack by some nanometres and taut in the mode gets its length."""
+    """A string that is slack by some nanometres and taut in the mode gets its length."""
     x0 = arm.rest({"hand.length": 0.8})
     run = fan.simulate(arm, x0, lift, t_end=1.4, method="timestepping")
     gaps = [(Evaluation.of(arm, run.state(i)).h[0], i) for i in range(len(run))]
@@ -97,7 +97,7 @@ def test_project_keeps_taut_strings(arm, lift):
 
 
 def test_projected_states_of_the_marionette_start_event_driven_runs(marionette, wandering):
-    """17.1, 17.7: project keeps the mode, and an event-driven run begins in it."""
+    """`project` keeps the mode, and an event-driven run begins in it."""
     inputs, runs = wandering
     for method in FIXED:
         for i in range(0, 480, 60):
@@ -109,7 +109,7 @@ def test_projected_states_of_the_marionette_start_event_driven_runs(marionette, 
 
 
 def test_an_active_set_that_is_wrong_is_refused(arm):
-    """17.1: a slack string in the active set makes a state invalid."""
+    """A slack string in the active set makes a state invalid."""
     x = arm.state({"hand.length": 0.8, "shoulder": 0.9, "elbow": 0.3})
     x = x.replace(q_K=[0.45, 1.5], taut=[True])
     with pytest.raises(fan.errors.StateError, match=r"range: hand by"):
@@ -122,7 +122,7 @@ def test_an_active_set_that_is_wrong_is_refused(arm):
 
 
 def test_another_motion_has_another_mode(arm):
-    """17.1: a changed motion has its own mode; a bob that moves up leaves its string slack."""
+    """A changed motion has its own mode; a bob that moves up leaves its string slack."""
     x = arm.rest({"hand.length": 0.8})
     assert x.taut[0] and x.replace(t=2.0, v_D=x.v_D).taut[0]
     up = x.replace(v_D=-10.0 * arm.A_D(x)[0])
@@ -131,7 +131,7 @@ def test_another_motion_has_another_mode(arm):
 
 
 def test_a_string_overstepped_at_rest_is_closed(arm):
-    """17.1: no row counts as slack because of its violation."""
+    """No row counts as slack because of its violation."""
     x = arm.rest({"hand.length": 0.8})
     short = x.replace(q_K=[x.q_K[0], 0.8 - 1e-4])
     assert ActiveSet.of(arm, short, Evaluation.of(arm, short)).held[0]
@@ -145,7 +145,7 @@ def test_a_string_overstepped_at_rest_is_closed(arm):
 
 @pytest.mark.parametrize("method", FIXED)
 def test_a_run_continues_from_any_of_its_rows(marionette, wandering, method):
-    """17.7: a fixed-step run begins at any row of its own kind, and continues it."""
+    """A fixed-step run begins at any row of its own kind, and continues it."""
     inputs, runs = wandering
     full_run = runs[method]
     for i in range(0, len(full_run) - 5, 7):
@@ -161,7 +161,7 @@ def test_a_run_continues_from_any_of_its_rows(marionette, wandering, method):
 
 @pytest.mark.parametrize("method", FIXED)
 def test_a_run_continues_a_hundred_times(arm, lift, method):
-    """17.7: pieces, each from the end of the last one, equal the whole run."""
+    """Pieces, each from the end of the last one, equal the whole run."""
     x = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
     full_run = fan.simulate(arm, x, lift, t_end=1.0, method=alone(method))
     for k in range(100):
@@ -172,7 +172,7 @@ def test_a_run_continues_a_hundred_times(arm, lift, method):
 
 
 def test_extrapolating_steps_continue_within_their_error(arm, lift):
-    """17.7, 17.20: a continued run lacks the earlier accelerations: an error of one step each."""
+    """A continued run lacks the earlier accelerations: an error of one step each."""
     x0 = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
     runs = {
         dt: fan.simulate(arm, x0, lift, t_end=1.0, method=fan.TimeStepping(dt=dt))
@@ -186,7 +186,7 @@ def test_extrapolating_steps_continue_within_their_error(arm, lift):
 
 
 def test_an_event_driven_run_continues_from_its_rows(arm, lift):
-    """17.7: the tolerance is that of the integrator."""
+    """The tolerance is that of the integrator."""
     x0 = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
     full_run = fan.simulate(arm, x0, lift, t_end=0.5)
     for i in range(0, len(full_run), max(1, len(full_run) // 10)):
@@ -216,7 +216,7 @@ def test_a_run_that_ends_at_a_catch_continues(arm, before):
 
 
 def test_a_request_for_exact_lengths_has_a_remedy(arm, lift):
-    """17.7: if a method cannot begin at a state, the message says how to correct it."""
+    """If a method cannot begin at a state, the message says how to correct it."""
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method="timestepping")
     gaps = [Evaluation.of(arm, run.state(i)).h[0] for i in range(len(run))]
     for i, says in ((int(np.argmin(gaps)), "slack by"), (int(np.argmax(gaps)), "violated by")):
@@ -225,7 +225,7 @@ def test_a_request_for_exact_lengths_has_a_remedy(arm, lift):
 
 
 def test_far_too_short_is_refused_by_time_stepping_too(arm):
-    """17.7: a violation larger than those of steps is a mistake."""
+    """A violation larger than those of steps is a mistake."""
     x = arm.rest({"hand.length": 0.8})
     short = x.replace(q_K=[x.q_K[0], 0.79])
     with pytest.raises(fan.errors.StateError, match=r"hand is violated by 0.01"):
@@ -244,7 +244,7 @@ strings:
 
 
 def test_runs_with_a_slipping_winch_continue():
-    """17.1, 17.7: the winch's tension is that of the run, and continued runs slip as the whole."""
+    """The winch's tension is that of the run, and continued runs slip as the whole."""
     between = fan.loads(SLIPPING)
     inputs = fan.Input.waypoints(between, {"left.x": [(0, -1.0), (2, -2.0), (4, -1.0)]})
     full_run = fan.simulate(between, between.rest(), inputs, t_end=4.0, method="timestepping")
@@ -266,7 +266,7 @@ def test_runs_with_a_slipping_winch_continue():
 
 
 def test_a_state_of_another_puppet_is_named(arm, marionette):
-    """17.17: the message is about states, not about the widths of a generated function."""
+    """The message is about states, not about the widths of a generated function."""
     x = marionette.rest()
     nameless = State(0.0, x.q_D, x.v_D, x.q_K, x.v_K, x.taut)
     for state in (x, nameless):
@@ -292,13 +292,13 @@ def test_a_state_of_another_puppet_is_named(arm, marionette):
 
 
 def test_a_run_has_one_puppet(arm):
-    """17.17: two puppets do not combine."""
+    """Two puppets do not combine."""
     with pytest.raises(TypeError, match="one Marionette"):
         fan.simulate([arm, arm], arm.rest(), t_end=0.1)
 
 
 def test_a_wire_that_is_slack_is_named(arm):
-    """17.17: a state that no configuration satisfies names a row, also one that is too short."""
+    """A state that no configuration satisfies names a row, also one that is too short."""
     text = """
 puppet: too_short
 bodies:
@@ -315,7 +315,7 @@ strings:
 
 @pytest.mark.parametrize("part", ["t", "q_D", "v_D", "q_K", "v_K", "slip"])
 def test_nan_is_in_no_state(arm, part):
-    """17.25: a state with a part that is not a number is refused."""
+    """A state with a part that is not a number is refused."""
     x = arm.rest({"hand.length": 0.8})
     value = np.array(getattr(x, part), dtype=float)
     for number in (np.nan, np.inf):
@@ -325,7 +325,7 @@ def test_nan_is_in_no_state(arm, part):
 
 
 def test_nan_is_in_no_argument(arm):
-    """17.25: accelerations, forces, steps, times, tolerances, parameters, inputs."""
+    """Accelerations, forces, steps, times, tolerances, parameters, inputs."""
     x, nan = arm.rest({"hand.length": 0.8}), np.nan
     stepper, hold = arm.stepper(x), fan.Input.hold(arm)
     for ask in (

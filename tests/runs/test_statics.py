@@ -187,7 +187,7 @@ def dachshund() -> fan.Marionette:
 
 @pytest.mark.parametrize("z", [-0.03, 0.0, 0.02, 0.1])
 def test_rest_from_below_and_above(dachshund, z):
-    """17.9: three strings 6 to 14 mm too short and knees at their limits; the rest is unique."""
+    """Three strings 6 to 14 mm too short and knees at their limits; the rest is unique."""
     x = dachshund.rest({"trunk.z": z})
     acc, tension = dachshund.forward_dynamics(x)
     assert np.max(np.abs(acc)) < 1e-7
@@ -198,7 +198,7 @@ def test_rest_from_below_and_above(dachshund, z):
 
 @pytest.mark.parametrize("z", [-0.02, 0.0, 0.004])
 def test_project_gives_the_nearest_state(dachshund, z):
-    """17.9: M (q - q_0) = -A^T y with y >= 0 on the active rows: no row is held for good."""
+    """M (q - q_0) = -A^T y with y >= 0 on the active rows: no row is held for good."""
     state = dachshund.state({"trunk.z": z, "thigh_left": 0.4, "shank_left": -0.05})
     x, table = dachshund.project(state), dachshund.coordinates
     h = dachshund.constraint(x)
@@ -213,7 +213,7 @@ def test_project_gives_the_nearest_state(dachshund, z):
 
 
 def test_a_straight_limb_bends():
-    """17.9: a pull along itself has no slope; states to both sides are valid."""
+    """A pull along itself has no slope; states to both sides are valid."""
     rod = fan.loads("""
 puppet: straight
 bodies:
@@ -229,7 +229,7 @@ strings:
 
 
 def test_a_heavily_damped_puppet_rests_too():
-    """17.9: creeping motions are not simulated to rest: V is minimised by descent."""
+    """Creeping motions are not simulated to rest: V is minimised by descent."""
     bob = fan.loads("""
 puppet: creeping
 bodies:
@@ -242,7 +242,7 @@ pose: {bob.x: 0.4, bob.z: 0.5}
 
 
 def test_contradictory_lengths_name_the_distance():
-    """17.9: two ends 1.2 m apart and strings of 0.5 m each miss one another by 200 mm."""
+    """Two ends 1.2 m apart and strings of 0.5 m each miss one another by 200 mm."""
     bob = fan.loads("""
 puppet: apart
 bodies:

@@ -60,7 +60,7 @@ def test_an_unknown_driven_name_is_an_error(arm):
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 @pytest.mark.parametrize("number", [np.nan, np.inf])
 def test_a_law_that_gives_no_number_is_refused(arm, method, number):
-    """17.8: `event` continued without the string whose height was not a number, and ended DONE."""
+    """`event` continued without the string whose height was not a number, and ended DONE."""
     x0 = arm.rest({"hand.length": 0.8})
     for asked in ({"acc_K": {"hand.x": number}}, {"u_D": [number, 0.0]}):
         stepper = arm.stepper(x0, method)
@@ -71,7 +71,7 @@ def test_a_law_that_gives_no_number_is_refused(arm, method, number):
 
 
 def test_an_endless_piece_is_refused(arm):
-    """17.31: advance(inf) never ended; nor did a piece with too many rows for the memory."""
+    """advance(inf) never ended; nor did a piece with too many rows for the memory."""
     stepper = arm.stepper(arm.rest({"hand.length": 0.8}))
     for duration in (np.inf, np.nan, 0.0, -1.0):
         with pytest.raises(ValueError, match="it must be a finite number greater than 0"):
@@ -83,7 +83,7 @@ def test_an_endless_piece_is_refused(arm):
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_an_interrupted_stepper_keeps_its_last_state(arm, method):
-    """17.31: it kept the earlier state, and jumped from there to the later one."""
+    """It kept the earlier state, and jumped from there to the later one."""
     x0 = arm.rest({"hand.length": 0.8})
     stepper, whole = arm.stepper(x0, method), arm.stepper(x0, method)
     pieces = Run.advance
@@ -109,7 +109,7 @@ def test_an_interrupted_stepper_keeps_its_last_state(arm, method):
 
 
 def test_weak_gravity_allows_inputs():
-    """17.31: the cap on tensions was 1e5 weights: every input without gravity was impossible."""
+    """The cap on tensions was 1e5 weights: every input without gravity was impossible."""
     text = fan.puppets.path("arm2d").read_text(encoding="utf-8")
     assert "gravity" not in text
     gravity_text = "\ngravity: [0, 0, {parameter: fall, value: -9.81}]\n"
@@ -125,7 +125,7 @@ def test_weak_gravity_allows_inputs():
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_steppers_are_copied_and_pickled(arm, method):
-    """17.18: copies continue independently, as the stepper does."""
+    """Copies continue independently, as the stepper does."""
     stepper = arm.stepper(arm.rest({"hand.length": 0.8}), method)
     stepper.advance(0.4, {"hand.length": -0.2, "hand.x": 0.1})
     copies = [copy.copy(stepper), copy.deepcopy(stepper), pickle.loads(pickle.dumps(stepper))]
@@ -142,7 +142,7 @@ def test_steppers_are_copied_and_pickled(arm, method):
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_copies_continue_to_the_same_bits(arm, method):
-    """17.18: copies forgot the earlier accelerations, the mode and the ledger."""
+    """Copies forgot the earlier accelerations, the mode and the ledger."""
     stepper = arm.stepper(arm.rest({"hand.length": 0.8}), method)
     stepper.advance(0.3, {"hand.length": 2.0})
     stepper.advance(0.0731, {"hand.length": -9.0, "hand.x": 3.0})
@@ -158,7 +158,7 @@ def test_copies_continue_to_the_same_bits(arm, method):
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_a_stepper_begins_with_the_velocities_of_its_state(arm, method):
-    """17.1: the tensions at its start include moving driven coordinates."""
+    """The tensions at its start include moving driven coordinates."""
     lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method=method)
     row = int(np.argmin(np.abs(run.t - 0.7)))

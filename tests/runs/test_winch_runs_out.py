@@ -40,7 +40,7 @@ def wound_in(marionette, x0, acceleration, parts=2):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("parts", [1, 2, 16])
 def test_a_winch_that_runs_out_is_a_status(winches, method, parts):
-    """17.8: no exception; all earlier rows are there, and the string is named."""
+    """No exception; all earlier rows are there, and the string is named."""
     x0 = winches.rest()
     inputs = wound_in(winches, x0, -1.2, parts)
     run = fan.simulate(winches, x0, inputs, method=method, throw=False)
@@ -66,7 +66,7 @@ def test_inputs_that_begin_after_the_run_run_out_too(winches):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_one_lane_that_runs_out_stops_no_other(winches, method):
-    """17.8: each run of a batch has its own end, also if many inputs begin at the state."""
+    """Each run of a batch has its own end, also if many inputs begin at the state."""
     x0 = winches.rest()
     inputs = [wound_in(winches, x0, a) for a in (0.0, -1.2, 0.1, -4.8)]
     batch = fan.simulate_batch(winches, x0, inputs, 1.5, method=method)
@@ -84,7 +84,7 @@ def test_one_lane_that_runs_out_stops_no_other(winches, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_stepper_runs_out(winches, method):
-    """17.8: a feedback loop that winds in for too long gets a status from `advance`."""
+    """A feedback loop that winds in for too long gets a status from `advance`."""
     stepper = winches.stepper(winches.rest(), method)
     for _ in range(40):
         x = stepper.advance(0.05, {"line.length": -1.2}, throw=False)
@@ -97,7 +97,7 @@ def test_a_stepper_runs_out(winches, method):
 
 
 def test_a_length_that_only_dips_runs_out(winches):
-    """17.8: this holds even if it is positive again long before the end of the next step."""
+    """This holds even if it is positive again long before the end of the next step."""
     x0 = winches.rest()
     dip = 0.5 + 1e-4
     times = np.array([0.0, 1.0, 2.0])
@@ -109,12 +109,12 @@ def test_a_length_that_only_dips_runs_out(winches):
 
 
 def test_a_flow_ends_where_its_winch_runs_out(winches):
-    """17.8: other integrators go no further either."""
+    """Other integrators go no further either."""
     x0 = winches.rest()
     assert winches.flow(x0, wound_in(winches, x0, -1.2)).t_end == pytest.approx(ENDS, abs=1e-5)
 
 
 def test_a_mistake_in_waypoints_is_still_one(winches):
-    """17.8: a negative length in waypoints is refused immediately."""
+    """A negative length in waypoints is refused immediately."""
     with pytest.raises(fan.errors.InputError, match=r"line\.length: .* must stay above 0"):
         fan.Input.waypoints(winches, {"line.length": [(0, 0.5), (1, 0.0)]})

@@ -146,7 +146,7 @@ class Page(HTMLParser):
 @pytest.mark.parametrize("name", HOSTILE)
 def test_text_of_a_puppet_is_never_markup(name):
     nodes = SimpleNamespace(
-        colours=SimpleNamespace(top=1.0, hexadecimal=lambda _: "#000000"),
+        colours=SimpleNamespace(full_scale=1.0, hexadecimal=lambda _: "#000000"),
         theme=SimpleNamespace(colour=lambda _: "#111111"),
         scene=SimpleNamespace(wires=(False,)),
     )

@@ -127,7 +127,7 @@ def test_mirrored_and_repeated_gestures(scene):
     right = [i for i, name in enumerate(names) if name.startswith("hand_right")]
     scene.viewer.tick("Mirrored", True)
     scene.viewer.tick("Again", True)
-    until(lambda: scene.stage.gesture_player.options.again, "the boxes are ticked")
+    until(lambda: scene.stage.gesture_player.options.repeat, "the boxes are ticked")
     scene.viewer.pick("C V U", "wave")
     until(lambda: scene.performance.playing == ("wave, mirrored",), "it waves")
     until(lambda: np.abs(scene.performance.state.q_K - home)[left].max() > 0.05, "the left hand")
@@ -135,7 +135,7 @@ def test_mirrored_and_repeated_gestures(scene):
     scene.viewer.pick("C V U", "wave")
     scene.viewer.tick("Mirrored", False)
     scene.viewer.tick("Again", False)
-    until(lambda: not scene.stage.gesture_player.options.again, "the boxes are clear")
+    until(lambda: not scene.stage.gesture_player.options.repeat, "the boxes are clear")
     until(lambda: scene.performance.playing == (), "it ends with the round")
 
 
@@ -246,7 +246,7 @@ def test_a_viewer_without_the_strings_changes_nothing(scene, monkeypatch):
         time.sleep(0.5)
         assert not stage.armed and stage.takes.chosen == name == takes.choice.value
         assert stage.gesture_player.options == GestureOptions() and stage.takes.edits.stretch == 1.0
-        assert takes.stretch.value == 1.0 and not takes.again.value
+        assert takes.stretch.value == 1.0 and not takes.repeat.value
         assert not takes.lane_boxes["hand_right"].value
         assert second.value("Size") == 1.0
 
@@ -270,7 +270,7 @@ def test_a_score_waits_for_go_pauses_and_jumps_to_marks(scene):
     scene.viewer.wait_for_text("&lt;b&gt;One&lt;/b&gt;, two")  # words, not markup
     assert "<b>One" not in scene.viewer.text
     scene.viewer.press("Pause (Y)")
-    until(lambda: performance.score.still, "a pause")
+    until(lambda: performance.score.is_still, "a pause")
     scene.viewer.pick("Go to", "turn")
     until(lambda: performance.score.t == 3.0, "the mark")
     scene.viewer.press("Play (Y)")

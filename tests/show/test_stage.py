@@ -54,7 +54,7 @@ def test_one_beat_a_second_is_a_tempo(made):
 
 def test_a_button_ends_its_gesture_after_a_change_of_mirrored(made):
     gesture_player = made.stage.gesture_player
-    gesture_player.options.again = gesture_player.options.mirrored = True
+    gesture_player.options.repeat = gesture_player.options.mirrored = True
     gesture_player.press("wave")
     made.performance.advance(0.2)
     gesture_player.options.mirrored = False

@@ -92,7 +92,7 @@ def test_motions_that_cannot_be_filmed_are_refused(tmp_path, swung):
 
 
 def test_the_camera_follows_a_walking_puppet():
-    """A walking puppet was small in the picture, or left it."""
+    """Regression: a walking puppet was small in the picture, or left it."""
     m = bundled("marionette_bar")
     run = walking(m, 4.0)
     geometry = geometry_of(m, run)
@@ -124,7 +124,7 @@ def test_the_camera_stands_still_without_a_walk(swung):
 
 
 def test_pictures_and_films_have_one_default_theme():
-    """Strips were light and films dark."""
+    """Regression: strips were light and films dark."""
     from inspect import signature
 
     themes = {

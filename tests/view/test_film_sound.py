@@ -178,7 +178,7 @@ def test_other_formats_are_read(beep, tmp_path, ending):
 
 @pytest.mark.parametrize("size", [(160, 120), (320, 240), (426, 240)])
 def test_captions_take_a_fifth_of_small_films_at_most(puppet, tmp_path, size):
-    """They covered a third."""
+    """Regression: they covered a third of the film's height."""
     m, run = puppet
     still = run.resample(np.zeros(2)).q_D[:1]
     still = replace(run, q_D=np.repeat(still, len(run), axis=0))

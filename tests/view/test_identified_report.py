@@ -144,7 +144,7 @@ def test_parts_of_a_result_are_consistent(identified):
         len(identified.starts) - 1,
         2 * data.marionette.coordinates.n_vD,
     )
-    counted = identified.jumps[~np.isin(identified.starts[:-1], identified.lost)]
+    counted = identified.jumps[~np.isin(identified.starts[:-1], identified.rejected)]
     assert np.isclose(identified.drift, np.sqrt(np.median(counted**2)))
     assert identified.allowed == (5e-4, 5e-3)
 

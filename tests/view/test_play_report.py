@@ -130,7 +130,7 @@ def test_a_failing_play_is_reported_first(tmp_path):
 
 
 def test_remarks_are_not_counted_as_cues_that_cannot_be_done(tmp_path):
-    """The report said that a cue cannot be done while the terminal said that all can."""
+    """Regression: the report said that a cue cannot be done, the terminal that all can."""
     path = write_play(tmp_path, TOUCHES)
     play = fan.load_play(path, within=0.0)
     verification = fan.theatre.verify_play(play)

@@ -21,7 +21,7 @@ strings:
 """
 
 # Machado, Oliveira and Fernandes (2009): sight without one kind of cone, in linear RGB.
-SEEN = {
+CONES_OF_VISION = {
     "all cones": np.eye(3),
     "protanopia": [
         [0.152286, 1.052583, -0.204868],
@@ -54,14 +54,14 @@ def lab(colour: np.ndarray, eye) -> np.ndarray:
 
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=lambda theme: theme.name)
-@pytest.mark.parametrize("eye", SEEN)
-def test_twelve_lines_have_colours_that_everybody_tells_apart(theme, eye):
-    """Two of nine strings had one colour. A difference of 10 is seen at a glance."""
-    assert len(theme.cycle) >= 12
-    seen = [lab(rgb(colour), SEEN[eye]) for colour in theme.cycle[:12]]
+@pytest.mark.parametrize("eye", CONES_OF_VISION)
+def test_twelve_lines_have_colours_that_everybody_distinguishes(theme, eye):
+    """Regression: two of nine strings had one colour. A difference of 10 is seen at a glance."""
+    assert len(theme.line_colours) >= 12
+    seen = [lab(rgb(colour), CONES_OF_VISION[eye]) for colour in theme.line_colours[:12]]
     assert min(np.linalg.norm(a - b) for a, b in combinations(seen, 2)) > 15.0
-    light = [XYZ[1] @ linear(rgb(colour)) for colour in theme.cycle]
-    behind = XYZ[1] @ linear(theme.top)
+    light = [XYZ[1] @ linear(rgb(colour)) for colour in theme.line_colours]
+    behind = XYZ[1] @ linear(theme.upper_background)
     for y in light:
         assert (max(y, behind) + 0.05) / (min(y, behind) + 0.05) > 2.0
 
@@ -74,7 +74,7 @@ def test_more_lines_have_dashes():
 
 
 def test_a_bar_that_turns_is_in_the_plot():
-    """Plots left out bar.rotation."""
+    """Regression: plots left out bar.rotation."""
     m = bundled("marionette_bar")
     run = swinging(m)
     q_K = np.array(run.q_K)
@@ -100,7 +100,7 @@ def many_strings(n: int) -> StillLife:
 
 @pytest.mark.parametrize("m", [bundled("marionette_bar"), many_strings(1), many_strings(21)])
 def test_legends_are_inside_the_figure(m, tmp_path):
-    """The legend of 21 inputs was cut off at the right."""
+    """Regression: the legend of 21 inputs was cut off at the right."""
     figure = view.plot(swinging(m), tmp_path / "plot.png", scale=1.0)
     boxes = [axes.get_legend() for axes in figure.axes if axes.get_legend() is not None]
     assert boxes

@@ -168,5 +168,5 @@ def _size_text(puppet: Marionette) -> str:
     """Mass, extent and hanging height of a puppet in its start pose."""
     size = measure(puppet.tree, puppet.number)
     lengths = " x ".join(f"{x:.3g}" for x in size.lengths)
-    hangs = "" if size.hangs is None else f", hangs {size.hangs:.3g} m high"
-    return f"{size.mass:.4g} kg, {lengths} m (x, y, z){hangs}"
+    height = "" if size.hanging_height is None else f", hangs {size.hanging_height:.3g} m high"
+    return f"{size.mass:.4g} kg, {lengths} m (x, y, z){height}"

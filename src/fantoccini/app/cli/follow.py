@@ -102,17 +102,17 @@ def _remarks(followed: Followed) -> Iterator[str]:
     """Remarks that explain the numbers in the report."""
     for remark in followed.retargeted.remarks:
         yield f"{remark} (--up)"
-    if followed.hanging_far > MAX_ERROR:
+    if followed.pose_error > MAX_ERROR:
         yield (
             "the strings cannot hold the poses of the clip: the error is "
-            f"{100 * followed.hanging_far:.0f} % of the puppet's height; try --travel 0, or "
+            f"{100 * followed.pose_error:.0f} % of the puppet's height; try --travel 0, or "
             "another puppet"
         )
     elif followed.status is FollowStatus.DIVERGED:
         worst = max(followed.report, key=lambda part: part.run)
         yield (
             f"the puppet does not follow: the error of its {worst.name} is "
-            f"{1e3 * worst.run:.0f} mm (root mean square), {100 * followed.far:.0f} % of its "
+            f"{1e3 * worst.run:.0f} mm (root mean square), {100 * followed.error:.0f} % of its "
             f"height; that of hanging poses is {1e3 * worst.reach:.0f} mm; try slower hands "
             "(--speed, --acceleration), a slower clip, or another puppet"
         )
@@ -167,7 +167,7 @@ def _report(followed: Followed) -> None:
                 f"{1e3 * part.reach:.1f}",
                 f"{1e3 * part.run:.1f}",
                 f"{1e3 * part.largest:.1f}",
-                f"{100 * part.above:.1f} %",
+                f"{100 * part.excess:.1f} %",
             )
             for part in followed.report
         ],

@@ -134,9 +134,9 @@ def _print_result(result: Identified) -> None:
         write(f"and {len(result.outliers) - _MAX_LISTED} more outliers")
     if result.record.constant_inputs:
         write(f"the inputs do not move {', '.join(result.record.constant_inputs)}")
-    if result.lost:
-        times = [f"{t + result.delay:.4g} s" for t in result.lost[:_MAX_LISTED]]
-        n_more = len(result.lost) - len(times)
+    if result.rejected:
+        times = [f"{t + result.delay:.4g} s" for t in result.rejected[:_MAX_LISTED]]
+        n_more = len(result.rejected) - len(times)
         write(
             "rejected segments, from: "
             + ", ".join(times)
@@ -208,8 +208,8 @@ def _save_numbers(result: Identified, path: Path) -> None:
         "drift": number(result.drift),
         "converged": result.converged,
         "doubts": list(doubts(result)),
-        "left": number(result.left),
-        "lost": list(result.lost),
+        "left": number(result.remaining_move),
+        "lost": list(result.rejected),
         "outliers": [vars(item) for item in result.outliers],
         "seconds": result.seconds,
     }

@@ -113,7 +113,7 @@ def _print(verification: Verification) -> None:
             (
                 observation.who,
                 f"{observation.wanted:.2f}",
-                f"{observation.seen:.2f}",
+                f"{observation.observed:.2f}",
                 f"{1e3 * observation.late:+.0f}",
             )
         )
@@ -122,7 +122,7 @@ def _print(verification: Verification) -> None:
         for cue in play.cues:
             if cue.act != name:
                 continue
-            action = f"{cue.words} ({cue.mark})" if cue.mark else cue.words
+            action = f"{cue.action} ({cue.mark})" if cue.mark else cue.action
             action += f", {cue.passes}" if cue.passes else ""
             planned = f"{cue.wanted:.2f}"
             refusal = "left out" if cue.optional else "cannot be done"

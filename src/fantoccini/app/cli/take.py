@@ -52,7 +52,7 @@ def edit_take(
             take = _edited(take, "--loop", lambda recording: recording.looped(loop))
         if out is not None:
             steps.step("simulating it again")
-            take = take.kept()
+            take = take.with_output()
             with writing(out):
                 take.save(out)
     run = take.trajectory

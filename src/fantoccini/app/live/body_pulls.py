@@ -87,7 +87,7 @@ class BodyPulls:
         self._line = server.scene.add_line_segments(
             "/pull",
             np.zeros((1, 2, 3)),
-            to_bytes(rgb(theme.cycle[0])),
+            to_bytes(rgb(theme.line_colours[0])),
             thickness=2.0,
             thickness_units="screen",
             visible=False,

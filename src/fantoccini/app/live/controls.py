@@ -286,7 +286,7 @@ class Controls:
         if lags:
             return to_bytes(WARNING)
         if name == self.selected or any(grabbed == name for _, grabbed in list(self.grabs)):
-            return to_bytes(rgb(self._theme.cycle[0]))
+            return to_bytes(rgb(self._theme.line_colours[0]))
         return to_bytes(mix(self._theme.handle, np.ones(3), 0.15))
 
     def _drag_handler(self, handle: Handle) -> DragHandler:

@@ -24,14 +24,14 @@ class GestureOptions:
     Attributes:
         mirrored: whether left and right are exchanged.
         size, speed: factors on the gesture's size and speed.
-        again: whether they repeat until their button is pressed again.
+        repeat: whether they repeat until their button is pressed again.
         on_beat: whether they begin on the next beat.
     """
 
     mirrored: bool = False
     size: float = 1.0
     speed: float = 1.0
-    again: bool = False
+    repeat: bool = False
     on_beat: bool = False
 
 
@@ -103,8 +103,8 @@ class GesturePlayer:
             gesture = gesture.called(f"{name}, mirrored")
         t = self._performance.t
         delay = self.tempo.next(t) - t if options.on_beat else None
-        self._performance.play(gesture, after=delay, again=options.again)
-        if options.again:
+        self._performance.play(gesture, after=delay, repeat=options.repeat)
+        if options.repeat:
             self._repeating[gesture.name] = name
 
     def go_home(self) -> None:

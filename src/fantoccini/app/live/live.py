@@ -352,8 +352,8 @@ class Live(PageLoop):
 
     def _build(self) -> None:
         geometry = self._geometry()
-        top = 1.5 * geometry.tension_top()
-        self.nodes = SceneNodes(self.server.viser, geometry, self.theme, top)
+        full_scale = 1.5 * geometry.tension_full_scale()
+        self.nodes = SceneNodes(self.server.viser, geometry, self.theme, full_scale)
         self.panel.build(self.nodes)
         self.controls = Controls(
             self.server.viser,

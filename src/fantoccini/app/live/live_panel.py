@@ -163,7 +163,12 @@ class LivePanel:
             with tension:
                 self._bars = gui.add_html("")
                 self._plot = Plot(
-                    gui, names, self._theme, "N", (-10.0, 0.0), (0.0, 1.05 * nodes.colours.top)
+                    gui,
+                    names,
+                    self._theme,
+                    "N",
+                    (-10.0, 0.0),
+                    (0.0, 1.05 * nodes.colours.full_scale),
                 )
         values = live.performance.marionette.tree.parameters
         if values:
@@ -254,7 +259,7 @@ class LivePanel:
         if self._nodes.geometry.names:
             self._bars.content = bars(self._nodes.geometry.names, scene, self._nodes)
             t, tension = history
-            self._plot.draw(t, np.minimum(tension, 10.0 * self._nodes.colours.top))
+            self._plot.draw(t, np.minimum(tension, 10.0 * self._nodes.colours.full_scale))
 
     # -- inside --------------------------------------------------------------------------------
 

@@ -62,7 +62,7 @@ class GesturesTab:
             home.on_click(lambda e: live.later(e.client_id, self._go_home))
             boxes = (
                 ("Mirrored", "mirrored", "Exchange left and right"),
-                ("Again", "again", "Repeat until the button is pressed again"),
+                ("Again", "repeat", "Repeat until the button is pressed again"),
                 ("On the beat", "on_beat", "Begin on the next beat"),
             )
             for label, name, hint in boxes:
@@ -181,7 +181,7 @@ class TakesTab:
         choice: list of the takes.
         part_of: name of the take whose part is shown.
         stretch: slider for the factor on its duration.
-        again: box for repetition.
+        repeat: box for repetition.
         name_field: field for the name of a gesture.
         lane_boxes: boxes of an overdub by lane.
 
@@ -211,7 +211,7 @@ class TakesTab:
                 icon="player-play",
                 hint="From its start; ends the score and all gestures",
             )
-            self.again = gui.add_checkbox("Loop", False, hint="Repeat, joined smoothly")
+            self.repeat = gui.add_checkbox("Loop", False, hint="Repeat, joined smoothly")
             with gui.add_folder("Edit"):
                 self._editing = gui.add_html("")
                 self._smooth = gui.add_slider(
@@ -234,7 +234,7 @@ class TakesTab:
         make.on_click(lambda e: live.later(e.client_id, self._make))
         overdub.on_click(lambda e: live.later(e.client_id, self._overdub))
         self.choice.on_update(self._choose)
-        self.again.on_update(self._loop)
+        self.repeat.on_update(self._loop)
         for control in (self._smooth, self.stretch):
             control.on_update(self._edit)
         self._keep.on_click(self._save)
@@ -312,7 +312,7 @@ class TakesTab:
                 0.01,
                 (0.0, round(length, 2)),
                 min_range=0.05,
-                order=self.again.order + 0.5,
+                order=self.repeat.order + 0.5,
                 hint="Start and end",
             )
         part.on_update(self._edit)
@@ -351,9 +351,9 @@ class TakesTab:
             self._smooth.value, self.stretch.value = current.smooth, current.stretch
 
     async def _loop(self, event: Any) -> None:
-        loop = self.again.value
+        loop = self.repeat.value
         if event.client_id is not None and not self._live.later(event.client_id, lambda: None):
-            self.again.value = not loop
+            self.repeat.value = not loop
 
     async def _save(self, event: Any) -> None:
         takes = self._live.stage.takes
@@ -362,7 +362,7 @@ class TakesTab:
         self._live.later(event.client_id, action)
 
     def _play_take(self) -> None:
-        self._live.stage.play_take(self.again.value)
+        self._live.stage.play_take(self.repeat.value)
 
     def _overdub(self) -> None:
         self._live.stage.overdub()

@@ -109,7 +109,7 @@ class PlayTab:
 
 
 def _listed(cue: CueOfPlay) -> str:
-    return f"{cue.number} {cue.what}"[:_MAX_CUE_TEXT]
+    return f"{cue.number} {cue.description}"[:_MAX_CUE_TEXT]
 
 
 def _about(show: LivePlay, messages: str) -> str:
@@ -129,7 +129,7 @@ def _about(show: LivePlay, messages: str) -> str:
     cue, status_lines = show.standing_by, list[str]()
     if cue is not None:
         released = ", GO is given" if show.released else ""
-        status_lines.append(f"GO begins {cue.number} {cue.what}{released}")
+        status_lines.append(f"GO begins {cue.number} {cue.description}{released}")
     status_lines += [line for line in (show.message, messages) if line]
     rows = [element("div", f"{where}{t:.1f} s of {play.duration:.1f} s{state}")]
     rows += [element("div", line, style="opacity:0.75") for line in status_lines]
@@ -149,7 +149,7 @@ def _cues(show: LivePlay) -> str:
             head = element("b", act), f" {start:.1f} s"
             rows.append(element("div", *head, style="margin-top:0.5em"))
         go = " \N{BLACK RIGHT-POINTING TRIANGLE}" if cue.go else ""
-        line = f"{cue.number}{go} {cue.start:.1f} s\N{EN SPACE}{cue.what}"
+        line = f"{cue.number}{go} {cue.start:.1f} s\N{EN SPACE}{cue.description}"
         if cue.refused:
             reason = element("div", cue.refused, style="padding-left:1.2em")
             rows.append(element("div", element("s", line), reason, style="opacity:0.45"))

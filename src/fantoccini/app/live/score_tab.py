@@ -126,7 +126,7 @@ class ScoreTab:
 def drawing(score: Score, t: float, theme: Theme) -> str:
     """Lanes with gestures, marks, waits and the current time, as SVG."""
     lanes = tuple(dict.fromkeys(cue.lane for cue in score.cues))
-    scale, row, ink = _SIZES.width / score.duration, _SIZES.row, to_hex(theme.ink)
+    scale, row, ink = _SIZES.width / score.duration, _SIZES.row, to_hex(theme.text)
     top = row * len(lanes)
     parts = [
         element("text", lane, x="0", y=f"{row * k + 9}", opacity="0.6")

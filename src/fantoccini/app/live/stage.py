@@ -154,12 +154,12 @@ class Stage:
         else:
             self.recorder.begin()
 
-    def play_take(self, again: bool) -> None:
+    def play_take(self, repeat: bool) -> None:
         """Plays the chosen take, or stops it."""
         if self.performance.take_time is not None:
             self.performance.stop_take()
         else:
-            self.takes.play(armed=self.armed, again=again)
+            self.takes.play(armed=self.armed, repeat=repeat)
 
     def overdub(self) -> None:
         """Records while the chosen take is played, until its end or :meth:`record`."""
@@ -262,6 +262,6 @@ class Stage:
             next_beat = tempo.next(t)
             beat = (next_beat - t) / factor, tempo.beat / factor, round(tempo.beats(next_beat))
         playing = self.performance.score
-        if playing is None or playing.still or factor != 1.0:
+        if playing is None or playing.is_still or factor != 1.0:
             return SoundState(beat, None)
         return SoundState(beat, playing.t + ahead)

@@ -107,15 +107,15 @@ class Takes:
         self._edited = self.chosen, edits, edited_take
         return edited_take
 
-    def play(self, *, armed: Collection[str] = (), again: bool = False) -> None:
+    def play(self, *, armed: Collection[str] = (), repeat: bool = False) -> None:
         """Plays the edited take from its start.
 
         Args:
             armed: lanes that it leaves to the hands.
-            again: repeat the take.
+            repeat: repeat the take.
         """
         try:
-            self._performance.play_take(self.edited(), armed=armed, again=again)
+            self._performance.play_take(self.edited(), armed=armed, repeat=repeat)
         except ValueError as error:
             raise StateError(str(error)) from None
 

@@ -149,7 +149,7 @@ def _caption(motion: ResampledRun, theme: Theme) -> str:
     readings = {
         "t0": float(run.t[0]),
         "rate": (len(geometry.t) - 1) / run.duration if run.duration > 0.0 else 1.0,
-        "top": geometry.tension_top(),
+        "top": geometry.tension_full_scale(),
         "tension": np.round(tension, 2).tolist(),
         "taut": geometry.taut.astype(int).tolist(),
         "colours": [to_hex(colour) for colour in theme.tension_colours(32)],
@@ -161,7 +161,7 @@ def _caption(motion: ResampledRun, theme: Theme) -> str:
     table = "margin-top:0.4em;font-variant-numeric:tabular-nums"
     corner = (
         "position:fixed;right:1.2em;top:1em;z-index:5;pointer-events:none;"
-        f"color:{to_hex(theme.ink)};font:13px/1.5 system-ui,sans-serif"
+        f"color:{to_hex(theme.text)};font:13px/1.5 system-ui,sans-serif"
     )
     caption = element("div", title, element("div", *rows, id="readings", style=table), style=corner)
     return to_html(caption, element("script", script))

@@ -71,7 +71,7 @@ class SceneNodes:
         server: server of viser.
         geometry: puppet, strings, floor, obstacles.
         theme: colours.
-        top: upper end of the tension scale [N]; by default from the motion.
+        full_scale: upper end of the tension scale [N]; by default from the motion.
         rounding_step: step to which positions are rounded, for smaller files [m]; 0 for none.
     """
 
@@ -80,11 +80,13 @@ class SceneNodes:
         server: viser.ViserServer,
         geometry: Geometry,
         theme: Theme,
-        top: float | None = None,
+        full_scale: float | None = None,
         rounding_step: float = 0.0,
     ):
         self.server, self.geometry, self.theme = server, geometry, theme
-        self.colours = Colours(geometry, theme, geometry.tension_top() if top is None else top)
+        self.colours = Colours(
+            geometry, theme, geometry.tension_full_scale() if full_scale is None else full_scale
+        )
         self._rounding_step = rounding_step
         self._nodes: list[viser.SceneNodeHandle] = []
         self._links: dict[int, viser.FrameHandle] = {}
@@ -178,7 +180,7 @@ class SceneNodes:
         reach = 1.6 * float((high - low).max()) + 1.6 * geometry.size
         cell = round_down(0.12 * geometry.size)
         middle = np.round(0.5 * (low + high) / cell) * cell
-        plane = mix(theme.bottom, theme.floor[:3], float(theme.floor[3]))
+        plane = mix(theme.lower_background, theme.floor[:3], float(theme.floor[3]))
         self._floor = api.add_grid(
             "/floor",
             width=6.0 * reach,
@@ -263,5 +265,5 @@ def _target(camera: Camera, middle: np.ndarray) -> np.ndarray:
 def _sky(theme: Theme) -> np.ndarray:
     """(256, 2, 3) pixels of the background, from 0 to 255."""
     share = np.linspace(0.0, 1.0, 256)[:, None, None]
-    rows = mix(theme.top, theme.bottom, share)
+    rows = mix(theme.upper_background, theme.lower_background, share)
     return np.round(255.0 * np.tile(rows, (1, 2, 1))).astype(np.uint8)

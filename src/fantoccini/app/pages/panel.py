@@ -47,7 +47,7 @@ def bars(names: Sequence[str], scene: SceneState, nodes: SceneNodes) -> str:
         if tension is None or not np.isfinite(tension):
             share, colour, number = 0.0, "transparent", "taut" if is_taut else "slack"
         elif is_taut:
-            share = min(abs(tension) / nodes.colours.top, 1.0)
+            share = min(abs(tension) / nodes.colours.full_scale, 1.0)
             colour, number = nodes.colours.hexadecimal(tension), f"{tension:.2f} N"
         else:
             share, colour, number = 0.0, "transparent", "slack"
@@ -136,7 +136,7 @@ class Plot:
         height: int = 170,
     ):
         self._mark = mark
-        ink = to_hex(theme.ink)
+        ink = to_hex(theme.text)
         grid = {"stroke": "rgba(128,128,128,0.18)", "width": 1}
         series: list[dict[str, Any]] = [{"label": "t [s]"}]
         series += [

@@ -37,7 +37,7 @@ class PlanTree:
         """Adds dots and line to a page; ``size`` is that of the geometry [m]."""
         dots = self.nodes[spread(len(self.nodes), MAX_DOTS)].astype(np.float32)
         server.scene.add_point_cloud(
-            "/plan/tree", dots, to_bytes(theme.faint), point_size=0.005 * size, point_shape="circle"
+            "/plan/tree", dots, to_bytes(theme.muted), point_size=0.005 * size, point_shape="circle"
         )
         if len(self.way) > 1:
             server.scene.add_line_segments(

@@ -168,7 +168,7 @@ class Replay(PageLoop):
         self.views.apply()
         self._plot_t = np.linspace(*span, _LIMITS.plot_points)
         coarse = motion.run.resample(self._plot_t)
-        self._tensions = np.minimum(coarse.tension.values, 10.0 * self.nodes.colours.top).T
+        self._tensions = np.minimum(coarse.tension.values, 10.0 * self.nodes.colours.full_scale).T
         stored = [coarse.ledger["kinetic"], coarse.ledger["potential"]]
         stored[1] = stored[1] - stored[1].min()
         self._energies = np.array([*stored, stored[0] + stored[1]])
@@ -181,7 +181,7 @@ class Replay(PageLoop):
                     self.theme,
                     "N",
                     span,
-                    (0.0, 1.05 * self.nodes.colours.top),
+                    (0.0, 1.05 * self.nodes.colours.full_scale),
                     mark=True,
                 )
         with gui.add_folder("Energy"):
@@ -195,7 +195,7 @@ class Replay(PageLoop):
                 mark=True,
                 height=140,
             )
-            gui.add_html(_legend(("kinetic", "potential", "sum"), self.theme.cycle))
+            gui.add_html(_legend(("kinetic", "potential", "sum"), self.theme.line_colours))
         self._event_list = None
         if motion.events:
             with gui.add_folder("Events"):

@@ -81,7 +81,7 @@ class Server:
             dark_mode=theme.name == "dark",
             show_logo=False,
             show_share_button=False,
-            brand_color=to_bytes(rgb(theme.cycle[0])),
+            brand_color=to_bytes(rgb(theme.line_colours[0])),
         )
 
     @property

@@ -35,11 +35,11 @@ class Colours:
     """Colours of a geometry's strings.
 
     Attributes:
-        top: tension with the last colour of the scale [N].
+        full_scale: tension with the last colour of the scale [N].
     """
 
-    def __init__(self, geometry: Geometry, theme: Theme, top: float):
-        self.top = top
+    def __init__(self, geometry: Geometry, theme: Theme, full_scale: float):
+        self.full_scale = full_scale
         self._ramp = theme.tension_colours(_RESOLUTION.colours)
         self._chain_colours, self._string_colours = geometry.chain_colours, geometry.colours
 
@@ -61,7 +61,7 @@ class Colours:
         return to_bytes(self._ramp[0] if colour is None else colour)
 
     def _ramp_index(self, tension: float) -> int:
-        share = min(abs(tension) / self.top, 1.0) if self.top > 0.0 else 0.0
+        share = min(abs(tension) / self.full_scale, 1.0) if self.full_scale > 0.0 else 0.0
         return round(share * (len(self._ramp) - 1))
 
 
@@ -117,7 +117,7 @@ class Strings:
         self.nodes: list[viser.LineSegmentsHandle] = [*self._spans, *self._curves]
         self._springs = None
         if geometry.springs:
-            colour = to_bytes(mix(theme.faint, theme.ink, 0.4))
+            colour = to_bytes(mix(theme.muted, theme.text, 0.4))
             self._springs = add("/springs", len(geometry.springs), colour, 4.0)
             self.nodes.append(self._springs)
         self._chains = [

@@ -5,7 +5,7 @@ from fantoccini.control.optimal.iterations import Improvable, Limits, improve
 from fantoccini.control.optimal.mpc import MPC, MPCStatus
 from fantoccini.control.optimal.outlook import out_of_reach
 from fantoccini.control.optimal.reached import ReachedPose, ReachedPoses
-from fantoccini.control.optimal.reaching import What, reach
+from fantoccini.control.optimal.reaching import TargetKey, reach
 from fantoccini.control.optimal.result import Optimum
 from fantoccini.control.optimal.tuning import Draws, Tuned, tune
 
@@ -18,8 +18,8 @@ __all__ = [
     "Optimum",
     "ReachedPose",
     "ReachedPoses",
+    "TargetKey",
     "Tuned",
-    "What",
     "follow",
     "improve",
     "optimise",

@@ -311,7 +311,7 @@ def tracks_of(
 
 def refuse_winches(marionette: Marionette, what: str) -> None:
     """Raises StateError if a winch may slip."""
-    upper = marionette.upper
+    upper = marionette.max_forces
     winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(upper[i])]
     if winches:
         raise StateError(

@@ -84,7 +84,7 @@ class TimeSteps:
         threads: number of threads; all processors for None.
         chosen: the parameters that motions choose.
         pulls: whether to compute the tensions' derivatives; otherwise they are 0.
-        longest: longest interval of a search [s]. All intervals have as many steps as this one, so
+        max_interval: longest interval of a search [s]. All intervals have as many steps as it, so
             that the dynamics are a smooth function of a free duration.
     """
 
@@ -93,12 +93,12 @@ class TimeSteps:
     threads: int | None = None
     chosen: ChosenParameters | None = None
     pulls: bool = True
-    longest: float | None = None
+    max_interval: float | None = None
 
     def steps(self, interval: float) -> tuple[int, float]:
         """Number of steps in an interval, and their length [s]."""
-        longest = interval if self.longest is None else self.longest
-        n = max(1, round(longest / self.dt + 0.499999))
+        max_interval = interval if self.max_interval is None else self.max_interval
+        n = max(1, round(max_interval / self.dt + 0.499999))
         return n, interval / n
 
     def extrapolated(self, nodes: Nodes) -> LinearEnds:
@@ -108,8 +108,8 @@ class TimeSteps:
         (M D_M - m D_m) / (M - m) (Richardson extrapolation). Derivatives of tensions stay as they
         are.
         """
-        longest = nodes.interval if self.longest is None else self.longest
-        finer = replace(self, dt=0.5 * min(self.dt, longest), pulls=False)
+        max_interval = nodes.interval if self.max_interval is None else self.max_interval
+        finer = replace(self, dt=0.5 * min(self.dt, max_interval), pulls=False)
         m, M = self.steps(nodes.interval)[0], finer.steps(nodes.interval)[0]
         rough, fine = self.linearise(nodes), finer.linearise(nodes)
         extrapolated = {

@@ -141,7 +141,7 @@ class ReachedPoses:
         return tuple(_STATUS[ReachEnd(code)] for code in self._result.status.tolist())
 
     @property
-    def left(self) -> Array:
+    def offsets(self) -> Array:
         """(n, n_targets, 3) offsets of the points from their places; 0 if free [m or rad]."""
         return self._result.left
 

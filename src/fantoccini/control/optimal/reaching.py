@@ -16,7 +16,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import MAX_TARGETS
 from fantoccini.motion import State
 
-What: TypeAlias = str | tuple[str, tuple[float, float, float]]
+TargetKey: TypeAlias = str | tuple[str, tuple[float, float, float]]
 """A body, a point (x, y, z) of it, or a scalar coordinate."""
 
 _MAX_TENSION = 100.0
@@ -31,7 +31,7 @@ _MIN_LENGTH = 0.01
 
 def reach(
     marionette: Marionette,
-    targets: Mapping[What, Any],
+    targets: Mapping[TargetKey, Any],
     start: State | None = None,
     *,
     bounds: Bounds | None = None,
@@ -39,7 +39,7 @@ def reach(
     slack: bool = False,
     tolerance: float = 1e-6,
     iterations: int = 200,
-    weights: Mapping[What, float] | None = None,
+    weights: Mapping[TargetKey, float] | None = None,
     single_pass: bool = False,
 ) -> ReachedPoses:
     """The hanging poses nearest to targets, of least sum_i w_i |place_i(q_D, q_K) - target_i|^2.
@@ -78,7 +78,9 @@ def reach(
     check_positive(tolerance=tolerance)
     refuse_contact(marionette, "reach")
     winches = [
-        s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(marionette.upper[i])
+        s.name
+        for i, s in enumerate(marionette.tree.strings)
+        if np.isfinite(marionette.max_forces[i])
     ]
     if winches:
         raise StateError(
@@ -126,7 +128,7 @@ def reach(
 
 
 def _targets(
-    marionette: Marionette, targets: Mapping[What, Any]
+    marionette: Marionette, targets: Mapping[TargetKey, Any]
 ) -> tuple[Array, dict[str, np.ndarray]]:
     """Places (n, n_targets, 3), and arrays that describe the targets."""
     table, tree = marionette.coordinates, marionette.tree
@@ -165,7 +167,7 @@ def _targets(
     return all_places, arrays
 
 
-def _weights(targets: Mapping[What, Any], weights: Mapping[What, float]) -> Array:
+def _weights(targets: Mapping[TargetKey, Any], weights: Mapping[TargetKey, float]) -> Array:
     """(n_targets,) weights of squared distances."""
     for target, weight in weights.items():
         if target not in targets:

@@ -230,7 +230,7 @@ class Search:
         """Makes a polished plan the best if it is better."""
         tree, interval = self.tree, self.problem.rollouts.options.interval
         node = tree.add_segments(segments, np.zeros(1, dtype=int), interval)[-1]
-        if tree.time[node] > self.problem.longest + _TIME_ERROR:
+        if tree.time[node] > self.problem.max_duration + _TIME_ERROR:
             return PolishStatus.TOO_LONG
         if not self._confirmed(tree, node):
             return PolishStatus.NOT_HELD
@@ -274,7 +274,9 @@ class Search:
         if not len(planner_round.nodes):
             return
         new_nodes = slice(planner_round.nodes.start, planner_round.nodes.stop)
-        tree.distance[new_nodes][tree.time[new_nodes] > self.problem.longest + _TIME_ERROR] = np.inf
+        tree.distance[new_nodes][tree.time[new_nodes] > self.problem.max_duration + _TIME_ERROR] = (
+            np.inf
+        )
         node = _best(tree, planner_round.nodes, rollouts.stop_distance)
         at_goal = tree.distance[node] <= rollouts.stop_distance and tree.cost[node] <= tree.bound
         is_nearer = not self.arrived and tree.distance[node] < self.tree.distance[self.best]

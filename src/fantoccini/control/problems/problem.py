@@ -46,7 +46,7 @@ class Problem:
         task: the planned task.
         marionette: see below; if it can touch something, with all obstacles but half-spaces.
         name, start, goal, tolerance, hold: see below.
-        longest: longest duration of plans [s].
+        max_duration: longest duration of plans [s].
         touches: allowed and required contact pairs.
         objective: cost that better plans reduce.
         bounds: bounds of the driven coordinates, with the part that is reserved for feedback.
@@ -143,7 +143,7 @@ class Problem:
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
         self.task, self.marionette, self.start, self.tolerance = task, marionette, start, tolerance
-        self.name, self.longest = task.name, task.longest
+        self.name, self.max_duration = task.name, task.max_duration
         goal = Goal.of(marionette, task.end)
         self.touches = Touches(marionette, conditions.contact, goal.touches, bounds.own_body)
         self.goal = goal.for_problem(self.touches, tolerance)
@@ -254,8 +254,8 @@ class Problem:
             rollouts.clearance.meshes.digest,
         )
         digest.update(repr(values).encode())
-        if np.isfinite(self.longest):
-            digest.update(repr(self.longest).encode())
+        if np.isfinite(self.max_duration):
+            digest.update(repr(self.max_duration).encode())
         contacts = self.touches.contacts
         if contacts is not None or self.hold:
             digest.update(repr((self.hold, self.goal.share, self.goal.touches)).encode())

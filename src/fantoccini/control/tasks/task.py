@@ -103,7 +103,7 @@ class Task:
             raise StateError(f"a task's tracks are {self.tracks!r}; needed: a list of Track")
         if not all(isinstance(entry, Touch) for entry in self.touches):
             raise StateError(f"a task's touches are {self.touches!r}; needed: a list of Touch")
-        check_windows(self.touches, self.x0.t, self.x0.t + self.longest)
+        check_windows(self.touches, self.x0.t, self.x0.t + self.max_duration)
         if self.explore and (self.bounds.force or self.bounds.has_motors):
             raise StateError(
                 "explore excludes bounds of forces, voltages and currents: explore "
@@ -186,7 +186,7 @@ class Task:
         return float(low), float(high)
 
     @property
-    def longest(self) -> float:
+    def max_duration(self) -> float:
         """The longest duration [s]; infinite if there is none."""
         return math.inf if self.duration is None else self.durations[1]
 

@@ -20,7 +20,7 @@ from fantoccini.model.tree import (
     link_inertia,
     link_poses,
     measure,
-    place,
+    point_position,
     shape_box,
 )
 from fantoccini.motion import State
@@ -180,14 +180,14 @@ def anatomy_of(puppet: CompiledPuppet, member: str, x: State | None) -> Anatomy:
         others = [p for p in (points[-1], points[0], *points) if p.link not in segment_of]
         for point in own:
             other = others[0] if others else point
-            k, tied = segment_of[point.link], place(poses, point, number)[0]
+            k, tied = segment_of[point.link], point_position(poses, point, number)[0]
             ties.append(
                 Tie(
                     string=row.name,
                     segment=k,
                     at=segments[k].pose[:, :3].T @ (tied - segments[k].joint),
                     place=tied,
-                    above=place(poses, other, number)[0],
+                    above=point_position(poses, other, number)[0],
                     holder=_driven_body(puppet, other),
                     share=forces.get(row.name, np.inf) / weight,
                 )
@@ -280,7 +280,7 @@ def _forces(puppet: CompiledPuppet, x: State, poses: Array) -> dict[str, float]:
     tension = forward_dynamics(puppet, x).tension
     forces = {}
     for i, row in enumerate(puppet.tree.strings):
-        points = [place(poses, p, puppet.number)[0] for p in row.points]
+        points = [point_position(poses, p, puppet.number)[0] for p in row.points]
         way = points[-1] - points[0]
         slope = abs(float(way[2])) / max(float(np.linalg.norm(way)), 1e-12)
         # A string over pulleys pulls at both ends; its slope there is taken as steep.

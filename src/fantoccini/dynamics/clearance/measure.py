@@ -215,7 +215,7 @@ class Clearance:
             best = replace(best, distance=best.distance - _MAX_TOUCH)
         return best
 
-    def along(self, path: Path, within: float) -> tuple[Places, Array]:
+    def distances_along(self, path: Path, within: float) -> tuple[Places, Array]:
         """Distances at the samples of a path, and between them where they are less than a limit.
 
         Args:

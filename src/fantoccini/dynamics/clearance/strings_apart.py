@@ -105,7 +105,7 @@ class StringsApart:
         self._bodies, self._links = solids.moving(marionette.tree, Meshes())
         self._pairs = string_pairs(marionette, self._links, self._bodies["radius"], radius, own=own)
 
-    def over(self, q_D: Array, q_K: Array, t: Times) -> StringMotion:
+    def motion(self, q_D: Array, q_K: Array, t: Times) -> StringMotion:
         """The strings and bodies along a motion, ready for measurements.
 
         Args:

@@ -36,7 +36,7 @@ def forward_dynamics(
     at = Evaluation.of(marionette, x, acc_K, u_D)
     check_active_set(marionette, x, at)
     active = ActiveSet.of(marionette, x, at)
-    tension = np.where(active.slipping, marionette.upper, 0.0)
+    tension = np.where(active.slipping, marionette.max_forces, 0.0)
     w0 = at.w0 - at.W[:, active.slipping] @ tension[active.slipping]
     rows = np.flatnonzero(active.held)
     hddot = at.gamma[rows] + at.W[:, rows].T @ w0
@@ -44,7 +44,7 @@ def forward_dynamics(
     terms = np.abs(at.gamma[rows]) + np.abs(at.W[:, rows]).T @ np.abs(w0)
     top = max(float(np.max(terms, initial=0.0)), marionette.weight / (marionette.mass or 1.0))
     hddot[np.abs(hddot) <= ROUNDING * top] = 0.0
-    solution = at.complementarity(rows, hddot, marionette.two_sided, marionette.upper)
+    solution = at.complementarity(rows, hddot, marionette.two_sided, marionette.max_forces)
     if not solution.solved:
         raise StateError(
             "no acceleration satisfies these strings and limits: "

@@ -55,7 +55,7 @@ class ActiveSet:
         taut = taut_mask(marionette, x) & ~_is_far_open(marionette, at.h, scale)
         top = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
         is_closed = at.h >= -ROW_TOLERANCES.closed_gap * scale
-        can_slip = np.isfinite(marionette.upper) & (taut | is_closed)
+        can_slip = np.isfinite(marionette.max_forces) & (taut | is_closed)
         at_bound = np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale
         stepped = taut & ~at_bound
         slip_speed = np.where(stepped, ROW_TOLERANCES.slip_speed, ROW_TOLERANCES.rest_speed)

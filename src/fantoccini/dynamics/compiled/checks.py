@@ -172,7 +172,7 @@ def check_starts(
         own = p if len(p) == 1 else p[first : first + _CHUNK_SIZE]
         h, hdot = _rows_of(marionette, chunk, own)
         scale = marionette.row_scales(chunk.q_D, chunk.q_K)
-        wires, firm = marionette.two_sided, ~np.isfinite(marionette.upper)
+        wires, firm = marionette.two_sided, ~np.isfinite(marionette.max_forces)
         near = (ROW_TOLERANCES.stepped_gap if stepped else ROW_TOLERANCES.start_gap) * scale
         # Time-stepping may continue from a state that violates rows because of its inputs.
         is_marked_taut = chunk.taut if stepped else np.zeros_like(chunk.taut)

@@ -279,7 +279,7 @@ class CompiledPuppet:
     # -- rows --------------------------------------------------------------------------------
 
     @cached_property
-    def upper(self) -> Array:
+    def max_forces(self) -> Array:
         """Largest force (n_rows,) of every row [N]; inf without a winch that slips."""
         return np.concatenate(
             [self.winches[:, WINCH_AT["max_tension"]], np.full(len(self.tree.limits), np.inf)]

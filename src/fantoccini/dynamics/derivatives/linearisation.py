@@ -169,7 +169,7 @@ def linearise(
     elif rows is None:
         acc_D, tension = forward_dynamics(marionette, x, acc_K, u_D)
     if rows is None:
-        pulls = marionette.two_sided | ((tension > 0.0) & (tension < marionette.upper))
+        pulls = marionette.two_sided | ((tension > 0.0) & (tension < marionette.max_forces))
         held: Indices = np.flatnonzero(pulls)
     else:
         held = named_rows(marionette, rows)
@@ -271,7 +271,7 @@ def _slipping_by_p(marionette: CompiledPuppet, tension: Array) -> Array:
     """Derivatives (n_rows, n_p) of the tensions of strings that slip, by the parameters."""
     out = np.zeros((len(tension), len(marionette.p)))
     by = marionette.cap_parameters
-    slips = np.flatnonzero((by >= 0) & (tension >= marionette.upper))
+    slips = np.flatnonzero((by >= 0) & (tension >= marionette.max_forces))
     out[slips, by[slips]] = 1.0
     return out
 

@@ -298,7 +298,7 @@ def linearised(
         | along,
         held,
         # Beyond the puppet's cap of tensions, a winch's largest tension is never reached.
-        np.where(marionette.upper <= marionette.tension_cap, marionette.cap_parameters, -1),
+        np.where(marionette.max_forces <= marionette.tension_cap, marionette.cap_parameters, -1),
         given.p,
         given.u_D,
         dt=dt,
@@ -340,7 +340,7 @@ def linearised(
 
 def held_rows(marionette: CompiledPuppet, tension: Array) -> MaskRows:
     """Mask (..., n_rows) of the rows held by steps with these tensions (..., n_rows)."""
-    upper = np.minimum(marionette.upper, marionette.tension_cap)
+    upper = np.minimum(marionette.max_forces, marionette.tension_cap)
     return marionette.two_sided | ((tension > 0.0) & (tension < SLIPPING_SHARE * upper))
 
 
@@ -368,7 +368,7 @@ def _variational(
     if not options.forces:
         first = 2 * t.n_vD + 3 * t.n_vK
         selected[first : first + t.n_vD] = False
-    slips = np.any(derivatives.tension >= SLIPPING_SHARE * marionette.upper, axis=1)
+    slips = np.any(derivatives.tension >= SLIPPING_SHARE * marionette.max_forces, axis=1)
     zeros = np.zeros(len(derivatives.solved), dtype=np.int32)
     return StepLinearisations(
         **derivatives.end,

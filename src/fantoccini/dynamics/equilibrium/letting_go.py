@@ -14,7 +14,7 @@ _RIGID_WINCH = np.array([[np.inf, 0.0, 0.0]])
 
 
 def let_go(
-    marionette: CompiledPuppet, x: State, duration: float, *, dt: float, alone: bool
+    marionette: CompiledPuppet, x: State, duration: float, *, dt: float, without_contact: bool
 ) -> tuple[Status, dict[str, Array]]:
     """Status and samples of a time-stepping run from a state, with its inputs held.
 
@@ -23,9 +23,9 @@ def let_go(
         x: start state.
         duration: duration of the run [s].
         dt: length of the steps [s].
-        alone: whether to ignore contact and the slip of winches.
+        without_contact: whether to ignore contact and the slip of winches.
     """
-    if alone:
+    if without_contact:
         options = marionette.run_options(dt=dt, contacts=None)
         winches = np.tile(_RIGID_WINCH, (len(marionette.tree.strings), 1))
     else:

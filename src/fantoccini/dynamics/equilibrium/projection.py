@@ -96,7 +96,7 @@ def project(marionette: CompiledPuppet, x: State) -> State:
     scale = marionette.row_scales(solution.q_D, solution.q_K)
     # Winches that slip absorb the speed instead.
     is_firmly_held = (np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale) & ~np.isfinite(
-        marionette.upper
+        marionette.max_forces
     )
     wires = marionette.two_sided
     rows = np.flatnonzero(is_firmly_held | wires)

@@ -51,7 +51,7 @@ SEARCH = Search()
 
 def check_winches(marionette: CompiledPuppet, result: Equilibrium) -> None:
     """Raises StateError if winches slip at an equilibrium."""
-    upper = marionette.upper
+    upper = marionette.max_forces
     if not np.any(np.isfinite(upper)):
         return
     acc, tension = forward_dynamics(marionette, result.x)
@@ -98,7 +98,7 @@ def relaxed(marionette: CompiledPuppet, x: State) -> Equilibrium:
 
 def hauled_in(marionette: CompiledPuppet, x: State) -> State:
     """A state that violates rows, moved towards them by a time-stepping run."""
-    _, samples = let_go(marionette, x, SEARCH.run_time, dt=SEARCH.dt, alone=True)
+    _, samples = let_go(marionette, x, SEARCH.run_time, dt=SEARCH.dt, without_contact=True)
     return x.replace(q_D=samples["q_D"][-1]) if len(samples["q_D"]) else x
 
 
@@ -108,7 +108,9 @@ def _slowing(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
     start, yield_at = np.array(q_D), 4
     for piece in range(SEARCH.max_runs):
         at_once = x.replace(q_D=q_D, v_D=v_D)
-        status, samples = let_go(marionette, at_once, SEARCH.run_time, dt=SEARCH.dt, alone=True)
+        status, samples = let_go(
+            marionette, at_once, SEARCH.run_time, dt=SEARCH.dt, without_contact=True
+        )
         # Stepper motors may lose steps during the run: they are set back in step afterwards.
         if status not in (Status.DONE, Status.LOST_STEPS):
             raise StateError(f"let go, {status.message}{_giving_way(marionette, x, q_D)}")

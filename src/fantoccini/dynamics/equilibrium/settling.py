@@ -50,7 +50,7 @@ def settled(marionette: CompiledPuppet, x: State) -> State:
         spread = 2.0 * (piece * _GOLDEN_RATIO % 1.0) - 1.0
         duration = SETTLING.mean_run_time * (1.0 + SETTLING.run_time_variation * spread)
         status, samples = let_go(
-            marionette, x.replace(q_D=q_D, v_D=v_D), duration, dt=SETTLING.dt, alone=False
+            marionette, x.replace(q_D=q_D, v_D=v_D), duration, dt=SETTLING.dt, without_contact=False
         )
         if status not in (Status.DONE, Status.LOST_STEPS):
             raise StateError(f"let go, {status.message}")

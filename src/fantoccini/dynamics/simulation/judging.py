@@ -42,7 +42,7 @@ def violations_after_last_step(marionette: Marionette, q_D: Array, q_K: Array) -
     tree = marionette.tree
     h = np.array(marionette.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h)
     h[marionette.two_sided] = np.abs(h[marionette.two_sided])
-    h[np.isfinite(marionette.upper)] = 0.0
+    h[np.isfinite(marionette.max_forces)] = 0.0
     names = [*(s.name for s in tree.strings), *(limit.name for limit in tree.limits)]
     rows = {name: float(x) for name, x in zip(names, h, strict=True) if x > BOUNDS.max_violation}
     return rows | marionette.overlaps(q_D, q_K, BOUNDS.max_violation)

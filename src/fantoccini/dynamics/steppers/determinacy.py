@@ -188,7 +188,7 @@ class _Rows:
         self.B = -np.concatenate([np.swapaxes(on.W, 1, 2), W_l], axis=1)
         near = TOLERANCES.bound_distance * _force(marionette)
         self.low = ~marionette.two_sided & (forces <= near)
-        self.high = forces >= marionette.upper - near
+        self.high = forces >= marionette.max_forces - near
         # Only some of several dependent rows pull; the others are closed, or open by rounding.
         h = np.hstack([on.h - run.slip, on.h_limit])
         held = h >= -TOLERANCES.max_closed_gap * marionette.row_scales(run.q_D, run.q_K)

@@ -95,7 +95,7 @@ def may_be_redundant(marionette: CompiledPuppet, *, winches: bool = False) -> bo
     strings = marionette.tree.strings
     moved = [
         _velocity_indices(marionette, s)
-        for s, max_tension in zip(strings, marionette.upper[: len(strings)], strict=True)
+        for s, max_tension in zip(strings, marionette.max_forces[: len(strings)], strict=True)
         if winches or not np.isfinite(max_tension)
     ]
     moved = [places for places in moved if places]
@@ -114,7 +114,7 @@ def contradiction(marionette: CompiledPuppet, x: State, acc_K: Array) -> Contrad
     at = Evaluation.of(marionette, x, acc_K)
     n = len(marionette.tree.strings)
     scale = marionette.row_scales(x.q_D, x.q_K)[:n]
-    rigid = ~np.isfinite(marionette.upper[:n])
+    rigid = ~np.isfinite(marionette.max_forces[:n])
     holds = np.flatnonzero((at.h[:n] >= -TOLERANCES.taut_gap * scale) & rigid)
     W = at.W[:, holds]
     threshold = TOLERANCES.dependence * np.linalg.norm(W, 2) if len(holds) else 0.0

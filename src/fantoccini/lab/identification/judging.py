@@ -79,7 +79,7 @@ def columns(result: Identified) -> tuple[ColumnFit, ...]:
     """Residuals of every column that has samples."""
     channels, units, fits = result.record.channels, channel_units(result.record), []
     for j, (name, group) in enumerate(zip(channels.names, channels.groups, strict=True)):
-        r, noise = (np.where(result.counts, result.residuals[:, j], np.nan), result.noise[name])
+        r, noise = (np.where(result.accepted, result.residuals[:, j], np.nan), result.noise[name])
         present = np.isfinite(r)
         if np.any(present):
             z = np.abs(r[present]) / noise
@@ -145,7 +145,7 @@ class Leaning:
 
 def leaning(result: Identified) -> tuple[Leaning, ...]:
     """Configurations and velocities that jump mostly to one side, the largest mean first."""
-    counts = ~np.isin(result.starts[:-1], result.lost)
+    counts = ~np.isin(result.starts[:-1], result.rejected)
     jumps = np.clip(result.jumps[counts], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
     table = result.record.marionette.coordinates
     if len(jumps) < 2:
@@ -195,8 +195,8 @@ def _doubts(result: Identified) -> Iterator[str]:
         yield "The delay reached the end of its range; begin nearer: delay: {about: ...}."
     elif not result.converged:
         yield (
-            f"The search did not converge: one more step would move a number by {result.left:.2g} "
-            "standard deviations."
+            "The search did not converge: one more step would move a number by "
+            f"{result.remaining_move:.2g} standard deviations."
         )
     if result.combinations:
         undetermined = [
@@ -242,9 +242,9 @@ def _doubts(result: Identified) -> Iterator[str]:
     n, n_outliers = sum(f.samples for f in fits), len(result.outliers)
     if n_outliers > MAX_OUTLIER_SHARE * n:
         yield f"{n_outliers} of {n} samples are outliers."
-    if len(result.lost) > MAX_LOST_SHARE * len(result.starts):
+    if len(result.rejected) > MAX_LOST_SHARE * len(result.starts):
         yield (
-            f"{len(result.lost)} of {len(result.starts)} segments are not explained and do "
+            f"{len(result.rejected)} of {len(result.starts)} segments are not explained and do "
             "not count: strings may have snapped taut in another order, or samples are far off."
         )
 

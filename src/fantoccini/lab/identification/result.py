@@ -83,17 +83,17 @@ class Identified:
         drift: median of the jumps between segments over the allowed drift; far below 1 for a
             complete model.
         outliers: samples that count and are more than 4 standard deviations off.
-        lost: start times of segments that do not count, by the inputs' clock [s]: the model does
-            not explain them, or its derivatives do not predict their small moves.
+        rejected: start times of segments that do not count, by the inputs' clock [s]: the model
+            does not explain them, or its derivatives do not predict their small moves.
         t: (N,) times of the samples [s].
-        counts: (N,) bool, samples in segments that count.
+        accepted: (N,) bool, samples in segments that count.
         residuals: (N, columns) samples less predictions; NaN in gaps.
         predicted: (N, columns) predictions of the puppet with the estimates, in gaps, too.
         starts: (S,) start times of the segments, by the inputs' clock [s].
         jumps: (S - 1, 2 n_vD) first configurations and velocities of segments less those at the end
             of the previous segments, over the allowed drift; 0 after segments that do not count.
         allowed: the allowed drift, of configurations and velocities [m or rad, and per second].
-        left: largest move that one more step would make, in standard deviations.
+        remaining_move: largest move that one more step would make, in standard deviations.
         seconds: computing time [s].
     """
 
@@ -108,15 +108,15 @@ class Identified:
     chi2: float
     drift: float
     outliers: tuple[Outlier, ...]
-    lost: tuple[float, ...]
+    rejected: tuple[float, ...]
     t: Array
-    counts: MaskRows
+    accepted: MaskRows
     residuals: Array
     predicted: Array
     starts: Array
     jumps: Array
     allowed: tuple[float, float]
-    left: float
+    remaining_move: float
     seconds: float
 
     @property
@@ -125,7 +125,7 @@ class Identified:
 
         It has not if the delay is at the end of its range, as it may lie beyond.
         """
-        return self.left < MAX_REMAINING_MOVE and not self.at_bound
+        return self.remaining_move < MAX_REMAINING_MOVE and not self.at_bound
 
     @property
     def at_bound(self) -> bool:
@@ -154,13 +154,13 @@ class Identified:
         )
         residuals = fit.y - result.predicted.y
         trusted = np.ones(len(fit.starts), dtype=bool) if cost.trusted is None else cost.trusted
-        counts = trusted[fit.segments(result.point.theta)]
-        r = np.where(counts[:, None], residuals / weights.noise, np.nan)
+        accepted = trusted[fit.segments(result.point.theta)]
+        r = np.where(accepted[:, None], residuals / weights.noise, np.nan)
         outliers = [
             Outlier(float(fit.t[i]), record.channels.names[j], float(r[i, j]))
             for i, j in np.argwhere(np.abs(r) > OUTLIER_RESIDUAL)
         ]
-        lost = tuple(fit.starts[~trusted].tolist())
+        rejected = tuple(fit.starts[~trusted].tolist())
         jumps = cost.jumps(result.point, result.predicted)
         counted_jumps = jumps[trusted[:-1]]
         return cls(
@@ -175,9 +175,9 @@ class Identified:
             float(np.nanmean(np.minimum(np.abs(r), OUTLIER_RESIDUAL) ** 2)),
             float(np.sqrt(np.median(counted_jumps**2))) if len(counted_jumps) else 0.0,
             tuple(outliers),
-            lost,
+            rejected,
             fit.t,
-            counts,
+            accepted,
             residuals,
             result.predicted.y,
             fit.starts,

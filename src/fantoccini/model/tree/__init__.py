@@ -5,7 +5,7 @@ from fantoccini.model.tree.construction import grow
 from fantoccini.model.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
 from fantoccini.model.tree.inertia import joint_inertias, link_inertia
 from fantoccini.model.tree.joints import TURNS_WITH_LINK
-from fantoccini.model.tree.placement import joint_transform, link_poses, place
+from fantoccini.model.tree.placement import joint_transform, link_poses, point_position
 from fantoccini.model.tree.size import Size, measure, path_lengths, shape_box
 from fantoccini.model.tree.structure import (
     WORLD,
@@ -44,7 +44,7 @@ __all__ = [
     "link_poses",
     "measure",
     "path_lengths",
-    "place",
     "placed",
+    "point_position",
     "shape_box",
 ]

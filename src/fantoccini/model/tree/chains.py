@@ -7,7 +7,7 @@ import numpy as np
 from fantoccini.base.documents import Number
 from fantoccini.model.puppet import UnitInertia
 from fantoccini.model.tree.coordinates import Role
-from fantoccini.model.tree.placement import Value, link_poses, place
+from fantoccini.model.tree.placement import Value, link_poses, point_position
 from fantoccini.model.tree.structure import WORLD, Link, Lump, Tree
 
 
@@ -58,7 +58,7 @@ def placed(
         return q_D, q_K
     poses = link_poses(tree.links, np.nan_to_num(q_D)[None], np.nan_to_num(q_K)[None], number)
     for chain in tree.chains:
-        start, end = (place(poses, chain.points[k], number)[0] for k in (0, -1))
+        start, end = (point_position(poses, chain.points[k], number)[0] for k in (0, -1))
         chain.just_reaches(float(np.linalg.norm(end - start)), q_D, q_K)
         line = _line(start, end, float(chain.unstretched_length(q_D, q_K, number)), chain.pieces)
         for point, at in zip(chain.points[1:-1], line, strict=True):

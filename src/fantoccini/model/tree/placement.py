@@ -44,7 +44,7 @@ def link_poses(
     return out
 
 
-def place(poses: np.ndarray, point: Point, number: Value) -> np.ndarray:
+def point_position(poses: np.ndarray, point: Point, number: Value) -> np.ndarray:
     """(T, 3) position of a point [m], from (T, n_links, 3, 4) poses of the links."""
     at = _numbers(point.at, number)
     if point.link == WORLD:
@@ -86,10 +86,10 @@ def _joint(link: Link, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if link.kind in ("ball", "free"):
         unit = q[:, -4:] / np.linalg.norm(q[:, -4:], axis=1, keepdims=True)
         q = np.hstack([q[:, :-4], unit])
-    rows, place = joint_transform(link, list(q.T), np.cos, np.sin)
+    rows, translation = joint_transform(link, list(q.T), np.cos, np.sin)
     R, r = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
     for i in range(3):
-        r[:, i] = place[i]
+        r[:, i] = translation[i]
         for j in range(3):
             R[:, i, j] = rows[i][j]
     return R, r

@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.model.tree.coordinates import Role
 from fantoccini.model.tree.inertia import link_inertia
-from fantoccini.model.tree.placement import Value, link_poses, place
+from fantoccini.model.tree.placement import Value, link_poses, point_position
 from fantoccini.model.tree.structure import WORLD, StringRow, Tree
 
 
@@ -20,8 +20,8 @@ class Size:
     Attributes:
         low, high: (3,) corners of the box around the moving bodies [m], along the world's axes.
         mass: mass of the moving bodies [kg].
-        hangs: height of the strings' highest support above the lowest point of the moving bodies
-            [m]; None if no string has a support.
+        hanging_height: height of the strings' highest support above the lowest point of the moving
+            bodies [m]; None if no string has a support.
         bodies: (n_links, 3) lengths of the boxes around the links' shapes, along their own axes
             [m]; nan for a link without shapes.
         masses: (n_links,) masses of the links [kg].
@@ -31,7 +31,7 @@ class Size:
     low: np.ndarray
     high: np.ndarray
     mass: float
-    hangs: float | None
+    hanging_height: float | None
     bodies: np.ndarray
     masses: np.ndarray
     poses: np.ndarray
@@ -67,14 +67,14 @@ def measure(tree: Tree, number: Value) -> Size:
     spread = np.array(corners or [np.zeros(3)])
     low, high = spread.min(axis=0), spread.max(axis=0)
     tops = [
-        place(poses, point, number)[0, 2]
+        point_position(poses, point, number)[0, 2]
         for string in (*tree.strings, *tree.chains)
         for point in (string.points[0], string.points[-1])
         if point.link == WORLD or not moving[point.link]
     ]
-    hangs = float(max(tops) - low[2]) if tops else None
+    height = float(max(tops) - low[2]) if tops else None
     total = float(sum(m for m, moves in zip(masses, moving, strict=True) if moves))
-    return Size(low, high, total, hangs, bodies, masses, poses[0])
+    return Size(low, high, total, height, bodies, masses, poses[0])
 
 
 def path_lengths(tree: Tree, poses: np.ndarray, number: Value) -> dict[str, float]:
@@ -89,7 +89,7 @@ def path_lengths(tree: Tree, poses: np.ndarray, number: Value) -> dict[str, floa
     for string in (*tree.strings, *tree.chains):
         ends = (string.points[0], string.points[-1])
         points = string.points if isinstance(string, StringRow) else ends
-        at = np.array([place(poses[None], point, number)[0] for point in points])
+        at = np.array([point_position(poses[None], point, number)[0] for point in points])
         lengths[string.name] = float(np.linalg.norm(np.diff(at, axis=0), axis=1).sum())
     return lengths
 

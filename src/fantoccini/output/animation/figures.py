@@ -56,5 +56,8 @@ def solid_node(document: Document, solid: Solid, name: str) -> Node:
 def floor_node(document: Document, scene: AnimatedScene) -> Node:
     """Node of the floor."""
     piece = floor_of(scene)
-    node: Node = {"name": "floor", "mesh": mesh(document, [(LIGHT.bottom, piece.surface)])}
+    node: Node = {
+        "name": "floor",
+        "mesh": mesh(document, [(LIGHT.lower_background, piece.surface)]),
+    }
     return placed(node, piece.r)

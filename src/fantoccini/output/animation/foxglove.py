@@ -1,4 +1,4 @@
-"""Writer of MCAP (.mcap) for Foxglove, and in part for Rerun; z up, metres.
+"""Writer of MCAP files (.mcap) for Foxglove, and in part for Rerun; z up, metres.
 
 Each frame has the poses of the bodies relative to their parents (``/tf``), the strings
 (``/strings``), the coordinates (``/joints``), the tensions [N] (``/tension``), and 1 where the
@@ -120,7 +120,7 @@ def _bodies(scene: AnimatedScene, stamp: Timestamp) -> Any:
     for _, solid in named_solids(scene):
         shapes.setdefault(solid.link, []).append(_triangles(piece_of(solid), solid.colour))
     if scene.geometry.ground and scene.complete:
-        shapes.setdefault(WORLD, []).append(_triangles(floor_of(scene), LIGHT.bottom))
+        shapes.setdefault(WORLD, []).append(_triangles(floor_of(scene), LIGHT.lower_background))
     entities = []
     for link, triangles in shapes.items():
         name = ROOT if link == WORLD else scene.tree.links[link].name
@@ -210,7 +210,7 @@ def _joints(run: Trajectory) -> FrameMessage | None:
 
 
 def _number_message(kind: str, columns: dict[str, Array]) -> FrameMessage:
-    """FrameMessage with the time and a field for each column."""
+    """Message with the time and a field for each column."""
     proto = descriptor_pb2.FileDescriptorProto(
         name=f"puppet/{kind}.proto",
         package="puppet",

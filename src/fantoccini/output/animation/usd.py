@@ -76,7 +76,7 @@ class _Writer:
             parent_path = prims[solid.link].GetPath()
             self._piece(parent_path, name, piece_of(solid), solid.colour, solid.full.colours)
         if scene.geometry.ground and scene.complete:
-            self._piece(root.GetPath(), "floor", floor_of(scene), LIGHT.bottom)
+            self._piece(root.GetPath(), "floor", floor_of(scene), LIGHT.lower_background)
         samples = StringSamples.of(scene, self.run, self.run.t, np.arange(len(self.run)))
         for line in scene.lines:
             self._line(root.GetPath(), line, Spans.of(scene, line, samples))

@@ -42,7 +42,7 @@ class Draft:
         name: name of the puppet.
         bodies, strings, springs, obstacles: data of the puppet file.
         pose: start values.
-        top: other keys of the puppet file.
+        other_keys: other keys of the puppet file.
         notes: notes of the report.
         meshes: path relative to the puppet file -> content.
         mesh_paths: key that identifies a mesh of the model -> path.
@@ -63,7 +63,7 @@ class Draft:
         self.springs: list[dict[str, Any]] = []
         self.obstacles: list[dict[str, Any]] = []
         self.pose: dict[str, Any] = {}
-        self.top: dict[str, Any] = {}
+        self.other_keys: dict[str, Any] = {}
         self.notes: list[ImportNote] = []
         self.meshes: dict[str, bytes] = {}
         self.mesh_paths: dict[Hashable, str] = {}
@@ -84,7 +84,7 @@ class Draft:
     def unique_name(
         self, kind: str, name: str, instead: str = "", line: int | None = None, suffix: str = ""
     ) -> str:
-        """Unique name for a part; if it differs from the model's, the report says so.
+        """Unique name for a part; if it differs from the model's, the report notes it.
 
         Args:
             kind, name: kind and name of the element in the model.
@@ -134,7 +134,7 @@ class Draft:
             ExchangeError: the model has something that no puppet can have.
         """
         self._leave_out_shapes()
-        data: dict[str, Any] = {"puppet": self.name, **self.top, "bodies": self.bodies}
+        data: dict[str, Any] = {"puppet": self.name, **self.other_keys, "bodies": self.bodies}
         for key in ("strings", "springs", "pose", "obstacles"):
             if parts := getattr(self, key):
                 data[key] = parts

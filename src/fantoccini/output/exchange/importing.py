@@ -46,7 +46,7 @@ def import_model(
         keyframe: keyframe of an MJCF file in which the puppet starts; by default its zero pose.
         density: density of the solids of links without inertia in URDF [kg/m^3]. By default, if a
             joint would move no mass, that of water; else such links have no mass. The report
-            says which.
+            names them.
 
     Raises:
         ExchangeError: the file is not a model, or has something that no puppet can have.
@@ -91,7 +91,7 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     weightless = m.opt.disableflags & int(flags.mjDSBL_GRAVITY)
     gravity = [0.0, 0.0, 0.0] if weightless else numbers(m.opt.gravity)
     if gravity != [0.0, 0.0, -9.81]:
-        draft.top["gravity"] = gravity
+        draft.other_keys["gravity"] = gravity
     bodies = Bodies(compiled, draft)
     for model in models:
         draft.sources += (model.path, *model.others)

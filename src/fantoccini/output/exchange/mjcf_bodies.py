@@ -82,12 +82,12 @@ class Bodies:
         self.compiled, self.draft = compiled, draft
         self.m = m = compiled.model
         flags = library().mjtDisableBit
-        off = m.opt.disableflags
+        disabled_flags = m.opt.disableflags
         self.springs, self.dampers = (
-            not off & int(bit) for bit in (flags.mjDSBL_SPRING, flags.mjDSBL_DAMPER)
+            not disabled_flags & int(bit) for bit in (flags.mjDSBL_SPRING, flags.mjDSBL_DAMPER)
         )
         self.limits, self.equalities = (
-            not off & int(bit | flags.mjDSBL_CONSTRAINT)
+            not disabled_flags & int(bit | flags.mjDSBL_CONSTRAINT)
             for bit in (flags.mjDSBL_LIMIT, flags.mjDSBL_EQUALITY)
         )
         self.bodies, self.joints = compiled.elements("bodies"), compiled.elements("joints")
@@ -114,7 +114,10 @@ class Bodies:
         """Adds armature and damping of actuators on single coordinates; notes those of others."""
         m, kinds = self.m, library().mjtTrn
         elements = self.compiled.elements("actuators")
-        single = int(library().mjtJoint.mjJNT_SLIDE), int(library().mjtJoint.mjJNT_HINGE)
+        single_coordinate_types = (
+            int(library().mjtJoint.mjJNT_SLIDE),
+            int(library().mjtJoint.mjJNT_HINGE),
+        )
         # An actuator may have several controls and, for several coordinates, several gears.
         gears = m.actuator_outadr if hasattr(m, "actuator_outadr") else np.arange(m.nu)
         for a in range(len(m.actuator_trntype)):
@@ -124,7 +127,7 @@ class Bodies:
             kind = kinds(int(m.actuator_trntype[a]))
             by_joint = kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT)
             joint = int(m.actuator_trnid[a, 0])
-            if by_joint and m.jnt_type[joint] in single:
+            if by_joint and m.jnt_type[joint] in single_coordinate_types:
                 v, gear = m.jnt_dofadr[joint], float(m.actuator_gear[gears[a], 0])
                 self.armature[v] += gear**2 * armature
                 self.damping[v] += gear**2 * damping

@@ -108,8 +108,8 @@ def _shape(bodies: Bodies, g: int, element: Any) -> dict[str, Any] | None:
     library().mju_rotVecQuat(axis, _UP, turn)
     match kind:
         case kinds.mjGEOM_PLANE:
-            if body == 0 and axis[2] > 1.0 - 1e-12 and "floor" not in draft.top:
-                draft.top["floor"] = number(at[2])
+            if body == 0 and axis[2] > 1.0 - 1e-12 and "floor" not in draft.other_keys:
+                draft.other_keys["floor"] = number(at[2])
             else:
                 draft.note("geom", name, "plane: left out; a puppet has one level floor", line)
             return None

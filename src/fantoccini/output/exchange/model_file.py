@@ -125,17 +125,19 @@ def _macros(elements: list[Element]) -> Iterator[Element]:
 
     Declarations and elements inside a solid or an extension do not.
     """
-    above: list[Element] = []
+    ancestors: list[Element] = []
     for element in elements:
-        del above[element.depth :]
-        inside = ROOTS.get(above[0].tag) == "URDF" if above else False
+        del ancestors[element.depth :]
+        inside = ROOTS.get(ancestors[0].tag) == "URDF" if ancestors else False
         harmless = inside and (
             element.tag in _DECLARED
-            or any(a.tag in _SOLID_TAGS or a.tag.startswith(XACRO) or not a.known for a in above)
+            or any(
+                a.tag in _SOLID_TAGS or a.tag.startswith(XACRO) or not a.known for a in ancestors
+            )
         )
         if element.tag.startswith(XACRO) and not harmless:
             yield element
-        above.append(element)
+        ancestors.append(element)
 
 
 def read_elements(name: str) -> tuple[bytes, list[Element]]:
@@ -165,12 +167,12 @@ def read_elements(name: str) -> tuple[bytes, list[Element]]:
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         if len(open_elements) > MAX_DEPTH:
-            what = f"nested deeper than {MAX_DEPTH} levels"
-            raise fail(what, parser.CurrentLineNumber)
-        above = open_elements[-1] if open_elements else None
-        known = above is None or (above.known and (above.tag != "robot" or tag in _MODEL_TAGS))
-        if above is not None:
-            above.inside.add(tag)
+            message = f"nested deeper than {MAX_DEPTH} levels"
+            raise fail(message, parser.CurrentLineNumber)
+        parent = open_elements[-1] if open_elements else None
+        known = parent is None or (parent.known and (parent.tag != "robot" or tag in _MODEL_TAGS))
+        if parent is not None:
+            parent.inside.add(tag)
         line, depth = parser.CurrentLineNumber, len(open_elements)
         element = Element(tag, attributes, line, depth, set(), known, [])
         elements.append(element)
@@ -183,8 +185,8 @@ def read_elements(name: str) -> tuple[bytes, list[Element]]:
         parser.CharacterDataHandler = None
 
     def refuse(*_: object) -> None:
-        what = "found a document type declaration; take it out: entities are not read"
-        raise fail(what, parser.CurrentLineNumber)
+        message = "found a document type declaration; take it out: entities are not read"
+        raise fail(message, parser.CurrentLineNumber)
 
     parser.StartElementHandler, parser.StartDoctypeDeclHandler = begin, refuse
     parser.EndElementHandler = lambda _: open_elements.pop()
@@ -192,8 +194,8 @@ def read_elements(name: str) -> tuple[bytes, list[Element]]:
     try:
         parser.Parse(text, True)
     except expat.ExpatError as reason:
-        what = expat.errors.messages[reason.code]
-        raise fail(f"is not XML: {what}", reason.lineno) from None
+        message = expat.errors.messages[reason.code]
+        raise fail(f"is not XML: {message}", reason.lineno) from None
     except ValueError as reason:  # an unknown encoding
         raise fail(f"is not XML: {reason}") from None
     return text, elements

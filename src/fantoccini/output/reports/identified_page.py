@@ -283,8 +283,8 @@ def _jumps(page: Page, result: Identified) -> None:
     """Adds the jumps between segments, which show where the model is wrong."""
     if len(result.starts) < 2:
         return
-    lost = [f"{t + result.delay:.2f} s" for t in result.lost[:MAX_LISTED]]
-    more = len(result.lost) - len(lost)
+    lost = [f"{t + result.delay:.2f} s" for t in result.rejected[:MAX_LISTED]]
+    more = len(result.rejected) - len(lost)
     rest = f" and {more} more." if more else "."
     page.section("Jumps between segments")
     page.note(

@@ -61,12 +61,13 @@ def channels(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure,
 
 
 def _draw_channel(axes: Axes, result: Identified, j: int, theme: Theme) -> None:
+    """Draws samples, predictions and outliers of channel j."""
     t, r = result.t, result.residuals[:, j]
     samples = result.predicted[:, j] + r
     _shade_gaps(axes, t, np.isfinite(r), theme)
     _shade_rejected(axes, result)
     axes.plot(t, samples, ".", markersize=1.8, color=theme.colour(0), alpha=0.55)
-    axes.plot(*with_gaps(t, result.predicted[:, j]), color=theme.ink, linewidth=0.7)
+    axes.plot(*with_gaps(t, result.predicted[:, j]), color=theme.text, linewidth=0.7)
     outliers = np.abs(r) > OUTLIER_RESIDUAL * result.noise[result.record.channels.names[j]]
     low, high = _range(np.concatenate([result.predicted[:, j], samples[~outliers]]))
     _draw_outliers(axes, t[outliers], np.clip(samples[outliers], low, high))
@@ -84,7 +85,7 @@ def _range(values: Array) -> tuple[float, float]:
 def residuals(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
     """Figures with residuals relative to the noise, over time and as histograms, by group."""
     for part in chunks(_groups(result), _MAX_GROUPS):
-        figure = blank_figure((WIDTH, 50 + 122 * len(part)), facecolor=theme.top)
+        figure = blank_figure((WIDTH, 50 + 122 * len(part)), facecolor=theme.upper_background)
         figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.04)
         panels = figure.subplots(
             len(part),
@@ -113,13 +114,14 @@ def _groups(result: Identified) -> list[tuple[str, list[int]]]:
 
 
 def _scaled(result: Identified, j: int) -> Array:
+    """(N,) residuals of channel j, relative to its noise."""
     return np.asarray(result.residuals[:, j] / result.noise[result.record.channels.names[j]])
 
 
 def _draw_residuals(axes: Axes, result: Identified, indices: list[int], theme: Theme) -> None:
     t = result.t
     _shade_rejected(axes, result)
-    axes.axhspan(-2.0, 2.0, color=theme.faint, alpha=0.13, linewidth=0.0)
+    axes.axhspan(-2.0, 2.0, color=theme.muted, alpha=0.13, linewidth=0.0)
     names = result.record.channels.names
     for k, j in enumerate(indices):
         z = _scaled(result, j)
@@ -140,7 +142,7 @@ def _draw_residuals(axes: Axes, result: Identified, indices: list[int], theme: T
             ncols=len(indices),
             frameon=False,
             fontsize=8,
-            labelcolor=theme.ink,
+            labelcolor=theme.text,
             handlelength=1.2,
             borderaxespad=0.0,
             columnspacing=1.0,
@@ -156,7 +158,7 @@ def _draw_histogram(axes: Axes, result: Identified, indices: list[int], theme: T
         height, edges, orientation="horizontal", fill=True, color=theme.colour(0), alpha=0.35
     )
     x = np.linspace(-_MAX_RESIDUAL, _MAX_RESIDUAL, 201)
-    axes.plot(np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi), x, color=theme.ink, linewidth=0.9)
+    axes.plot(np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi), x, color=theme.text, linewidth=0.9)
     axes.set_xlim(0.0, 0.56)
     axes.set_xticks((0.0, 0.2, 0.4))
     style_axes(axes, theme, "both")
@@ -177,12 +179,15 @@ def _running_mean(t: Array, z: Array) -> Array:
 
 
 def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
-    """Jumps between segments relative to the drift: the largest, and those of every coordinate."""
+    """Figure of jumps between segments: the largest, and those of every coordinate.
+
+    They are relative to the allowed drift.
+    """
     names = [one_line(name, 30) for name in result.record.marionette.coordinates.v_D]
     n, jump_times = len(names), result.starts[1:] + result.delay
     size = max(60, min(17 * n, 460))
     height = 100 + 2 * size + 130
-    figure = blank_figure((WIDTH, height), facecolor=theme.top)
+    figure = blank_figure((WIDTH, height), facecolor=theme.upper_background)
     left = (24 + 6 * max(map(len, names))) / WIDTH
     top, *lower = figure.subplots(
         3,
@@ -199,7 +204,7 @@ def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
     )
     _shade_rejected(top, result)
     largest = np.max(np.abs(result.jumps), axis=1)
-    top.axhline(1.0, color=theme.faint, linewidth=0.9, linestyle=(0, (4, 2)))
+    top.axhline(1.0, color=theme.muted, linewidth=0.9, linestyle=(0, (4, 2)))
     top.vlines(
         jump_times, 0.0, np.minimum(largest, _MAX_JUMP), color=theme.colour(0), linewidth=1.0
     )
@@ -252,7 +257,7 @@ def correlations(result: Identified, theme: Theme = LIGHT) -> Figure:
     cell = 40 if n <= _MAX_LABELLED else 20
     label_width = 60 + 7 * max(len(name) for name in names)
     figure = blank_figure(
-        (label_width + cell * n + 90, label_width + cell * n), facecolor=theme.top
+        (label_width + cell * n + 90, label_width + cell * n), facecolor=theme.upper_background
     )
     figure.set_layout_engine("constrained")
     axes = figure.subplots()
@@ -262,7 +267,7 @@ def correlations(result: Identified, theme: Theme = LIGHT) -> Figure:
     image = axes.imshow(values, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     axes.set_xticks(range(n), names, rotation=90, parse_math=False)
     axes.set_yticks(range(n), names, parse_math=False)
-    axes.tick_params(labelsize=8, colors=theme.faint, labelcolor=theme.ink, length=0)
+    axes.tick_params(labelsize=8, colors=theme.muted, labelcolor=theme.text, length=0)
     for spine in axes.spines.values():
         spine.set_visible(False)
     if n <= _MAX_LABELLED:
@@ -274,14 +279,14 @@ def correlations(result: Identified, theme: Theme = LIGHT) -> Figure:
                 ha="center",
                 va="center",
                 fontsize=7.5,
-                color="white" if abs(values[i, k]) > 0.6 else theme.ink,
+                color="white" if abs(values[i, k]) > 0.6 else theme.text,
             )
     colour_bar(figure, image, theme, "", shrink=0.6, aspect=25)
     return figure
 
 
 def with_gaps(t: Array, y: Array) -> tuple[Array, Array]:
-    """The points of a line, with NaN at gaps in time, where the line is interrupted."""
+    """Points of a line that is interrupted, by NaN, at gaps in time."""
     gaps = np.flatnonzero(np.diff(t) > _MIN_GAP * np.median(np.diff(t))) + 1
     return np.insert(t, gaps, np.nan), np.insert(y, gaps, np.nan)
 
@@ -292,14 +297,14 @@ def _shade_gaps(axes: Axes, t: Array, finite: Array, theme: Theme) -> None:
     interval = np.median(np.diff(times)) if len(times) > 1 else t[-1] - t[0]
     ends = np.concatenate([[t[0]], times, [t[-1]]])
     for k in np.flatnonzero(np.diff(ends) > _MIN_GAP * interval):
-        axes.axvspan(ends[k], ends[k + 1], color=theme.faint, alpha=0.2, linewidth=0.0)
+        axes.axvspan(ends[k], ends[k + 1], color=theme.muted, alpha=0.2, linewidth=0.0)
 
 
 def _shade_rejected(axes: Axes, result: Identified) -> None:
     """Shades the rejected segments."""
     delay = result.delay
     for begin, end in pairwise([*result.starts.tolist(), float(result.t[-1]) - delay]):
-        if begin in result.lost:
+        if begin in result.rejected:
             axes.axvspan(begin + delay, end + delay, color=RED, alpha=0.12, linewidth=0.0)
 
 

@@ -31,7 +31,7 @@ def chunks(items: Sequence[T], size: int) -> Iterator[Sequence[T]]:
 def grid(count: int, height: int, theme: Theme, share_x: bool) -> Panels:
     """Figure with ``count`` panels in rows of :data:`COLUMNS`, each row ``height`` high [px]."""
     rows = -(-count // COLUMNS)
-    figure = blank_figure((WIDTH, 44 + height * rows), facecolor=theme.top)
+    figure = blank_figure((WIDTH, 44 + height * rows), facecolor=theme.upper_background)
     figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.06)
     panels = list(figure.subplots(rows, COLUMNS, sharex=share_x, squeeze=False).flat)
     for panel in panels[count:]:
@@ -44,14 +44,14 @@ def grid(count: int, height: int, theme: Theme, share_x: bool) -> Panels:
 def set_title(axes: Axes, text: str, theme: Theme) -> None:
     """Writes plain text above axes, without parsing formulas."""
     title = one_line(text, 60)
-    axes.set_title(title, fontsize=9, color=theme.ink, loc="left", parse_math=False, pad=4)
+    axes.set_title(title, fontsize=9, color=theme.text, loc="left", parse_math=False, pad=4)
 
 
 def label_axes(axes: Axes, theme: Theme, x: str = "", y: str = "") -> None:
     """Writes plain text beside the axes, without parsing formulas."""
     for axis, text in ((axes.xaxis, x), (axes.yaxis, y)):
         if text:
-            axis.set_label_text(one_line(text, 40), fontsize=8, color=theme.ink).set_parse_math(
+            axis.set_label_text(one_line(text, 40), fontsize=8, color=theme.text).set_parse_math(
                 False
             )
 
@@ -67,6 +67,6 @@ def colour_bar(
 ) -> None:
     """Adds the colour bar of an image; ``place`` as in matplotlib."""
     bar = figure.colorbar(image, **place)
-    bar.ax.tick_params(labelsize=8, colors=theme.faint, labelcolor=theme.ink)
+    bar.ax.tick_params(labelsize=8, colors=theme.muted, labelcolor=theme.text)
     bar.outline.set_visible(False)
-    bar.set_label(text, fontsize=8, color=theme.ink)
+    bar.set_label(text, fontsize=8, color=theme.text)

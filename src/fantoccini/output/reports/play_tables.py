@@ -53,7 +53,7 @@ def cue_table(verification: Verification, act: str) -> Table:
             (
                 observation.who,
                 f"{observation.wanted:.2f}",
-                f"{observation.seen:.2f}",
+                f"{observation.observed:.2f}",
                 f"{1e3 * observation.late:+.0f}",
                 "limb" if observation.limb else "hands",
             )
@@ -62,7 +62,7 @@ def cue_table(verification: Verification, act: str) -> Table:
     for cue in play.cues:
         if cue.act != act:
             continue
-        first = f"{cue.number}", f"{cue.line}", cue.words + (f" ({cue.mark})" if cue.mark else "")
+        first = f"{cue.number}", f"{cue.line}", cue.action + (f" ({cue.mark})" if cue.mark else "")
         if cue.refused:
             wrong.add(len(lines))
             lines.append(
@@ -92,7 +92,9 @@ def _reason(cue: CueOfPlay) -> str:
 
 def _pause(verification: Verification, cue: CueOfPlay) -> str:
     """Pause before a cue until swing has settled, and its effect on the swing."""
-    pause, swing_without, swing_with = verification.play.settled.get(cue.number, (0.0, 0.0, 0.0))
+    pause, swing_without, swing_with = verification.play.settling_pauses.get(
+        cue.number, (0.0, 0.0, 0.0)
+    )
     if pause <= 0.0:
         return ""
     return (
@@ -197,6 +199,6 @@ def space_table(verification: Verification) -> Table:
 
 def _weight(verification: Verification, name: str) -> float:
     """Weight of a player [N]."""
-    alone = verification.play.cast.players[name].alone
-    mass = measure(alone.tree, alone.number).mass
-    return float(mass * np.linalg.norm(np.asarray(alone.puppet.gravity, dtype=float)))
+    marionette = verification.play.cast.players[name].marionette
+    mass = measure(marionette.tree, marionette.number).mass
+    return float(mass * np.linalg.norm(np.asarray(marionette.puppet.gravity, dtype=float)))

@@ -1,4 +1,4 @@
-"""Plan of a play's stage: marks, obstacles, start positions of players, and their ways."""
+"""Plan of a play's stage: marks, obstacles, start positions of players, and their walks."""
 
 from __future__ import annotations
 
@@ -34,25 +34,27 @@ def plan(play: Play, reached: Box) -> Figure:
     low, high = _extent(play, stage, reached)
     width, depth = high[1] - low[1], high[0] - low[0]
     size = (_WIDTH, round(np.clip(_WIDTH * depth / width, 0.4 * _WIDTH, 1.6 * _WIDTH)) + 60)
-    figure = blank_figure(size, facecolor=LIGHT.top)
+    figure = blank_figure(size, facecolor=LIGHT.upper_background)
     figure.set_layout_engine("constrained")
     axes = figure.subplots()
     axes.set_aspect("equal")
     axes.set_xlim(low[1], high[1])
     axes.set_ylim(high[0], low[0])
     style_axes(axes, LIGHT, "both")
-    axes.set_xlabel("y, to stage left [m]   (the audience sits below)", color=LIGHT.ink, fontsize=9)
-    axes.set_ylabel("x, towards the audience [m]", color=LIGHT.ink, fontsize=9)
+    axes.set_xlabel(
+        "y, to stage left [m]   (the audience sits below)", color=LIGHT.text, fontsize=9
+    )
+    axes.set_ylabel("x, towards the audience [m]", color=LIGHT.text, fontsize=9)
     if stage.space is not None:
-        _box(axes, stage.space, "space of the hands", linestyle="--", color=LIGHT.faint)
-    _box(axes, reached, "range of the hands", linestyle=":", color=LIGHT.ink)
+        _box(axes, stage.space, "space of the hands", linestyle="--", color=LIGHT.muted)
+    _box(axes, reached, "range of the hands", linestyle=":", color=LIGHT.text)
     for name, polygons in stage.standing.items():
         for polygon in polygons:
             axes.fill(polygon[:, 1], polygon[:, 0], color=STONE, linewidth=0.0, zorder=1.5)
         _write(axes, np.mean(polygons[0], axis=0), name, ha="center", va="center")
     for name, at in stage.marks.items():
-        axes.plot(at[1], at[0], "+", color=LIGHT.faint, markersize=9.0, zorder=2.0)
-        _write(axes, at, name, (6.0, -7.0), ha="left", va="top", color=LIGHT.faint)
+        axes.plot(at[1], at[0], "+", color=LIGHT.muted, markersize=9.0, zorder=2.0)
+        _write(axes, at, name, (6.0, -7.0), ha="left", va="top", color=LIGHT.muted)
     for k, name in enumerate(stage.starts):
         _player(axes, play, stage, name, LIGHT.colour(k))
     axes.legend(
@@ -61,13 +63,13 @@ def plan(play: Play, reached: Box) -> Figure:
         ncols=4,
         frameon=False,
         fontsize=8,
-        labelcolor=LIGHT.ink,
+        labelcolor=LIGHT.text,
     )
     return figure
 
 
 def _player(axes: Axes, play: Play, stage: Overhead, name: str, colour: str) -> None:
-    """Draws a player's start and heading, and its ways with their start and end times."""
+    """Draws a player's start and heading, and its walks with their start and end times."""
     from matplotlib.patches import Circle
 
     start, radius = stage.starts[name], play.cast.players[name].radius
@@ -126,10 +128,12 @@ def _write(
         (at[1], at[0]),
         offset,
         textcoords="offset points",
-        **{"color": LIGHT.ink, "fontsize": 8, "zorder": 4.0, **style},
+        **{"color": LIGHT.text, "fontsize": 8, "zorder": 4.0, **style},
     )
     annotation.set_parse_math(False)
-    annotation.set_path_effects([patheffects.withStroke(linewidth=2.5, foreground=LIGHT.top)])
+    annotation.set_path_effects(
+        [patheffects.withStroke(linewidth=2.5, foreground=LIGHT.upper_background)]
+    )
 
 
 def _extent(play: Play, stage: Overhead, reached: Box) -> tuple[np.ndarray, np.ndarray]:

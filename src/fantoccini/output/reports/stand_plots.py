@@ -37,7 +37,7 @@ _TURN = 2.0 * np.pi
 def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
     """Figure with the margins of all axes, one row for each axis."""
     names = [axis.name for axis in check.axes]
-    figure = blank_figure((WIDTH - 200, 110 + 26 * len(names)), facecolor=theme.top)
+    figure = blank_figure((WIDTH - 200, 110 + 26 * len(names)), facecolor=theme.upper_background)
     above, below = 34 / (110 + 26 * len(names)), 60 / (110 + 26 * len(names))
     axes = figure.add_axes((0.19, below, 0.64, 1.0 - above - below))
     style_axes(axes, theme, "both")
@@ -57,7 +57,7 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
             markersize=9 if n == 0 else 6,
             markeredgewidth=2.0 if n == 0 else 0.8,
             color=theme.colour(n),
-            markeredgecolor=theme.colour(n) if n == 0 else theme.top,
+            markeredgecolor=theme.colour(n) if n == 0 else theme.upper_background,
             label=quantity,
             clip_on=False,
             zorder=3 + n,
@@ -72,7 +72,7 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
         bbox_to_anchor=(1.02, 1.0),
         frameon=False,
         fontsize=9,
-        labelcolor=theme.ink,
+        labelcolor=theme.text,
     )
     return figure
 
@@ -94,8 +94,8 @@ def _torque_panel(axes: Axes, check: StandCheck, k: int, theme: Theme) -> None:
     max_speed = max(1.25 * float(np.max(w)), 0.2 * _TURN)
     speeds = np.linspace(0.0, max_speed, 300)
     limit_torque = axis.motor.max_torque(speeds, np.ones_like(speeds))
-    axes.fill_between(speeds / _TURN, limit_torque, color=theme.faint, alpha=0.18, linewidth=0.0)
-    axes.plot(speeds / _TURN, limit_torque, color=theme.faint, linewidth=1.2)
+    axes.fill_between(speeds / _TURN, limit_torque, color=theme.muted, alpha=0.18, linewidth=0.0)
+    axes.plot(speeds / _TURN, limit_torque, color=theme.muted, linewidth=1.2)
     known = ~check.unknown[:, k]
     axes.plot(w / _TURN, np.where(known, torque, np.nan), color=theme.colour(0), linewidth=0.7)
     over = known & (torque > available)
@@ -110,7 +110,7 @@ def _torque_panel(axes: Axes, check: StandCheck, k: int, theme: Theme) -> None:
 def over_time(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
     """Figures with position, speed, acceleration and torque, and the names of their axes."""
     for part in chunks(range(len(check.axes)), _AXES_PER_FIGURE):
-        figure = blank_figure((WIDTH, 60 + 150 * len(part)), facecolor=theme.top)
+        figure = blank_figure((WIDTH, 60 + 150 * len(part)), facecolor=theme.upper_background)
         figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.06)
         panels = figure.subplots(len(part), 4, sharex=True, squeeze=False)
         for row, k in zip(panels, part, strict=True):
@@ -143,7 +143,7 @@ def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
     for panel, (values, below, above, symmetric) in zip(row, curves, strict=True):
         style_time_axes(panel, t, theme)
         for bound in (below, above):
-            panel.plot(t, bound, color=theme.faint, linewidth=0.9, linestyle=(0, (4, 2)))
+            panel.plot(t, bound, color=theme.muted, linewidth=0.9, linestyle=(0, (4, 2)))
         panel.plot(t, values, color=theme.colour(0), linewidth=0.9)
         over = (values < below) | (values > above)
         panel.plot(t, np.where(over, values, np.nan), color=RED, linewidth=1.6)

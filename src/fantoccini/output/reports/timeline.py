@@ -41,7 +41,7 @@ def timeline(play: Play) -> Figure:
     n = sum(len(player_lanes) for player_lanes in lanes.values()) + len(captions)
     left = 20.0 + 7.0 * max(len(one_line(name, 18)) for name in (*lanes, "captions"))
     height = rows * (_LANE_HEIGHT * n + 74)
-    figure = blank_figure((WIDTH, height), facecolor=LIGHT.top)
+    figure = blank_figure((WIDTH, height), facecolor=LIGHT.upper_background)
     for row, axes in enumerate(figure.subplots(rows, 1, squeeze=False)[:, 0]):
         low = height - (row + 1) * (_LANE_HEIGHT * n + 74) + 40
         axes.set_position(
@@ -51,7 +51,7 @@ def timeline(play: Play) -> Figure:
         axes.set_xlim(begin, begin + row_time)
         axes.set_ylim(n, 0.0)
         style_axes(axes, LIGHT, "x")
-        axes.set_xlabel("time [s]", color=LIGHT.ink, fontsize=8, labelpad=1.0)
+        axes.set_xlabel("time [s]", color=LIGHT.text, fontsize=8, labelpad=1.0)
         scale = (WIDTH - left - 14) / row_time
         _draw_acts(axes, play, begin, begin + row_time, scale)
         _draw_players(axes, play, lanes, scale)
@@ -89,7 +89,7 @@ def _lanes(play: Play, cross_width: float) -> dict[str, list[list[tuple[CueOfPla
             if cue.refused or marks is None:
                 bar = cue.wanted - cross_width, cue.wanted + 0.4 * cross_width, f"{cue.number}"
             else:
-                bar = marks["start"], marks["end"], f"{cue.number} {cue.words}"
+                bar = marks["start"], marks["end"], f"{cue.number} {cue.action}"
             free = [lane for lane in player_lanes if not lane or lane[-1][1][1] <= bar[0] + 1e-9]
             if not free:
                 player_lanes.append([])
@@ -120,7 +120,7 @@ def _draw_acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -
         if stop <= begin or start >= end:
             continue
         axes.axvspan(start, stop, color=LIGHT.grid, alpha=0.25 * (k % 2), linewidth=0.0, zorder=0.2)
-        axes.axvline(start, color=LIGHT.faint, linewidth=0.8, zorder=1.0)
+        axes.axvline(start, color=LIGHT.muted, linewidth=0.8, zorder=1.0)
         visible = max(start, begin)
         text = shortened(name, (min(stop, end) - visible) * scale - 6.0)
         annotation = axes.annotate(
@@ -129,7 +129,7 @@ def _draw_acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -
             (3.0, 4.0),
             textcoords="offset points",
             fontsize=9,
-            color=LIGHT.ink,
+            color=LIGHT.text,
             weight="bold",
             ha="left",
             va="bottom",
@@ -150,7 +150,7 @@ def _draw_players(
                 else:
                     _draw_bar(axes, bar, y, LIGHT.colour(k), scale)
                     if cue.go:
-                        axes.plot(bar[0], y + 0.5, "|", color=LIGHT.ink, markersize=14.0)
+                        axes.plot(bar[0], y + 0.5, "|", color=LIGHT.text, markersize=14.0)
             y += 1
 
 
@@ -177,7 +177,7 @@ def _draw_bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
         (2.5, 0.0),
         textcoords="offset points",
         fontsize=7.5,
-        color=LIGHT.ink,
+        color=LIGHT.text,
         ha="left",
         va="center",
         clip_on=True,

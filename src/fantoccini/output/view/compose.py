@@ -31,7 +31,7 @@ class Layout:
         camera, viewport: the view, and the rectangle of the picture that it fills.
         theme: colours.
         line_width: width of an outline [px].
-        top: upper end of the tension scale [N].
+        full_scale: upper end of the tension scale [N].
         colours: (256, 3) colours of the tension scale.
         handles: beads and hooks on held string ends.
         stage: curtain and floor of a stage; None in a diagram.
@@ -41,7 +41,7 @@ class Layout:
     viewport: Viewport
     theme: Theme
     line_width: float
-    top: float
+    full_scale: float
     colours: np.ndarray
     handles: tuple[Solid, ...]
     stage: StageSet | None = None
@@ -53,8 +53,8 @@ class Layout:
         if not string.taut:
             return self.theme.slack
         if string.tension is None or not np.isfinite(string.tension):
-            return self.theme.ink if string.colour is None else string.colour
-        share = np.clip(abs(string.tension) / self.top, 0.0, 1.0)
+            return self.theme.text if string.colour is None else string.colour
+        share = np.clip(abs(string.tension) / self.full_scale, 0.0, 1.0)
         return self.colours[int(share * (len(self.colours) - 1))]
 
 
@@ -190,7 +190,7 @@ def lines(geometry: Geometry, k: int, layout: Layout) -> list[Line]:
         plain = layout.theme.thread is not None and string.colour is None
         width = _THREAD if plain else width
         curves.append((string.points, width, layout.string_colour(string)))
-    steel = mix(layout.theme.faint, layout.theme.ink, 0.4)
+    steel = mix(layout.theme.muted, layout.theme.text, 0.4)
     curves += [(_coil(ends[k], layout), 1.0, steel) for ends in geometry.springs]
     return [
         Line(_refined(points), width * layout.line_width, colour)

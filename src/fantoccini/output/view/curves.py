@@ -30,8 +30,8 @@ class Curve:
     Attributes:
         label: label in the legend.
         x, y: (n,) the points; a logarithmic axis leaves out values that are not positive.
-        marked: draw a dot at each point.
-        faint: draw a reference line, dashed and grey.
+        marked: whether to draw a dot at each point.
+        faint: whether to draw a dashed grey line, for reference.
     """
 
     label: str
@@ -88,7 +88,7 @@ def curves(
     """
     path, theme = check_path(path), theme_of(theme)
     shape = (len(panels) * size[0], size[1])
-    figure = blank_figure(shape, facecolor=theme.top)
+    figure = blank_figure(shape, facecolor=theme.upper_background)
     figure.set_layout_engine("constrained", w_pad=0.15, h_pad=0.1)
     for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
         _panel(axes, panel, theme)
@@ -102,12 +102,12 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
         positive = np.isfinite(y) & (y > 0.0)
         style: dict[str, Any]
         if curve.faint:
-            style = {"color": theme.faint, "linestyle": "--", "linewidth": 0.9, "zorder": 1.5}
+            style = {"color": theme.muted, "linestyle": "--", "linewidth": 0.9, "zorder": 1.5}
         else:
             style = {"color": theme.colour(n_measured), "linewidth": 1.2}
             n_measured += 1
         if curve.marked:
-            style |= {"marker": "o", "markersize": 4.0, "markeredgecolor": theme.top}
+            style |= {"marker": "o", "markersize": 4.0, "markeredgecolor": theme.upper_background}
         if not np.any(positive):
             positive = np.isfinite(y)
         axes.plot(x[positive], y[positive], label=one_line(curve.label, 40), **style)
@@ -120,12 +120,12 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
             axes.set_xticks(ticks, [f"{x:g}" for x in ticks])
             axes.minorticks_off()
     axes.set_title(
-        one_line(panel.title, 80), color=theme.ink, fontsize=10, loc="left", parse_math=False
+        one_line(panel.title, 80), color=theme.text, fontsize=10, loc="left", parse_math=False
     )
-    axes.set_xlabel(panel.x, color=theme.ink, fontsize=9)
-    axes.set_ylabel(panel.y, color=theme.ink, fontsize=9)
+    axes.set_xlabel(panel.x, color=theme.text, fontsize=9)
+    axes.set_ylabel(panel.y, color=theme.text, fontsize=9)
     style_axes(axes, theme, "both", "both")
     if any(curve.label for curve in panel.curves):
-        legend = axes.legend(frameon=False, fontsize=8, labelcolor=theme.ink, handlelength=1.6)
+        legend = axes.legend(frameon=False, fontsize=8, labelcolor=theme.text, handlelength=1.6)
         for text in legend.get_texts():
             text.set_parse_math(False)

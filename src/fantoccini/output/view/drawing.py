@@ -97,8 +97,8 @@ def style_axes(
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
-        axes.spines[side].set_color(theme.faint)
-    axes.tick_params(which=which, colors=theme.faint, labelcolor=theme.ink, labelsize=8)
+        axes.spines[side].set_color(theme.muted)
+    axes.tick_params(which=which, colors=theme.muted, labelcolor=theme.text, labelsize=8)
     axes.grid(True, which="major", axis=grid, color=theme.grid, linewidth=0.5, alpha=0.7)
     axes.set_axisbelow(True)
 
@@ -107,7 +107,7 @@ def layout_of(
     geometry: Geometry,
     viewport: Viewport,
     options: PictureOptions,
-    top: float | None = None,
+    full_scale: float | None = None,
     pan: np.ndarray | None = None,
 ) -> Layout:
     """Layout whose camera has the whole motion inside the viewport.
@@ -116,7 +116,7 @@ def layout_of(
         geometry: geometry to show.
         viewport: rectangle of the picture.
         options: point of view, focus and theme.
-        top: upper end of the tension scale [N]; by default from the motion.
+        full_scale: upper end of the tension scale [N]; by default from the motion.
         pan: (T, 3) camera displacements [m]; the layout is for the first time.
     """
     centres, radii = geometry.balls(strings=options.focus == "all", pan=pan)
@@ -125,11 +125,13 @@ def layout_of(
         *geometry.with_shadows(centres, radii), azimuth, elevation, viewport.width / viewport.height
     )
     line_width = max(0.6, 1.9 * (min(viewport.height, 1.6 * viewport.width) / 720.0) ** 0.7)
-    top, theme = geometry.tension_top() if top is None else top, options.theme
+    theme = options.theme
+    full_scale = geometry.tension_full_scale() if full_scale is None else full_scale
     stage = StageSet.of(geometry, camera) if options.look == "stage" else None
     line_width *= 1.0 if stage is None else _STAGE_LINES
     beads = () if stage is not None else tuple(handles(geometry.tree, theme, geometry.size))
-    return Layout(camera, viewport, theme, line_width, top, theme.tension_colours(), beads, stage)
+    colours = theme.tension_colours()
+    return Layout(camera, viewport, theme, line_width, full_scale, colours, beads, stage)
 
 
 class Sheet:
@@ -147,7 +149,9 @@ class Sheet:
         self.axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0))
         self.axes.set_axis_off()
         rows = np.linspace(0.0, 1.0, 128)[:, None, None]
-        pixels = np.clip(mix(theme.bottom, theme.top, np.sqrt(rows)), 0.0, 1.0)
+        pixels = np.clip(
+            mix(theme.lower_background, theme.upper_background, np.sqrt(rows)), 0.0, 1.0
+        )
         self.image(pixels, (0.0, self.width, 0.0, self.height), 0.0)
 
     def image(
@@ -206,9 +210,9 @@ class Sheet:
         Args:
             geometry: geometry with the floor.
             layout: camera and theme.
-            grid: draw grid lines, which fade outwards.
+            grid: whether to draw grid lines.
             middle: (3,) centre of the light [m]; by default the light covers the whole motion.
-            animated: drawn only on request, in matplotlib's sense.
+            animated: whether matplotlib draws it only on request, as for animations.
             frame: rectangle that the set of a stage fills; the whole sheet by default.
 
         Returns:
@@ -303,7 +307,7 @@ class Sheet:
             y,
             text,
             1.35 * unit,
-            self.theme.ink,
+            self.theme.text,
             ha="left",
             va="top",
             weight="bold",
@@ -317,7 +321,7 @@ class Sheet:
 
         Args:
             geometry: geometry to show; without tensions nothing is drawn.
-            layout: colours and top of the scale.
+            layout: colours and upper end of the scale.
             y: vertical position of the bar [px].
             unit: unit of font sizes and gaps [px].
             right: right end of the bar [px]; by default near the sheet's edge.
@@ -331,14 +335,14 @@ class Sheet:
         largest = max(
             float(np.nanmax(np.abs(x), initial=0.0)) for x in (geometry.tension, geometry.pulls)
         )
-        sign = "\N{GREATER-THAN OR EQUAL TO} " if largest > 1.001 * layout.top else ""
+        sign = "\N{GREATER-THAN OR EQUAL TO} " if largest > 1.001 * layout.full_scale else ""
         for x, text, side in (
             (left, "0", "left"),
-            (right, f"{sign}{layout.top:g} N", "right"),
+            (right, f"{sign}{layout.full_scale:g} N", "right"),
             (0.5 * (left + right), "tension", "center"),
             (left - 3.2 * unit, "slack", "center"),
         ):
-            self.write(x, y - 0.35 * unit, text, 0.85 * unit, theme.faint, ha=side, va="top")
+            self.write(x, y - 0.35 * unit, text, 0.85 * unit, theme.muted, ha=side, va="top")
         self.axes.plot(
             [left - 4.4 * unit, left - 2.0 * unit],
             [y + 0.5 * thickness] * 2,

@@ -114,7 +114,7 @@ def film(
         renderer: ``matplotlib``, or ``pyvista`` for shaded solids, if installed; it takes several
             times as long.
         follow: whether the camera follows the puppet; by default if it would otherwise be small.
-        forces: draw the forces of contacts, as :func:`strip` does; matplotlib only.
+        forces: whether to draw the forces of contacts, as in :func:`strip`; matplotlib only.
         captions: captions below the picture, in the run's time, such as ``score.captions``.
         sounds: sounds, in the run's time, such as ``score.sounds``. They keep their pitch in slow
             and fast films. A ``.gif`` is silent.
@@ -263,7 +263,7 @@ class Frames:
             height - 1.6 * unit,
             "",
             1.15 * unit,
-            options.theme.faint,
+            options.theme.muted,
             ha="right",
             va="top",
             animated=True,

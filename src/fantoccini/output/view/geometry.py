@@ -106,8 +106,8 @@ class Geometry:
             return self
         lines = tuple(np.asarray(line, dtype=float) for line in guides(self.t))
         for line in lines:
-            of_times = line.ndim == 3 and line.shape[::2] == (len(self.t), 3)
-            if not of_times or line.shape[1] < 2:
+            fits_times = line.ndim == 3 and line.shape[::2] == (len(self.t), 3)
+            if not fits_times or line.shape[1] < 2:
                 raise ValueError(
                     f"a guide has the shape {line.shape}; it must be ({len(self.t)}, n, 3) with at "
                     "least 2 points"
@@ -179,7 +179,7 @@ class Geometry:
         low, high = np.percentile(self.balls()[0][:, :2], [2.0, 98.0], axis=0)
         return low, high
 
-    def tension_top(self) -> float:
+    def tension_full_scale(self) -> float:
         """Upper end of the tension scale [N]: a round number above 98 % of the tensions."""
         if self.tension is None:
             return 1.0

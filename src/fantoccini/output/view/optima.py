@@ -43,7 +43,7 @@ def optimum_picture(
     """Writes a picture of an optimal motion.
 
     Left: the puppet, with later poses more opaque; tracked points in blue, their target paths
-    dashed in red, touched places as red circles. Right, against time: tracking errors, except of
+    dashed in red, touched places as red circles. Right, over time: tracking errors, except those of
     velocities; tensions, with dotted targets; speeds that have bounds; accelerations of the inputs
     that are not held. Bounds are dashed.
 
@@ -66,7 +66,9 @@ def optimum_picture(
     panels = _panels(optimum, options.theme)
     # Covers the floor's light and lines behind the panels.
     sheet.image(
-        np.full((1, 1, 3), options.theme.top), (_PUPPET_SHARE * width, width, 0.0, height), 4.5
+        np.full((1, 1, 3), options.theme.upper_background),
+        (_PUPPET_SHARE * width, width, 0.0, height),
+        4.5,
     )
     left, right, low, high = _PUPPET_SHARE + 0.055, 0.875, 0.07, 0.965
     gap = 0.025
@@ -82,7 +84,7 @@ def optimum_picture(
         if k + 1 < len(panels):
             axes.tick_params(labelbottom=False)
         else:
-            axes.set_xlabel("time [s]", color=options.theme.ink)
+            axes.set_xlabel("time [s]", color=options.theme.text)
         panel_axes.append(axes)
     fit_legends(panel_axes)
     return save(sheet.figure, path, scale)
@@ -130,7 +132,7 @@ def _draw_poses(
     sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit, width - 1.6 * unit)
     times_text = ", ".join(f"{t - run.t[0]:.2f}" for t in times)
     caption = f"cost {optimum.cost:.3g}; poses at {times_text} s"
-    sheet.write(1.6 * unit, 2.2 * unit, caption, unit, theme.ink, ha="left", va="center")
+    sheet.write(1.6 * unit, 2.2 * unit, caption, unit, theme.text, ha="left", va="center")
 
 
 def _panels(optimum: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
@@ -148,44 +150,45 @@ def _panels(optimum: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
         if track.kind != "velocity"
     }
     if errors:
-        panels.append(lambda axes: _errors(axes, optimum.t, errors, theme))
+        panels.append(lambda axes: _plot_errors(axes, optimum.t, errors, theme))
     if optimum.run.tension.names:
-        panels.append(lambda axes: _tensions(axes, optimum, theme))
+        panels.append(lambda axes: _plot_tensions(axes, optimum, theme))
     if np.any(np.isfinite(speed)):
-        panels.append(lambda axes: _inputs(axes, optimum, optimum.nodes.v_K, speed, "speed", theme))
+        v_K = optimum.nodes.v_K
+        panels.append(lambda axes: _plot_inputs(axes, optimum, v_K, speed, "speed", theme))
     limits = bounds.magnitudes(marionette, "acceleration")
     # Constant over the last interval.
-    accelerations = np.concatenate([optimum.nodes.acc_K, optimum.nodes.acc_K[-1:]])
-    panels.append(lambda axes: _inputs(axes, optimum, accelerations, limits, "acceleration", theme))
+    acc_K = np.concatenate([optimum.nodes.acc_K, optimum.nodes.acc_K[-1:]])
+    panels.append(lambda axes: _plot_inputs(axes, optimum, acc_K, limits, "acceleration", theme))
     return panels
 
 
-def _errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: Theme) -> None:
+def _plot_errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: Theme) -> None:
     for k, (name, error) in enumerate(errors.items()):
         axes.plot(t, error, **line_style(theme, k), linewidth=1.2, label=one_line(name, 24))
     axes.set_ylim(bottom=0.0)
-    axes.set_ylabel("error [m or rad]", color=theme.ink)
+    axes.set_ylabel("error [m or rad]", color=theme.text)
     use_powers_of_ten(axes, theme)
 
 
-def _tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
+def _plot_tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
     run, bounds = optimum.run, optimum.task.bounds.tension
     for k, name in enumerate(run.tension.names):
         style = line_style(theme, k)
         axes.plot(run.t, run.tension[name], **style, linewidth=1.2, label=one_line(name, 24))
         for bound in bounds.get(name, ()):
             if np.isfinite(bound):
-                _bound(axes, bound, style["color"])
+                _draw_bound(axes, bound, style["color"])
     for track in optimum.task.tracks:
         if track.kind == "tension":
             k = run.tension.names.index(track.name)
             target = optimum.target(track)[:, 0]
             axes.plot(optimum.t, target, ":", color=line_style(theme, k)["color"], linewidth=1.0)
-    axes.set_ylabel("tension [N]", color=theme.ink)
+    axes.set_ylabel("tension [N]", color=theme.text)
     use_powers_of_ten(axes, theme)
 
 
-def _inputs(
+def _plot_inputs(
     axes: Axes,
     optimum: Optimum,
     values: np.ndarray,
@@ -213,15 +216,15 @@ def _inputs(
     max_drawn = _MAX_BOUND * np.max(np.abs(values[:, moving]), initial=0.0)
     for n, k in enumerate(moving[:1] if same_limit else moving):
         if limits[k] <= max_drawn:  # larger ones would flatten the lines
-            colour = theme.faint if same_limit else line_style(theme, n)["color"]
-            _bound(axes, limits[k], colour)
-            _bound(axes, -limits[k], colour)
+            colour = theme.muted if same_limit else line_style(theme, n)["color"]
+            _draw_bound(axes, limits[k], colour)
+            _draw_bound(axes, -limits[k], colour)
     unit = "[m/s]" if quantity == "speed" else "[m/s\N{SUPERSCRIPT TWO}]"
     if any(row.unit != "m" for row in table.rows if row.name in table.q_K):
         unit = "(m, rad; s)"
-    axes.set_ylabel(f"{quantity} {unit}", color=theme.ink)
+    axes.set_ylabel(f"{quantity} {unit}", color=theme.text)
     use_powers_of_ten(axes, theme)
 
 
-def _bound(axes: Axes, value: float, colour: object) -> None:
+def _draw_bound(axes: Axes, value: float, colour: object) -> None:
     axes.axhline(value, color=colour, linewidth=0.8, linestyle=(0, (4, 3)), alpha=0.7)

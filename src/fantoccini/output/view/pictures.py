@@ -61,7 +61,8 @@ def strip(
         theme: ``light``, ``dark``, or a Theme; the look ``stage`` has its own colours.
         size: width and height [px]; by default adapted to the motion.
         scale: pixels of the file per pixel of ``size``.
-        forces: draw the forces of contacts as arrows to scale; those of impacts are shortened.
+        forces: whether to draw the forces of contacts, as arrows to scale; those of impacts are
+            shortened.
         guides: lines that the motion is compared with, as for :func:`film`.
         look: ``diagram``, or ``stage``: a theatre, with thin plain strings and without title,
             times and tension scale.
@@ -106,11 +107,11 @@ def strip_figure(
             frame = Viewport(k * width / n, 0.0, width / n - (_GAP if k < n - 1 else 0.0), height)
             add_stage(sheet, geometry, k, options, frame)
         return sheet.figure
-    top = motion.tension_top()
+    full_scale = motion.tension_full_scale()
     panel_width = (width - 2.0 * unit) / n
     for k in range(n):
         viewport = Viewport(unit + k * panel_width, 4.6 * unit, panel_width, height - 9.2 * unit)
-        layout = layout_of(geometry, viewport, options, top)
+        layout = layout_of(geometry, viewport, options, full_scale)
         sheet.floor(geometry, layout, grid=False)
         sheet.polygons(compose(geometry, k, layout))
         sheet.write(
@@ -118,7 +119,7 @@ def strip_figure(
             3.2 * unit,
             f"{sample_times[k]:.2f} s",
             1.1 * unit,
-            options.theme.ink,
+            options.theme.text,
             ha="center",
             va="center",
         )

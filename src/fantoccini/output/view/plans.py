@@ -67,7 +67,7 @@ def plan_picture(
         dots[:, 0],
         dots[:, 1],
         ".",
-        color=options.theme.ink,
+        color=options.theme.text,
         alpha=0.35,
         markersize=0.22 * unit,
         markeredgewidth=0.0,
@@ -80,7 +80,7 @@ def plan_picture(
     caption = f"{len(nodes)} nodes; {run.t[-1] - run.t[0]:.2f} s, poses at " + ", ".join(
         f"{t - run.t[0]:.2f} s" for t in times
     )
-    sheet.write(1.6 * unit, 2.2 * unit, caption, unit, options.theme.ink, ha="left", va="center")
+    sheet.write(1.6 * unit, 2.2 * unit, caption, unit, options.theme.text, ha="left", va="center")
     add_captions(sheet, geometry, layout, unit)
     return save(sheet.figure, path, scale)
 

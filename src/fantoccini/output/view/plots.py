@@ -61,7 +61,7 @@ def plot(
     target = None if path is None else check_path(path)
     theme = theme_of(theme)
     strings = run.tension.names
-    figure = blank_figure(size, facecolor=theme.top)
+    figure = blank_figure(size, facecolor=theme.upper_background)
     left = (60.0 + 6.3 * max((len(one_line(n, 24)) for n in strings), default=4)) / size[0]
     styles = {name: line_style(theme, k) for k, name in enumerate(strings)}
     panels: list[tuple[float, Callable[[Axes], None]]] = []
@@ -95,7 +95,7 @@ def plot(
         for text in (*axes.get_yticklabels(), *axes.get_xticklabels()):
             text.set_parse_math(False)
     fit_legends(list(panel_axes))
-    panel_axes[-1].set_xlabel("time [s]", color=theme.ink)
+    panel_axes[-1].set_xlabel("time [s]", color=theme.text)
     start, stop = float(run.t[0]), float(run.t[-1])
     panel_axes[-1].set_xlim(start, stop if stop > start else start + 1.0)
     title = one_line(run.puppet.name if run.puppet else "")
@@ -103,7 +103,7 @@ def plot(
         left,
         0.962,
         title,
-        color=theme.ink,
+        color=theme.text,
         fontsize=12,
         weight="bold",
         parse_math=False,
@@ -133,12 +133,12 @@ def _tension(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
             spans,
             (0.0, 1.0),
             transform=axes.get_xaxis_transform(),
-            facecolor=theme.faint,
+            facecolor=theme.muted,
             alpha=0.18,
             linewidth=0.0,
         )
         label += "\ngrey: some undetermined"
-    axes.set_ylabel(label, color=theme.ink)
+    axes.set_ylabel(label, color=theme.text)
     use_powers_of_ten(axes, theme)
     finite = np.abs(values[np.isfinite(values)])
     if finite.size and finite.max() > 0.0:
@@ -168,8 +168,8 @@ def _active_set(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> No
             linestyle="",
             marker="v",
             markersize=4.5,
-            color=theme.ink,
-            markeredgecolor=theme.top,
+            color=theme.text,
+            markeredgecolor=theme.upper_background,
             markeredgewidth=0.5,
             clip_on=False,
         )
@@ -181,7 +181,7 @@ def _active_set(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> No
         "bar: taut\ngap: slack\n\N{BLACK DOWN-POINTING TRIANGLE} catch",
         transform=axes.transAxes,
         va="top",
-        color=theme.faint,
+        color=theme.muted,
         fontsize=8,
         parse_math=False,
     )
@@ -197,8 +197,8 @@ def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
         if np.any(np.abs(values) > 0.0):
             axes.plot(run.t, values, linewidth=1.2, label=label, **line_style(theme, n_lines))
             n_lines += 1
-    axes.axhline(0.0, color=theme.faint, linewidth=0.6)
-    axes.set_ylabel("energy [J]", color=theme.ink)
+    axes.axhline(0.0, color=theme.muted, linewidth=0.6)
+    axes.set_ylabel("energy [J]", color=theme.text)
     use_powers_of_ten(axes, theme)
     legend(axes, theme)
 
@@ -230,7 +230,7 @@ def _driven(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
             linestyle=(0, (3, 2)),
             label=f"{owner}, command",
         )
-    axes.set_ylabel(label, color=theme.ink)
+    axes.set_ylabel(label, color=theme.text)
     use_powers_of_ten(axes, theme)
     legend(axes, theme)
 
@@ -246,7 +246,7 @@ def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
             label = f"{names[q].rsplit('.', 1)[0]}.rotation {axis}"
             style = line_style(theme, 3 * n + i)
             axes.plot(run.t, vector[:, i], **style, linewidth=1.2, label=label)
-    axes.set_ylabel("driven rotation [rad]", color=theme.ink)
+    axes.set_ylabel("driven rotation [rad]", color=theme.text)
     use_powers_of_ten(axes, theme)
     legend(axes, theme)
 
@@ -254,7 +254,7 @@ def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
 def use_powers_of_ten(axes: Axes, theme: Theme) -> None:
     """Writes the power of ten of very small and large numbers above the axis, to save width."""
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4))
-    axes.yaxis.get_offset_text().set(color=theme.ink, fontsize=8)
+    axes.yaxis.get_offset_text().set(color=theme.text, fontsize=8)
 
 
 def _spans(t: np.ndarray, on: np.ndarray) -> list[tuple[float, float]]:
@@ -278,7 +278,7 @@ def legend(axes: Axes, theme: Theme) -> None:
         bbox_to_anchor=(1.005, 1.03),
         frameon=False,
         fontsize=_LEGEND_SIZE,
-        labelcolor=theme.ink,
+        labelcolor=theme.text,
         handlelength=1.3,
         borderaxespad=0.0,
         labelspacing=_ROW_GAP,

@@ -20,11 +20,11 @@ LOOKS = ("diagram", "stage")
 STAGE = replace(
     DARK,
     name="stage",
-    top=rgb("#0d0f14"),
-    bottom=rgb("#0d0f14"),
+    upper_background=rgb("#0d0f14"),
+    lower_background=rgb("#0d0f14"),
     shadow=rgb("#120a05"),
     shadow_opacity=0.085,
-    ink=rgb("#f3ead8"),
+    text=rgb("#f3ead8"),
     outline=0.34,
     thread=rgb("#d9d0bf"),
 )
@@ -154,7 +154,7 @@ def darkness(frame: Viewport) -> np.ndarray:
     corners = 0.55 * _smooth((np.hypot(x, y) - 0.75) / 0.75)
     top = 0.92 * _smooth((y - 0.62) / 0.40)
     pixels = np.zeros((len(y), len(x), 4))
-    pixels[..., :3] = STAGE.top
+    pixels[..., :3] = STAGE.upper_background
     pixels[..., 3] = 1.0 - (1.0 - corners) * (1.0 - top)
     return pixels
 

@@ -14,7 +14,7 @@ from fantoccini.base import Array
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.equilibrium import initial_state
 from fantoccini.model.puppet import Puppet
-from fantoccini.model.tree import Tree, link_poses, place, placed
+from fantoccini.model.tree import Tree, link_poses, placed, point_position
 from fantoccini.motion import State
 
 if TYPE_CHECKING:
@@ -69,7 +69,9 @@ class Still:
         """String -> (T, n_points, 3) points of its path [m]."""
         poses = self.poses(q_D, q_K)
         return {
-            string.name: np.stack([place(poses, p, self.number) for p in string.points], axis=1)
+            string.name: np.stack(
+                [point_position(poses, p, self.number) for p in string.points], axis=1
+            )
             for string in self.tree.strings
         }
 

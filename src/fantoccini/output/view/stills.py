@@ -77,7 +77,7 @@ class Stills:
                 low + 0.6 * font_size,
                 f"{t:.2f} s",
                 font_size,
-                LIGHT.ink,
+                LIGHT.text,
                 ha="center",
                 va="bottom",
             )
@@ -103,5 +103,5 @@ class Stills:
             point = np.append(np.mean(first_points, axis=0)[:2], geometry.floor)
             x, y, _ = layout.camera.project(point, layout.viewport)
             sheet.write(
-                x, y - 0.4 * font_size, name, 0.9 * font_size, LIGHT.ink, ha="center", va="top"
+                x, y - 0.4 * font_size, name, 0.9 * font_size, LIGHT.text, ha="center", va="top"
             )

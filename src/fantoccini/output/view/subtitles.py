@@ -101,7 +101,7 @@ class Subtitles:
                 low,
                 "",
                 self._size,
-                sheet.theme.ink,
+                sheet.theme.text,
                 ha="center",
                 va="bottom",
                 animated=True,

@@ -51,67 +51,67 @@ class Theme:
 
     Attributes:
         name: ``light`` or ``dark``, for the bundled themes.
-        top, bottom: background at its upper and lower edge.
+        upper_background, lower_background: background at its upper and lower edge.
         floor: (4,) colour and opacity of the spot of light on the floor.
         grid, shadow, slack, handle: colours of the floor's lines, shadows, slack strings, and
             driven string ends.
         shadow_opacity: opacity of one layer of a shadow.
-        ink, faint: colours of text, and of secondary text and rules.
+        text, muted: colours of text, and of secondary text and rules.
         outline: factor on a shape's colour for its outline.
-        ramp: matplotlib's colour map for tension, and the part of it in use.
-        cycle: colours of lines in plots, also distinct for colour-blind readers.
+        tension_map: matplotlib's colour map for tension, and the part of it in use.
+        line_colours: colours of lines in plots, also distinct for colour-blind readers.
         force: colour of arrows of forces, different from all tension colours.
         thread: colour of strings without a colour of their own, or None for colours by tension.
     """
 
     name: str
-    top: np.ndarray
-    bottom: np.ndarray
+    upper_background: np.ndarray
+    lower_background: np.ndarray
     floor: np.ndarray
     grid: np.ndarray
     shadow: np.ndarray
     shadow_opacity: float
-    ink: np.ndarray
-    faint: np.ndarray
+    text: np.ndarray
+    muted: np.ndarray
     slack: np.ndarray
     handle: np.ndarray
     outline: float
-    ramp: tuple[str, float, float]
-    cycle: tuple[str, ...]
+    tension_map: tuple[str, float, float]
+    line_colours: tuple[str, ...]
     force: np.ndarray = field(default_factory=lambda: rgb("#00855a"))
     thread: np.ndarray | None = None
 
     def colour(self, k: int) -> str:
         """Colour of line k of a plot, as ``#rrggbb``."""
-        return self.cycle[k % len(self.cycle)]
+        return self.line_colours[k % len(self.line_colours)]
 
     def dashes(self, k: int) -> tuple[float, ...]:
         """Dashes and gaps of line k, in line widths; they differ between lines of one colour."""
-        return _DASHES[k // len(self.cycle) % len(_DASHES)]
+        return _DASHES[k // len(self.line_colours) % len(_DASHES)]
 
     def tension_colours(self, n: int = 256) -> np.ndarray:
         """(n, 3) colours, from zero to the largest tension."""
         from matplotlib import colormaps
 
-        name, start, stop = self.ramp
+        name, start, stop = self.tension_map
         return colormaps[name](np.linspace(start, stop, n))[:, :3]
 
 
 LIGHT = Theme(
     name="light",
-    top=rgb("#fdfcf9"),
-    bottom=rgb("#e6e2d8"),
+    upper_background=rgb("#fdfcf9"),
+    lower_background=rgb("#e6e2d8"),
     floor=np.array([1.0, 1.0, 1.0, 0.55]),
     grid=rgb("#c9c3b4"),
     shadow=rgb("#4a4334"),
     shadow_opacity=0.042,
-    ink=rgb("#2b2a28"),
-    faint=rgb("#8a857a"),
+    text=rgb("#2b2a28"),
+    muted=rgb("#8a857a"),
     slack=rgb("#9c988f"),
     handle=rgb("#8f7a55"),
     outline=0.40,
-    ramp=("plasma", 0.0, 0.86),
-    cycle=(
+    tension_map=("plasma", 0.0, 0.86),
+    line_colours=(
         "#1b6ca8",
         "#ff7800",
         "#a54bff",
@@ -129,19 +129,19 @@ LIGHT = Theme(
 
 DARK = Theme(
     name="dark",
-    top=rgb("#14171f"),
-    bottom=rgb("#252a36"),
+    upper_background=rgb("#14171f"),
+    lower_background=rgb("#252a36"),
     floor=np.array([0.62, 0.66, 0.76, 0.20]),
     grid=rgb("#3d4454"),
     shadow=rgb("#05060a"),
     shadow_opacity=0.075,
-    ink=rgb("#eceae4"),
-    faint=rgb("#8e93a0"),
+    text=rgb("#eceae4"),
+    muted=rgb("#8e93a0"),
     slack=rgb("#7d828f"),
     handle=rgb("#c9ab74"),
     outline=0.26,
-    ramp=("plasma", 0.30, 1.0),
-    cycle=(
+    tension_map=("plasma", 0.30, 1.0),
+    line_colours=(
         "#6cb4ee",
         "#964b00",
         "#780fff",

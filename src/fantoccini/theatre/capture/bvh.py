@@ -26,18 +26,22 @@ _CHANNELS = {
     f"{axis}{kind}": (kind, k) for axis, k in _AXES.items() for kind in ("position", "rotation")
 }
 _BRACES = re.compile(r"(?<![^\x00-\x7f])([{}])")
-"""Braces; behind a byte of another encoding they are the second half of a character."""
+"""Braces, except after a byte of another encoding, where they are half of a character."""
 _LABEL = re.compile(r"\s*(frames|frame\s+time)\s*:", re.IGNORECASE)
 """Label of the motion's header, with or without blanks around its colon."""
 _PADDING = "\0\x1a"
 """Characters that some programs write after the end of a text."""
 _BLANKS = re.compile(r"[ \t\f\v]+")
 _MAX_BYTES = 256_000_000
+"""Largest size of a file [bytes]."""
 _MAX_JOINTS = 1000
+"""Largest number of joints."""
 _MAX_DEPTH = 200
+"""Largest depth of the hierarchy of joints."""
 _MAX_FRAMES = 10_000_000
-_RELATIVE = 0.05
-"""Mean of positions, relative to that of offsets, below which they are measured from these."""
+"""Largest number of frames."""
+_MAX_RELATIVE_POSITION = 0.05
+"""Mean of positions, relative to that of offsets, below which positions are relative to offsets."""
 _MIN_FRAME_TIME = 1e-5
 """Least duration of a frame [s]."""
 
@@ -85,7 +89,7 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
     if len(values) > 1 and not interval >= _MIN_FRAME_TIME:
         text = f"found a frame time of {interval:g} s; needed: at least {_MIN_FRAME_TIME:g} s"
         _fail(path, header, text)
-    return _placed(path, joints, values, interval, tuple(words.notes))
+    return _capture(path, joints, values, interval, tuple(words.notes))
 
 
 def clip_names() -> tuple[str, ...]:
@@ -117,16 +121,16 @@ class _Words:
             if row := [word for word in _BLANKS.split(_BRACES.sub(r" \1 ", line)) if word]:
                 yield row
 
-    def next(self, what: str) -> str:
+    def next(self, needed: str) -> str:
         """Next word.
 
         Args:
-            what: description of the word, for the message.
+            needed: description of the word, for the message.
         """
         if not self._row:
             self._row = next(self._rows, [])
             if not self._row:
-                self.fail(f"the file ends; needed: {what}")
+                self.fail(f"the file ends; needed: {needed}")
         return self._row.pop(0)
 
     def before_brace(self) -> list[str]:
@@ -148,19 +152,19 @@ class _Words:
             self.fail(f"found {shown(word)}; needed: {' or '.join(words)}")
         return word.lower()
 
-    def number(self, what: str) -> float:
-        """Next word as a finite number."""
-        word = self.next(what)
+    def number(self, needed: str) -> float:
+        """Next word as a finite number; ``needed`` describes it in the message."""
+        word = self.next(needed)
         try:
             value = float(word)
         except ValueError:
             value = np.nan
         if not np.isfinite(value):
-            self.fail(f"found {shown(word)}; needed: {what}")
+            self.fail(f"found {shown(word)}; needed: {needed}")
         return value
 
     def numbers(self, rows: int, columns: int) -> Array:
-        """Remaining numbers: a frame of equal length per row, which begins on a new line."""
+        """(rows, columns) remaining numbers; each row is a frame, which begins on a new line."""
         if self._row:
             self.fail(f"found {shown(' '.join(self._row))}; needed: a new line with numbers")
         if rows * columns > self._size:
@@ -198,15 +202,16 @@ class _Words:
             )
         return row
 
-    def _counted(self, found: int, said: int) -> int:
-        """Number of frames in the file, which may differ by one from its header."""
-        if found < said - 1 or (not found and said):
-            self.fail(f"the file ends after {found} frames; needed: {said}, as its header says")
-        if found != said:
-            self.notes.append(f"{self.path}: has {found} frames; its header says {said}")
-        if not found:
+    def _counted(self, n_frames: int, n_header: int) -> int:
+        """Number of frames in the file, which may differ by one from that of its header."""
+        if n_frames < n_header - 1 or (not n_frames and n_header):
+            text = f"the file ends after {n_frames} frames; needed: {n_header}, as its header says"
+            self.fail(text)
+        if n_frames != n_header:
+            self.notes.append(f"{self.path}: has {n_frames} frames; its header says {n_header}")
+        if not n_frames:
             self.notes.append(f"{self.path}: has no frames; read as one pose with all angles 0")
-        return found
+        return n_frames
 
     def fail(self, text: str) -> NoReturn:
         """Raises FileError at the current line."""
@@ -214,6 +219,7 @@ class _Words:
 
 
 def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
+    """Joints of a file, parents first, and the number of their channels."""
     words.expect("HIERARCHY")
     joints: list[_Joint] = []
     columns = 0
@@ -226,18 +232,18 @@ def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
 
 def _joint(words: _Words, joints: list[_Joint], parent: int, columns: int) -> int:
     """Reads a joint and its descendants, without recursion; returns the columns so far."""
-    above = [_named(words, joints, parent)]
-    while above:
-        i = above[-1]
+    open_joints = [_add_joint(words, joints, parent)]
+    while open_joints:
+        i = open_joints[-1]
         word = words.expect("OFFSET", "CHANNELS", "JOINT", "END", "}")
         if word == "offset":
             joints[i].offset = tuple(words.number("three numbers of an offset") for _ in range(3))
         elif word == "channels":
             columns = _channels(words, joints[i], columns)
         elif word == "joint":
-            if len(above) >= _MAX_DEPTH:
+            if len(open_joints) >= _MAX_DEPTH:
                 words.fail(f"joints are more than {_MAX_DEPTH} deep")
-            above.append(_named(words, joints, i))
+            open_joints.append(_add_joint(words, joints, i))
         elif word == "end":
             words.expect("SITE")
             words.before_brace()
@@ -247,14 +253,14 @@ def _joint(words: _Words, joints: list[_Joint], parent: int, columns: int) -> in
             words.expect("}")
             joints.append(_Joint(f"{joints[i].name}.end", i, offset))
         else:
-            above.pop()
+            open_joints.pop()
     return columns
 
 
-def _named(words: _Words, joints: list[_Joint], parent: int) -> int:
+def _add_joint(words: _Words, joints: list[_Joint], parent: int) -> int:
     """Adds a joint, named by the rest of the line; returns its index."""
     name = " ".join([words.next("the joint's name"), *words.before_brace()])
-    # A brace behind a byte of another encoding opens the joint unless another one follows.
+    # A brace after a byte of another encoding opens the joint unless another one follows.
     opened = name.endswith("{") and not words.opens()
     name = name.removesuffix("{") if opened else name
     if not name or name == "{":
@@ -270,6 +276,7 @@ def _named(words: _Words, joints: list[_Joint], parent: int) -> int:
 
 
 def _channels(words: _Words, joint: _Joint, columns: int) -> int:
+    """Reads the channels of a joint; returns the number of columns so far."""
     count = words.number("the number of channels")
     if joint.channels or count != int(count) or not 0 <= count <= 6:
         words.fail(f"found {count:g} channels; needed: 0 to 6, once a joint")
@@ -286,6 +293,7 @@ def _channels(words: _Words, joint: _Joint, columns: int) -> int:
 
 
 def _motion_header(words: _Words) -> tuple[int, float]:
+    """Number of frames, and duration of a frame [s]."""
     words.expect("Frames:")
     frames = words.number("the number of frames")
     if frames != int(frames) or not 0 <= frames <= _MAX_FRAMES:
@@ -306,28 +314,30 @@ def _rest(joints: list[_Joint], n_channels: int) -> Array:
     return values
 
 
-def _placed(
+def _capture(
     path: Path, joints: list[_Joint], values: Array, interval: float, notes: tuple[str, ...]
 ) -> Capture:
+    """Capture with the poses of all frames, from channels (T, n_channels)."""
     frames, n = len(values), len(joints)
-    values, moved = _with_offsets(joints, values)
-    if moved:
+    values, are_relative = _with_offsets(joints, values)
+    if are_relative:
         notes += (f"{path}: positions of joints are near 0; taken as relative to their offsets",)
     positions, rotations = np.zeros((frames, n, 3)), np.empty((frames, n, 3, 3))
     for i, joint in enumerate(joints):
         local = np.tile(joint.offset, (frames, 1)).astype(float)
-        turned = np.broadcast_to(np.eye(3), (frames, 3, 3))
+        rotation = np.broadcast_to(np.eye(3), (frames, 3, 3))
         for kind, axis, column in joint.channels:
             if kind == "position":
                 local[:, axis] = values[:, column]
             else:
-                turned = turned @ _about(axis, np.radians(values[:, column]))
+                rotation = rotation @ _about(axis, np.radians(values[:, column]))
         if joint.parent < 0:
-            positions[:, i], rotations[:, i] = local, turned
+            positions[:, i], rotations[:, i] = local, rotation
             continue
-        above = rotations[:, joint.parent]
-        positions[:, i] = positions[:, joint.parent] + np.einsum("tij,tj->ti", above, local)
-        rotations[:, i] = above @ turned
+        parent_rotation = rotations[:, joint.parent]
+        offset = np.einsum("tij,tj->ti", parent_rotation, local)
+        positions[:, i] = positions[:, joint.parent] + offset
+        rotations[:, i] = parent_rotation @ rotation
     skeleton = Skeleton(
         tuple(joint.name for joint in joints),
         tuple(joint.parent for joint in joints),
@@ -338,9 +348,9 @@ def _placed(
 
 
 def _with_offsets(joints: list[_Joint], values: Array) -> tuple[Array, bool]:
-    """Channels with positions that are measured from the offsets increased by these.
+    """Channels whose positions include the offsets, if they are relative to these in the file.
 
-    Poses of MakeHuman are written so: their joints would all lie in one point.
+    Poses of MakeHuman are such files; without the offsets all joints would lie at one point.
 
     Returns:
         (T, n_channels) channels, and whether they are increased.
@@ -353,7 +363,9 @@ def _with_offsets(joints: list[_Joint], values: Array) -> tuple[Array, bool]:
         if kind == "position"
     ]
     at, offsets = [column for column, _ in columns], np.array([offset for _, offset in columns])
-    if not columns or not np.mean(np.abs(values[:, at])) < _RELATIVE * np.mean(np.abs(offsets)):
+    if not columns or not np.mean(np.abs(values[:, at])) < _MAX_RELATIVE_POSITION * np.mean(
+        np.abs(offsets)
+    ):
         return values, False
     values = values.copy()
     values[:, at] += offsets

@@ -11,14 +11,15 @@ from fantoccini.base import Array, Indices, ShortRepr, StateError, Times, Unknow
 
 _UNITS = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0.45}
 """Units of captured people, with their sizes [m]; the last is that of the CMU database."""
-_PERSON = 1.7
-"""Height of a person [m]."""
-_JUMP, _NEXT = 10.0, 20
-"""Ratio of the jump of joints after a calibration pose to that in any of the next frames."""
+_PERSON_HEIGHT = 1.7
+"""Usual height of a person [m]."""
+_MIN_JUMP_RATIO, _N_NEXT_FRAMES = 10.0, 20
+"""Least ratio of the joints' jump after a calibration pose to that between any of the next frames,
+and the number of these frames."""
 _MAX_BONE_CHANGE = 0.2
 """Largest change of a bone's length, relative to the skeleton's longest bone."""
 _MIN_VERTICAL_EXTENT = 0.7
-"""Extent of a rest pose for which an axis may be vertical, relative to the largest extent."""
+"""Least extent of a rest pose along an axis that may be vertical, relative to the largest one."""
 _MAX_ASYMMETRY = 0.02
 """Largest mean distance of a symmetric skeleton from its reflection, relative to its extent."""
 _MIN_STANDING_EXTENT = 0.9
@@ -126,7 +127,7 @@ class Capture:
 
         A bone keeps its length in all frames. Some programs add joints at the origin above the
         hips, or targets of inverse kinematics, which have no bones. A person branches at the hips:
-        a bone from a single joint above them to the floor is none.
+        a chain of single joints that leads to them, for instance from the floor, is left out.
         """
         parents, offsets = self.skeleton.parents, self.skeleton.offsets
         length = np.linalg.norm(offsets, axis=1)
@@ -185,7 +186,9 @@ class Capture:
     @property
     def unit(self) -> tuple[str, float]:
         """Unit in which the skeleton is as tall as a person, and its size [m]."""
-        sizes = {name: abs(np.log(self.height * size / _PERSON)) for name, size in _UNITS.items()}
+        sizes = {
+            name: abs(np.log(self.height * size / _PERSON_HEIGHT)) for name, size in _UNITS.items()
+        }
         name = min(sizes, key=lambda unit: sizes[unit])
         return name, _UNITS[name]
 
@@ -195,13 +198,13 @@ class Capture:
         Files of the CMU data base begin with one.
         """
         steps = np.max(np.linalg.norm(np.diff(self.positions, axis=0), axis=2), axis=1)
-        if len(steps) < 3 or not steps[0] > _JUMP * np.max(steps[1 : 1 + _NEXT]):
+        if len(steps) < 3 or not steps[0] > _MIN_JUMP_RATIO * np.max(steps[1 : 1 + _N_NEXT_FRAMES]):
             return self
         return replace(
             self, t=self.t[1:], positions=self.positions[1:], rotations=self.rotations[1:]
         )
 
-    def held(self, seconds: float) -> Capture:
+    def holding_single_pose(self, seconds: float) -> Capture:
         """Copy with two frames, ``seconds`` apart, of a single pose; else the capture itself."""
         if len(self.t) > 1:
             return self
@@ -213,7 +216,7 @@ class Capture:
         """Copy with the frames from one time to another [s]; None for the clip's start or end.
 
         Raises:
-            StateError: fewer than two frames are there.
+            StateError: there are fewer than two frames between the two times.
         """
         first, last = self.t[0], self.t[-1]
         low, high = (first if begin is None else begin), (last if end is None else end)
@@ -234,7 +237,7 @@ class Capture:
         """Copy in metres, with z up. If y was up, x stays and z turns towards the viewer, to -y.
 
         The unit is guessed from the height. If the vertical is not that of the rest pose,
-        :attr:`notes` says so: somebody who lies all the time looks like that, too.
+        :attr:`notes` says so, because the person may lie all the time instead.
 
         Args:
             up: vertical axis of the file, ``y`` or ``z``; :attr:`up` by default.

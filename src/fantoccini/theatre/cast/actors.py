@@ -14,7 +14,7 @@ from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.gestures import Gesture, Hands
 from fantoccini.theatre.script import Spot
 
-_TRACK = 0.05
+_TRACK_INTERVAL = 0.05
 """Time between samples of a walk, which is straight between them [s]."""
 
 
@@ -36,7 +36,7 @@ class Actor:
     done: float = 0.0
     away: bool = False
 
-    def stands(self, t: float) -> Footing:
+    def footing_at(self, t: float) -> Footing:
         """Footing at a time [s]."""
         way = next((way for way in reversed(self.ways) if way.begin <= t), None)
         if way is None:
@@ -47,7 +47,7 @@ class Actor:
     @property
     def last(self) -> Footing:
         """Footing after all walks."""
-        return self.stands(np.inf)
+        return self.footing_at(np.inf)
 
     def rested(self) -> Actor:
         """The actor with all its strings brought to rest."""
@@ -56,7 +56,7 @@ class Actor:
     def motion(self, until: float) -> tuple[Gesture, dict[str, Gesture]]:
         """Motion of all its lanes until a time [s], and each lane's own."""
         labels = [lane_name(self.player.name, i) for i in range(len(self.hands.lanes))]
-        return self.hands.motion(self.player.alone.coordinates, labels, until)
+        return self.hands.motion(self.player.marionette.coordinates, labels, until)
 
     def track(self) -> tuple[Times, Array]:
         """(T,) times and (T, 2) places, straight between them."""
@@ -64,7 +64,7 @@ class Actor:
         for way in self.ways:
             if not way.steps:
                 continue
-            own = np.append(np.arange(way.begin, way.end, _TRACK), way.end)
+            own = np.append(np.arange(way.begin, way.end, _TRACK_INTERVAL), way.end)
             own = own[own > t[-1]]
             t += own.tolist()
             xy += way.footing(own)[0].tolist()
@@ -80,8 +80,8 @@ class Corrections:
         pauses: cue -> delay of its beginning, until swing has decayed [s].
         refused: cue -> reason why it cannot be done.
         smaller: cue -> factor of its size.
-        hangs: cue -> distance from the elbow at which the handle hangs that is given or put down,
-            and its height [m].
+        handles: cue -> handle of the prop that is given or put down: distance from the elbow at
+            which it hangs, and its height [m].
         calms: (cue, player) -> offsets of its hands that damp swing before it [m]; see
             ``fantoccini.theatre.plays.calming``.
         stands: cue -> footing of the prop that is picked up, or of the seat.
@@ -92,7 +92,7 @@ class Corrections:
     pauses: Mapping[Spot, float] = field(default_factory=dict)
     refused: Mapping[Spot, str] = field(default_factory=dict)
     smaller: Mapping[Spot, float] = field(default_factory=dict)
-    hangs: Mapping[Spot, tuple[float, float]] = field(default_factory=dict)
+    handles: Mapping[Spot, tuple[float, float]] = field(default_factory=dict)
     calms: Mapping[tuple[Spot, str], tuple[float, ...]] = field(default_factory=dict)
     stands: Mapping[Spot, Footing] = field(default_factory=dict)
     approaches: Mapping[Spot, int] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""The cast of a play: all players on the stage, and the mistakes of its file."""
+"""Cast of a play: players and props on the stage, read from the play's file."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from fantoccini.model import scene as scenes
 from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
-from fantoccini.theatre.cast.contacts import Pair, asked_pairs, rules_of
+from fantoccini.theatre.cast.contacts import Pair, allowed_pairs, contact_rules
 from fantoccini.theatre.cast.costumes import in_costume
 from fantoccini.theatre.cast.leashes import check_leashes, read_leashes
 from fantoccini.theatre.cast.players import Player, placed, values_of
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
-from fantoccini.theatre.gestures import Roles
+from fantoccini.theatre.gestures import BodyParts
 from fantoccini.theatre.script import (
     DIRECTIONS,
     VERBS,
@@ -34,7 +34,7 @@ from fantoccini.theatre.script import (
 )
 
 Pose = dict[str, Any]
-"""Start values by coordinate."""
+"""Coordinate -> start value."""
 
 _OWN_SCENE = "player"
 """Name of a player's own scene: the same for all, so that equal puppets are compiled once."""
@@ -42,15 +42,15 @@ _OWN_SCENE = "player"
 
 @dataclass(frozen=True, eq=False)
 class Cast:
-    """All players, and everything on the stage.
+    """Players, and everything on the stage.
 
     Attributes:
         players: players by name.
-        whole: scene of all of them.
+        whole: scene of all players, props and obstacles.
         x0: state of the scene at the start.
         file: the play's file.
         props: props by name.
-        lie: prop -> its state at the start.
+        prop_states: prop -> its state at the start of the play.
     """
 
     players: Mapping[str, Player]
@@ -58,31 +58,33 @@ class Cast:
     x0: State
     file: PlayFile
     props: Mapping[str, PlayProp] = field(default_factory=dict)
-    lie: Mapping[str, PropState] = field(default_factory=dict)
+    prop_states: Mapping[str, PropState] = field(default_factory=dict)
 
     @cached_property
-    def asked_pairs(self) -> frozenset[Pair]:
-        """All pairs that may touch at some time of the play."""
-        return asked_pairs(self.file, {who: player.bodies for who, player in self.players.items()})
+    def allowed_pairs(self) -> frozenset[Pair]:
+        """Pairs that may touch at some time of the play."""
+        return allowed_pairs(
+            self.file, {who: player.bodies for who, player in self.players.items()}
+        )
 
     def member(self, name: str) -> str:
         """Prefix of a player's coordinates in the scene."""
         return f"{name}." if len(self.players) > 1 else ""
 
-    def named(self, name: str) -> str:
-        """Name such as ``pierrot.torso`` as the scene spells it; other names are unchanged."""
+    def scene_name(self, name: str) -> str:
+        """Name in the scene of a name such as ``pierrot.torso``; other names are unchanged."""
         if len(self.players) > 1:
             return name
         (only,) = self.players
         return name.removeprefix(f"{only}.")
 
     def owner(self, name: str) -> str:
-        """Player that owns a body or string of the scene; else the name itself."""
+        """Player that owns a body or string of the scene; for other names the name itself."""
         if len(self.players) == 1:
             (only,) = self.players.values()
-            tree = only.alone.tree
-            own = {*(link.name for link in tree.links), *(string.name for string in tree.strings)}
-            return only.name if name in own else name
+            tree = only.marionette.tree
+            names = {*(link.name for link in tree.links), *(string.name for string in tree.strings)}
+            return only.name if name in names else name
         first = name.split(".")[0]
         return first if first in self.players and "." in name else name
 
@@ -110,8 +112,8 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
         try:
             key = spec.puppet, repr((spec.lift, sorted(spec.pose.items())))
             if key not in compiled:
-                compiled[key] = _alone(file, puppet, spec)
-            alone, hangs, pose = compiled[key]
+                compiled[key] = _in_own_scene(file, puppet, spec)
+            marionette, rest_state, pose = compiled[key]
         except (PuppetError, UnknownNameError) as error:
             log.mistakes.add(("cast", name), str(error))
             continue
@@ -119,29 +121,30 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             text = f"does not hang there with `lift: {spec.lift:g}`: {error}"
             log.mistakes.add(("cast", name), text)
             continue
-        fixed = _fixed(alone)
-        if fixed:
+        fixed_reason = _fixed_reason(marionette)
+        if fixed_reason:
             text = (
-                f"{spec.puppet} cannot be put anywhere: {fixed}; needed: a puppet that hangs free"
+                f"{spec.puppet} cannot be placed on the stage: {fixed_reason}; needed: a puppet "
+                "that hangs free"
             )
             log.mistakes.add(("cast", name, "puppet"), text)
             continue
-        x0 = placed(alone, hangs, starts[name])
-        players[name] = Player(name, alone, hangs, x0, starts[name])
-        # Only the stage shows costumes: the player alone is compiled once for all of its file.
-        dressed = in_costume(puppet, spec.colours, ("cast", name, "colours"), log)
-        members.append(Member(name=name, puppet=dressed, pose=pose))
+        x0 = placed(marionette, rest_state, starts[name])
+        players[name] = Player(name, marionette, rest_state, x0, starts[name])
+        # Only the stage has costumes, so that a file's own scene is compiled once.
+        costumed = in_costume(puppet, spec.colours, ("cast", name, "colours"), log)
+        members.append(Member(name=name, puppet=costumed, pose=pose))
     log.mistakes.refuse()
     _check_bodies(file, players, log)
     log.mistakes.refuse()
-    puppet_of = {name: player.alone for name, player in players.items()}
-    props = read_props(file, starts, puppet_of, places, log)
+    marionettes = {name: player.marionette for name, player in players.items()}
+    props = read_props(file, starts, marionettes, places, log)
     leashes = read_leashes(file, players, log)
     log.mistakes.refuse()
     stage = file.stage
     only = f"{next(iter(players))}." if len(players) == 1 else ""
     bodies = {name: player.bodies for name, player in players.items()}
-    rules = rules_of(asked_pairs(file, bodies), lambda part: part.removeprefix(only))
+    rules = contact_rules(allowed_pairs(file, bodies), lambda part: part.removeprefix(only))
     try:
         scene = Scene(
             scene=file.play,
@@ -154,13 +157,13 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
         )
         whole = Marionette(scene)
     except (PuppetError, FileError) as error:
-        for one_mistake in error.mistakes:
-            log.mistakes.add(("stage",), f"{one_mistake.key}: {one_mistake.message}")
+        for mistake in error.mistakes:
+            log.mistakes.add(("stage",), f"{mistake.key}: {mistake.message}")
         log.mistakes.refuse()
-    lie = {name: prop.start for name, prop in props.items()}
-    x0 = all_together(whole, players, lie)
+    prop_states = {name: prop.start for name, prop in props.items()}
+    x0 = all_together(whole, players, prop_states)
     check_leashes(file, whole, x0, log)
-    return Cast(players, whole, x0, file, props, lie)
+    return Cast(players, whole, x0, file, props, prop_states)
 
 
 def _check_names(file: PlayFile, log: ScriptLog) -> None:
@@ -171,7 +174,7 @@ def _check_names(file: PlayFile, log: ScriptLog) -> None:
         FLOOR: "the floor",
     }
     stage = file.stage
-    named: list[tuple[Spot, str, str]] = [
+    entries: list[tuple[Spot, str, str]] = [
         *((("cast", name), name, "a player") for name in file.cast),
         *((("stage", "marks", name), name, "a mark") for name in stage.marks),
         *((("props", name), name, "a prop") for name in file.props),
@@ -181,15 +184,15 @@ def _check_names(file: PlayFile, log: ScriptLog) -> None:
             for i, obstacle in enumerate(stage.obstacles)
         ),
     ]
-    for spot, name, what in named:
+    for spot, name, kind in entries:
         if name in taken:
             log.mistakes.add(spot, f"{name!r} is the name of {taken[name]}; needed: another name")
-        taken.setdefault(name, what)
+        taken.setdefault(name, kind)
 
 
 def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog) -> None:
     """Records cues and props whose players lack the limbs for a seat or the prop."""
-    asked: list[tuple[Spot, str, str, tuple[str, ...]]] = [
+    needs: list[tuple[Spot, str, str, tuple[str, ...]]] = [
         (("props", name, "held by"), "hold it", prop.held_by, (f"arm_{prop.side}",))
         for name, prop in file.props.items()
         if prop.held_by is not None
@@ -197,34 +200,34 @@ def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog)
     for a, act in enumerate(file.acts):
         for c, cue in enumerate(act.cues):
             verb = spelled(cue.verb)
-            named = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
-            limbs = _limbs_of(named)
-            others = [named["player"]] if "prop" in named and "player" in named else []
+            names = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
+            limbs = _needed_limbs(names)
+            others = [names["player"]] if "prop" in names and "player" in names else []
             for who in (*cue.who[:1], *others):
-                asked.append((("acts", a, "cues", c, verb), f"do `{verb}`", who, limbs))
-    for spot, action, who, limbs in asked:
+                needs.append((("acts", a, "cues", c, verb), f"do `{verb}`", who, limbs))
+    for spot, action, who, limbs in needs:
         if who not in players or not limbs:
             continue
         try:
-            parts = Roles.of(players[who].alone).body_map.parts
+            parts = BodyParts.of(players[who].marionette).body_map.parts
             missing = [limb for limb in limbs if limb not in parts]
-            have = ", ".join(parts) or "no limbs"
-            reason = f"{file.cast[who].puppet} has no {', '.join(missing)}; it has {have}"
+            listed = ", ".join(parts) or "no limbs"
+            reason = f"{file.cast[who].puppet} has no {', '.join(missing)}; it has {listed}"
         except StateError as error:
             missing, reason = list(limbs), f"{file.cast[who].puppet}: {error}"
         if missing:
             log.mistakes.add(spot, f"{who} cannot {action}: {reason}")
 
 
-def _limbs_of(named: Mapping[str, str]) -> tuple[str, ...]:
-    """Limbs that a player needs for a cue that names these kinds of things."""
-    if "seat" in named:
+def _needed_limbs(names: Mapping[str, str]) -> tuple[str, ...]:
+    """Limbs that a player needs for a cue with these kinds of names."""
+    if "seat" in names:
         return ("leg_left", "leg_right", "arm_left", "arm_right")
-    return ("arm_left", "arm_right") if "prop" in named else ()
+    return ("arm_left", "arm_right") if "prop" in names else ()
 
 
 def _puppet(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:
-    """The puppet of a player's file; None after a mistake."""
+    """Puppet of a player; None after a mistake."""
     path = log.located.beside(spec.puppet) or bundled(spec.puppet)
     if path is None:
         text = f"no file beside this one, and no bundled puppet, is called {spec.puppet!r}"
@@ -242,28 +245,31 @@ def _puppet(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:
     return puppet
 
 
-def _alone(file: PlayFile, puppet: Puppet, spec: PlayerFile) -> tuple[Marionette, State, Pose]:
-    """The player's puppet in its own scene, its lifted rest, and the pose of that rest."""
+def _in_own_scene(
+    file: PlayFile, puppet: Puppet, spec: PlayerFile
+) -> tuple[Marionette, State, Pose]:
+    """A player's puppet in its own scene, its lifted rest, and the pose of that rest."""
     as_written = Marionette(_scene_of_one(file, puppet, dict(spec.pose)))
-    hangs = as_written.rest()
+    rest_state = as_written.rest()
     table = as_written.coordinates
     lifted = {
-        name: float(hangs[name] - spec.lift) for name in table.q_K if name.endswith(".length")
+        name: float(rest_state[name] - spec.lift) for name in table.q_K if name.endswith(".length")
     }
-    roots = {name: float(hangs[name] + spec.lift) for name in table.q_D if name.endswith(".z")}
+    roots = {name: float(rest_state[name] + spec.lift) for name in table.q_D if name.endswith(".z")}
     pose = {**spec.pose, **lifted, **roots}
-    alone = Marionette(_scene_of_one(file, puppet, pose))
-    return alone, alone.rest(), pose
+    marionette = Marionette(_scene_of_one(file, puppet, pose))
+    return marionette, marionette.rest(), pose
 
 
 def _scene_of_one(file: PlayFile, puppet: Puppet, pose: Pose) -> Scene:
+    """Scene of a single puppet."""
     member = Member(name=_OWN_SCENE, puppet=puppet, pose=pose)
     return Scene(scene=_OWN_SCENE, floor=file.stage.floor, puppets=(member,))
 
 
-def _fixed(alone: Marionette) -> str:
+def _fixed_reason(marionette: Marionette) -> str:
     """Reason why a puppet is tied to the place in its file; "" if there is none."""
-    table, tree = alone.coordinates, alone.tree
+    table, tree = marionette.coordinates, marionette.tree
     moves = {*table.q_D, *table.q_K}
     for link in tree.links:
         name = link.name.removesuffix(".end")  # of a string
@@ -276,20 +282,20 @@ def _fixed(alone: Marionette) -> str:
 
 
 def all_together(
-    whole: Marionette, players: Mapping[str, Player], lie: Mapping[str, PropState]
+    whole: Marionette, players: Mapping[str, Player], prop_states: Mapping[str, PropState]
 ) -> State:
     """State of all players and props at the start."""
     x = whole.state()
     q_D, q_K = np.array(x.q_D), np.array(x.q_K)
     for player in players.values():
         prefix = f"{player.name}." if len(players) > 1 else ""
-        for name, value in values_of(player.alone, player.x0).items():
-            own = prefix + name
-            if own in whole.coordinates.q_D:
-                q_D[whole.coordinates.q_D.index(own)] = value
+        for name, value in values_of(player.marionette, player.x0).items():
+            coordinate = prefix + name
+            if coordinate in whole.coordinates.q_D:
+                q_D[whole.coordinates.q_D.index(coordinate)] = value
             else:
-                q_K[whole.coordinates.q_K.index(own)] = value
-    for name, (q, _) in lie.items():
+                q_K[whole.coordinates.q_K.index(coordinate)] = value
+    for name, (q, _) in prop_states.items():
         first = whole.coordinates.q_D.index(f"{name}.x")
         q_D[first : first + len(q)] = q
     return dataclasses.replace(x, q_D=q_D, q_K=q_K)

@@ -15,9 +15,9 @@ from fantoccini.base.documents import has_key
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.cast.result_cache import (
-    Form,
+    DiskFormat,
     ResultCache,
-    gesture_form,
+    gesture_format,
     text_array,
     text_in,
 )
@@ -37,7 +37,7 @@ from fantoccini.theatre.script import StageFile
 
 _MAX_EXCESS_DISTANCE = 0.05
 """Largest excess of a part's distance from the clip over that at rest, relative to the height."""
-_SLOWER = (0.8, 0.64, 0.5)
+_SPEED_FACTORS = (0.8, 0.64, 0.5)
 """Factors of the speed that are tried if a clip is too fast."""
 
 
@@ -88,7 +88,7 @@ class Clip:
         size = max(1.0, larger)
         bounds = stage.speed / size, stage.acceleration / size
 
-        form = _form(self.placed.figure.marionette)
+        form = _disk_format(self.placed.figure.marionette)
 
         def follow(faster: float, lasts: float | None) -> tuple[Gesture, str]:
             key = repr((self.content, "clip", faster, lasts, *bounds))
@@ -96,22 +96,22 @@ class Clip:
             return cache.get(key, job, form)
 
         try:
-            gesture, why = follow(faster, lasts)
+            gesture, deviation = follow(faster, lasts)
         except TooShortError as error:
-            raise TooShortError(error.name, error.lasts, error.ways, beat) from None
-        if not why:
+            raise TooShortError(error.name, error.lasts, error.leads, beat) from None
+        if not deviation:
             return gesture
-        text = f"within {bounds[0]:.3g} m/s and {bounds[1]:.3g} m/s^2 {why}"
-        for share in _SLOWER:
+        text = f"within {bounds[0]:.3g} m/s and {bounds[1]:.3g} m/s^2 {deviation}"
+        for share in _SPEED_FACTORS:
             try:
-                slower, lacks = follow(share * faster, None if lasts is None else lasts / share)
+                slower, deviation = follow(share * faster, None if lasts is None else lasts / share)
             except StateError:
                 continue
-            if not lacks:
-                can = f"`faster: {share * faster:.2g}`"
+            if not deviation:
+                option = f"`faster: {share * faster:.2g}`"
                 if lasts is not None:
-                    can = f"`lasts: {slower.duration / beat:.3g}`"
-                raise StateError(f"{text}; with {can} it can be done")
+                    option = f"`lasts: {slower.duration / beat:.3g}`"
+                raise StateError(f"{text}; with {option} it can be done")
         raise StateError(f"{text}, and at half its speed as well")
 
 
@@ -122,21 +122,21 @@ def _followed(
     clip = clip_gesture(placed, faster, lasts, speed=bounds[0], acceleration=bounds[1])
     if clip.run.status is Status.STOPPED:  # by Ctrl-C, which is no property of the clip
         raise KeyboardInterrupt
-    return clip.gesture, _lacks(clip)
+    return clip.gesture, _deviation_in_words(clip)
 
 
-def _form(marionette: Marionette) -> Form[tuple[Gesture, str]]:
-    """Form on disk of a puppet's gestures with their deviations in words."""
-    form = gesture_form(marionette)
+def _disk_format(marionette: Marionette) -> DiskFormat[tuple[Gesture, str]]:
+    """Disk format of a puppet's gestures with their deviations in words."""
+    form = gesture_format(marionette)
 
     def pack(followed: tuple[Gesture, str]) -> list[Array]:
-        gesture, lacks = followed
-        return [text_array(lacks), *form.pack(gesture)]
+        gesture, deviation = followed
+        return [text_array(deviation), *form.pack(gesture)]
 
     def unpack(arrays: Sequence[Array]) -> tuple[Gesture, str]:
         return form.unpack(arrays[1:]), str(text_in(arrays[0]))
 
-    return Form(pack, unpack)
+    return DiskFormat(pack, unpack)
 
 
 def read_clip(player: Player, path: Path) -> Clip:
@@ -156,7 +156,7 @@ def read_clip(player: Player, path: Path) -> Clip:
     own = path.with_suffix(".yaml")
     mapping = load_mapping(own) if os.path.isfile(own) and has_key(own, "mapping") else None
     try:
-        placed = place_on_spot(player.alone, path, mapping, player.hangs)
+        placed = place_on_spot(player.marionette, path, mapping, player.rest_state)
     except FileError as error:
         if mapping is not None:
             raise
@@ -176,14 +176,14 @@ def _hinted(mistake: Mistake, own: str) -> Mistake:
     return Mistake(mistake.file, mistake.line, mistake.key, text)
 
 
-def _lacks(clip: ClipGesture) -> str:
+def _deviation_in_words(clip: ClipGesture) -> str:
     """Deviation of a player from its clip in words; "" if it is acceptable."""
     if not clip.arrived:
         return f"the puppet's run of the clip stops: {clip.run.status}"
-    worst = max(clip.report, key=lambda part: part.above)
-    if worst.above <= _MAX_EXCESS_DISTANCE:
+    worst = max(clip.report, key=lambda part: part.excess)
+    if worst.excess <= _MAX_EXCESS_DISTANCE:
         return ""
     return (
-        f"the {worst.name} would be {100 * worst.above:.0f} % of the puppet's height farther from "
+        f"the {worst.name} would be {100 * worst.excess:.0f} % of the puppet's height farther from "
         "the clip than where it hangs"
     )

@@ -1,7 +1,7 @@
 """Companies: players and props that may touch each other, and are simulated together.
 
-At every time the play is divided into companies; a player that touches nobody is one alone. Where
-a prop is taken, given or left, companies change, and their members continue from their states.
+At every time the play is divided into companies; a player that touches nobody is one by itself.
+Where a prop is taken, given or left, companies change, and members continue from their states.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fantoccini.model.scene import Member, Scene
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pieces
 from fantoccini.theatre.cast.casting import Cast, all_together
-from fantoccini.theatre.cast.contacts import Pair, hanging, rules_of
+from fantoccini.theatre.cast.contacts import Pair, contact_rules, hanging_pair
 from fantoccini.theatre.cast.players import placed
 from fantoccini.theatre.cast.props import PropState
 from fantoccini.theatre.cast.result_cache import ResultCache
@@ -30,16 +30,16 @@ from fantoccini.theatre.script import MeetingKind, Spot
 
 @dataclass(frozen=True)
 class Meeting:
-    """Players and props that may touch for a while.
+    """Players and props that may touch during a time.
 
     Attributes:
-        begin, end: [s].
+        begin, end: beginning and end of the time [s].
         players, props: members.
         pairs: pairs that may touch.
         kind: whether a prop ``hangs`` on a forearm, is ``given``, ``put`` or ``picked`` up, or
             somebody ``sits``.
-        cue: keys of the cue that begins it; None from the start on.
-        bears: times between which a seat bears the sitter [s].
+        cue: keys of the cue that begins it; None for one that exists at the start.
+        bears: times between which a seat carries the sitter [s].
     """
 
     begin: float
@@ -70,17 +70,17 @@ class Company:
         """Whether somebody sits, or a prop stands on something other than the floor."""
         props = {*self.props}
         arms = [bool(pair & props) and any("." in name for name in pair) for pair in self.pairs]
-        falls = [FLOOR in pair and bool(pair & props) for pair in self.pairs]
-        return not all(a or b for a, b in zip(arms, falls, strict=True))
+        floors = [FLOOR in pair and bool(pair & props) for pair in self.pairs]
+        return not all(a or b for a, b in zip(arms, floors, strict=True))
 
 
 @dataclass(frozen=True)
 class Span:
-    """A company over an interval of time.
+    """Company over an interval of time.
 
     Attributes:
         company: the company.
-        begin, end: [s].
+        begin, end: beginning and end of the interval [s].
     """
 
     company: Company
@@ -96,19 +96,19 @@ def spans(players: Sequence[str], meetings: Iterable[Meeting], end: float) -> tu
         meetings: pairs that may touch, over time; a player in no meeting is alone.
         end: end of the play [s].
     """
-    listed = [meeting for meeting in meetings if meeting.begin < min(meeting.end, end)]
+    meetings = [meeting for meeting in meetings if meeting.begin < min(meeting.end, end)]
     cuts = sorted(
-        {0.0, end, *(min(t, end) for meeting in listed for t in (meeting.begin, meeting.end))}
+        {0.0, end, *(min(t, end) for meeting in meetings for t in (meeting.begin, meeting.end))}
     )
-    open_: dict[Company, float] = {}
+    begins: dict[Company, float] = {}
     intervals = []
     for begin, until in pairwise(cuts):
-        now = _companies(players, [m for m in listed if m.begin <= begin and m.end >= until])
-        for gone in [company for company in open_ if company not in now]:
-            intervals.append(Span(gone, open_.pop(gone), begin))
-        for company in now:
-            open_.setdefault(company, begin)
-    intervals += [Span(company, begin, end) for company, begin in open_.items()]
+        present = _companies(players, [m for m in meetings if m.begin <= begin and m.end >= until])
+        for ended in [company for company in begins if company not in present]:
+            intervals.append(Span(ended, begins.pop(ended), begin))
+        for company in present:
+            begins.setdefault(company, begin)
+    intervals += [Span(company, begin, end) for company, begin in begins.items()]
     return tuple(sorted(intervals, key=lambda span: (span.begin, span.company.players)))
 
 
@@ -116,23 +116,23 @@ def _companies(players: Sequence[str], meetings: Sequence[Meeting]) -> list[Comp
     """Groups of players and props that meetings connect."""
     groups: list[set[str]] = [{name} for name in players]
     for meeting in meetings:
-        own = {*meeting.players, *meeting.props}
-        joined = [group for group in groups if group & own]
+        members = {*meeting.players, *meeting.props}
+        joined = [group for group in groups if group & members]
         groups = [group for group in groups if group not in joined]
-        groups.append(own.union(*joined))
+        groups.append(members.union(*joined))
     order = {name: i for i, name in enumerate(players)}
     companies = []
     for group in groups:
-        own_meetings = [m for m in meetings if group & {*m.players, *m.props}]
-        pairs = frozenset[Pair]().union(*(m.pairs for m in own_meetings))
-        members = tuple(sorted(group & {*players}, key=order.__getitem__))
-        companies.append(Company(members, tuple(sorted(group - {*players})), pairs))
+        group_meetings = [m for m in meetings if group & {*m.players, *m.props}]
+        pairs = frozenset[Pair]().union(*(m.pairs for m in group_meetings))
+        group_players = tuple(sorted(group & {*players}, key=order.__getitem__))
+        companies.append(Company(group_players, tuple(sorted(group - {*players})), pairs))
     return sorted(companies, key=lambda company: [order[name] for name in company.players])
 
 
 @dataclass(frozen=True, eq=False)
 class Staged:
-    """A company's scene.
+    """Scene of a company.
 
     Attributes:
         company: the company.
@@ -154,7 +154,7 @@ class Staged:
         """Gesture of the scene from those of the players, each in its own coordinates."""
         table = self.marionette.coordinates
         whole, *others = (
-            of_stage(table, prefix, motions[name]) for name, prefix in self.prefixes.items()
+            in_scene(table, prefix, motions[name]) for name, prefix in self.prefixes.items()
         )
         for other in others:
             whole += other
@@ -168,16 +168,16 @@ class Staged:
         rows = [*(string.name for string in tree.strings), *(limit.name for limit in tree.limits)]
         taut, slip = np.zeros(len(rows), dtype=bool), np.zeros(len(tree.strings))
         for name, prefix in self.prefixes.items():
-            own = players[name]
-            assert own.coordinates is not None
+            player = players[name]
+            assert player.coordinates is not None
             for part, values in parts.items():
-                names = getattr(own.coordinates, part)
+                names = getattr(player.coordinates, part)
                 indices = [getattr(table, part).index(prefix + coordinate) for coordinate in names]
-                values[indices] = getattr(own, part)
-            own_rows = [i for i, row in enumerate(rows) if row.startswith(prefix)]
-            taut[own_rows] = own.taut
-            strings = [i for i in own_rows if i < len(slip)]
-            slip[strings] = own.slip if len(own.slip) else 0.0
+                values[indices] = getattr(player, part)
+            player_rows = [i for i, row in enumerate(rows) if row.startswith(prefix)]
+            taut[player_rows] = player.taut
+            strings = [i for i in player_rows if i < len(slip)]
+            slip[strings] = player.slip if len(player.slip) else 0.0
         for name, local in self.props.items():
             for part, values in zip(("q_D", "v_D"), props[name], strict=True):
                 first = getattr(table, part).index(f"{local}.x")
@@ -186,9 +186,9 @@ class Staged:
 
     def local(self, name: str) -> str:
         """Name in the scene of a body, a prop, an obstacle or the floor of the stage."""
-        for named in (self.props, self.obstacles):
-            if name in named:
-                return named[name]
+        for scene_names in (self.props, self.obstacles):
+            if name in scene_names:
+                return scene_names[name]
         first, dot, rest = name.partition(".")
         if dot and first in self.prefixes:
             return self.prefixes[first] + rest
@@ -196,8 +196,8 @@ class Staged:
 
     def on_stage(self, name: str) -> str:
         """Name on the stage of a body, a prop, an obstacle or the floor of the scene."""
-        for named in (self.props, self.obstacles):
-            for original, local in named.items():
+        for scene_names in (self.props, self.obstacles):
+            for original, local in scene_names.items():
                 if name == local or name.startswith(f"{local}."):
                     return original + name.removeprefix(local)
         for player, prefix in self.prefixes.items():
@@ -218,12 +218,14 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
     players = [cast.players[name] for name in company.players]
     if len(players) == 1 and not company.props and not company.pairs:
         (only,) = players
-        return Staged(company, only.alone, {only.name: ""}, {}, {}, only.content)
+        return Staged(company, only.marionette, {only.name: ""}, {}, {}, only.content)
     things = [cast.props[name] for name in company.props]
     used = {name for pair in company.pairs for name in pair}
     stand = [obstacle for obstacle in cast.file.stage.obstacles if obstacle.name in used]
-    alone = len(players) == 1
-    prefixes = {player.name: "" if alone else f"player_{i}." for i, player in enumerate(players, 1)}
+    is_single = len(players) == 1
+    prefixes = {
+        player.name: "" if is_single else f"player_{i}." for i, player in enumerate(players, 1)
+    }
     props = {thing.name: f"prop_{i}" for i, thing in enumerate(things, 1)}
     # Names do not depend on those on the stage, so that equal scenes are compiled once.
     names = {obstacle.name: f"obstacle_{i}" for i, obstacle in enumerate(stand, 1)}
@@ -231,7 +233,7 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
         obstacle.model_copy(update={"name": names[obstacle.name]}) for obstacle in stand
     )
     solids = [*obstacles, *(shape for thing in things for shape in thing.prop.shapes)]
-    local = Staged(company, players[0].alone, prefixes, props, names, "").local
+    local = Staged(company, players[0].marionette, prefixes, props, names, "").local
     content = repr(
         (
             [player.content for player in players],
@@ -247,9 +249,9 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
         scene = Scene(
             scene="company",
             floor=cast.file.stage.floor,
-            contact=rules_of(company.pairs, local),
+            contact=contact_rules(company.pairs, local),
             puppets=tuple(
-                Member(name=f"player_{i}", puppet=player.alone.puppet)
+                Member(name=f"player_{i}", puppet=player.marionette.puppet)
                 for i, player in enumerate(players, 1)
             ),
             props=tuple(
@@ -263,41 +265,41 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
     return Staged(company, marionette, prefixes, props, names, content)
 
 
-def settled(cast: Cast, cache: ResultCache) -> Cast:
-    """A cast whose props on forearms hang there in equilibrium at the start.
+def with_settled_props(cast: Cast, cache: ResultCache) -> Cast:
+    """Cast whose props on forearms hang there in equilibrium at the start.
 
     Raises:
         StateError: there is no such equilibrium.
     """
-    players, lie = dict(cast.players), dict(cast.lie)
+    players, prop_states = dict(cast.players), dict(cast.prop_states)
     for who, player in cast.players.items():
         held = [prop for prop in cast.props.values() if prop.held_by == who]
         if not held:
             continue
-        pairs = frozenset(hanging(player.bodies, prop.side, prop.name) for prop in held)
+        pairs = frozenset(hanging_pair(player.bodies, prop.side, prop.name) for prop in held)
         company = Company((who,), tuple(prop.name for prop in held), pairs)
         stage = staged(cast, company, cache)
         # A handle's place is given on the arm of the puppet as its file has it.
-        as_written = placed(player.alone, player.alone.state(), player.start)
-        x = stage.marionette.rest(stage.state({who: as_written}, lie))
+        as_written = placed(player.marionette, player.marionette.state(), player.start)
+        x = stage.marionette.rest(stage.state({who: as_written}, prop_states))
         table = stage.marionette.coordinates
-        own = {name: float(x[name]) for name in player.alone.coordinates.q_D}
-        players[who] = dataclasses.replace(
-            player, x0=player.x0.replace(q_D=np.array(list(own.values())))
-        )
+        q_D = np.array([float(x[name]) for name in player.marionette.coordinates.q_D])
+        players[who] = dataclasses.replace(player, x0=player.x0.replace(q_D=q_D))
         for prop in held:
             first = table.q_D.index(f"{stage.props[prop.name]}.x")
-            lie[prop.name] = (x.q_D[first : first + 7], np.zeros(6))
-    x0 = all_together(cast.whole, players, lie)
-    return dataclasses.replace(cast, players=players, lie=lie, x0=x0)
+            prop_states[prop.name] = (x.q_D[first : first + 7], np.zeros(6))
+    x0 = all_together(cast.whole, players, prop_states)
+    return dataclasses.replace(cast, players=players, prop_states=prop_states, x0=x0)
 
 
-def of_stage(table: CoordinateTable, prefix: str, own: Gesture) -> Gesture:
+def in_scene(table: CoordinateTable, prefix: str, gesture: Gesture) -> Gesture:
     """A player's gesture in the coordinates of a scene, in which its names have a prefix."""
-    known, own_channels = pieces.channel_names(table), pieces.channel_names(own.coordinates)
-    coef: Array = np.zeros((len(own.coef), table.n_vK, own.coef.shape[2]))
+    channels = pieces.channel_names(table)
+    coef: Array = np.zeros((len(gesture.coef), table.n_vK, gesture.coef.shape[2]))
     named, travel = np.zeros(table.n_vK, dtype=bool), np.zeros(table.n_vK)
-    for channel, (_, v) in own_channels.items():
-        to = known[prefix + channel][1]
-        coef[:, to], named[to], travel[to] = own.coef[:, v], own.named[v], own.travel[v]
-    return Gesture(table, own.breaks, coef, named, travel, own.name, own.marks, own.turns)
+    for channel, (_, v) in pieces.channel_names(gesture.coordinates).items():
+        to = channels[prefix + channel][1]
+        coef[:, to], named[to] = gesture.coef[:, v], gesture.named[v]
+        travel[to] = gesture.travel[v]
+    name, marks = gesture.name, gesture.marks
+    return Gesture(table, gesture.breaks, coef, named, travel, name, marks, gesture.turns)

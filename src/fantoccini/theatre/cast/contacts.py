@@ -56,7 +56,7 @@ class ContactBodies:
         )
 
 
-def hanging(bodies: ContactBodies, side: str, prop: str) -> Pair:
+def hanging_pair(bodies: ContactBodies, side: str, prop: str) -> Pair:
     """Pair of a prop and the forearm on which it hangs.
 
     Raises:
@@ -67,19 +67,19 @@ def hanging(bodies: ContactBodies, side: str, prop: str) -> Pair:
     return frozenset((bodies.forearms[side], prop))
 
 
-def standing(prop: str, on: str) -> frozenset[Pair]:
+def standing_pairs(prop: str, on: str) -> frozenset[Pair]:
     """Pairs of a prop that stands on an obstacle or the floor, or may fall to the floor."""
     return frozenset(frozenset((prop, surface)) for surface in (on, FLOOR))
 
 
-def sitting(bodies: ContactBodies, seat: str) -> frozenset[Pair]:
+def sitting_pairs(bodies: ContactBodies, seat: str) -> frozenset[Pair]:
     """Pairs of a player that sits: its bodies with the seat, its feet with the floor."""
     on_seat = {frozenset((body, seat)) for body in (*bodies.seated, *bodies.feet)}
     return frozenset(on_seat | {frozenset((foot, FLOOR)) for foot in bodies.feet})
 
 
-def asked_pairs(file: PlayFile, cast: Mapping[str, ContactBodies]) -> frozenset[Pair]:
-    """All pairs that may touch at some time of a play.
+def allowed_pairs(file: PlayFile, cast: Mapping[str, ContactBodies]) -> frozenset[Pair]:
+    """Pairs that may touch at some time of a play.
 
     Args:
         file: the play.
@@ -87,9 +87,9 @@ def asked_pairs(file: PlayFile, cast: Mapping[str, ContactBodies]) -> frozenset[
     """
     pairs = set[Pair]()
     for prop, prop_file in file.props.items():
-        pairs |= standing(prop, prop_file.on or FLOOR)
+        pairs |= standing_pairs(prop, prop_file.on or FLOOR)
         if prop_file.held_by is not None:
-            pairs.add(hanging(cast[prop_file.held_by], prop_file.side, prop))
+            pairs.add(hanging_pair(cast[prop_file.held_by], prop_file.side, prop))
     for act in file.acts:
         for cue in act.cues:
             pairs |= cue_pairs(cue, cast)
@@ -97,37 +97,38 @@ def asked_pairs(file: PlayFile, cast: Mapping[str, ContactBodies]) -> frozenset[
 
 
 def cue_pairs(cue: PlayCue, cast: Mapping[str, ContactBodies]) -> frozenset[Pair]:
-    """All pairs that may touch in a cue.
+    """Pairs that may touch in a cue.
 
     Args:
         cue: the cue.
         cast: player -> its bodies.
     """
     pairs = set[Pair]()
-    named = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
-    players = [cast[who] for who in (cue.who[0], named.get("player", "")) if who in cast]
-    if "seat" in named:
-        pairs = pairs.union(*(sitting(bodies, named["seat"]) for bodies in players[:1]))
-    if "prop" in named:
+    names = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
+    players = [cast[who] for who in (cue.who[0], names.get("player", "")) if who in cast]
+    if "seat" in names:
+        pairs = pairs.union(*(sitting_pairs(bodies, names["seat"]) for bodies in players[:1]))
+    if "prop" in names:
+        prop = names["prop"]
         pairs |= {
-            hanging(bodies, side, named["prop"]) for bodies in players for side in bodies.forearms
+            hanging_pair(bodies, side, prop) for bodies in players for side in bodies.forearms
         }
-        pairs |= standing(named["prop"], named.get("table", FLOOR))
+        pairs |= standing_pairs(prop, names.get("table", FLOOR))
     return frozenset(pairs)
 
 
-def rules_of(pairs: Iterable[Pair], named: Callable[[str], str] = str) -> Contact:
+def contact_rules(pairs: Iterable[Pair], scene_name: Callable[[str], str] = str) -> Contact:
     """Contact rules under which these pairs touch, and no others.
 
     Args:
         pairs: pairs that may touch.
-        named: returns the name of a part in the scene.
+        scene_name: returns the name of a part in the scene.
     """
     return Contact(
         friction=FRICTION,
         meets=(),
         pairs=tuple(
-            ContactPair(between=(named(a), named(b)), friction=FRICTION)
+            ContactPair(between=(scene_name(a), scene_name(b)), friction=FRICTION)
             for a, b in sorted(map(sorted, pairs))
         ),
     )

@@ -17,8 +17,8 @@ def in_costume(puppet: Puppet, colours: Mapping[str, str], spot: Spot, log: Scri
 
     Args:
         puppet: the puppet.
-        colours: colour of the puppet's file, or name of a body -> colour; that of a body's name
-            counts for all its shapes.
+        colours: colour of the puppet's file, or name of a body -> new colour; that of a body
+            applies to all its shapes.
         spot: keys of ``colours`` in the play's file.
         log: collects mistakes.
     """
@@ -26,21 +26,23 @@ def in_costume(puppet: Puppet, colours: Mapping[str, str], spot: Spot, log: Scri
         return puppet
     whole = puppet.expanded()
     shapes = [shape for body in whole.bodies for shape in body.shapes]
-    own = {part.colour for part in (*shapes, *whole.strings) if part.colour is not None}
-    bodies = {body.name for body in whole.bodies}
+    known = {part.colour for part in (*shapes, *whole.strings) if part.colour is not None}
+    names = {body.name for body in whole.bodies}
     for key in colours:
-        if key not in own | bodies:
-            known = ", ".join(sorted(own)) or "none"
-            text = f"found {key!r}; needed: one of the puppet's colours ({known}) or of its bodies"
-            log.mistakes.add((*spot, key), text + nearest(key, sorted(own | bodies)))
+        if key not in known | names:
+            listed = ", ".join(sorted(known)) or "none"
+            text = f"found {key!r}; needed: one of the puppet's colours ({listed}) or of its bodies"
+            log.mistakes.add((*spot, key), text + nearest(key, sorted(known | names)))
 
-    def dyed(part: T, body: str = "") -> T:
+    def recoloured(part: T, body: str = "") -> T:
         colour = colours.get(body) or colours.get(part.colour or "", part.colour)
         return part.model_copy(update={"colour": colour})
 
-    dressed = tuple(
-        body.model_copy(update={"shapes": tuple(dyed(shape, body.name) for shape in body.shapes)})
+    bodies = tuple(
+        body.model_copy(
+            update={"shapes": tuple(recoloured(shape, body.name) for shape in body.shapes)}
+        )
         for body in whole.bodies
     )
-    strings = tuple(dyed(string) for string in whole.strings)
-    return whole.model_copy(update={"bodies": dressed, "strings": strings})
+    strings = tuple(recoloured(string) for string in whole.strings)
+    return whole.model_copy(update={"bodies": bodies, "strings": strings})

@@ -27,13 +27,14 @@ from fantoccini.theatre.script import (
     walks,
 )
 
-_MAX_ACT_TIME = 1800.0
-"""Longest act [s]."""
-_OF_PLAYER = re.compile(rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII)
+_MAX_ACT_DURATION = 1800.0
+"""Longest duration of an act [s]."""
+_PLAYER_TIME = re.compile(rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII)
+"""Time such as ``pierrot arrives + 2`` [beats]."""
 
 
 def act_time_in_words(t: float, start: float, beat: float) -> str:
-    """A time in words: ``on beat 4.0 of the act (12.40 s)``."""
+    """Time in words: ``on beat 4.0 of the act (12.40 s)``."""
     return f"on beat {(t - start) / beat:.1f} of the act ({t:.2f} s)"
 
 
@@ -71,8 +72,8 @@ def play_timeline(
             acts[-1].append(cue)
             cues.append(cue)
 
-    def of_player(n_before: int, spot: Spot, given: Time) -> Reference | float | None:
-        match = _OF_PLAYER.fullmatch(given.strip()) if isinstance(given, str) else None
+    def player_time_before(n_before: int, spot: Spot, given: Time) -> Reference | float | None:
+        match = _PLAYER_TIME.fullmatch(given.strip()) if isinstance(given, str) else None
         if match is None or match[1] not in file.cast:
             return None
         offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
@@ -84,16 +85,16 @@ def play_timeline(
         log.mistakes.add(spot, f"{match[1]} has no {'walk' if walk else 'cue'} before this one")
         return 0.0
 
-    def special(cue: Cue[PlayCue], spot: Spot, given: Time) -> Reference | float | None:
-        return of_player(cue.index, spot, given)
+    def player_time(cue: Cue[PlayCue], spot: Spot, given: Time) -> Reference | float | None:
+        return player_time_before(cue.index, spot, given)
 
     times: dict[Spot, Time] = {("times", name): float(beat) for name, beat in file.times.items()}
-    timeline = make_timeline(acts, times, log, special)
+    timeline = make_timeline(acts, times, log, player_time)
     refs = dict(timeline.refs)
     for a, act in enumerate(file.acts):
         for i, shot in enumerate(act.camera):
             spot = when_of_shot(a, i)
-            other = of_player(timeline.acts[a + 1], spot, shot.when)
+            other = player_time_before(timeline.acts[a + 1], spot, shot.when)
             refs[spot] = timeline.names.read(shot.when, spot) if other is None else other
     timeline = replace(timeline, refs=refs)
     _check_order(file, timeline, log)
@@ -108,14 +109,14 @@ def when_of_shot(act: int, index: int) -> Spot:
 
 def _check_order(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) -> None:
     """Records cues and shots that wait for cues of a later act, and shots after the longest act."""
-    of_spot = {cue.spot: cue for cue in timeline.cues}
+    cue_at = {cue.spot: cue for cue in timeline.cues}
     times = [(cue.act, spot) for cue in timeline.cues for spot, _ in cue.times]
     shots = [
         (a, when_of_shot(a, i)) for a, act in enumerate(file.acts) for i in range(len(act.camera))
     ]
     for act, spot in (*times, *shots):
         ref = timeline.refs[spot]
-        other = of_spot.get(ref.spot) if isinstance(ref, Reference) else None
+        other = cue_at.get(ref.spot) if isinstance(ref, Reference) else None
         if other is not None and other.act > act:
             line = log.located.line(other.spot)
             text = f"waits for {other.name} on line {line}, a cue of a later act"
@@ -126,13 +127,13 @@ def _check_order(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) ->
 
 def _check_length(start: object, spot: Spot, log: ScriptLog) -> None:
     """Records a number of beats that is longer than the longest act."""
-    if isinstance(start, float) and start * log.beat > _MAX_ACT_TIME:
-        text = f"found beat {start:g}; an act lasts {_MAX_ACT_TIME / 60:g} minutes at most"
+    if isinstance(start, float) and start * log.beat > _MAX_ACT_DURATION:
+        text = f"found beat {start:g}; an act lasts {_MAX_ACT_DURATION / 60:g} minutes at most"
         log.mistakes.add(spot, text)
 
 
 def _check_entrances(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) -> None:
-    """Records entrances of players on the stage, and waits longer than the longest act."""
+    """Records entrances of players on the stage, and times beyond the longest act."""
     away: dict[str, bool] = dict.fromkeys(file.cast, True)
     for cue in timeline.cues:
         for who in cue.who:

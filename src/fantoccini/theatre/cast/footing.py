@@ -1,4 +1,4 @@
-"""Footings of puppets on the stage, their ways, and the reasons why there is none."""
+"""Footings of puppets on the stage, their ways, and the reasons why there is no way."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fantoccini.theatre.gestures import Step, Track
 
 @dataclass(frozen=True)
 class Footing:
-    """Position and heading of a puppet: of the midpoint between its shoulders' strings' ends.
+    """Position and heading of a puppet: those of the midpoint of its shoulder strings' ends.
 
     Attributes:
         x, y: position in the scene's frame [m].
@@ -31,7 +31,7 @@ class Footing:
         return complex(self.x, self.y)
 
     def seen(self, place: complex) -> complex:
-        """A place of the scene in this footing's frame: ahead + i (to the left) [m]."""
+        """Place of the scene in this footing's frame: distance ahead + i distance left [m]."""
         return complex(np.exp(-1j * self.heading) * (place - self.place))
 
     def towards(self, place: complex) -> float:
@@ -51,8 +51,8 @@ class Way:
 
     Attributes:
         start: footing before it begins.
-        begin: [s].
-        steps: steps in order; empty if the puppet is there already.
+        begin: time of the first step [s].
+        steps: steps in order; empty if the puppet is at the goal already.
         step_time: duration of a step [s].
     """
 
@@ -72,9 +72,9 @@ class Way:
         return sum(abs(step.length) for step in self.steps)
 
     def footing(self, t: Times) -> tuple[Array, Array]:
-        """(T, 2) places [m] and (T,) headings [rad] at times [s], by the formulas of the gesture.
+        """(T, 2) places [m] and (T,) headings [rad] at times [s], as in the gesture of the walk.
 
-        Headings are continuous from that at the start, beyond half a turn too.
+        Headings are continuous from the first one, also beyond half a turn.
         """
         path, heading = self._track.at(np.asarray(t, dtype=float) - self.begin)
         z = self.start.place + np.exp(1j * self.start.heading) * path[0]
@@ -86,7 +86,7 @@ class Way:
 
 
 class Hindrance(Enum):
-    """Kind of reason why there is no way."""
+    """Kind of obstruction of a way."""
 
     START_BLOCKED = "start blocked"
     GOAL_BLOCKED = "goal blocked"
@@ -101,11 +101,11 @@ class NoWay:
     """Reason why there is no way, with an alternative. Its truth value is False.
 
     Attributes:
-        kind: kind of reason.
+        kind: kind of obstruction.
         reason: reason in words, as the end of a sentence.
         names: names of the players or obstacles in the way.
-        nearest: reachable footing about as near to the goal as possible.
-        earliest: earliest arrival at the goal, if it is merely too late [s].
+        nearest: reachable footing that is about the nearest to the goal.
+        earliest: earliest arrival at the goal, if the only obstacle is the latest time [s].
     """
 
     kind: Hindrance

@@ -12,7 +12,7 @@ from fantoccini.model import BodyMap
 from fantoccini.model.puppet import Attachment, String
 from fantoccini.motion import State
 from fantoccini.theatre.cast.players import Player
-from fantoccini.theatre.gestures import Roles
+from fantoccini.theatre.gestures import BodyParts
 from fantoccini.theatre.script import PlayFile, ScriptLog, Spot
 
 _LEATHER = "#8a5a34"
@@ -33,7 +33,7 @@ def read_leashes(
                 log.mistakes.add(spot, text)
                 continue
             try:
-                body_map = Roles.of(players[who].alone).body_map
+                body_map = BodyParts.of(players[who].marionette).body_map
             except StateError as error:
                 log.mistakes.add(spot, f"{file.cast[who].puppet}: {error}")
                 continue

@@ -13,7 +13,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import Limb
 from fantoccini.motion import State, pieces
 from fantoccini.theatre.cast.contacts import forearm_of
-from fantoccini.theatre.gestures import Roles, leg_ratio
+from fantoccini.theatre.gestures import BodyParts, leg_ratio
 
 _ARM = 0.19
 """Length of an arm for which gestures with props are written [m]."""
@@ -26,10 +26,10 @@ class Physique:
     """Sizes and strings of a puppet or of a scene's member.
 
     Attributes:
-        roles: parts of its body.
+        body_parts: parts of its body.
     """
 
-    roles: Roles
+    body_parts: BodyParts
 
     @classmethod
     def of(cls, stage: Marionette, who: str = "") -> Physique:
@@ -38,12 +38,12 @@ class Physique:
         Raises:
             StateError: it has no body map.
         """
-        return cls(Roles.of(stage, who))
+        return cls(BodyParts.of(stage, who))
 
     @property
     def stage(self) -> Marionette:
         """Scene of the puppet."""
-        return self.roles.marionette
+        return self.body_parts.marionette
 
     def limb(self, part: str) -> Limb:
         """A limb, such as ``arm_left``.
@@ -51,7 +51,7 @@ class Physique:
         Raises:
             StateError: the puppet lacks it.
         """
-        parts = self.roles.body_map.parts
+        parts = self.body_parts.body_map.parts
         if part not in parts:
             raise StateError(
                 f"the puppet has no {part}; its body map has {', '.join(parts) or 'no limbs'}"
@@ -65,7 +65,7 @@ class Physique:
     @property
     def leg_ratio(self) -> float:
         """Length of the legs relative to that for which gestures are written."""
-        return round(leg_ratio(self.roles), _SIZE_DIGITS)
+        return round(leg_ratio(self.body_parts), _SIZE_DIGITS)
 
     def hand_string(self, side: str) -> str:
         """Name of the string that lifts a hand.
@@ -73,7 +73,7 @@ class Physique:
         Raises:
             StateError: no string lifts it.
         """
-        return self.roles.strings(f"arm_{side}")[0]
+        return self.body_parts.strings(f"arm_{side}")[0]
 
     def knee_string(self, side: str) -> str:
         """Name of the string that lifts a leg by its thigh; else the one nearest to its foot.
@@ -82,7 +82,7 @@ class Physique:
             StateError: no string lifts it.
         """
         part = f"leg_{side}"
-        names = self.roles.strings(part)
+        names = self.body_parts.strings(part)
         return next((name for name in names if self._is_at_root(part, name)), names[0])
 
     def forearm(self, side: str) -> str:
@@ -110,8 +110,8 @@ class Physique:
     @cached_property
     def strings(self) -> tuple[str, ...]:
         """Names of all strings with ends that move along x and y."""
-        prefix = self.roles.prefix
-        channels = pieces.channel_names(self.roles.marionette.coordinates)
+        prefix = self.body_parts.prefix
+        channels = pieces.channel_names(self.body_parts.marionette.coordinates)
         own = [name.removeprefix(prefix) for name in channels if name.startswith(prefix)]
         ends = [name.removesuffix(".x") for name in own if name.endswith(".x")]
         return tuple(name for name in ends if f"{name}.length" in own and f"{name}.y" in own)
@@ -139,10 +139,10 @@ class Physique:
         points = self.stage.string_points(*self._file_pose)
         low = self.place(self.limb("leg_left").bodies[0])[2]
         ties = {
-            name: float(points[self.roles.prefix + name][:, 2].min()) - low
-            for name in (string, *self.roles.strings("trunk"))
+            name: float(points[self.body_parts.prefix + name][:, 2].min()) - low
+            for name in (string, *self.body_parts.strings("trunk"))
         }
-        top = max(ties[name] for name in self.roles.strings("trunk"))
+        top = max(ties[name] for name in self.body_parts.strings("trunk"))
         return float(np.clip(ties[string] / top, 0.0, 1.0)) if top > 0.0 else 1.0
 
     @property
@@ -154,7 +154,8 @@ class Physique:
     def holds_pelvis(self) -> bool:
         """Whether a string is tied to the trunk nearer to the hips than to its top."""
         return any(
-            self._is_tied(name, self.roles.body_map.trunk) and self.tie_height_ratio(name) < 0.5
+            self._is_tied(name, self.body_parts.body_map.trunk)
+            and self.tie_height_ratio(name) < 0.5
             for name in self.trunk_strings
         )
 
@@ -180,9 +181,9 @@ class Physique:
         """Arms and legs, each with the name of a string that is tied to it."""
         return [
             (part, name)
-            for part, limb in self.roles.body_map.parts.items()
+            for part, limb in self.body_parts.body_map.parts.items()
             if limb.kind in ("arm", "leg") and limb.strings
-            for name in self.roles.strings(part)
+            for name in self.body_parts.strings(part)
         ]
 
     def _is_at_root(self, part: str, string: str) -> bool:
@@ -193,7 +194,7 @@ class Physique:
         tree = self.stage.tree
         links = {self.stage.link_index(body) for body in bodies}
         rows = (*tree.strings, *tree.chains)
-        row = next(row for row in rows if row.name == self.roles.prefix + string)
+        row = next(row for row in rows if row.name == self.body_parts.prefix + string)
         return any(point.link in links for point in row.points)
 
     def end(self, start: State, string: str) -> complex:
@@ -203,12 +204,12 @@ class Physique:
         """
 
         def at(name: str) -> complex:
-            x, y = (float(start[f"{self.roles.prefix}{name}.{part}"]) for part in "xy")
+            x, y = (float(start[f"{self.body_parts.prefix}{name}.{part}"]) for part in "xy")
             return complex(x, y)
 
-        carrying = self.roles.strings("trunk")
+        carrying = self.body_parts.strings("trunk")
         middle = sum(map(at, carrying)) / len(carrying)
-        return complex((at(string) - middle) * np.exp(-1j * self.roles.heading))
+        return complex((at(string) - middle) * np.exp(-1j * self.body_parts.heading))
 
     def place(self, body: str) -> Array:
         """(3,) place of a body's origin in the pose of the file [m].
@@ -216,13 +217,19 @@ class Physique:
         Forward and left are measured from the middle between the upper ends of the strings that
         carry the trunk, up from the world's origin.
         """
-        stage = self.roles.marionette
+        stage = self.body_parts.marionette
         x = stage.state()
         points = stage.string_points(x.q_D, x.q_K)
-        carrying = [points[f"{self.roles.prefix}{name}"] for name in self.roles.strings("trunk")]
+        carrying = [
+            points[f"{self.body_parts.prefix}{name}"] for name in self.body_parts.strings("trunk")
+        ]
         middle = np.mean([string[np.argmax(string[:, 2]), :2] for string in carrying], axis=0)
         place = stage.pose(x, body)[:3, 3]
         # The heading is relative to the frame of the scene's member.
-        frame = stage.pose(x, self.roles.prefix[:-1])[:2, :2] if self.roles.prefix else np.eye(2)
-        xy = complex(*(frame.T @ (place[:2] - middle))) * np.exp(-1j * self.roles.heading)
+        frame = (
+            stage.pose(x, self.body_parts.prefix[:-1])[:2, :2]
+            if self.body_parts.prefix
+            else np.eye(2)
+        )
+        xy = complex(*(frame.T @ (place[:2] - middle))) * np.exp(-1j * self.body_parts.heading)
         return np.array([xy.real, xy.imag, float(place[2])])

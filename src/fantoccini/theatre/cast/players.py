@@ -1,4 +1,4 @@
-"""Players of a cast: each puppet alone in its own frame, and its state on the stage."""
+"""Players of a cast: each puppet in a scene of its own, and its state on the stage."""
 
 from __future__ import annotations
 
@@ -14,44 +14,44 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.cast.contacts import ContactBodies
 from fantoccini.theatre.cast.footing import Footing
-from fantoccini.theatre.gestures import Ends, Gesture, Roles, leg_ratio
+from fantoccini.theatre.gestures import BodyParts, Ends, Gesture, leg_ratio
 
 
 @dataclass(frozen=True, eq=False)
 class Player:
-    """A puppet of the cast. Its own scene and the stage have the same frame.
+    """Puppet of the cast. Its own scene and the stage have the same frame.
 
     Attributes:
         name: name in the play.
-        alone: the puppet in a scene of its own.
-        hangs: rest at the origin, in the heading of its file; gestures begin there.
+        marionette: the puppet in a scene of its own.
+        rest_state: rest at the origin with the heading of its file; gestures begin there.
         x0: state at the start of the play.
         start: footing at the start of the play.
     """
 
     name: str
-    alone: Marionette
-    hangs: State
+    marionette: Marionette
+    rest_state: State
     x0: State
     start: Footing
 
     @cached_property
     def content(self) -> str:
         """Hash of the puppet and its meshes, and of the floor."""
-        return hashlib.blake2b(self.alone.puppet.canonical().encode()).hexdigest()
+        return hashlib.blake2b(self.marionette.puppet.canonical().encode()).hexdigest()
 
     @cached_property
     def bodies(self) -> ContactBodies:
         """Bodies that touch props and seats; none without a body map."""
         try:
-            return ContactBodies.of(self.name, Roles.of(self.alone).body_map)
+            return ContactBodies.of(self.name, BodyParts.of(self.marionette).body_map)
         except StateError:
             return ContactBodies(self.name)
 
     @cached_property
     def facing(self) -> float:
         """Heading in the puppet's file, from which it and its gestures are turned [rad]."""
-        return facing_of(self.alone)
+        return facing_of(self.marionette)
 
     def turned(self, gesture: Gesture, heading: float) -> Gesture:
         """A gesture of the puppet's file for the puppet at a heading on the stage [rad]."""
@@ -60,24 +60,24 @@ class Player:
     @cached_property
     def middle(self) -> complex:
         """Position x + i y of the player: middle between the ends of its carrying strings [m]."""
-        return middle_of(self.alone, self.hangs)
+        return middle_of(self.marionette, self.rest_state)
 
     @cached_property
     def leg_ratio(self) -> float:
         """Length of its legs, relative to that for which walks are written; 1 without legs."""
         try:
-            return leg_ratio(Roles.of(self.alone)) or 1.0
+            return leg_ratio(BodyParts.of(self.marionette)) or 1.0
         except StateError:
             return 1.0
 
     @cached_property
-    def top(self) -> float:
+    def height(self) -> float:
         """Height of the top of its head, or else of its highest joint, where it hangs [m]."""
-        poses = self.alone.poses(self.hangs.q_D[None], self.hangs.q_K[None])[0]
-        links = [link.name for link in self.alone.tree.links]
+        poses = self.marionette.poses(self.rest_state.q_D[None], self.rest_state.q_K[None])[0]
+        links = [link.name for link in self.marionette.tree.links]
         heights = [z for name, z in zip(links, poses[:, 2, 3], strict=True) if name in self._bodies]
         try:
-            head = Roles.of(self.alone).body_map.head
+            head = BodyParts.of(self.marionette).body_map.head
         except StateError:
             head = None
         if head is not None:
@@ -87,19 +87,19 @@ class Player:
 
     @property
     def _bodies(self) -> set[str]:
-        return {body.name for body in self.alone.puppet.expanded().bodies}
+        return {body.name for body in self.marionette.puppet.expanded().bodies}
 
     @cached_property
     def radius(self) -> float:
         """Radius of the disk around its position that contains its strings' ends and joints [m]."""
-        table, hangs = self.alone.coordinates, self.hangs
+        table, rest_state = self.marionette.coordinates, self.rest_state
         owners = dict.fromkeys(name.rpartition(".")[0] for name in table.q_K)
         places = [
-            complex(hangs[f"{owner}.x"], hangs[f"{owner}.y"])
+            complex(rest_state[f"{owner}.x"], rest_state[f"{owner}.y"])
             for owner in owners
             if {f"{owner}.x", f"{owner}.y"} <= {*table.q_K} and owner not in table.carried
         ]
-        poses = self.alone.poses(hangs.q_D[None], hangs.q_K[None])[0]
+        poses = self.marionette.poses(rest_state.q_D[None], rest_state.q_K[None])[0]
         places += [complex(x, y) for x, y in poses[:, :2, 3]]
         return max((abs(xy - self.middle) for xy in places), default=0.0)
 
@@ -110,47 +110,47 @@ class Player:
             StateError: it has no body map.
             UnknownNameError: an end or length of a string is not driven.
         """
-        return Ends(Roles.of(self.alone), self.hangs)
+        return Ends(BodyParts.of(self.marionette), self.rest_state)
 
-    def own(self, place: Array, stands: Footing) -> Array:
-        """Point (3,) of the stage in the own frame of the player when it has the footing [m]."""
-        seen = stands.seen(complex(place[0], place[1]))
-        there = self.middle + seen * np.exp(1j * self.facing)
-        return np.array([there.real, there.imag, place[2]])
+    def in_own_frame(self, point: Array, footing: Footing) -> Array:
+        """(3,) point of the stage in the frame of the puppet's file, for a footing [m]."""
+        seen = footing.seen(complex(point[0], point[1]))
+        z = self.middle + seen * np.exp(1j * self.facing)
+        return np.array([z.real, z.imag, point[2]])
 
 
-def middle_of(alone: Marionette, hangs: State) -> complex:
+def middle_of(marionette: Marionette, rest_state: State) -> complex:
     """Middle x + i y between the ends of the carrying strings; 0 without a body map [m]."""
     try:
-        return Ends(Roles.of(alone), hangs).middle
+        return Ends(BodyParts.of(marionette), rest_state).middle
     except (StateError, UnknownNameError):
         return 0j
 
 
-def facing_of(alone: Marionette) -> float:
+def facing_of(marionette: Marionette) -> float:
     """Heading of a puppet in its file; 0 without a body map [rad]."""
     try:
-        return Roles.of(alone).heading
+        return BodyParts.of(marionette).heading
     except StateError:
         return 0.0
 
 
-def placed(alone: Marionette, hangs: State, there: Footing) -> State:
+def placed(marionette: Marionette, rest_state: State, footing: Footing) -> State:
     """State moved rigidly from where the puppet hangs to a footing on the stage.
 
-        z' = z_there + exp(i (heading - heading_file)) (z - z_middle)
+        z' = z_footing + exp(i (heading - heading_file)) (z - z_middle)
 
     z = x + i y of the ends of strings and of free bodies. Parts on a moving body move with it.
     """
-    angle = there.heading - facing_of(alone)
-    table, turn = alone.coordinates, np.exp(1j * angle)
-    middle = middle_of(alone, hangs)
-    q = values_of(alone, hangs)
+    angle = footing.heading - facing_of(marionette)
+    table, turn = marionette.coordinates, np.exp(1j * angle)
+    middle = middle_of(marionette, rest_state)
+    q = values_of(marionette, rest_state)
     owners = dict.fromkeys(name.rpartition(".")[0] for name in q)
     for owner in (owner for owner in owners if owner not in table.carried):
         x, y = f"{owner}.x", f"{owner}.y"
         if x in q and y in q:
-            z = there.place + turn * (complex(q[x], q[y]) - middle)
+            z = footing.place + turn * (complex(q[x], q[y]) - middle)
             q[x], q[y] = float(z.real), float(z.imag)
         if x in q and f"{owner}.qw" in q:
             parts = [f"{owner}.{part}" for part in ("qw", "qx", "qy", "qz")]
@@ -159,13 +159,13 @@ def placed(alone: Marionette, hangs: State, there: Footing) -> State:
             turned = (c * w - s * d, c * a - s * b, c * b + s * a, c * d + s * w)
             q.update(zip(parts, map(float, turned), strict=True))
     return dataclasses.replace(
-        hangs,
+        rest_state,
         q_D=np.array([q[name] for name in table.q_D]),
         q_K=np.array([q[name] for name in table.q_K]),
     )
 
 
-def values_of(alone: Marionette, x: State) -> dict[str, float]:
+def values_of(marionette: Marionette, x: State) -> dict[str, float]:
     """Values of all coordinates by name."""
-    table = alone.coordinates
+    table = marionette.coordinates
     return dict(zip((*table.q_D, *table.q_K), (*x.q_D.tolist(), *x.q_K.tolist()), strict=True))

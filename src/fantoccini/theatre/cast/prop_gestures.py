@@ -4,9 +4,9 @@
 
 Offsets are relative to the puppet's rest, so that they hold for every place and heading. They are
 written for an arm of 19 cm and multiplied by the ratio of lengths for others. A prop hangs by a
-handle across a forearm, held by friction alone. A handle is a stem with a bar whose ends are free.
-The arm lies under one half of the bar, beside the stem. It approaches and leaves sideways, so the
-bar never meets a string.
+handle across a forearm, held by friction alone. A handle is a T: a bar with free ends on a stem.
+The arm lies under one half of the bar. It moves there and away sideways, so the bar never meets a
+string.
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, pieces
 from fantoccini.theatre.cast.contacts import OTHER_SIDE
 from fantoccini.theatre.cast.physique import Physique
-from fantoccini.theatre.gestures import STEP_TIME, Ends, Gesture, Roles, Step, steps
+from fantoccini.theatre.gestures import STEP_TIME, BodyParts, Ends, Gesture, Step, steps
 
 Waypoints = list[tuple[float, float]]
+"""Times [s] and offsets [m]."""
 
 _HANDLE_ASIDE, _HANDLE_UP = 0.016, 0.004
 """Middle of the handle's bar on a forearm in the pose of the file, from the elbow: to the arm's
 side, which is half the bar's length, and up [m]."""
 
-_ALONG = 0.061
+_ELBOW_DISTANCE = 0.061
 """Distance of the handle from the elbow, along the forearm [m]."""
 _OFFER = {"forward": 0.2, "in": 0.065, "up": 0.03}
 _OFFER_ELBOW_SHIFT, _OFFER_FOREARM = (0.0431, 0.0), (0.986, 0.003)
@@ -47,14 +48,14 @@ _KNEE_CLEARANCE = 0.05
 """Distance by which the receiver's knee string moves back to make way for the prop, for legs of
 26.4 cm [m]."""
 
-CARRIED = {"out": 0.1, "up": 0.035}
+CARRY_OFFSETS = {"out": 0.1, "up": 0.035}
 """Offsets of the hand's string that hold a prop away from the knees [m]."""
 CARRY_TIME = 1.5
 """Duration of the gesture that takes up this pose [s]."""
 
 
 @dataclass(frozen=True)
-class Handing:
+class Handover:
     """Gestures that pass a prop from one puppet's forearm to another's.
 
     Attributes:
@@ -62,7 +63,7 @@ class Handing:
             ``offered`` and ``released``, the receiver's ``under`` and ``taken``.
         forward, left: position of the receiver relative to the giver [m].
         touching: pairs of bodies that may touch.
-        turned: heading of the receiver minus that of the giver [rad].
+        turn: heading of the receiver minus that of the giver [rad].
     """
 
     giver: Gesture
@@ -70,7 +71,7 @@ class Handing:
     forward: float
     left: float
     touching: tuple[tuple[str, str], ...]
-    turned: float
+    turn: float
 
     def place(self, x: float, y: float, heading: float) -> tuple[float, float, float]:
         """Place [m] and heading [rad] of the receiver for those of the giver."""
@@ -78,7 +79,7 @@ class Handing:
         return (
             x + c * self.forward - s * self.left,
             y + s * self.forward + c * self.left,
-            heading + self.turned,
+            heading + self.turn,
         )
 
 
@@ -98,7 +99,11 @@ def handle_place(
     """
     sign, physique = sign_of(side), Physique.of(stage, who)
     forward, left, up = physique.place(physique.forearm(side)).tolist()
-    return forward + physique.arm_ratio(side) * _ALONG, left + sign * _HANDLE_ASIDE, up + _HANDLE_UP
+    return (
+        forward + physique.arm_ratio(side) * _ELBOW_DISTANCE,
+        left + sign * _HANDLE_ASIDE,
+        up + _HANDLE_UP,
+    )
 
 
 def _scaled(points: Waypoints, scale: float) -> Waypoints:
@@ -106,9 +111,9 @@ def _scaled(points: Waypoints, scale: float) -> Waypoints:
     return [(t, scale * offset) for t, offset in points]
 
 
-def carried(physique: Physique, side: str) -> dict[str, float]:
+def carry_offsets(physique: Physique, side: str) -> dict[str, float]:
     """Offsets of the hand's string in the pose of :func:`carry`: out and up [m]."""
-    return {way: physique.arm_ratio(side) * offset for way, offset in CARRIED.items()}
+    return {way: physique.arm_ratio(side) * offset for way, offset in CARRY_OFFSETS.items()}
 
 
 def give(
@@ -118,10 +123,10 @@ def give(
     prop: str,
     *,
     side: str = "right",
-    along: float | None = None,
-    posed: bool = False,
+    elbow_distance: float | None = None,
+    in_pose: bool = False,
     receiver_stage: Marionette | None = None,
-) -> Handing:
+) -> Handover:
     """Gestures that pass a prop from one puppet's forearm to another's.
 
     They stand side by side and face the same way. The giver holds the prop out; the receiver steps
@@ -134,8 +139,8 @@ def give(
         giver, receiver: members of the scene.
         prop: prop that hangs by its handle on the giver's forearm, the stem on the outer side.
         side: side of the giver's forearm; the receiver uses the other.
-        along: distance of the handle from the elbow, see :func:`along_forearm` [m].
-        posed: whether the giver is in the pose of :func:`carry`.
+        elbow_distance: distance of the handle from the elbow, see :func:`handle_distance` [m].
+        in_pose: whether the giver is in the pose of :func:`carry`.
         receiver_stage: scene of the receiver, if it is another one.
 
     Raises:
@@ -154,20 +159,20 @@ def give(
     # The longer of their arms keep clear of both bodies; the prop is as wide for shorter ones.
     longer = max(giver_physique.arm_ratio(side), receiver_physique.arm_ratio(other), 1.0)
     step = longer * _SIDE_STEP
-    forward, left = _beside(giver_physique, receiver_physique, side, along)
+    forward, left = _receiver_place(giver_physique, receiver_physique, side, elbow_distance)
     left += sign_of(side) * step
-    return Handing(
-        gesture_of(
+    return Handover(
+        member_gesture(
             stage,
             giver,
-            _giving(giver_physique, side, posed=posed),
+            _giver_waypoints(giver_physique, side, in_pose=in_pose),
             "give",
             {"offered": 2.0, "released": 8.8},
         ),
-        gesture_of(
+        member_gesture(
             receiver_physique.stage,
             receiver,
-            _taking(receiver_physique, other, giver_height, step),
+            _receiver_waypoints(receiver_physique, other, giver_height, step),
             "take",
             {"under": 5.2, "taken": 7.2},
         ),
@@ -178,13 +183,19 @@ def give(
     )
 
 
-def _giving(physique: Physique, side: str, *, posed: bool) -> dict[str, Waypoints]:
-    """Waypoints of a giver, whose arm is on this side."""
+def _giver_waypoints(physique: Physique, side: str, *, in_pose: bool) -> dict[str, Waypoints]:
+    """Waypoints of a giver, whose arm is on this side.
+
+    Args:
+        physique: physique of the giver.
+        side: side of its arm.
+        in_pose: whether it begins in the pose of :func:`carry`.
+    """
     held, hand = _OFFER, physique.hand_string(side)
-    begins = CARRIED if posed else {"up": 0.0, "out": 0.0}
-    up, sunk = held["up"], _UP_EMPTY
+    first = CARRY_OFFSETS if in_pose else {"up": 0.0, "out": 0.0}
+    up, low = held["up"], _UP_EMPTY
     moves: dict[str, Waypoints] = {
-        f"{hand}.up": [(0, begins["up"]), (2.0, up), (7.4, up), (8.8, sunk), (11.8, sunk)],
+        f"{hand}.up": [(0, first["up"]), (2.0, up), (7.4, up), (8.8, low), (11.8, low)],
         f"{hand}.forward": [
             (0, 0),
             (2.0, held["forward"]),
@@ -192,13 +203,13 @@ def _giving(physique: Physique, side: str, *, posed: bool) -> dict[str, Waypoint
             (8.8, 0.3),
             (11.8, 0.3),
         ],
-        f"{hand}.{OTHER_SIDE[side]}": [(0, -begins["out"]), (2.0, held["in"]), (11.8, held["in"])],
+        f"{hand}.{OTHER_SIDE[side]}": [(0, -first["out"]), (2.0, held["in"]), (11.8, held["in"])],
     }
     scale = physique.arm_ratio(side)
     return {name: _scaled([*points, (13.8, 0)], scale) for name, points in moves.items()}
 
 
-def _taking(
+def _receiver_waypoints(
     physique: Physique, side: str, giver_height: float, step: float
 ) -> dict[str, Waypoints]:
     """Waypoints of a receiver that takes a prop with the arm on this side.
@@ -221,28 +232,28 @@ def _taking(
         physique.leg_ratio * _KNEE_CLEARANCE,
     )
     times: list[tuple[float, float]] = [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)]
-    moves = aside_by(physique, side, step, times)
+    moves = shifted(physique, side, step, times)
     moves[f"{hand}.up"] = [(0, 0), (2.0, low), (5.6, low), (7.2, lifted), (12.0, lifted), (13.8, 0)]
     moves[f"{hand}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
     inwards = [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
-    moves[f"{hand}.{side}"] = summed(moves[f"{hand}.{side}"], inwards)
+    moves[f"{hand}.{side}"] = sum_of_waypoints(moves[f"{hand}.{side}"], inwards)
     # The string of the receiver's knee makes way for the prop.
     moves[f"{knee}.back"] = [(0, 0), (2.0, 0), (4.0, clear), (12.6, clear), (13.8, 0)]
     return moves
 
 
-def _beside(
-    giver_physique: Physique, receiver_physique: Physique, side: str, along: float | None
+def _receiver_place(
+    giver_physique: Physique, receiver_physique: Physique, side: str, elbow_distance: float | None
 ) -> tuple[float, float]:
-    """Place of the receiver, seen from the giver, when it takes the prop: forward and left [m]."""
+    """Place of the receiver relative to the giver when it takes the prop: forward and left [m]."""
     sign, other = sign_of(side), OTHER_SIDE[side]
     elbow, elbow_taking = (
         giver_physique.place(giver_physique.forearm(side)),
         receiver_physique.place(receiver_physique.forearm(other)),
     )
     scale, scale_taking = giver_physique.arm_ratio(side), receiver_physique.arm_ratio(other)
-    along = scale * _ALONG if along is None else along
-    held = scale * np.array(_OFFER_ELBOW_SHIFT) + along * np.array(_OFFER_FOREARM)
+    distance = scale * _ELBOW_DISTANCE if elbow_distance is None else elbow_distance
+    held = scale * np.array(_OFFER_ELBOW_SHIFT) + distance * np.array(_OFFER_FOREARM)
     held += (elbow[0], sign * elbow[1])
     forward, aside = (
         scale_taking * _TAKE_MIDPOINT[0] + elbow_taking[0],
@@ -252,7 +263,7 @@ def _beside(
     return float(held[0] - forward), sign * float(held[1] + aside + _FOREARM_GAP)
 
 
-def along_forearm(
+def handle_distance(
     stage: Marionette, state: State, who: str, prop: str, height: float, *, side: str = "right"
 ) -> float:
     """Distance from the elbow at which a handle hangs on a forearm [m], for :func:`give`.
@@ -271,15 +282,27 @@ def along_forearm(
     return float(to_hand @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
 
 
-def aside_by(physique: Physique, side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
-    """Waypoints that carry a whole puppet a step to a side [m]."""
-    return {f"{string}.{side}": [(t, way * x) for t, x in share] for string in physique.strings}
+def shifted(
+    physique: Physique, direction: str, distance: float, shares: Waypoints
+) -> dict[str, Waypoints]:
+    """Waypoints of all strings, which shift the whole puppet.
+
+    Args:
+        physique: physique of the puppet.
+        direction: direction of the shift, such as ``left``.
+        distance: its length [m].
+        shares: times [s], and shares of the distance there.
+    """
+    return {
+        f"{string}.{direction}": [(t, distance * share) for t, share in shares]
+        for string in physique.strings
+    }
 
 
-def summed(one: Waypoints, other: Waypoints) -> Waypoints:
+def sum_of_waypoints(first: Waypoints, second: Waypoints) -> Waypoints:
     """Sum of two sets of waypoints at the times of both, interpolated linearly."""
-    times = sorted({t for t, _ in (*one, *other)})
-    values = np.array([np.interp(times, *np.transpose(x)) for x in (one, other)])
+    times = sorted({t for t, _ in (*first, *second)})
+    values = np.array([np.interp(times, *np.transpose(x)) for x in (first, second)])
     return list(zip(times, values.sum(axis=0).tolist(), strict=True))
 
 
@@ -302,9 +325,9 @@ def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
     names = {"out": "left" if sign > 0.0 else "right"}
     moves = {
         f"{physique.hand_string(side)}.{names.get(way, way)}": [(0.0, 0.0), (CARRY_TIME, offset)]
-        for way, offset in carried(physique, side).items()
+        for way, offset in carry_offsets(physique, side).items()
     }
-    return gesture_of(stage, who, moves, "carry", {"carried": CARRY_TIME})
+    return member_gesture(stage, who, moves, "carry", {"carried": CARRY_TIME})
 
 
 def steps_carrying(
@@ -312,7 +335,7 @@ def steps_carrying(
     pose: Gesture,
     start: State,
     who: str,
-    given: Sequence[Step],
+    walk_steps: Sequence[Step],
     step_time: float = STEP_TIME,
 ) -> Gesture:
     """Steps in the pose of :func:`carry`, which turns with the puppet.
@@ -322,20 +345,20 @@ def steps_carrying(
         pose: gesture of :func:`carry`.
         start: rest of the puppet without the pose.
         who: member that walks.
-        given, step_time: see :func:`fantoccini.theatre.gestures.walking.steps`.
+        walk_steps, step_time: see :func:`fantoccini.theatre.gestures.walking.steps`.
     """
-    table, roles = pose.coordinates, Roles.of(stage, who)
+    table, body_parts = pose.coordinates, BodyParts.of(stage, who)
     q_K, offsets = np.array(start.q_K), {}
     for name, (q, v) in pieces.channel_names(table).items():
         if pose.named[v.start]:
             offsets[name] = float(pose.ends[0][1, v.start])
             q_K[q] += offsets[name]
-    walk = steps(Ends(roles, start.replace(q_K=q_K)), given, step_time).moved(offsets)
+    walk = steps(Ends(body_parts, start.replace(q_K=q_K)), walk_steps, step_time).moved(offsets)
     # Later gestures count from the strings' places without the pose.
-    return replace(walk, travel=steps(Ends(roles, start), given, step_time).travel)
+    return replace(walk, travel=steps(Ends(body_parts, start), walk_steps, step_time).travel)
 
 
-def backwards(
+def time_reversed(
     moves: Mapping[str, Sequence[tuple[float, float]]], end: float
 ) -> dict[str, Waypoints]:
     """Waypoints reversed in time, on a clock that ends at a time [s]."""
@@ -345,14 +368,14 @@ def backwards(
     }
 
 
-def gesture_of(
+def member_gesture(
     stage: Marionette,
     who: str,
     moves: Mapping[str, Waypoints],
     name: str,
     marks: Mapping[str, float],
 ) -> Gesture:
-    """Gesture of a member; further strings of its limbs move with those that are named."""
+    """Gesture of a member; further strings of its limbs follow those that are named."""
     physique = Physique.of(stage, who)
     whole = dict(moves)
     for follower, leader in physique.followers.items():
@@ -360,19 +383,23 @@ def gesture_of(
             string, _, way = channel.partition(".")
             if string == leader:
                 whole[f"{follower}.{way}"] = offsets
-    points = {of_member(who, channel): offsets for channel, offsets in whole.items()}
+    points = {member_name(who, channel): offsets for channel, offsets in whole.items()}
     gesture = Gesture.of(stage, points, name=name, marks=marks)
-    heading = physique.roles.heading
+    heading = physique.body_parts.heading
     return gesture.turned(heading) if heading else gesture
 
 
-def of_member(who: str, name: str) -> str:
-    """Name in the scene; without a member it is unchanged."""
+def member_name(who: str, name: str) -> str:
+    """Name in the scene of a member's coordinate or body; unchanged without a member."""
     return f"{who}.{name}" if who else name
 
 
 def sign_of(side: str) -> float:
-    """1 for left, -1 for right."""
+    """1 for left, -1 for right.
+
+    Raises:
+        ValueError: the side is neither.
+    """
     if side not in OTHER_SIDE:
         raise ValueError(f"side is {side!r}; it must be 'left' or 'right'")
     return 1.0 if side == "left" else -1.0

@@ -22,7 +22,7 @@ from fantoccini.theatre.script import PlayFile, PropFile, ScriptLog, Spot
 PropState = tuple[Array, Array]
 """(7,) place and quaternion of a prop, and (6,) its velocities."""
 
-_BOTTOM = 1e-6
+_BOTTOM_TOLERANCE = 1e-6
 """Largest distance of a prop's bottom from z = 0 [m]."""
 _FOLDER = Path(__file__).parent / "prop_files"
 
@@ -39,7 +39,7 @@ class PlayProp:
         side: side of the forearm on which it hangs then.
         stands: place at the start and direction of its x axis; that of the holder if it is held.
         height: height of its bottom at the start [m].
-        content: key that determines everything but its place.
+        content: key of its shapes, mass and other properties except its place.
     """
 
     prop: Prop
@@ -60,7 +60,7 @@ class PlayProp:
     def bottom_radius(self) -> float:
         """Largest distance of the shapes on which it stands from its axis, along x or y [m]."""
         ends = [np.array(extent(shape)) for shape in self.prop.shapes]
-        standing = [end for end in ends if end[0, 2] <= _BOTTOM]
+        standing = [end for end in ends if end[0, 2] <= _BOTTOM_TOLERANCE]
         return max((float(np.abs(end[:, :2]).max()) for end in standing), default=0.0)
 
     @property
@@ -76,7 +76,7 @@ def prop_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
 
 
-def top_of(file: PlayFile, name: str) -> float | None:
+def obstacle_top(file: PlayFile, name: str) -> float | None:
     """Height of an obstacle's top [m]; None if no obstacle has this name."""
     for obstacle in file.stage.obstacles:
         if obstacle.name == name:
@@ -87,7 +87,7 @@ def top_of(file: PlayFile, name: str) -> float | None:
 def read_props(
     file: PlayFile,
     starts: Mapping[str, Footing],
-    alone: Mapping[str, Marionette],
+    marionette: Mapping[str, Marionette],
     places: Places,
     log: ScriptLog,
 ) -> dict[str, PlayProp]:
@@ -96,7 +96,7 @@ def read_props(
     Args:
         file: the play.
         starts: footings of the players at the start.
-        alone: puppets of the players, each in a scene of its own.
+        marionette: puppets of the players, each in a scene of its own.
         places: meaning of names of places.
         log: collects mistakes.
     """
@@ -108,7 +108,7 @@ def read_props(
             if other != name:
                 text = f"{other} hangs on the {entry.side} forearm of {entry.held_by} already"
                 log.mistakes.add(("props", name, "held by"), text)
-        prop = _prop(file, name, entry, starts, alone, places, log)
+        prop = _prop(file, name, entry, starts, marionette, places, log)
         if prop is not None:
             play_props[name] = prop
     return play_props
@@ -119,12 +119,12 @@ def _prop(
     name: str,
     entry: PropFile,
     starts: Mapping[str, Footing],
-    alone: Mapping[str, Marionette],
+    marionette: Mapping[str, Marionette],
     places: Places,
     log: ScriptLog,
 ) -> PlayProp | None:
     spot: Spot = ("props", name)
-    data = _described(name, entry, spot, log)
+    data = _description(name, entry, spot, log)
     if data is None:
         return None
     handle, seat = data.pop("handle", None), data.pop("seat", None)
@@ -137,16 +137,16 @@ def _prop(
             log.mistakes.add((*spot, "held by"), f"{name} has no handle; needed: `handle:`")
             return None
         stands = starts[entry.held_by]
-        forward, left, up = prop_gestures.handle_place(alone[entry.held_by], side=entry.side)
+        forward, left, up = prop_gestures.handle_place(marionette[entry.held_by], side=entry.side)
         place = stands.place + np.exp(1j * stands.heading) * complex(forward, left)
         height = up - handle
     else:
-        there = _place(file, entry, spot, places, log)
-        if there is None:
+        standing_place = _place(file, entry, spot, places, log)
+        if standing_place is None:
             return None
-        (x, y, height), heading = there, places.direction(entry.facing, (*spot, "facing"))
+        (x, y, height), heading = standing_place, places.direction(entry.facing, (*spot, "facing"))
         if isinstance(heading, str):
-            middle = places.still(heading)
+            middle = places.midpoint(heading)
             if middle is None:
                 text = f"found {heading!r}; needed: an angle, a direction or an obstacle"
                 log.mistakes.add((*spot, "facing"), text)
@@ -154,7 +154,7 @@ def _prop(
             heading = Footing(x, y).towards(complex(middle[0], middle[1]))
         place, stands = complex(x, y), Footing(x, y, heading)
     bottom = min(float(extent(shape)[0][2]) for shape in prop_shapes(name, data))
-    if abs(bottom) > _BOTTOM and not entry.held_by:
+    if abs(bottom) > _BOTTOM_TOLERANCE and not entry.held_by:
         text = f"its bottom is at z = {bottom:.3g}; needed: 0, so that it stands where it is put"
         log.mistakes.add((*spot, "shapes"), text)
         return None
@@ -169,7 +169,7 @@ def prop_shapes(name: str, data: dict[str, Any]) -> tuple[Any, ...]:
     return Prop.model_validate({"name": name, **data}).shapes
 
 
-def _described(name: str, entry: PropFile, spot: Spot, log: ScriptLog) -> dict[str, Any] | None:
+def _description(name: str, entry: PropFile, spot: Spot, log: ScriptLog) -> dict[str, Any] | None:
     """Shapes, mass, drag, handle and seat of a prop; None after a mistake."""
     if entry.shapes:
         data: dict[str, Any] = {"shapes": entry.shapes, "mass": entry.mass}
@@ -196,7 +196,7 @@ def _place(
     height = file.stage.floor
     middle: Array | None = None
     if entry.on is not None:
-        top, middle = top_of(file, entry.on), places.still(entry.on)
+        top, middle = obstacle_top(file, entry.on), places.midpoint(entry.on)
         if top is None:
             known = [obstacle.name for obstacle in file.stage.obstacles]
             text = f"found {entry.on!r}; needed: an obstacle{nearest(entry.on, known)}"

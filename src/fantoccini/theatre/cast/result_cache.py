@@ -1,4 +1,4 @@
-"""Cache of the results of compiling, across rounds, calls and processes.
+"""Cache of results of compiled plays, across rounds, calls and processes.
 
 Keys hold all that results depend on; on disk, also the package, the libraries and the processor.
 """
@@ -37,8 +37,8 @@ _MAX_BYTES = 1.5e9
 
 
 @dataclass(frozen=True)
-class Form(Generic[T]):
-    """A kind of results that can be kept on disk, as arrays.
+class DiskFormat(Generic[T]):
+    """Conversion of a kind of result to arrays on disk, and back.
 
     Attributes:
         pack: arrays of a result.
@@ -49,20 +49,20 @@ class Form(Generic[T]):
     unpack: Callable[[Sequence[Array]], T]
 
 
-NUMBERS: Form[Any] = Form(
+NUMBERS: DiskFormat[Any] = DiskFormat(
     lambda numbers: [np.array(numbers, dtype=float)], lambda arrays: tuple(arrays[0].tolist())
 )
 """A tuple of numbers."""
 
 
-def run_form(marionette: Marionette) -> Form[Trajectory]:
-    """Runs of a puppet."""
+def run_format(marionette: Marionette) -> DiskFormat[Trajectory]:
+    """Format of runs of a puppet."""
     puppet, table = marionette.described, marionette.coordinates
-    return Form(pack_run, lambda arrays: unpack_run(arrays, puppet, table))
+    return DiskFormat(pack_run, lambda arrays: unpack_run(arrays, puppet, table))
 
 
-def gesture_form(marionette: Marionette) -> Form[Gesture]:
-    """Gestures of a puppet."""
+def gesture_format(marionette: Marionette) -> DiskFormat[Gesture]:
+    """Format of gestures of a puppet."""
 
     def pack(gesture: Gesture) -> list[Array]:
         words = text_array([gesture.name, dict(gesture.marks), gesture.turns])
@@ -75,7 +75,7 @@ def gesture_form(marionette: Marionette) -> Form[Gesture]:
             marionette.coordinates, breaks, coef, named.astype(bool), travel, *text_in(words)
         )
 
-    return Form(pack, unpack)
+    return DiskFormat(pack, unpack)
 
 
 def text_array(value: Any) -> Array:
@@ -97,35 +97,35 @@ class ResultCache:
     """Results by key, for use from several threads.
 
     Attributes:
-        on_disk: whether results that have a form are read from the cache folder, and kept there
+        on_disk: whether results that have a format are read from the cache folder, and kept there
             for the next process.
         n_computed: number of results computed because they were not cached.
-        until: time of the monotonic clock after which no result is computed [s]; see
-            :meth:`limited`.
+        deadline: time of the monotonic clock after which no result is computed [s]; see
+            :meth:`time_limit`.
     """
 
     on_disk: bool = False
     n_computed: int = 0
-    until: float = math.inf
+    deadline: float = math.inf
     _results: OrderedDict[str, Any] = field(default_factory=OrderedDict)
     _lock: Lock = field(default_factory=Lock)
 
     @contextmanager
-    def limited(self, until: float) -> Iterator[None]:
+    def time_limit(self, deadline: float) -> Iterator[None]:
         """Context in which nothing is computed after a time of the monotonic clock [s]."""
-        self.until = until
+        self.deadline = deadline
         try:
             yield
         finally:
-            self.until = math.inf
+            self.deadline = math.inf
 
-    def get(self, key: str, job: Callable[[], T], form: Form[T] | None = None) -> T:
+    def get(self, key: str, job: Callable[[], T], form: DiskFormat[T] | None = None) -> T:
         """Cached result, computed if it is missing.
 
         Args:
             key: text that determines the result.
             job: computes it.
-            form: its form on disk; None to keep it in memory only.
+            form: its format on disk; None to keep it in memory only.
 
         Raises:
             OutOfTime: it is missing, and the time limit has passed.
@@ -149,7 +149,7 @@ class ResultCache:
                 self._results.popitem(last=False)
         return result
 
-    def _from_disk(self, key: str, form: Form[T]) -> T | None:
+    def _from_disk(self, key: str, form: DiskFormat[T]) -> T | None:
         """Result that an earlier process kept; None if it is missing or damaged."""
         arrays = RESULTS.read(self._file(key))
         try:
@@ -167,11 +167,11 @@ class ResultCache:
         return results_fingerprint()
 
     def check(self, *_: object) -> None:
-        """Raises OutOfTime after the time limit; can serve as a job's progress callback."""
-        if time.monotonic() > self.until:
+        """Raises OutOfTime after the time limit; also a progress callback for jobs."""
+        if time.monotonic() > self.deadline:
             raise OutOfTime
 
-    def side_by_side(self, jobs: Mapping[str, Callable[[], T]], threads: int) -> dict[str, T]:
+    def in_parallel(self, jobs: Mapping[str, Callable[[], T]], threads: int) -> dict[str, T]:
         """Name -> result of each job, computed in parallel."""
         with ThreadPoolExecutor(max(1, threads)) as pool:
             return dict(zip(jobs, pool.map(lambda job: job(), jobs.values()), strict=True))

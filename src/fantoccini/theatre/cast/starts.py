@@ -1,4 +1,4 @@
-"""Places of players at the start; the meaning of names of places and directions."""
+"""Places of players at the start, and names of places and directions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLo
 
 
 class Places:
-    """Meaning of names of places and directions.
+    """Places and directions by name.
 
     Args:
         file: the play.
@@ -36,57 +36,57 @@ class Places:
         """Records a mistake if a name is not a place."""
         known = [*self._file.cast, *self.names]
         if isinstance(given, str) and given not in known:
-            text = f"found {given!r}; needed: a place [x, y], or what is there"
+            text = f"found {given!r}; needed: a place [x, y], or a mark, player or obstacle"
             self._log.mistakes.add(spot, text + nearest(given, known))
 
-    def still(self, name: str) -> Array | None:
+    def midpoint(self, name: str) -> Array | None:
         """Midpoint (3,) of an obstacle [m]; None for other names."""
         return self._obstacles.get(name)
 
-    def fixed(self, where: object) -> complex | None:
+    def fixed_place(self, where: object) -> complex | None:
         """x + i y of a mark, an obstacle or a point [m]; None for a player, which moves."""
         if not isinstance(where, str):
             assert isinstance(where, Sequence)
             return complex(where[0], where[1])
         if where in self._file.stage.marks:
             return complex(*self._file.stage.marks[where].at[:2])
-        middle = self.still(where)
+        middle = self.midpoint(where)
         return None if middle is None else complex(middle[0], middle[1])
 
     def direction(self, given: float | str, spot: Spot) -> float | str:
-        """An angle [rad], or the name of a place to face; 0 after a mistake."""
+        """Angle [rad], or name of a place to face; 0 after a mistake."""
         if not isinstance(given, str):
             return given
         if given in DIRECTIONS:
             return float(np.radians(DIRECTIONS[given]))
         known = [*self._file.cast, *self.names]
         if given not in known:
-            text = f"found {given!r}; needed: an angle, a direction or what is there"
+            text = f"found {given!r}; needed: an angle, a direction, or a mark, player or obstacle"
             self._log.mistakes.add(spot, text + nearest(given, [*DIRECTIONS, *known]))
             return 0.0
         return given
 
 
 def start_of(
-    file: PlayFile, one: PlayerFile, spot: Spot, places: Places, log: ScriptLog
+    file: PlayFile, spec: PlayerFile, spot: Spot, places: Places, log: ScriptLog
 ) -> Footing:
     """Footing of a player at the start."""
     heading: float | str = 0.0
-    if isinstance(one.at, str):
-        mark = file.stage.marks.get(one.at)
+    if isinstance(spec.at, str):
+        mark = file.stage.marks.get(spec.at)
         if mark is None:
-            text = f"no mark is called {one.at!r}{nearest(one.at, file.stage.marks)}"
+            text = f"no mark is called {spec.at!r}{nearest(spec.at, file.stage.marks)}"
             log.mistakes.add((*spot, "at"), text)
             return Footing(0.0, 0.0)
         x, y = mark.at
-        heading = places.direction(mark.facing, ("stage", "marks", one.at, "facing"))
+        heading = places.direction(mark.facing, ("stage", "marks", spec.at, "facing"))
     else:
-        x, y = one.at[:2]
-    if one.facing is not None:
-        heading = places.direction(one.facing, (*spot, "facing"))
-    there = Footing(x, y)
+        x, y = spec.at[:2]
+    if spec.facing is not None:
+        heading = places.direction(spec.facing, (*spot, "facing"))
+    footing = Footing(x, y)
     if isinstance(heading, str):
-        place = places.still(heading)
+        place = places.midpoint(heading)
         if place is None:
             other = file.cast.get(heading)
             at = other.at if other is not None else heading
@@ -94,5 +94,5 @@ def start_of(
                 mark = file.stage.marks.get(at)
                 at = (0.0, 0.0) if mark is None else mark.at
             place = np.array([at[0], at[1], 0.0])
-        heading = there.towards(complex(place[0], place[1]))
-    return there.facing(heading)
+        heading = footing.towards(complex(place[0], place[1]))
+    return footing.facing(heading)

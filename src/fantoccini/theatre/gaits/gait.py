@@ -20,12 +20,12 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.theatre.gaits.standing import standing_lengths
 from fantoccini.theatre.gestures import (
+    BodyParts,
     ComplexCurve,
     Curve,
     Ends,
     Gesture,
     Pattern,
-    Roles,
     Step,
     Track,
     leg_length,
@@ -45,7 +45,7 @@ _OVERSHOOT_PEAK = 0.6
 """Share of a swing at which the overshoot of a leg's strings is largest."""
 _SIDES = {"left": 1.0, "middle": 0.0, "right": -1.0}
 """Direction of the sway towards a leg, to the left."""
-_BOUNDS = {"duty": (0.25, 0.9), "early": (0.0, 0.4), "top": (0.1, 0.9)}
+_BOUNDS = {"duty": (0.25, 0.9), "vertical_share": (0.0, 0.4), "peak_share": (0.1, 0.9)}
 """Bounds of shares of times."""
 
 
@@ -68,9 +68,9 @@ class Gait:
         body_lead: distance by which the ends of all other strings are carried forward.
         overshoot: largest distance by which the string ends of a swinging leg lead its path.
         sway: distance of the other strings' ends towards the side of a lifted leg.
-        early: share of a swing, at its beginning and again at its end, in which a leg moves only
-            vertically.
-        top: share of a swing at which a leg is highest.
+        vertical_share: share of a swing, at its beginning and again at its end, in which a leg
+            moves only vertically.
+        peak_share: share of a swing at which a leg is highest.
 
     Raises:
         ValueError: a time is not above 0, or a share is out of its bounds.
@@ -88,8 +88,8 @@ class Gait:
     body_lead: float = -0.1
     overshoot: float = 0.05
     sway: float = 0.0
-    early: float = 0.12
-    top: float = 0.35
+    vertical_share: float = 0.12
+    peak_share: float = 0.35
 
     def __post_init__(self) -> None:
         check_positive(step_time=self.step_time)
@@ -129,40 +129,40 @@ class Gait:
         members = stage.puppet.members
         own = member or (members[0] if len(members) == 1 else "")
         x0 = stage.rest() if x0 is None else x0
-        ends = Ends(Roles.of(stage, own), x0)
-        length = self.stride * leg_length(ends.roles.body_map)
+        ends = Ends(BodyParts.of(stage, own), x0)
+        length = self.stride * leg_length(ends.body_parts.body_map)
         return self.gesture(ends, [Step(length, turn / steps)] * steps).inputs(x0)
 
     def gesture(
-        self, ends: Ends, given: Sequence[Step], lengths: Mapping[str, float] | None = None
+        self, ends: Ends, steps: Sequence[Step], lengths: Mapping[str, float] | None = None
     ) -> Gesture:
         """Gesture of steps on the floor, with preparation and closing.
 
         Args:
             ends: ends of the puppet's strings; its start is a rest above the floor.
-            given: steps in order.
+            steps: steps in order.
             lengths: result of :func:`standing_lengths`, if known already.
 
         Raises:
             StateError, UnknownNameError: see :meth:`inputs`.
         """
         if lengths is None:
-            lengths = standing_lengths(ends.roles, ends.start)
-        return _Walk(self, ends, given, lengths).gesture()
+            lengths = standing_lengths(ends.body_parts, ends.start)
+        return _Walk(self, ends, steps, lengths).gesture()
 
 
 class _Walk:
     """Motion of a gait's steps; arguments as for :meth:`Gait.gesture`."""
 
-    def __init__(self, gait: Gait, ends: Ends, given: Sequence[Step], lengths: Mapping[str, float]):
-        self._gait, self._ends, self._n = gait, ends, len(given)
-        body_map = ends.roles.body_map
+    def __init__(self, gait: Gait, ends: Ends, steps: Sequence[Step], lengths: Mapping[str, float]):
+        self._gait, self._ends, self._n = gait, ends, len(steps)
+        body_map = ends.body_parts.body_map
         self._L, self._legs = leg_length(body_map), legs(body_map)
         self._phases = phases(body_map, gait.pattern)
-        self._of_strings = leg_strings(ends.roles)
-        for string in self._of_strings:
+        self._leg_of_string = leg_strings(ends.body_parts)
+        for string in self._leg_of_string:
             ends.check_driven(string)
-        self._track = Track(given, gait.step_time)
+        self._track = Track(steps, gait.step_time)
         n_pieces = round((PREPARATION + self._n + CLOSING) * _PIECES_PER_STEP)
         self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - PREPARATION
         self._down = self._rise(-PREPARATION, _LOWERING_TIME)
@@ -173,10 +173,10 @@ class _Walk:
         gait, ends, L = self._gait, self._ends, self._L
         path, heading = self._track.at(self._clock * gait.step_time)
         offset = _sum(times(-1j * gait.body_lead * L, self._down), self._sway())
-        others = [name for name in ends.places if name not in self._of_strings]
+        others = [name for name in ends.places if name not in self._leg_of_string]
         ends.carry(path, heading, offset, others)
         for string, length in self._lengths.items():
-            if string in self._of_strings:
+            if string in self._leg_of_string:
                 self._lift(string, length)
                 continue
             let_out = gait.lower + (gait.nod if string in self._looking else 0.0)
@@ -187,10 +187,12 @@ class _Walk:
 
     @property
     def _looking(self) -> set[str]:
-        return {name.removeprefix(self._ends.of) for name in self._ends.roles.body_map.looking}
+        return {
+            name.removeprefix(self._ends.prefix) for name in self._ends.body_parts.body_map.looking
+        }
 
     def _from_start(self, string: str, length: float) -> float:
-        return length - float(self._ends.start[f"{self._ends.of}{string}.length"])
+        return length - float(self._ends.start[f"{self._ends.prefix}{string}.length"])
 
     def _wind(self, string: str, curve: Curve) -> None:
         self._ends.add(f"{string}.length", curve)
@@ -200,11 +202,11 @@ class _Walk:
         gait, ends, L = self._gait, self._ends, self._L
         zero = times(0.0, self._down)
         tau, up, over = zero, zero, zero
-        for begin, end, distance in self._swings(self._of_strings[string]):
+        for begin, end, distance in self._swings(self._leg_of_string[string]):
             width = end - begin
-            early, top = gait.early * width, gait.top * width
-            tau = _sum(tau, times(distance, self._rise(begin + early, width - 2.0 * early)))
-            up = _sum(up, self._bump(begin, begin + top, end))
+            vertical, peak = gait.vertical_share * width, gait.peak_share * width
+            tau = _sum(tau, times(distance, self._rise(begin + vertical, width - 2.0 * vertical)))
+            up = _sum(up, self._bump(begin, begin + peak, end))
             bump = self._bump(begin, begin + _OVERSHOOT_PEAK * width, end)
             over = _sum(over, times(0.5 * distance, bump))
         forward = _sum(times(gait.leg_lead * L, self._down), times(gait.overshoot * L, over))
@@ -247,9 +249,9 @@ class _Walk:
                 sway = _sum(sway, times(2.0 * side / len(self._legs), up))
         return sway
 
-    def _bump(self, begin: float, top: float, end: float) -> Curve:
+    def _bump(self, begin: float, peak: float, end: float) -> Curve:
         """Curve from 0 to 1 and back, between times in steps."""
-        up, down = self._rise(begin, top - begin), self._rise(top, end - top)
+        up, down = self._rise(begin, peak - begin), self._rise(peak, end - peak)
         return _sum(up, times(-1.0, down))
 
     def _rise(self, begin: float, width: float) -> Curve:

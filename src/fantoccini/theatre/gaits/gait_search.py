@@ -33,7 +33,7 @@ from fantoccini.theatre.gaits.sliding import (
     footfalls,
 )
 from fantoccini.theatre.gaits.standing import standing_lengths
-from fantoccini.theatre.gestures import Ends, Roles, Step, leg_length
+from fantoccini.theatre.gestures import BodyParts, Ends, Step, leg_length
 
 _GOOD_COST = 0.7
 """Cost below which no further search is made."""
@@ -55,8 +55,8 @@ _SPREADS = {
     "body_lead": 0.04,
     "overshoot": 0.05,
     "sway": 0.015,
-    "early": 0.05,
-    "top": 0.08,
+    "vertical_share": 0.05,
+    "peak_share": 0.08,
 }
 _RANGES = {
     "duty": (0.25, 0.75),
@@ -68,8 +68,8 @@ _RANGES = {
     "body_lead": (-0.4, 0.4),
     "overshoot": (-0.2, 0.5),
     "sway": (-0.1, 0.1),
-    "early": (0.0, 0.3),
-    "top": (0.2, 0.7),
+    "vertical_share": (0.0, 0.3),
+    "peak_share": (0.2, 0.7),
 }
 """Spreads of the first draws, and ranges to which parameters are clipped, in the units of Gait."""
 _MIN_SPREAD_SHARE = 0.2
@@ -157,12 +157,12 @@ class _Steps:
     """Steps of a search: the puppet, its start, and the lengths at which it stands.
 
     Attributes:
-        roles: parts of the puppet.
+        body_parts: parts of the puppet.
         x0: rest at the start of all runs.
         lengths: result of :func:`standing_lengths`.
     """
 
-    roles: Roles
+    body_parts: BodyParts
     x0: State
     lengths: Mapping[str, float]
 
@@ -170,20 +170,20 @@ class _Steps:
     def of(cls, stage: Marionette, member: str) -> _Steps:
         """Steps of a puppet, or of a scene's member."""
         members = stage.puppet.members
-        roles = Roles.of(stage, member or (members[0] if len(members) == 1 else ""))
+        body_parts = BodyParts.of(stage, member or (members[0] if len(members) == 1 else ""))
         x0 = stage.rest()
-        return cls(roles, x0, standing_lengths(roles, x0))
+        return cls(body_parts, x0, standing_lengths(body_parts, x0))
 
     def inputs(self, gait: Gait) -> Input:
         """Motion of a gait's steps."""
-        length = gait.stride * leg_length(self.roles.body_map)
+        length = gait.stride * leg_length(self.body_parts.body_map)
         steps = [Step(length)] * _N_STEPS
-        return gait.gesture(Ends(self.roles, self.x0), steps, self.lengths).inputs(self.x0)
+        return gait.gesture(Ends(self.body_parts, self.x0), steps, self.lengths).inputs(self.x0)
 
     def checked(self, gait: Gait) -> TunedGait:
         """The gait, with its feet in a separate run."""
         run = simulate(
-            self.roles.marionette,
+            self.body_parts.marionette,
             self.x0,
             self.inputs(gait),
             gait.duration(_N_STEPS) + _TIME_AFTER,
@@ -191,7 +191,7 @@ class _Steps:
             save_every=_CHECK_SAVE_EVERY,
             throw=False,
         )
-        return TunedGait(gait, footfalls(self.roles, run, gait, _N_STEPS))
+        return TunedGait(gait, footfalls(self.body_parts, run, gait, _N_STEPS))
 
 
 def _packed(tuned: TunedGait) -> list[Array]:
@@ -205,13 +205,13 @@ def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
     """Gait and feet of :func:`_packed`."""
     numbers, slide, lift, stands, *scalars = arrays
     values = dict(zip(SEARCHED_PARAMETERS, numbers.tolist(), strict=True))
-    distance, asked_distance, distance_error, turn, upright, status = map(float, scalars)
+    distance, wanted_distance, distance_error, turn, upright, status = map(float, scalars)
     feet = Footfalls(
         slide,
         lift,
         stands,
         distance,
-        asked_distance,
+        wanted_distance,
         distance_error,
         turn,
         upright,
@@ -237,10 +237,10 @@ def _searched(steps: _Steps, first: Gait, rounds: int, draws: Draws) -> tuple[Tu
 
     for k in range(rounds):
         tuned = tune(
-            steps.roles.marionette,
+            steps.body_parts.marionette,
             lambda v: steps.inputs(gait_of(v)),
             {name: (getattr(best, name), share * spread) for name, spread in _SPREADS.items()},
-            lambda run: gait_cost(steps.roles, run, first, _N_STEPS),
+            lambda run: gait_cost(steps.body_parts, run, first, _N_STEPS),
             steps.x0,
             first.duration(_N_STEPS) + _TIME_AFTER,
             method=TimeStepping(dt=_TIME_STEP),
@@ -257,9 +257,9 @@ def _searched(steps: _Steps, first: Gait, rounds: int, draws: Draws) -> tuple[Tu
     return steps.checked(best), is_complete
 
 
-def gait_cost(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> float:
+def gait_cost(body_parts: BodyParts, run: Trajectory, gait: Gait, steps: int) -> float:
     """Cost of a run; 1 for a slide of ``MAX_SLIDE`` in every cycle."""
-    feet, L = footfalls(roles, run, gait, steps), leg_length(roles.body_map)
+    feet, L = footfalls(body_parts, run, gait, steps), leg_length(body_parts.body_map)
     slide = feet.slide / MAX_SLIDE
     return float(
         0.3 * slide.mean()

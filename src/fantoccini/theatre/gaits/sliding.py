@@ -12,7 +12,7 @@ from fantoccini.base import Array, Outcome, Status
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.gaits.gait import PREPARATION, Gait
-from fantoccini.theatre.gestures import Roles, feet, leg_length, phases
+from fantoccini.theatre.gestures import BodyParts, feet, leg_length, phases
 
 MAX_STANDING_HEIGHT, MAX_SLIDING_HEIGHT = 1e-4, 3e-5
 """Heights below which a foot counts as on the floor, and as sliding on it [m]."""
@@ -29,7 +29,7 @@ MIN_STANDING_SHARE = 0.4
 
 
 class WalkStatus(Outcome):
-    """Outcome of a run of a gait, the gravest one if several apply."""
+    """Outcome of a run of a gait; the gravest if several apply."""
 
     WALKS = "it walks the distance, and no foot slides more than 2 mm in a cycle"
     SLIDES = "it walks the distance, but a foot slides more than 2 mm in a cycle"
@@ -49,8 +49,8 @@ class Footfalls:
         lift: (n, n_legs) largest height of the foot above the floor in each cycle [m].
         stands: (n, n_legs) share of each cycle in which the foot is on the floor.
         distance: distance that the trunk moves forward, along its heading; below 0 backward [m].
-        asked_distance: distance of the gait's steps [m].
-        distance_error: error of the distance, relative to ``asked_distance``, or to the legs'
+        wanted_distance: distance of the gait's steps [m].
+        distance_error: error of the distance, relative to ``wanted_distance``, or to the legs'
             length if that is longer.
         turn: angle by which the trunk turns to the left, over the run [rad].
         upright: least cosine of the trunk's inclination, relative to the start.
@@ -61,7 +61,7 @@ class Footfalls:
     lift: Array
     stands: Array
     distance: float
-    asked_distance: float
+    wanted_distance: float
     distance_error: float
     turn: float
     upright: float
@@ -100,7 +100,7 @@ class Footfalls:
         """Status in words, with the numbers that decide it."""
         run = "" if self.run_status is Status.DONE else f"; the run: {self.run_status.message}"
         return (
-            f"{self.status.message}: {self.distance:.3f} m of {self.asked_distance:.3f} m, slide "
+            f"{self.status.message}: {self.distance:.3f} m of {self.wanted_distance:.3f} m, slide "
             f"{1e3 * self.max_slide:.1f} mm, inclination "
             f"{np.degrees(np.arccos(np.clip(self.upright, -1.0, 1.0))):.0f} deg{run}"
         )
@@ -109,40 +109,40 @@ class Footfalls:
         return self.status is WalkStatus.WALKS
 
 
-def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfalls:
+def footfalls(body_parts: BodyParts, run: Trajectory, gait: Gait, steps: int) -> Footfalls:
     """Feet of a puppet in a run of a gait.
 
     Args:
-        roles: parts of the puppet.
+        body_parts: parts of the puppet.
         run: run of ``gait.inputs(..., steps)``, with at least 100 samples per second. If it ends
-            early, cycles that are not complete are left out.
+            early, incomplete cycles are left out.
         gait, steps: the gait, and its number of steps.
 
     Raises:
         StateError: no body of a leg has shapes.
     """
-    marionette, t = roles.marionette, np.asarray(run.t) - run.t[0]
+    marionette, t = body_parts.marionette, np.asarray(run.t) - run.t[0]
     poses = marionette.poses(run.q_D, run.q_K)
     floor = marionette.number(marionette.puppet.floor or 0.0)
-    first = phases(roles.body_map, gait.pattern)
+    leg_phases = phases(body_parts.body_map, gait.pattern)
     n_cycles = int(np.ceil(0.5 * steps))
     is_whole = t[-1] > gait.duration(steps) - _SAME_TIME
     if not is_whole:
-        n_begun = 0.5 * (t[-1] / gait.step_time - PREPARATION) - max(first.values())
-        n_cycles = min(n_cycles, max(0, int(n_begun)))
-    slide, lift, stands = np.zeros((3, n_cycles, len(first)))
-    for leg, (name, foot) in enumerate(feet(roles).items()):
-        height, moved = _lowest(marionette.tree.links[foot].shapes, poses[:, foot], floor)
-        cycle = 0.5 * (t / gait.step_time - PREPARATION) - first[name]
+        n_complete = 0.5 * (t[-1] / gait.step_time - PREPARATION) - max(leg_phases.values())
+        n_cycles = min(n_cycles, max(0, int(n_complete)))
+    slide, lift, stands = np.zeros((3, n_cycles, len(leg_phases)))
+    for leg, (name, foot) in enumerate(feet(body_parts).items()):
+        height, slides = _lowest(marionette.tree.links[foot].shapes, poses[:, foot], floor)
+        cycle = 0.5 * (t / gait.step_time - PREPARATION) - leg_phases[name]
         for k in range(n_cycles):
             inside = (cycle >= k) & (cycle < k + 1)
-            slide[k, leg], lift[k, leg] = moved[inside].sum(), height[inside].max()
+            slide[k, leg], lift[k, leg] = slides[inside].sum(), height[inside].max()
             stands[k, leg] = np.mean(height[inside] < MAX_STANDING_HEIGHT)
-    trunk = poses[:, marionette.link_index(roles.body_map.trunk[0])]
-    L = leg_length(roles.body_map)
-    asked_distance = steps * gait.stride * L
+    trunk = poses[:, marionette.link_index(body_parts.body_map.trunk[0])]
+    L = leg_length(body_parts.body_map)
+    wanted_distance = steps * gait.stride * L
     up = trunk[0, 2, :3]
-    forward = np.array(roles.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
+    forward = np.array(body_parts.body_map.facing) @ trunk[:, :2, :3].transpose(0, 2, 1)
     headings = np.unwrap(np.arctan2(forward[:, 1], forward[:, 0]))
     distance = _forward_distance(trunk[:, :2, 3], headings, t, 2.0 * gait.step_time)
     return Footfalls(
@@ -150,8 +150,8 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
         lift,
         stands,
         distance,
-        asked_distance,
-        abs(distance - asked_distance) / max(abs(asked_distance), L),
+        wanted_distance,
+        abs(distance - wanted_distance) / max(abs(wanted_distance), L),
         float(headings[-1] - headings[0]),
         float(np.min(trunk[:, 2, :3] @ up / np.linalg.norm(up))),
         Status.RUNNING if run.status is Status.DONE and not is_whole else run.status,
@@ -161,7 +161,7 @@ def footfalls(roles: Roles, run: Trajectory, gait: Gait, steps: int) -> Footfall
 def _forward_distance(place: Array, heading: Array, t: Array, period: float) -> float:
     """Sum over cycles of the displacement along the mean heading of the cycle [m].
 
-    A trunk that sways and turns in every cycle walks along its mean heading.
+    The trunk sways and turns in every cycle, and walks along its mean heading.
 
     Args:
         place: (T, 2) places [m].
@@ -189,18 +189,18 @@ def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Arra
     below = -R[:, 2, :]
     points = np.stack([support(shape)(below) for shape in shapes])
     z = np.einsum("ti,sti->st", R[:, 2, :], points) + r[:, 2] - floor
-    which = np.argmin(z, axis=0)
-    at = points[which, np.arange(len(r))]
-    height = z[which, np.arange(len(r))]
-    now = np.einsum("tij,tj->ti", R, at) + r
-    then = np.einsum("tij,tj->ti", R[1:], at[:-1]) + r[1:]
-    moved = np.linalg.norm((then - now[:-1])[:, :2], axis=1)
-    on = height < MAX_SLIDING_HEIGHT
-    return height, np.append(np.where(on[:-1] & on[1:], moved, 0.0), 0.0)
+    lowest = np.argmin(z, axis=0)
+    at = points[lowest, np.arange(len(r))]
+    height = z[lowest, np.arange(len(r))]
+    position = np.einsum("tij,tj->ti", R, at) + r
+    next_position = np.einsum("tij,tj->ti", R[1:], at[:-1]) + r[1:]
+    distance = np.linalg.norm((next_position - position[:-1])[:, :2], axis=1)
+    is_down = height < MAX_SLIDING_HEIGHT
+    return height, np.append(np.where(is_down[:-1] & is_down[1:], distance, 0.0), 0.0)
 
 
 def support(shape: Shape) -> Callable[[Array], Array]:
-    """Function: directions (n, 3) -> farthest points (n, 3) of a shape, in body axes [m]."""
+    """Support function of a shape: directions (n, 3) -> farthest points (n, 3), body axes [m]."""
 
     def of_ball(d: Array) -> Array:
         return d / np.linalg.norm(d, axis=1, keepdims=True)

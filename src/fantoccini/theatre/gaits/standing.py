@@ -1,4 +1,4 @@
-"""Lengths of strings at which a puppet's legs hang free and its soles just reach the floor."""
+"""Lengths of strings at which a puppet's legs hang freely and its soles just reach the floor."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from fantoccini.base import Array, StateError
-from fantoccini.model.tree import place, shape_box
+from fantoccini.model.tree import point_position, shape_box
 from fantoccini.motion import State
-from fantoccini.theatre.gestures import Roles, feet, leg_length, leg_strings, legs
+from fantoccini.theatre.gestures import BodyParts, feet, leg_length, leg_strings, legs
 
 _RAISED_HEIGHT = 0.4
 """Height by which the puppet is raised to measure its hanging legs, relative to their length."""
@@ -20,88 +20,93 @@ _MIN_WHEELBASE = 0.1
 lowered without pitching."""
 
 
-def standing_lengths(roles: Roles, start: State) -> dict[str, float]:
+def standing_lengths(body_parts: BodyParts, start: State) -> dict[str, float]:
     """String -> length at which the soles just reach the floor [m].
 
-    Strings of legs then just reach their legs. Where front and hind legs differ in height, the
-    other strings pitch the trunk.
+    Strings of legs are then just taut. Where front and hind legs differ in height, the other
+    strings pitch the trunk.
 
     Args:
-        roles: parts of the puppet.
+        body_parts: parts of the puppet.
         start: rest on its strings.
 
     Raises:
         StateError: the puppet has no legs, a leg has no shapes, or it does not hang at rest with
             free legs.
     """
-    L = leg_length(roles.body_map)
+    L = leg_length(body_parts.body_map)
     if not L:
         raise StateError("it walks; the puppet has no legs")
-    free = _with_free_legs(roles, start, L)
-    poses = roles.marionette.poses(free.q_D[None], free.q_K[None])
-    heading = _heading(roles, poses[0])
-    drop, of_legs = _drop(roles, poses[0], L, heading), set(leg_strings(roles))
-    lengths = {}
-    for row in roles.marionette.tree.strings:
-        name = row.name.removeprefix(roles.prefix)
-        length = f"{row.name}.length"
-        if not row.name.startswith(roles.prefix) or length not in roles.marionette.coordinates.q_K:
+    free = _with_free_legs(body_parts, start, L)
+    poses = body_parts.marionette.poses(free.q_D[None], free.q_K[None])
+    heading = _heading(body_parts, poses[0])
+    drop, lengths = _drop(body_parts, poses[0], L, heading), {}
+    marionette, prefix = body_parts.marionette, body_parts.prefix
+    of_legs = set(leg_strings(body_parts))
+    for row in marionette.tree.strings:
+        name, length = row.name.removeprefix(prefix), f"{row.name}.length"
+        if not row.name.startswith(prefix) or length not in marionette.coordinates.q_K:
             continue
-        path = np.array([place(poses, point, roles.marionette.number)[0] for point in row.points])
+        positions = [point_position(poses, point, marionette.number)[0] for point in row.points]
+        path = np.array(positions)
         before = _length(path)
-        along = float(path[:, :2].mean(axis=0) @ heading)
-        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(along)
+        place = float(path[:, :2].mean(axis=0) @ heading)
+        path[0 if path[0, 2] < path[-1, 2] else -1, 2] -= drop(place)
         after = _length(path)
         lengths[name] = after if name in of_legs else float(free[length]) + after - before
     return lengths
 
 
-def _with_free_legs(roles: Roles, start: State, leg: float) -> State:
+def _with_free_legs(body_parts: BodyParts, start: State, leg: float) -> State:
     """Rest above the floor, with slack strings of the legs."""
-    table, up, of_legs = roles.marionette.coordinates, _RAISED_HEIGHT * leg, set(leg_strings(roles))
+    table, up = body_parts.marionette.coordinates, _RAISED_HEIGHT * leg
+    of_legs = set(leg_strings(body_parts))
     values = {name: float(start[name]) for name in table.q_K}
     for name in table.q_K:
-        own, _, part = name.removeprefix(roles.prefix).rpartition(".")
-        if name.startswith(roles.prefix) and part == "length":
-            values[name] += (_SLACK_LENGTH * leg if own in of_legs else 0.0) - up
+        string, _, part = name.removeprefix(body_parts.prefix).rpartition(".")
+        if name.startswith(body_parts.prefix) and part == "length":
+            values[name] += (_SLACK_LENGTH * leg if string in of_legs else 0.0) - up
     for name in table.q_D:
-        if name.startswith(roles.prefix) and name.endswith(".z"):
+        if name.startswith(body_parts.prefix) and name.endswith(".z"):
             values[name] = float(start[name]) + up
-    return roles.marionette.rest(values)
+    return body_parts.marionette.rest(values)
 
 
-def _heading(roles: Roles, poses: Array) -> Array:
+def _heading(body_parts: BodyParts, poses: Array) -> Array:
     """(2,) horizontal unit direction in which the puppet looks, for poses (n_links, 3, 4)."""
-    trunk = poses[roles.marionette.link_index(roles.body_map.trunk[0])]
-    forward: Array = (trunk[:, :3] @ np.array(roles.body_map.facing))[:2]
+    trunk = poses[body_parts.marionette.link_index(body_parts.body_map.trunk[0])]
+    forward: Array = (trunk[:, :3] @ np.array(body_parts.body_map.facing))[:2]
     return forward / np.linalg.norm(forward)
 
 
-def _drop(roles: Roles, poses: Array, leg: float, heading: Array) -> Callable[[float], float]:
-    """Function: place along the heading -> distance to lower the trunk there until soles touch [m].
+def _drop(
+    body_parts: BodyParts, poses: Array, leg: float, heading: Array
+) -> Callable[[float], float]:
+    """Distance by which the trunk must be lowered until soles touch, by place along the heading.
 
     Args:
-        roles: parts of the puppet.
+        body_parts: parts of the puppet.
         poses: (n_links, 3, 4) poses of its links.
         leg: length of the legs [m].
         heading: (2,) horizontal unit direction in which the puppet looks.
 
     Returns:
-        Function of the point's place along the heading.
+        Function: place along the heading [m] -> distance [m].
     """
-    marionette = roles.marionette
+    marionette = body_parts.marionette
     floor = marionette.number(marionette.puppet.floor or 0.0)
     hips, heights = [], []
-    for name, foot in feet(roles).items():
-        hip = marionette.link_index(legs(roles.body_map)[name].bodies[0])
+    for name, foot in feet(body_parts).items():
+        hip = marionette.link_index(legs(body_parts.body_map)[name].bodies[0])
         shapes = marionette.tree.links[foot].shapes
         hips.append(float(poses[hip, :2, 3] @ heading))
         heights.append(min(shape_box(shape, poses[foot])[0][2] for shape in shapes) - floor)
     if np.ptp(hips) < _MIN_WHEELBASE * leg:
-        return lambda along: float(np.mean(heights))
+        return lambda place: float(np.mean(heights))
     slope, height = np.polyfit(hips, heights, 1)
-    return lambda along: float(height + slope * along)
+    return lambda place: float(height + slope * place)
 
 
 def _length(path: Array) -> float:
+    """Length of a path (n, 3) [m]."""
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

@@ -2,6 +2,7 @@
 
 from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
 from fantoccini.theatre.gestures.ends import Complex, ComplexCurve, Curve, Ends, times
@@ -23,8 +24,8 @@ from fantoccini.theatre.gestures.leg_order import (
     legs,
     phases,
 )
-from fantoccini.theatre.gestures.moves import names_and_units, planes
-from fantoccini.theatre.gestures.parameters import MADE
+from fantoccini.theatre.gestures.moves import names_and_units, xy_indices
+from fantoccini.theatre.gestures.parameters import COMPUTED_GESTURES
 from fantoccini.theatre.gestures.performing import (
     CannotBe,
     Hands,
@@ -37,7 +38,6 @@ from fantoccini.theatre.gestures.performing import (
 )
 from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
-from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
 from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
@@ -56,11 +56,12 @@ from fantoccini.theatre.gestures.walking import SWAY, leg_ratio, steps
 __all__ = [
     "ACCELERATION",
     "ARM",
-    "MADE",
+    "COMPUTED_GESTURES",
     "SAME",
     "SPEED",
     "STEP_TIME",
     "SWAY",
+    "BodyParts",
     "CannotBe",
     "Caption",
     "Complex",
@@ -81,7 +82,6 @@ __all__ = [
     "Played",
     "Policy",
     "Rehearsal",
-    "Roles",
     "Score",
     "Sound",
     "Step",
@@ -108,11 +108,11 @@ __all__ = [
     "names_and_units",
     "phases",
     "piecewise",
-    "planes",
     "read_sounds",
     "rehearse",
     "stepping",
     "steps",
     "times",
     "transition",
+    "xy_indices",
 ]

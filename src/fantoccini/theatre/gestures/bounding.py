@@ -19,10 +19,10 @@ _ROUNDING = 2e-3
 Cues = Sequence[tuple[Cue[ScoreCue], Played, Motion]]
 
 
-def note_passed(whole: Gesture, most: Array, cues: Cues, log: ScriptLog) -> None:
+def note_exceeded(whole: Gesture, bounds: Array, cues: Cues, log: ScriptLog) -> None:
     """Records where a speed or an acceleration exceeds its bound, once for each cue."""
     sizes, middle = whole.peaks_of_pieces, 0.5 * (whole.breaks[1:] + whole.breaks[:-1])
-    over = sizes > most * (1.0 + _ROUNDING)
+    over = sizes > bounds * (1.0 + _ROUNDING)
     worst: dict[tuple[int, int, int], int] = {}
     driven = names_and_units(whole.coordinates)
     for piece, row, v in np.argwhere(over).tolist():
@@ -36,7 +36,7 @@ def note_passed(whole: Gesture, most: Array, cues: Cues, log: ScriptLog) -> None
         log.change(
             cues[i][0].spot,
             f"{name} {what} {sizes[piece, row, v]:.4g} {unit} "
-            f"{log.in_words(whole.breaks[piece])}; the bound is {most[row, v]:.4g}: play it "
+            f"{log.in_words(whole.breaks[piece])}; the bound is {bounds[row, v]:.4g}: play it "
             "smaller or slower",
         )
 

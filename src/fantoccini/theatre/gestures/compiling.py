@@ -12,7 +12,7 @@ import numpy as np
 from fantoccini.base import Array, FileError, InputError, UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
-from fantoccini.theatre.gestures.bounding import note_passed
+from fantoccini.theatre.gestures.bounding import note_exceeded
 from fantoccini.theatre.gestures.placing import PlacedLanes, place_lanes
 from fantoccini.theatre.gestures.score import Caption, Score, Wait
 from fantoccini.theatre.gestures.score_gestures import ScoreGestures
@@ -22,15 +22,15 @@ from fantoccini.theatre.gestures.turns import TurnError
 from fantoccini.theatre.gestures.waiting import note_moving
 from fantoccini.theatre.script import LATE, ScoreFile, ScriptLog, Spot, read_script
 
-_NO_BOUNDS = {"speed": 1.0, "acceleration": 1.0}
+_TRIAL_BOUNDS = {"speed": 1.0, "acceleration": 1.0}
+"""Valid bounds, with which single bounds of a file are checked."""
 
 
 def load_score(marionette: Marionette, path: str | os.PathLike[str]) -> Score:
     """Score of a file.
 
-    A gesture begins late if the way to its start takes longer within the bounds;
-    :attr:`Score.changes` reports it. It also reports where lanes together or single gestures exceed
-    a bound.
+    A gesture begins late if the transition to its start takes longer within the bounds.
+    :attr:`Score.changes` reports this, and where lanes together or single gestures exceed a bound.
 
     Args:
         marionette: puppet that performs it.
@@ -75,11 +75,11 @@ class _Compiler:
             log.beat,
         )
         try:
-            whole, own = placed.hands.motion(self._table, [*file.lanes], end)
+            whole, lane_motions = placed.hands.motion(self._table, [*file.lanes], end)
         except TurnError as error:
-            mover = self._mover(placed, error.channel)
-            raise log.located.error([(mover, str(error))], FileError) from None
-        note_passed(whole, bounds, placed.played, log)
+            spot = self._moving_cue(placed, error.channel)
+            raise log.located.error([(spot, str(error))], FileError) from None
+        note_exceeded(whole, bounds, placed.played, log)
         note_moving(whole, waits, placed.played, log)
         log.mistakes.refuse()
         last: list[tuple[Spot, float]] = [(("marks", name), t) for name, t in placed.marks.items()]
@@ -103,17 +103,17 @@ class _Compiler:
             file.acceleration,
             waits,
             sounds,
-            own,
+            lane_motions,
             file.tempo,
         )
         try:
             score.inputs(start)
         except InputError as error:
-            passed = [
-                (self._mover(placed, mistake.key), f"{mistake.key}: {mistake.message}")
+            mistakes = [
+                (self._moving_cue(placed, mistake.key), f"{mistake.key}: {mistake.message}")
                 for mistake in error.mistakes
             ]
-            raise self._log.located.error(passed, FileError) from None
+            raise self._log.located.error(mistakes, FileError) from None
         return score
 
     def _bounds(self) -> Array:
@@ -121,17 +121,18 @@ class _Compiler:
         file, options = self._file, dict[str, Any]()
         for key in ("speed", "acceleration"):
             bound = getattr(file, key)
-            for name, own in bound.items() if isinstance(bound, dict) else [("", bound)]:
+            for name, value in bound.items() if isinstance(bound, dict) else [("", bound)]:
                 spot = (key, name) if name else (key,)
+                trial = _TRIAL_BOUNDS | {key: {name: value} if name else value}
                 try:
-                    limits(self._table, **(_NO_BOUNDS | {key: {name: own} if name else own}))
+                    limits(self._table, **trial)
                 except (UnknownNameError, ValueError) as error:
                     self._log.mistakes.add(spot, str(error))
             options[key] = bound
         self._log.mistakes.refuse()
         return limits(self._table, **options)
 
-    def _mover(self, placed: PlacedLanes, channel: str) -> Spot:
+    def _moving_cue(self, placed: PlacedLanes, channel: str) -> Spot:
         """Keys of the cue that moves a coordinate farthest."""
         places = pieces.channel_names(self._table)
         if channel not in places or not placed.played:
@@ -141,6 +142,7 @@ class _Compiler:
         return placed.played[int(np.argmax(sizes))][0].spot
 
     def _caption(self, placed: PlacedLanes, i: int) -> Caption:
+        """Caption i of the file, with its times."""
         caption, log = self._file.captions[i], self._log
         start = placed.time(caption.at, ("captions", i, "at"), log)
         end = placed.time(caption.until, ("captions", i, "until"), log)

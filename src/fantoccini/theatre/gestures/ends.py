@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from fantoccini.base import Array, Times, UnknownNameError, polynomial
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pieces
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.roles import Roles
 
 Curve = tuple[Array, Array, Array]
 """Values and their first and second derivatives with respect to time."""
@@ -34,7 +34,7 @@ class Ends:
     """Ends of a puppet's strings, with their places and motion.
 
     Attributes:
-        roles: parts of the puppet's body.
+        body_parts: parts of the puppet's body.
         body: names of the strings that carry head and trunk.
         places: string -> x + i y of its end at the start [m].
         middle: midpoint of the ends of the strings that carry the trunk [m].
@@ -48,7 +48,7 @@ class Ends:
         UnknownNameError: an end or length of a string that carries head or trunk is not driven.
     """
 
-    roles: Roles
+    body_parts: BodyParts
     start: State
     body: tuple[str, ...] = field(default=(), init=False)
     places: dict[str, complex] = field(default_factory=dict, init=False)
@@ -57,36 +57,36 @@ class Ends:
     turns: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
-        carrying = self.roles.strings("trunk")
-        has_head = bool(self.roles.body_map.looking)
-        self.body = self.roles.strings("head", "trunk") if has_head else carrying
+        carrying = self.body_parts.strings("trunk")
+        has_head = bool(self.body_parts.body_map.looking)
+        self.body = self.body_parts.strings("head", "trunk") if has_head else carrying
         known = pieces.channel_names(self.table)
-        own = [name[len(self.of) :] for name in known if name.startswith(self.of)]
+        own = [name[len(self.prefix) :] for name in known if name.startswith(self.prefix)]
         owners = {name.rsplit(".", 1)[0] for name in own}
         for owner in self.body:
             self.check_driven(owner)
         for owner in sorted(owners):
             if f"{owner}.x" in own and f"{owner}.y" in own and "." not in owner:
-                x, y = (float(self.start[f"{self.of}{owner}.{part}"]) for part in "xy")
+                x, y = (float(self.start[f"{self.prefix}{owner}.{part}"]) for part in "xy")
                 self.places[owner] = complex(x, y)
         self.middle = sum(self.places[name] for name in carrying) / len(carrying)
 
     @property
     def table(self) -> CoordinateTable:
         """Coordinates of the puppet or scene."""
-        return self.roles.marionette.coordinates
+        return self.body_parts.marionette.coordinates
 
     @property
-    def of(self) -> str:
+    def prefix(self) -> str:
         """Prefix of the strings' names: ``pierrot.``, or nothing."""
-        return self.roles.prefix
+        return self.body_parts.prefix
 
     def check_driven(self, string: str) -> None:
         """Raises UnknownNameError unless a string's end moves along x and y, and it is wound."""
         known = pieces.channel_names(self.table)
         for part in ("x", "y", "length"):
-            if f"{self.of}{string}.{part}" not in known:
-                raise UnknownNameError("driven coordinate", f"{self.of}{string}.{part}", known)
+            if f"{self.prefix}{string}.{part}" not in known:
+                raise UnknownNameError("driven coordinate", f"{self.prefix}{string}.{part}", known)
 
     def carry(
         self,
@@ -109,7 +109,7 @@ class Ends:
         self.turns = self.turns or bool(np.any(heading[0] != 0.0))
         theta, rate, change = heading
         w0, w1, w2 = sway if sway is not None else (0.0 * theta,) * 3
-        if first := self.roles.heading:
+        if first := self.body_parts.heading:
             # Ends lie about the middle as they do in the file; path and sway turn with the puppet.
             turn = np.exp(1j * first)
             path, (w0, w1, w2) = times(turn, path), times(turn, (w0, w1, w2))
@@ -132,12 +132,19 @@ class Ends:
         self.curves[name] = curve
 
     def gesture(self, t: Times, name: str, marks: dict[str, float], travels: bool) -> Gesture:
-        """Motion as a gesture with breaks at the curves' times."""
+        """Motion as a gesture with breaks at the curves' times.
+
+        Args:
+            t: times of the curves [s].
+            name: name of the gesture.
+            marks: mark -> time [s].
+            travels: whether the next gesture begins where this one ends.
+        """
         h, n = np.diff(t), self.table.n_vK
         coef, named = np.zeros((len(h), n, polynomial.N_COEF)), np.zeros(n, dtype=bool)
         travel, known = np.zeros(n), pieces.channel_names(self.table)
         for channel, curve in self.curves.items():
-            v = known[self.of + channel][1].start
+            v = known[self.prefix + channel][1].start
             d, rate, change = curve
             first, last = (d[:-1], rate[:-1], change[:-1]), (d[1:], rate[1:], change[1:])
             coef[:, v] = polynomial.hermite(h, first, last)

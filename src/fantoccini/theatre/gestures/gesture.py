@@ -18,9 +18,9 @@ from fantoccini.base import Array, MaskRows, StateError, Times, VecK, check_posi
 from fantoccini.base.documents import Mistakes
 from fantoccini.motion import SAME_TIME, Input, State, Table, binding, pieces, reading
 from fantoccini.theatre.gestures import moves, piecewise
+from fantoccini.theatre.gestures.body_parts import OwnAxes
 from fantoccini.theatre.gestures.joining import Line, Motion
-from fantoccini.theatre.gestures.roles import OwnAxes
-from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, Most, limits
+from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, Limit, limits
 from fantoccini.theatre.gestures.turns import check_turns, end_shift, from_start, with_rotations
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ _REST_TIME = 0.02
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gesture:
-    """A short motion of part of a puppet, relative to its rest.
+    """Short motion of part of a puppet, relative to its rest.
 
     ::
 
@@ -53,10 +53,10 @@ class Gesture:
         travel: (n_vK,) part of its last offset that shifts the origin of later gestures, as after a
             walk [m or rad].
         name: name of the gesture.
-        marks: name -> time within it [s], such as that at which a hand is up or a foot lands. Of
-            gestures in a row the second mark of a name is called ``up 2``, and so on.
-        turns: whether it turns the ends of all strings together: it is then neither scaled nor
-            repeated, which would tear them apart.
+        marks: name -> time within it [s], such as that at which a hand is up or a foot lands. In a
+            row of gestures the second mark ``up`` is called ``up 2``, and so on.
+        turns: whether it turns the ends of all strings together; it is then neither scaled nor
+            repeated, which would change the distances between the ends.
     """
 
     coordinates: CoordinateTable
@@ -120,7 +120,7 @@ class Gesture:
 
     @property
     def peaks(self) -> Array:
-        """(2, n_vK) largest speeds, as bounds within about 1e-3, and accelerations."""
+        """(2, n_vK) largest speeds, overestimated by at most about 1e-3, and accelerations."""
         return np.max(self.peaks_of_pieces, axis=0)
 
     @cached_property
@@ -128,7 +128,7 @@ class Gesture:
         """(n, 2, n_vK) peaks of every piece."""
         return piecewise.peaks(self.breaks, self.coef)
 
-    # -- making one --------------------------------------------------------------------------
+    # -- constructors ------------------------------------------------------------------------
 
     @classmethod
     def of(
@@ -175,7 +175,12 @@ class Gesture:
         name: str = "",
         marks: Mapping[str, float] | None = None,
     ) -> Gesture:
-        """Gesture as in :meth:`of`, from arrays by the names of :func:`moves.places`.
+        """Gesture as in :meth:`of`, from arrays.
+
+        Args:
+            table: coordinate table.
+            offsets: name as in :func:`moves.scalar_indices` -> times [s] and offsets.
+            travels, name, marks: see :meth:`of`.
 
         Raises:
             StateError: it travels, and a driven body ends turned.
@@ -195,8 +200,8 @@ class Gesture:
             travels, name: see :meth:`of`.
 
         Raises:
-            StateError: a driven body turns by nearly 180 degrees, or it travels and a driven body
-                ends turned.
+            StateError: a driven body turns by nearly 180 degrees, or the gesture travels and a
+                driven body ends turned.
         """
         table, coef = inputs.coordinates, from_start(inputs, np.diff(inputs.breaks))
         for _, v in table.scalars_K:
@@ -208,7 +213,7 @@ class Gesture:
 
     @classmethod
     def rest(cls, table: Table, duration: float = 0.5, *, everything: bool = True) -> Gesture:
-        """Gesture that hangs still; after other gestures it is the way back to rest.
+        """Gesture without motion; after other gestures it returns the puppet to rest.
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
@@ -217,11 +222,11 @@ class Gesture:
         """
         check_positive(duration=duration)
         table = reading.table_of(table)
-        nothing = np.zeros((1, table.n_vK, 6))
+        coef = np.zeros((1, table.n_vK, 6))
         named = np.full(table.n_vK, everything)
-        return cls(table, np.array([0.0, duration]), nothing, named, nothing[0, :, 0], "rest")
+        return cls(table, np.array([0.0, duration]), coef, named, coef[0, :, 0], "rest")
 
-    # -- changing one ------------------------------------------------------------------------
+    # -- changed copies ----------------------------------------------------------------------
 
     def called(self, name: str) -> Gesture:
         """Copy with another name."""
@@ -255,7 +260,7 @@ class Gesture:
         return self.faster(self.duration / duration)
 
     def delayed(self, by: float) -> Gesture:
-        """Copy after a pause at its first offsets [s]."""
+        """Copy that begins after a pause at its first offsets [s]."""
         check_positive(by=by)
         clock = np.append(0.0, self.breaks + by)
         return replace(
@@ -278,7 +283,7 @@ class Gesture:
         points = {name: [(0.0, offset)] for name, offset in by.items()}
         read = moves.read(self.coordinates, points, mistakes)
         mistakes.refuse()
-        coef, places = np.array(self.coef), moves.places(self.coordinates)
+        coef, places = np.array(self.coef), moves.scalar_indices(self.coordinates)
         for name, (_, offsets) in read.items():
             coef[:, places[name], 0] += offsets[0]
         named = self.named | Gesture.of_offsets(self.coordinates, read).named
@@ -305,7 +310,7 @@ class Gesture:
             return own.mirrored().placed(axes)
         coef, travel = np.zeros_like(self.coef), np.zeros_like(self.travel)
         named = np.zeros_like(self.named)
-        for v, to, sign in moves.images(self.coordinates, self.named):
+        for v, to, sign in moves.mirror_images(self.coordinates, self.named):
             coef[:, to] = sign[:, None] * self.coef[:, v]
             named[to], travel[to] = self.named[v], sign * self.travel[v]
         return replace(self, coef=coef, named=named, travel=travel)
@@ -327,7 +332,7 @@ class Gesture:
         """
         coef, travel, named = np.array(self.coef), np.array(self.travel), np.array(self.named)
         c, s = np.cos(angle), np.sin(angle)
-        for x, y in moves.planes(self.coordinates, self.named):
+        for x, y in moves.xy_indices(self.coordinates, self.named):
             a, b = self.coef[:, x], self.coef[:, y]
             coef[:, x], coef[:, y] = c * a - s * b, s * a + c * b
             a, b = self.travel[x], self.travel[y]
@@ -339,7 +344,7 @@ class Gesture:
         """Copy repeated several times in a row; options are those of :meth:`then`.
 
         Raises:
-            StateError: it turns: the second time needs another heading.
+            StateError: it turns; each repetition would need another heading.
         """
         if not isinstance(times, int) or times < 1:
             raise ValueError(f"times is {times!r}; it must be a whole number of at least 1")
@@ -348,12 +353,12 @@ class Gesture:
         return self.then(*[self] * (times - 1), **options) if times > 1 else self
 
     def then(
-        self, *others: Gesture, speed: Most = SPEED, acceleration: Most = ACCELERATION
+        self, *others: Gesture, speed: Limit = SPEED, acceleration: Limit = ACCELERATION
     ) -> Gesture:
         """This gesture, then others, in one motion whose position and velocity are continuous.
 
-        If one ends at another place or speed than the next one begins, a quintic leads over, as
-        short as the bounds allow. Coordinates that the next one does not name stop and stay where
+        Where one ends at another place or speed than the next begins, a quintic joins them, as
+        short as the bounds allow. Coordinates that the next one does not name stop, and stay where
         they are.
 
         Args:
@@ -369,15 +374,15 @@ class Gesture:
         line = Line.empty(limits(self.coordinates, speed, acceleration), *(x[0] for x in self.ends))
         marks: dict[str, float] = {}
         for gesture in (self, *others):
-            line, begun, _ = line.add(gesture.motion)
+            line, start, _ = line.add(gesture.motion)
             for name, t in gesture.marks.items():
-                marks[numbered(name, marks)] = begun + t
+                marks[numbered(name, marks)] = start + t
         names = dict.fromkeys(gesture.name for gesture in (self, *others) if gesture.name)
         turns = any(gesture.turns for gesture in (self, *others))
         return Gesture(self.coordinates, *line.motion, ", ".join(names), marks, turns)
 
     def __add__(self, other: Gesture) -> Gesture:
-        """Sum of two gestures from the same time on; the shorter one holds its end.
+        """Sum of two gestures that begin together; the shorter one stays at its end.
 
         Turns of one body add as rotation vectors.
 
@@ -389,7 +394,7 @@ class Gesture:
         if not isinstance(other, Gesture):
             return NotImplemented
         binding.check_same_puppet([self.coordinates, other.coordinates])
-        shorter = min(self, other, key=lambda one: one.duration)
+        shorter = min(self, other, key=lambda gesture: gesture.duration)
         if self.duration != other.duration and np.max(np.abs(shorter.ends[1][1])) > _MAX_REST_SPEED:
             raise StateError(f"{shorter!r} ends in motion; what is added to it must end with it")
         marks = dict(self.marks)
@@ -406,13 +411,15 @@ class Gesture:
             marks,
         )
 
-    # -- using one ---------------------------------------------------------------------------
+    # -- inputs ------------------------------------------------------------------------------
 
-    def inputs(self, x0: State, *, speed: Most = SPEED, acceleration: Most = ACCELERATION) -> Input:
-        """Input from a state on, at rest at both ends.
+    def inputs(
+        self, x0: State, *, speed: Limit = SPEED, acceleration: Limit = ACCELERATION
+    ) -> Input:
+        """Input that begins at a state and is at rest at both ends.
 
-        A gesture that begins elsewhere or in motion is preceded by a transition, which delays all
-        its times; one that ends in motion is followed by a stop.
+        A gesture that begins away from rest is preceded by a transition, which delays all its
+        times; one that ends in motion is followed by a stop.
 
         Args:
             x0: state at rest from which offsets count; the input begins at its time.

@@ -1,4 +1,4 @@
-"""Reader of gesture files in YAML. Every mistake is reported with its location."""
+"""Reader of gesture files in YAML, which reports every mistake with its location."""
 
 from __future__ import annotations
 
@@ -33,17 +33,22 @@ from fantoccini.base.documents import (
     refuse,
     unknown_names,
 )
-from fantoccini.control.optimal import ReachedPose, What, reach
+from fantoccini.control.optimal import ReachedPose, TargetKey, reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
-from fantoccini.theatre.gestures.aiming import To
+from fantoccini.theatre.gestures.aiming import AimTarget
+from fantoccini.theatre.gestures.body_parts import BodyParts, OwnAxes, SizeKind, moves_of
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
+from fantoccini.theatre.gestures.parameters import (
+    COMPUTED_GESTURES,
+    Parameters,
+    computed_gesture,
+    member_prefix,
+)
 from fantoccini.theatre.gestures.reachable import reachable_part
-from fantoccini.theatre.gestures.roles import OwnAxes, Roles, SizeKind, moves_of
 
 _FOLDER = Path(__file__).parent / "marionette"
 _MAX_REST_PEAK = 1e-9
@@ -62,14 +67,14 @@ _POINTS = {
 
 
 class KeyPoses(Model):
-    """Places of points of bodies, from which lengths and ends of strings are computed."""
+    """Places of points of bodies, which determine lengths and ends of strings."""
 
     strings: Annotated[tuple[str, ...], Field(min_length=1)]
     """Strings that move."""
     at: Annotated[tuple[NotNegative, ...], Field(min_length=1)]
     """Times of the poses, increasing [s]."""
     points: Annotated[dict[str, tuple[Place, ...]], Field(min_length=1)]
-    """Body -> offsets of its point from rest, one for each time: forward, left, up [m]."""
+    """Body -> offsets of its point from rest, one for each time: forward, left and up [m]."""
     of: dict[str, Place] = Field(default_factory=dict)
     """Body -> point in its frame; its origin by default [m]."""
 
@@ -103,13 +108,12 @@ class GestureFile(Document):
     """Description for the audience."""
     parts: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
     """Part of the body and direction (`arm_right.up`, `head.left`, `legs.out`) -> list of
-    [time s, offset]; all strings that move the part move so."""
+    [time s, offset], for all strings that move the part."""
     on_control: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
-    """Moves in place of `parts` for a puppet whose strings hang from a control and keep their
-    lengths: bar and direction (`control.tip_forward`, `leg_bar.roll_left`) -> list of
-    [time s, offset]."""
+    """Moves instead of `parts` for a puppet on a control with strings of fixed lengths: bar and
+    direction (`control.tip_forward`, `leg_bar.roll_left`) -> list of [time s, offset]."""
     sizes: dict[SizeKind, Annotated[Length, Field(gt=0.0)]] = Field(default_factory=dict)
-    """Kind of part -> its size for these offsets [m]; those of a puppet of another size are
+    """Kind of part -> its size for these offsets [m]; for a puppet of another size they are
     multiplied by the ratio. `whole` is for trunk and head."""
     scaled_by: dict[str, SizeKind] = Field(default_factory=dict)
     """Part -> kind of part whose size scales its offsets, in place of its own (`{trunk: leg}`)."""
@@ -149,7 +153,7 @@ def gesture_schema() -> dict[str, Any]:
 
 def gesture_names() -> tuple[str, ...]:
     """Names of the bundled gestures."""
-    return tuple(sorted({*GestureFile.kind.bundled, *MADE}))
+    return tuple(sorted({*GestureFile.kind.bundled, *COMPUTED_GESTURES}))
 
 
 def bundled(name: str) -> Path:
@@ -166,7 +170,7 @@ def load_gesture(
     steps: int | None = None,
     step: float | None = None,
     turn: float | None = None,
-    to: To | None = None,
+    to: AimTarget | None = None,
 ) -> Gesture:
     """Gesture from a file or a take, or a bundled gesture.
 
@@ -177,14 +181,14 @@ def load_gesture(
             gestures, key poses, walks and targets (``to``).
         path: path of the file, or the name of a bundled gesture (``wave``).
         start: state at rest, for key poses, walks and places; ``puppet.rest()`` by default.
-        of: member of a scene that performs it: ``hand_right`` is then ``pierrot.hand_right``.
-        steps, step, turn: parameters of ``walk``: number of steps, length of each [m], and their
-            total angle to the left [rad]; 4, 6 cm and 0 by default.
+        of: member of a scene that performs it; ``hand_right`` is then ``pierrot.hand_right``.
+        steps, step, turn: parameters of ``walk``: number of steps, length of each [m], and total
+            turn to the left [rad]; 4, 6 cm and 0 by default.
         to: target of ``point`` or ``look``: a place [m], or the place of a body at the start.
 
     Raises:
         FileError: the file has mistakes; all of them are listed, with their lines. Or the puppet
-            lacks a part of the body; one sentence says which.
+            lacks a part of the body; the message has its name.
         InputError: the arguments have mistakes.
         UnknownNameError: the scene has no such member.
         TypeError: a table for a gesture that needs a Marionette.
@@ -195,8 +199,8 @@ def load_gesture(
     if not os.path.isfile(name):
         if name not in gesture_names():
             raise GestureFile.kind.missing(name, gesture_names())
-        if parameters.makes(name):
-            return made_gesture(puppet, name, parameters, prefix, start)
+        if parameters.computes(name):
+            return computed_gesture(puppet, name, parameters, prefix, start)
     parameters.refuse(Path(name).stem)
     if name.lower().endswith(".npz"):
         if of:
@@ -210,9 +214,9 @@ def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, pref
     """Gesture of a file."""
     file = read_document(path, GestureFile)
     if file.parts:
-        gesture = _of_parts(puppet, file, prefix)
+        gesture = _gesture_of_parts(puppet, file, prefix)
     else:
-        gesture = _of_strings(puppet, file, start, prefix)
+        gesture = _gesture_of_strings(puppet, file, start, prefix)
     mistakes = Mistakes(file.located, file.kind.error)
     for mark, t in file.marks.items():
         if t > gesture.duration + SAME_TIME:
@@ -222,7 +226,9 @@ def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, pref
     return dataclasses.replace(gesture, marks=dict(file.marks))
 
 
-def _of_strings(puppet: Table, file: GestureFile, start: State | None, prefix: str) -> Gesture:
+def _gesture_of_strings(
+    puppet: Table, file: GestureFile, start: State | None, prefix: str
+) -> Gesture:
     """Gesture of a file that moves strings of a certain puppet, without marks."""
     table, mistakes = reading.table_of(puppet), Mistakes(file.located, file.kind.error)
     prefixed = {prefix + name: points for name, points in file.moves.items()}
@@ -232,16 +238,18 @@ def _of_strings(puppet: Table, file: GestureFile, start: State | None, prefix: s
         for spot, text in mistakes.found
     ]
     if file.poses is not None and not mistakes:
-        pose_offsets = _of_poses(puppet, file, file.poses, start, offsets, prefix)
+        pose_offsets = _pose_offsets(puppet, file, file.poses, start, offsets, prefix)
         for channel, points in pose_offsets.items():
             if channel in offsets:
                 mistakes.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
     mistakes.refuse()
-    return _travelling(file, table, offsets)
+    return _gesture_through(file, table, offsets)
 
 
-def _travelling(file: GestureFile, table: CoordinateTable, offsets: dict[str, Points]) -> Gesture:
+def _gesture_through(
+    file: GestureFile, table: CoordinateTable, offsets: dict[str, Points]
+) -> Gesture:
     """Gesture of a file through offsets."""
     try:
         return Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
@@ -249,11 +257,11 @@ def _travelling(file: GestureFile, table: CoordinateTable, offsets: dict[str, Po
         raise file.located.error([(("travels",), str(error))], FileError) from None
 
 
-def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
+def _gesture_of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     """Gesture of a file that moves parts of a body, without marks.
 
     Raises:
-        FileError: the puppet lacks a part, or its strings cannot move so, in one sentence.
+        FileError: the puppet lacks a part, or its strings cannot move in this way.
     """
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{file.gesture} moves parts of a body; it takes a Marionette")
@@ -262,18 +270,20 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         reason = f"needed: `of`, a member of the scene: {', '.join(puppet.puppet.members)}"
         raise _not_for_this_puppet(file, reason)
     try:
-        roles = Roles.of(puppet, prefix.removesuffix("."))
-        key = "on_control" if file.on_control and roles.on_control else "parts"
+        body_parts = BodyParts.of(puppet, prefix.removesuffix("."))
+        key = "on_control" if file.on_control and body_parts.on_control else "parts"
         points: dict[str, Any] = getattr(file, key)
-        parts = moves_of(roles, points, file.scaled_by)
+        parts = moves_of(body_parts, points, file.scaled_by)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
-    axes = OwnAxes.of(puppet, [roles])
-    table, own, known = axes.own, Mistakes.of_inputs(), moves.places(axes.own)
+    axes = OwnAxes.of(puppet, [body_parts])
+    table, string_mistakes = axes.own, Mistakes.of_inputs()
+    known = moves.scalar_indices(table)
     waypoints = {name: points[part] for name, (part, _) in parts.items()}
-    offsets, units = moves.read(table, waypoints, own, (key,)), moves.names_and_units(table)
+    offsets = moves.read(table, waypoints, string_mistakes, (key,))
+    units = moves.names_and_units(table)
     for name, (part, move) in parts.items():
-        channel = moves.meaning(name, table)[0]
+        channel = moves.driven_coordinate(name, table)[0]
         if channel not in known:
             reason = f"its move {part} would move {channel}, which is not a driven coordinate"
             raise _not_for_this_puppet(file, reason)
@@ -281,10 +291,10 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         if channel in offsets and move.kind in file.sizes and is_length:
             t, values = offsets[channel]
             offsets[channel] = t, move.size / file.sizes[move.kind] * values
-    for (_, string, *rest), text in own.found:
+    for (_, string, *rest), text in string_mistakes.found:
         mistakes.add((key, parts[str(string)][0], *rest), text)
     mistakes.refuse()
-    gesture = _travelling(file, table, offsets)
+    gesture = _gesture_through(file, table, offsets)
     try:
         return gesture.placed(axes)
     except StateError as error:
@@ -292,7 +302,7 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
 
 
 def _not_for_this_puppet(file: GestureFile, reason: str) -> FileError:
-    """The error of a gesture that a puppet cannot do: a sentence without line numbers."""
+    """Error of a gesture that a puppet cannot do: a sentence without line numbers."""
     return file.kind.error([Mistake(f"gesture {file.gesture}", None, "", reason)])
 
 
@@ -311,14 +321,12 @@ def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
         gesture = Gesture.of_input(inputs, name=name)
     except StateError as error:
         raise FileError([Mistake(file or name, None, "", str(error))]) from None
-    moves_at_all = gesture.named & np.any(np.abs(gesture.peaks) > _MAX_REST_PEAK, axis=0)
+    moved = gesture.named & np.any(np.abs(gesture.peaks) > _MAX_REST_PEAK, axis=0)
     for _, v in gesture.coordinates.rotations.values():
-        moves_at_all[v : v + 3] = moves_at_all[v : v + 3].any()
-    if not moves_at_all.any():
+        moved[v : v + 3] = moved[v : v + 3].any()
+    if not moved.any():
         raise FileError([Mistake(file or name, None, "", "nothing moves in this take")])
-    return dataclasses.replace(
-        gesture, named=moves_at_all, coef=gesture.coef * moves_at_all[:, None]
-    )
+    return dataclasses.replace(gesture, named=moved, coef=gesture.coef * moved[:, None])
 
 
 def is_gesture(path: str | os.PathLike[str]) -> bool:
@@ -326,7 +334,7 @@ def is_gesture(path: str | os.PathLike[str]) -> bool:
     return has_key(path, "gesture")
 
 
-def _of_poses(
+def _pose_offsets(
     puppet: Table,
     file: GestureFile,
     poses: KeyPoses,
@@ -347,8 +355,8 @@ def _of_poses(
     mistakes.refuse()
     strings = {prefix + string for string in poses.strings}
     held = tuple(name for name in table.v_K if name.rsplit(".", 1)[0] not in strings)
-    homes: dict[What, Array] = {}
-    offsets: dict[What, Array] = {}
+    homes: dict[TargetKey, Array] = {}
+    offsets: dict[TargetKey, Array] = {}
     for body, places in poses.points.items():
         at = poses.of.get(body, (0.0, 0.0, 0.0))
         try:
@@ -361,7 +369,7 @@ def _of_poses(
     mistakes.refuse()
     pose_offsets = {
         name: (np.array(poses.at), np.empty(len(poses.at)))
-        for name in moves.places(table)
+        for name in moves.scalar_indices(table)
         if name.rpartition(".")[0] in strings or name in strings
     }
     q_K_of_moves = None
@@ -374,26 +382,26 @@ def _of_poses(
             start_of_search = puppet.rest(puppet.state().replace(q_K=q_K_of_moves[i]))
 
         def pose_at(share: float, i: int = i, start: State = start_of_search) -> ReachedPose:
-            places = {what: home + share * offsets[what][i] for what, home in homes.items()}
+            places = {key: home + share * offsets[key][i] for key, home in homes.items()}
             return reach(puppet, places, start, bounds=Bounds(held=held))[0]
 
         try:
             reached = pose_at(1.0)
             if not reached:
-                text = _why_not(reached, pose_at)
+                text = _unreached(reached, pose_at)
                 mistakes.add(("poses", "at", i), f"at {poses.at[i]:g} s: {text}")
         except StateError as error:
             raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
-        away = puppet.difference(x0.q_K, reached.state.q_K, driven=True)
-        for name, v in moves.places(table).items():
+        change = puppet.difference(x0.q_K, reached.state.q_K, driven=True)
+        for name, v in moves.scalar_indices(table).items():
             if name in pose_offsets:
-                pose_offsets[name][1][i] = away[v]
+                pose_offsets[name][1][i] = change[v]
     mistakes.refuse()
     return pose_offsets
 
 
-def _why_not(reached: ReachedPose, pose_at: Callable[[float], ReachedPose]) -> str:
-    """Reason why a key pose cannot be reached, and which part of it can."""
+def _unreached(reached: ReachedPose, pose_at: Callable[[float], ReachedPose]) -> str:
+    """Reason why a key pose cannot be reached, and the part of it that can."""
     name, distance = max(reached.distances.items(), key=lambda item: item[1])
     text = f"{name} comes no nearer to its place than {100.0 * distance:.1f} cm"
     percent = reachable_part(lambda k: bool(pose_at(k / 100.0)), 100)

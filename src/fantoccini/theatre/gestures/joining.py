@@ -29,14 +29,14 @@ class Line:
     """Motions in a row, as an immutable value: adding a motion returns another line.
 
     Attributes:
-        most: (2, n_vK) bounds of speeds and accelerations of transitions.
+        bounds: (2, n_vK) bounds of speeds and accelerations of transitions.
         d, rate: (n_vK,) offsets and rates at its end.
         carried: (n_vK,) origin from which the next motion's offsets count.
         named: (n_vK,) bool, whether a coordinate moves.
         breaks, coef: breaks and coefficients of its motions, in order.
     """
 
-    most: Array
+    bounds: Array
     d: VecK
     rate: VecK
     carried: VecK
@@ -47,15 +47,15 @@ class Line:
     @classmethod
     def empty(
         cls,
-        most: Array,
+        bounds: Array,
         d: VecK | None = None,
         rate: VecK | None = None,
         carried: VecK | None = None,
     ) -> Line:
-        """A line without motions, with offsets and rates at time 0; zero by default."""
-        n = most.shape[1]
+        """Line without motions, with offsets and rates at time 0; zero by default."""
+        n = bounds.shape[1]
         d, rate, carried = (np.zeros(n) if x is None else x for x in (d, rate, carried))
-        return cls(most, d, rate, carried, np.zeros(n, dtype=bool))
+        return cls(bounds, d, rate, carried, np.zeros(n, dtype=bool))
 
     @property
     def end(self) -> float:
@@ -82,27 +82,26 @@ class Line:
                 line = line.stopped()
                 lead, arrived = line._lead(motion)
             line = line.held(begin - (0.0 if lead is None else lead[0]))
-        line = line._led(lead)
-        begun, held = line.end, np.where(motion.named, self.carried, arrived)
+        line = line._with_lead(lead)
+        start, origin = line.end, np.where(motion.named, self.carried, arrived)
         coef = np.array(motion.coef)
-        coef[:, :, 0] += held
+        coef[:, :, 0] += origin
         last, rate = piecewise.at(motion.breaks, motion.coef, motion.breaks[-1])
         line = replace(
-            line._with(begun + motion.breaks[1:], coef),
-            d=held + last,
+            line._with_pieces(start + motion.breaks[1:], coef),
+            d=origin + last,
             rate=rate,
             carried=line.carried + motion.travel,
             named=line.named | motion.named,
         )
-        return Continued(line, begun, 0.0 if lead is None else lead[0])
+        return Continued(line, start, 0.0 if lead is None else lead[0])
 
     def stopped(self) -> Line:
         """The line with all coordinates brought to rest at its end."""
-        nothing = np.zeros(len(self.d))
-        lead, arrived = transition(
-            self.d, self.rate, np.full(len(self.d), np.nan), nothing, self.most
-        )
-        return replace(self._led(lead), d=arrived, rate=nothing)
+        zero = np.zeros(len(self.d))
+        target = np.full(len(self.d), np.nan)
+        lead, arrived = transition(self.d, self.rate, target, zero, self.bounds)
+        return replace(self._with_lead(lead), d=arrived, rate=zero)
 
     def rested(self) -> Line:
         """The line, stopped if it is not at rest."""
@@ -114,33 +113,36 @@ class Line:
             return self
         still = np.zeros((1, len(self.d), polynomial.N_COEF))
         still[0, :, 0] = self.d
-        return self._with(np.array([until]), still)
+        return self._with_pieces(np.array([until]), still)
 
     @property
     def _moves(self) -> bool:
         return bool(np.any(np.abs(self.rate) > _MAX_REST_RATE))
 
     def _lead(self, motion: Motion) -> tuple[tuple[float, Array] | None, Array]:
+        """Transition to the start of a motion, as :func:`transition` returns it."""
         first, rate = piecewise.at(motion.breaks, motion.coef, 0.0)
         target = np.where(motion.named, self.carried + first, np.nan)
-        return transition(self.d, self.rate, target, np.where(motion.named, rate, 0.0), self.most)
+        return transition(self.d, self.rate, target, np.where(motion.named, rate, 0.0), self.bounds)
 
-    def _led(self, lead: tuple[float, Array] | None) -> Line:
-        return self if lead is None else self._with(np.array([self.end + lead[0]]), lead[1][None])
+    def _with_lead(self, lead: tuple[float, Array] | None) -> Line:
+        if lead is None:
+            return self
+        return self._with_pieces(np.array([self.end + lead[0]]), lead[1][None])
 
-    def _with(self, breaks: Times, coef: Array) -> Line:
+    def _with_pieces(self, breaks: Times, coef: Array) -> Line:
         return replace(self, breaks=(*self.breaks, breaks), coef=(*self.coef, coef))
 
 
 class Continued(NamedTuple):
-    """A line to which a motion has been added.
+    """Line to which a motion has been added.
 
     Attributes:
         line: line with the motion.
-        begun: beginning of the motion [s].
+        start: beginning of the motion [s].
         lead: duration of the transition to its start [s].
     """
 
     line: Line
-    begun: float
+    start: float
     lead: float

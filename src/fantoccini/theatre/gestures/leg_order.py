@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 
 from fantoccini.base import StateError
 from fantoccini.model import BodyMap, Limb
-from fantoccini.theatre.gestures.roles import Roles
+from fantoccini.theatre.gestures.body_parts import BodyParts
 
 Pattern: TypeAlias = Literal["walk", "trot", "pace", "hop"]
 PATTERNS: tuple[Pattern, ...] = ("walk", "trot", "pace", "hop")
@@ -71,14 +71,14 @@ def leg_length(body_map: BodyMap) -> float:
     return sum(lengths) / len(lengths) if lengths else 0.0
 
 
-def feet(roles: Roles) -> dict[str, int]:
+def feet(body_parts: BodyParts) -> dict[str, int]:
     """Leg -> index of the link that touches the floor: the leg's last body with shapes.
 
     Raises:
         StateError: no body of a leg has shapes.
     """
-    marionette, links = roles.marionette, {}
-    for name, limb in legs(roles.body_map).items():
+    marionette, links = body_parts.marionette, {}
+    for name, limb in legs(body_parts.body_map).items():
         own = [marionette.link_index(body) for body in limb.bodies]
         solid = [link for link in own if marionette.tree.links[link].shapes]
         if not solid:
@@ -88,10 +88,10 @@ def feet(roles: Roles) -> dict[str, int]:
     return links
 
 
-def leg_strings(roles: Roles) -> dict[str, str]:
+def leg_strings(body_parts: BodyParts) -> dict[str, str]:
     """String -> leg that it lifts.
 
     Raises:
         StateError: no string moves one of the legs.
     """
-    return {string: leg for leg in legs(roles.body_map) for string in roles.strings(leg)}
+    return {string: leg for leg in legs(body_parts.body_map) for string in body_parts.strings(leg)}

@@ -62,7 +62,7 @@ def twin(name: str) -> str:
     return before + _SIDE.sub(lambda side: _TWIN[side[1]], owner) + after
 
 
-def places(table: CoordinateTable) -> dict[str, int]:
+def scalar_indices(table: CoordinateTable) -> dict[str, int]:
     """Name of a driven scalar coordinate, or of a part of a rotation vector -> index in v_K."""
     scalars = {table.q_K[q]: v for q, v in table.scalars_K}
     turns = (v + i for _, v in table.rotations.values() for i in range(3))
@@ -97,7 +97,7 @@ def reflection(name: str, table: CoordinateTable) -> Array | None:
     return np.array([1.0 if turns == along_y else -1.0])
 
 
-def images(table: CoordinateTable, named: MaskRows) -> list[tuple[slice, slice, Array]]:
+def mirror_images(table: CoordinateTable, named: MaskRows) -> list[tuple[slice, slice, Array]]:
     """Places in v_K of moved coordinates and of their mirror images, and the images' signs.
 
     Raises:
@@ -118,7 +118,7 @@ def images(table: CoordinateTable, named: MaskRows) -> list[tuple[slice, slice, 
     return pairs
 
 
-def planes(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]:
+def xy_indices(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]:
     """Indices in v_K of x and y of every end or body that is moved along one of them.
 
     Those whose axes turn with a body that carries them are left out.
@@ -154,7 +154,7 @@ def read(
     movers: dict[str, str] = {}
     for name, points in given.items():
         path = (*at, str(name))
-        channel, sign = meaning(str(name), table)
+        channel, sign = driven_coordinate(str(name), table)
         parts = _parts(channel, table)
         if not parts:
             mistakes.add(path, _unknown(str(name), channel, table))
@@ -175,9 +175,9 @@ def read(
     return read
 
 
-def meaning(name: str, table: CoordinateTable) -> tuple[str, float]:
+def driven_coordinate(name: str, table: CoordinateTable) -> tuple[str, float]:
     """Coordinate, or part of a rotation vector, that a name moves, and the sign of the motion."""
-    known, (owner, dot, direction) = places(table), name.rpartition(".")
+    known, (owner, dot, direction) = scalar_indices(table), name.rpartition(".")
     if name in table.rotations or name in known or not dot or direction not in DIRECTIONS:
         return table.commands.get(name, name), 1.0
     hinge = table.commands.get(owner, owner)
@@ -214,7 +214,7 @@ def _parts(channel: str, table: CoordinateTable) -> list[str]:
     if channel in table.rotations:
         v = table.rotations[channel][1]
         return list(table.v_K[v : v + 3])
-    return [channel] if channel in places(table) else []
+    return [channel] if channel in scalar_indices(table) else []
 
 
 def _units(table: CoordinateTable) -> dict[str, str]:
@@ -264,15 +264,18 @@ def _small_turn(vector: Array) -> Array:
 
 
 def _unknown(name: str, channel: str, table: CoordinateTable) -> str:
-    known = {**pieces.channel_names(table), **places(table)}
+    known = {**pieces.channel_names(table), **scalar_indices(table)}
     owner, _, direction = name.rpartition(".")
     owners = {n if n in table.axes else n.rsplit(".", 1)[0] for n in known}
     if owner in owners and direction in DIRECTIONS:
         if direction in ("out", "in") and channel == name:
             return "needs left or right in its name"
-        own = [way for way in DIRECTIONS if meaning(f"{owner}.{way}", table)[0] in known]
+        own = [way for way in DIRECTIONS if driven_coordinate(f"{owner}.{way}", table)[0] in known]
         return f"is no direction of {owner}, which can move {', '.join(own)}"
     ways = [f"{own}.{way}" for own in owners for way in DIRECTIONS]
-    names = [*pieces.channel_names(table), *(w for w in ways if meaning(w, table)[0] in known)]
+    names = [
+        *pieces.channel_names(table),
+        *(w for w in ways if driven_coordinate(w, table)[0] in known),
+    ]
     needed = "a driven coordinate, or a string or a driven body and a direction"
     return f"is not {needed}{nearest(name, names)}"

@@ -1,4 +1,4 @@
-"""Gestures computed from numbers and places: walks, pointing, looking."""
+"""Gestures computed from numbers and places: walking, pointing and looking."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from fantoccini.base import UnknownNameError
 from fantoccini.base.documents import Mistakes
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, Table
-from fantoccini.theatre.gestures.aiming import Aim, To, look, point
+from fantoccini.theatre.gestures.aiming import Aim, AimTarget, look, point
+from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.control_walk import walk_on_control
 from fantoccini.theatre.gestures.ends import Ends
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.walking import walk
 
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
-MADE = {"walk": ("steps", "step", "turn"), "point": ("to",), "look": ("to",)}
-"""Bundled gesture -> its parameters; one with a file is computed only if they are given."""
+COMPUTED_GESTURES = {"walk": ("steps", "step", "turn"), "point": ("to",), "look": ("to",)}
+"""Bundled gesture -> its parameters; if it has a file, it is computed only with parameters."""
 
 
 @dataclass(frozen=True)
@@ -30,19 +30,22 @@ class Parameters:
     steps: int | None = None
     step: float | None = None
     turn: float | None = None
-    to: To | None = None
+    to: AimTarget | None = None
 
-    def makes(self, name: str) -> bool:
-        """Whether a bundled gesture is computed from them, instead of read from a file."""
-        return name == "walk" or (name in MADE and self.to is not None)
+    def computes(self, name: str) -> bool:
+        """Whether a bundled gesture is computed from them instead of read from a file."""
+        return name == "walk" or (name in COMPUTED_GESTURES and self.to is not None)
 
     def refuse(self, name: str, known: tuple[str, ...] = ()) -> None:
         """Raises an InputError for parameters that a gesture does not have."""
         mistakes = Mistakes.of_inputs()
         for field in fields(self):
             if getattr(self, field.name) is not None and field.name not in known:
-                have = ", ".join(other for other, own in MADE.items() if field.name in own)
-                mistakes.add((field.name,), f"{name} has no {field.name!r}; those with it: {have}")
+                others = [
+                    gesture for gesture, names in COMPUTED_GESTURES.items() if field.name in names
+                ]
+                text = f"{name} has no {field.name!r}; those with it: {', '.join(others)}"
+                mistakes.add((field.name,), text)
         mistakes.refuse()
 
 
@@ -60,7 +63,7 @@ def member_prefix(table: CoordinateTable, of: str) -> str:
     return f"{of}."
 
 
-def made_gesture(
+def computed_gesture(
     puppet: Table, name: str, given: Parameters, prefix: str, start: State | None
 ) -> Gesture:
     """Bundled gesture computed from parameters.
@@ -70,14 +73,14 @@ def made_gesture(
         StateError: the puppet lacks a part of the body.
         UnknownNameError: an end or length of a string is not driven.
     """
-    given.refuse(name, MADE[name])
+    given.refuse(name, COMPUTED_GESTURES[name])
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{name} begins where the puppet hangs; it takes a Marionette")
     start, mistakes = puppet.rest() if start is None else start, Mistakes.of_inputs()
-    roles = Roles.of(puppet, prefix.removesuffix("."))
-    if name == "walk" and roles.on_control:
-        return walk_on_control(roles, mistakes, given.steps, given.step, given.turn)
-    ends = Ends(roles, start)
+    body_parts = BodyParts.of(puppet, prefix.removesuffix("."))
+    if name == "walk" and body_parts.on_control:
+        return walk_on_control(body_parts, mistakes, given.steps, given.step, given.turn)
+    ends = Ends(body_parts, start)
     if given.to is None:
         return walk(ends, mistakes, given.steps, given.step, given.turn)
     aim = Aim(puppet, start, prefix, given.to, mistakes)

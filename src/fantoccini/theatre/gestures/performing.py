@@ -1,7 +1,7 @@
 """Performance of a script's cues in order, as a function from state to state.
 
-Scores and plays are performed alike. They differ in the verbs of their cues, and in the treatment
-of a cue that would be late: see :class:`Policy`.
+Scores and plays are performed in the same way. They differ in the verbs of their cues, and in the
+treatment of a cue that would be late: see :class:`Policy`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _SAME_TIME = 1e-9
 
 
 class CannotBe(Exception):
-    """A cue cannot be done; the message gives the reason and a remedy."""
+    """A cue cannot be done; the message has the reason and a remedy."""
 
 
 @dataclass(frozen=True)
@@ -34,20 +34,20 @@ class Policy:
     """Treatment of cues that would be late.
 
     Attributes:
-        tolerance: lateness that is ignored [s].
-        refusing: errors that leave a cue out; if empty, a late cue is done and reported.
+        tolerance: largest lateness that is ignored [s].
+        refusing: errors for which a cue is left out; if empty, a late cue is done and reported.
     """
 
     tolerance: float
     refusing: tuple[type[Exception], ...] = ()
 
-    def check(self, late: float, patience: float, why: Callable[[], str]) -> str:
+    def check(self, late: float, patience: float, message: Callable[[], str]) -> str:
         """Message about a cue that is too late; "" if it is in time.
 
         Args:
             late: its lateness [s].
             patience: the lateness that the cue allows [s].
-            why: returns the message.
+            message: returns the message.
 
         Raises:
             CannotBe: the cue is refused.
@@ -55,16 +55,16 @@ class Policy:
         if late <= patience + self.tolerance:
             return ""
         if self.refusing:
-            raise CannotBe(why())
-        return why()
+            raise CannotBe(message())
+        return message()
 
 
 class Busy(NamedTuple):
-    """A gesture in a lane.
+    """Time in which a gesture occupies coordinates.
 
     Attributes:
-        lane: index of the lane.
-        start, end: [s].
+        lane: index of its lane.
+        start, end: beginning and end [s].
         named: (n_vK,) bool, whether it moves a coordinate.
     """
 
@@ -76,11 +76,11 @@ class Busy(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Hands:
-    """Motion of a player's hands: lanes that add up.
+    """Motion of a player's hands: the sum of lanes.
 
     Attributes:
-        lanes: lanes of a score, or of a player of a play, with the walks in the first.
-        busy: gestures so far, for a player of a play.
+        lanes: lanes of a score, or of a player in a play, with the walks in the first.
+        busy: gestures so far, for a player in a play.
     """
 
     lanes: tuple[Line, ...]
@@ -94,8 +94,8 @@ class Hands:
     def free_lane(self, gesture: Gesture, begin: float) -> tuple[int, float]:
         """Lane for a gesture, and the time at which it can begin there [s].
 
-        It is the first lane that is free at that time, or a new one. If other gestures then move
-        the same strings, it begins after them, in the lane of the last.
+        It is the first lane that is free at that time, or a new one. If other gestures move the
+        same strings at that time, the gesture begins after them, in the lane of the last.
         """
         busy = [
             (end, lane)
@@ -113,14 +113,14 @@ class Hands:
         return len(self.lanes), begin
 
     def add(self, lane: int, gesture: Gesture, begin: float) -> tuple[Hands, Continued]:
-        """The hands with a gesture that begins at a time, or soon after [s]; and its line.
+        """The hands with a gesture that begins at a time or soon after, and its line.
 
         Args:
             lane: index of the lane; the number of lanes for a new one.
             gesture: gesture with its variations.
             begin: earliest time [s].
         """
-        lanes = [*self.lanes, Line.empty(self.lanes[0].most)][: max(lane + 1, len(self.lanes))]
+        lanes = [*self.lanes, Line.empty(self.lanes[0].bounds)][: max(lane + 1, len(self.lanes))]
         continued = lanes[lane].add(gesture.motion, begin)
         lanes[lane] = continued.line
         return replace(self, lanes=tuple(lanes)), continued
@@ -128,22 +128,21 @@ class Hands:
     def add_busy(self, lane: int, gesture: Gesture, begin: float) -> tuple[Hands, float]:
         """The hands with a gesture that occupies its strings; and its beginning [s]."""
         hands, continued = self.add(lane, gesture, begin)
-        begun = continued.begun
-        busy = Busy(lane, begun, begun + gesture.duration, gesture.named)
-        return replace(hands, busy=(*self.busy, busy)), begun
+        start = continued.start
+        busy = Busy(lane, start, start + gesture.duration, gesture.named)
+        return replace(hands, busy=(*self.busy, busy)), start
 
     def rested(self, lane: int | None = None) -> Hands:
         """The hands with one lane brought to rest, or all."""
-        own = range(len(self.lanes)) if lane is None else (lane,)
-        return replace(
-            self,
-            lanes=tuple(line.rested() if i in own else line for i, line in enumerate(self.lanes)),
+        lines = tuple(
+            line.rested() if lane in (None, i) else line for i, line in enumerate(self.lanes)
         )
+        return replace(self, lanes=lines)
 
     def motion(
         self, table: CoordinateTable, labels: Sequence[str], until: float
     ) -> tuple[Gesture, dict[str, Gesture]]:
-        """Motion of all lanes, and that of each by its label; both hold still until the end.
+        """Motion of all lanes together, and of each by its label; at rest until the end.
 
         Args:
             table: coordinates of the puppet.
@@ -167,8 +166,8 @@ class Part:
     Attributes:
         who: player; "" in a score.
         lane: index of the player's lane.
-        gesture: gesture with its variations, in the player's heading.
-        start, end: [s].
+        gesture: gesture with its variations, turned to the player's heading.
+        start, end: beginning and end [s].
         marks: mark of the gesture -> time [s].
     """
 
@@ -182,7 +181,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Turn(Generic[CueT]):
-    """A cue that is placed next.
+    """Cue to be placed next.
 
     Attributes:
         cue: cue of the file, with its players.
@@ -198,7 +197,7 @@ class Turn(Generic[CueT]):
 
     @property
     def spot(self) -> Spot:
-        """Keys that lead to it in the file."""
+        """Keys of its place in the file."""
         return self.cue.spot
 
     @property
@@ -214,13 +213,13 @@ class Turn(Generic[CueT]):
 
 @dataclass(frozen=True)
 class Placed(Generic[CueT]):
-    """A placed cue.
+    """Placed cue.
 
     Attributes:
         cue: cue of the file, with its players.
         wanted: wanted time of the cue, or of its mark in `on` [s].
         parts: parts of the players; empty if it cannot be done.
-        moments: mark, ``start`` or ``end`` -> time [s]; the last one of several players.
+        moments: mark, ``start`` or ``end`` -> time [s]; of several players the last.
         refused: reason why it cannot be done; "" if it can.
     """
 
@@ -232,7 +231,7 @@ class Placed(Generic[CueT]):
 
     @property
     def spot(self) -> Spot:
-        """Keys that lead to it in the file."""
+        """Keys of its place in the file."""
         return self.cue.spot
 
     @property
@@ -243,10 +242,10 @@ class Placed(Generic[CueT]):
 
 @dataclass(frozen=True, eq=False)
 class Performed(Generic[CueT, StateT]):
-    """A script, performed up to some cue.
+    """Script performed up to some cue.
 
     Attributes:
-        state: state of the performers, at the end of each one's last cue.
+        state: state of the performers, each at the end of its last cue.
         moments: keys of a cue or a mark -> its moments.
         placed: keys of a cue -> placed cue.
     """
@@ -297,14 +296,15 @@ class Performer(Generic[CueT, StateT]):
 
     def _placed(self, state: StateT, turn: Turn[CueT]) -> tuple[StateT, Placed[CueT]]:
         """State after a cue, and the placed cue; the state is unchanged if it is refused."""
-        cue, why = turn.cue, self.refused.get(turn.spot, "")
-        if not why:
+        cue, reason = turn.cue, self.refused.get(turn.spot, "")
+        if not reason:
             try:
                 after, parts, moments = self.do(state, turn)
                 return after, Placed(cue, turn.wanted, parts, moments)
             except self.policy.refusing as error:
-                why = str(error)
+                reason = str(error)
         # Later cues begin as if it had been done, but not while the player is busy.
         t = max(turn.wanted, 0.0)
         end = max([t, *(turn.moments[before.spot][END] for before in cue.before)])
-        return state, Placed(cue, turn.wanted, (), dict.fromkeys(cue.known, t) | {END: end}, why)
+        moments = dict.fromkeys(cue.known, t) | {END: end}
+        return state, Placed(cue, turn.wanted, (), moments, reason)

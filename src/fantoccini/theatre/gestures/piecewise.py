@@ -50,12 +50,12 @@ def peaks(breaks: Times, coef: Array) -> Array:
     h = np.diff(breaks)
     for first in range(0, len(coef), _BATCH):
         part = slice(first, first + _BATCH)
-        largest[part, 0] = _fastest(h[part], coef[part])
-        largest[part, 1] = _hardest(h[part], coef[part])
+        largest[part, 0] = _peak_speeds(h[part], coef[part])
+        largest[part, 1] = _peak_accelerations(h[part], coef[part])
     return largest
 
 
-def _fastest(h: Times, coef: Array) -> Array:
+def _peak_speeds(h: Times, coef: Array) -> Array:
     short = np.repeat(h / _SPEED_PARTS, _SPEED_PARTS)
     starts = np.tile(np.arange(_SPEED_PARTS), len(coef)) * short
     rates = np.zeros((len(short), *coef.shape[1:]))
@@ -66,7 +66,7 @@ def _fastest(h: Times, coef: Array) -> Array:
     return np.max(np.max(np.abs(points), axis=-1).reshape(len(coef), _SPEED_PARTS, -1), axis=1)
 
 
-def _hardest(h: Times, coef: Array) -> Array:
+def _peak_accelerations(h: Times, coef: Array) -> Array:
     a, b, c = 60.0 * coef[..., 5], 24.0 * coef[..., 4], 6.0 * coef[..., 3]  # a s^2 + b s + c
     root = np.sqrt(np.maximum(b * b - 4.0 * a * c, 0.0))
     q = -0.5 * (b + np.where(b < 0.0, -root, root))

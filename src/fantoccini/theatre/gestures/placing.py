@@ -33,7 +33,7 @@ from fantoccini.theatre.script import (
 )
 
 _MAX_HEADING_ERROR = 1e-2
-"""Largest difference of headings at which strings hold together [rad]."""
+"""Largest error of the heading for which a turn keeps strings together [rad]."""
 _POLICY = Policy(LATE)
 """Late cues of a score are reported."""
 
@@ -78,7 +78,7 @@ def place_lanes(
     lanes: ScoreCues,
     marks: Mapping[str, Time],
     gestures: Gestures,
-    most: Array,
+    bounds: Array,
     log: ScriptLog,
     phrase: bool = False,
 ) -> PlacedLanes | None:
@@ -88,7 +88,7 @@ def place_lanes(
         lanes: lane -> its keys in the file, and its cues.
         marks: marks of the score; empty for a phrase.
         gestures: returns the gestures of cues.
-        most: (2, n_vK) bounds of speeds and accelerations.
+        bounds: (2, n_vK) bounds of speeds and accelerations.
         log: collects mistakes and changes.
         phrase: whether they are the lanes of a phrase.
     """
@@ -102,7 +102,7 @@ def place_lanes(
         return None
     verbs = _Verbs(cue_gestures, tuple(lanes), log, phrase)
     performer = Performer(timeline, _POLICY, verbs.do, lambda spot, t: _within(t, spot, log))
-    whole = performer.act(Performed(Hands(tuple(Line.empty(most) for _ in lanes))), 0, 0.0)
+    whole = performer.act(Performed(Hands(tuple(Line.empty(bounds) for _ in lanes))), 0, 0.0)
     ends = {cue.who[0]: whole.moments[cue.spot][END] for cue in cues}
     lines = zip(lanes, whole.state.rested().lanes, strict=True)
     parts = [(cue, part) for cue in cues for part in whole.placed[cue.spot].parts]
@@ -249,8 +249,8 @@ class _Verbs:
             self._log.change(
                 spot,
                 f"{whole.name} takes {words(whole.duration)} instead of "
-                f"{words(whole.duration - longer)}: it ends elsewhere than it begins, and goes "
-                "back each time",
+                f"{words(whole.duration - longer)}: it ends elsewhere than it begins, and returns "
+                "each time",
             )
         if not whole.turns:
             return
@@ -258,9 +258,9 @@ class _Verbs:
         if abs((entry.heading or 0.0) - heading) > _MAX_HEADING_ERROR:
             self._log.change(
                 spot,
-                f"{whole.name} turns as if the puppet looked "
-                f"{np.degrees(entry.heading or 0.0):.0f} deg to the left, and tears its "
-                f"strings apart: it looks {np.degrees(heading):.0f} deg; give "
+                f"{whole.name} turns as for a heading of "
+                f"{np.degrees(entry.heading or 0.0):.0f} deg, which pulls the strings apart: the "
+                f"puppet's heading is {np.degrees(heading):.0f} deg; give "
                 f"`heading: {np.degrees(heading):.0f} deg`",
             )
 

@@ -1,8 +1,8 @@
 """Rehearsals: a score is simulated repeatedly, and the hands learn from the limbs' errors.
 
-    u_{k+1} = u_k + g S[a_0 e + a_1 de/dt + a_2 d^2e/dt^2],    e = x_hung - x_k
+    u_{k+1} = u_k + g S[a_0 e + a_1 de/dt + a_2 d^2e/dt^2],    e = x_hang - x_k
 
-x_k is the position of a string's end under the hands' motion u_k, x_hung its hanging position under
+x_k is the position of a string's end under the hands' motion u_k, x_hang its hanging position under
 the score's motion; S smooths. The a_i fit u = a_0 x + a_1 dx/dt + a_2 d^2x/dt^2 to the first run:
 the equation of a pendulum on a string. (Iterative learning control: Arimoto, Kawamura and
 Miyazaki, 1984.)
@@ -24,50 +24,51 @@ from fantoccini.theatre.gestures.score import Score
 from fantoccini.theatre.gestures.timekeeping import (
     AXES,
     Late,
-    hanging,
+    hanging_poses,
     lateness,
-    paths,
-    places,
+    point_paths,
+    point_positions,
     ties,
 )
 from fantoccini.theatre.gestures.transitions import limits
 
-_STEP = 0.02
+_SAMPLE_INTERVAL = 0.02
 """Time between the samples of the learnt motion [s]."""
 _SETTLING_TIME = 0.4
 """Time after the score's end in which hands still learn [s]."""
 _SMOOTHING_TIME = 0.11
 """Standard deviation of the smoothing of errors [s]."""
 _GAIN = 0.7
+"""Gain g of the first round."""
 _MIN_OFFSET = 1e-3
 """Least offset of a moved coordinate [m]."""
 _MARGIN_TIME = 0.3
-"""Time before and after its motion in which a coordinate learns too [s]."""
+"""Time before and after its motion in which a coordinate learns, too [s]."""
 _MIN_FIT = 0.4
 """Least share of the variance that a useful fit explains."""
 _GOOD_LATENESS = 0.012
 """Lateness at which rehearsals end [s]."""
 _MAX_LEAD = 0.06
-"""Largest lead of an aim, and lateness below which an aim is moved [s]."""
+"""Largest lead of a target, and lateness below which a target is shifted [s]."""
 _LEAD_GAIN = 0.4
-"""Change of an aim's lead in a round, relative to the lateness."""
+"""Change of a target's lead in a round, relative to the lateness."""
 _MAX_SHRINKS = 12
-"""Number of times that a step is reduced to keep the bounds, before it is dropped."""
+"""Number of reductions of a step to keep the bounds, before it is dropped."""
 _SHRINK = 0.5
 """Share by which a step is reduced where it exceeds a bound."""
-_ROUNDING = 2e-3
-"""Tolerance of a bound, relative to it."""
+_BOUND_TOLERANCE = 2e-3
+"""Relative tolerance of bounds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rehearsal:
-    """A score that has been rehearsed.
+    """Rehearsed score.
 
     Attributes:
-        score: score that is played.
-        inputs: motion of the hands.
+        score: the score.
+        inputs: learnt motion of the hands.
         run: event-driven run under this motion.
-        before: lateness of limbs when it is played as written.
+        before: lateness of limbs in the score as written.
         late: lateness of limbs after the rehearsal.
         rounds: number of simulated rounds.
     """
@@ -93,12 +94,12 @@ def worst_of(late: tuple[Late, ...]) -> float:
 
 
 @dataclass
-class _Hand:
+class _Channel:
     """Learning channel: a driven coordinate, and the string's end and direction that it moves.
 
     Attributes:
         v, point, axis: indices of the coordinate, the end and the direction.
-        where: (T,) weight of learning, from 0 to 1.
+        weight: (T,) weight of learning, from 0 to 1.
         fit: (3,) a_0, a_1 and a_2.
         gain: g; halved after a round that was worse.
         learnt: (T,) learnt offset in its best round [m].
@@ -108,70 +109,75 @@ class _Hand:
     v: int
     point: int
     axis: int
-    where: Array
+    weight: Array
     fit: Array = field(default_factory=lambda: np.zeros(3))
     gain: float = _GAIN
     learnt: Array = field(default_factory=lambda: np.zeros(0))
     moved: Array = field(default_factory=lambda: np.zeros(0))
 
-    def learn(self, learnt: Array, aim: Array, moved: Array) -> None:
-        """Stores the offset (T,) of a round if its error is the least so far."""
-        now = moved[:, self.point, self.axis]
-        if not len(self.moved) or self._error(aim, now) < self._error(aim, self.moved):
-            self.learnt, self.moved = learnt, now
+    def learn(self, learnt: Array, target: Array, moved: Array) -> None:
+        """Stores the offset (T,) of a round if its error is the least so far.
+
+        Args:
+            learnt: (T,) offset [m].
+            target, moved: (T, n_points, 3) wanted and actual positions of the ends [m].
+        """
+        position = moved[:, self.point, self.axis]
+        if not len(self.moved) or self._error(target, position) < self._error(target, self.moved):
+            self.learnt, self.moved = learnt, position
         else:
             self.gain *= 0.5
 
-    def correction(self, aim: Array) -> Array:
+    def correction(self, target: Array) -> Array:
         """(T,) next change of the learnt offset [m]."""
-        gap = aim[:, self.point, self.axis] - self.moved
-        smooth = gaussian_filter1d(gap, _SMOOTHING_TIME / _STEP, mode="nearest")
-        return np.asarray(self.where * (_with_rates(smooth) @ self.fit))
+        error = target[:, self.point, self.axis] - self.moved
+        smooth = gaussian_filter1d(error, _SMOOTHING_TIME / _SAMPLE_INTERVAL, mode="nearest")
+        return np.asarray(self.weight * (_with_rates(smooth) @ self.fit))
 
-    def _error(self, aim: Array, moved: Array) -> float:
-        return float(np.sum(np.square(self.where * (aim[:, self.point, self.axis] - moved))))
+    def _error(self, target: Array, moved: Array) -> float:
+        return float(np.sum(np.square(self.weight * (target[:, self.point, self.axis] - moved))))
 
 
-class _Aim:
+class _Target:
     """Wanted positions of the strings' ends: hanging positions, shifted in time near the marks.
 
     Args:
-        hung: (T, n_points, 3) hanging positions [m].
+        hanging_positions: (T, n_points, 3) hanging positions [m].
         t: (T,) times [s].
         strings: names of the points' strings.
     """
 
-    def __init__(self, hung: Array, t: Times, strings: list[str]):
-        self._hung, self._t, self._strings = hung, t, strings
+    def __init__(self, hanging_positions: Array, t: Times, strings: list[str]):
+        self._hanging_positions, self._t, self._strings = hanging_positions, t, strings
         self._leads: dict[str, dict[float, float]] = {}
-        self.places = hung
+        self.places = hanging_positions
 
-    def lead(self, late: tuple[Late, ...]) -> None:
-        """Moves the turns of limbs that are nearly in time closer to their marks."""
+    def shift(self, late: tuple[Late, ...]) -> None:
+        """Shifts the targets of limbs that are nearly in time, against their lateness."""
         for limb in late:
             if abs(limb.seconds) < _MAX_LEAD:
                 leads = self._leads.setdefault(limb.string, {})
                 at = limb.cue.marks[limb.mark]
                 lead = leads.get(at, 0.0) + _LEAD_GAIN * limb.seconds
                 leads[at] = float(np.clip(lead, -_MAX_LEAD, _MAX_LEAD))
-        places = np.array(self._hung)
-        for string, own in self._leads.items():
-            i, marks = self._strings.index(string), sorted(own)
+        places = np.array(self._hanging_positions)
+        for string, leads in self._leads.items():
+            i, marks = self._strings.index(string), sorted(leads)
             knots = np.array([marks[0] - _MARGIN_TIME, *marks, marks[-1] + _MARGIN_TIME])
-            values = np.array([0.0, *(own[mark] for mark in marks), 0.0])
+            values = np.array([0.0, *(leads[mark] for mark in marks), 0.0])
             shift: Array = np.interp(self._t, knots, values)
-            shift = gaussian_filter1d(shift, 0.25 * _MARGIN_TIME / _STEP, mode="nearest")
-            places[:, i] = CubicSpline(self._t, self._hung[:, i])(
+            shift = gaussian_filter1d(shift, 0.25 * _MARGIN_TIME / _SAMPLE_INTERVAL, mode="nearest")
+            places[:, i] = CubicSpline(self._t, self._hanging_positions[:, i])(
                 np.clip(self._t + shift, self._t[0], self._t[-1])
             )
         self.places = places
 
 
 def rehearse(score: Score, x0: State | None = None, rounds: int = 20) -> Rehearsal:
-    """Rehearsal of a score, until its limbs are on the beats in the simulation.
+    """Rehearsal of a score, until its limbs are in time in the simulation.
 
-    Hands lead by the lag of the limbs, excite and brake swing, within the score's bounds. The best
-    round is used; rehearsals end after a round within 12 ms.
+    The hands lead by the lag of the limbs, and excite and brake swing, within the score's bounds.
+    The best round is used; rehearsals end after a round with a lateness of at most 12 ms.
 
     Args:
         score: score of a puppet without contact, whose strings are driven.
@@ -179,89 +185,89 @@ def rehearse(score: Score, x0: State | None = None, rounds: int = 20) -> Rehears
         rounds: largest number of rounds.
 
     Raises:
-        StateError: the puppet has contact, cannot hang where the score takes it, or the score moves
-            no string that ends on a body.
+        StateError: the puppet has contact, cannot hang at rest along the score's motion, or the
+            score moves no string that ends on a body.
         SimulationError: the score as written cannot be simulated.
     """
     marionette = score.marionette
     x0 = marionette.rest() if x0 is None else x0
-    n = int(np.ceil((score.duration + _SETTLING_TIME) / _STEP))
-    t = _STEP * np.arange(n + 1, dtype=float)
-    hung = _hung(score, x0, t)
+    n = int(np.ceil((score.duration + _SETTLING_TIME) / _SAMPLE_INTERVAL))
+    t = _SAMPLE_INTERVAL * np.arange(n + 1, dtype=float)
+    hanging_positions = _hanging_positions(score, x0, t)
     hands = _hands(score, t)
     if not hands:
         raise StateError(f"the score {score.name} moves no string that ends on a body")
     learnt = np.zeros((len(t), marionette.coordinates.n_vK))
-    run, moved = _played(score, x0, t, learnt)
+    run, moved = _run_of(score, x0, t, learnt)
     before = lateness(score, run)
     best = run, learnt, before
     d = np.array([score.offsets(instant)[0] for instant in t])
     strings = list(ties(marionette))
     late = {strings.index(limb.string) for limb in before if abs(limb.seconds) > _GOOD_LATENESS}
     hands = [hand for hand in hands if hand.point in late and _fitted(hand, d[:, hand.v], moved)]
-    aim = _Aim(hung, t, strings)
+    target = _Target(hanging_positions, t, strings)
     for hand in hands:
-        hand.learn(learnt[:, hand.v], aim.places, moved)
-    played = 1
-    while hands and played < rounds and worst_of(best[2]) > _GOOD_LATENESS:
-        trial = _step(hands, aim.places, score, t)
+        hand.learn(learnt[:, hand.v], target.places, moved)
+    n_rounds = 1
+    while hands and n_rounds < rounds and worst_of(best[2]) > _GOOD_LATENESS:
+        trial = _step(hands, target.places, score, t)
         try:
-            run, moved = _played(score, x0, t, trial)
+            run, moved = _run_of(score, x0, t, trial)
         except SimulationError:
             for hand in hands:
                 hand.gain *= 0.5
             continue
         finally:
-            played += 1
+            n_rounds += 1
         for hand in hands:
-            hand.learn(trial[:, hand.v], aim.places, moved)
+            hand.learn(trial[:, hand.v], target.places, moved)
         after = lateness(score, run)
-        aim.lead(after)
-        if _size(after) < _size(best[2]):
+        target.shift(after)
+        if _norm(after) < _norm(best[2]):
             best = run, trial, after
     run, learnt, after = best
-    return Rehearsal(score, _inputs(score, x0, t, learnt), run, before, after, played)
+    return Rehearsal(score, _inputs(score, x0, t, learnt), run, before, after, n_rounds)
 
 
-def _size(late: tuple[Late, ...]) -> float:
+def _norm(late: tuple[Late, ...]) -> float:
     """Root of the sum of squared lateness [s]."""
     return float(np.sqrt(np.sum([limb.seconds**2 for limb in late])))
 
 
-def _step(hands: list[_Hand], aim: Array, score: Score, t: Times) -> Array:
+def _step(hands: list[_Channel], target: Array, score: Score, t: Times) -> Array:
     """(T, n_vK) learnt offsets after one more step, within bounds."""
     bounds = limits(score.gesture.coordinates, score.speed, score.acceleration)
-    bounds = np.maximum(bounds, score.gesture.peaks) * (1.0 + _ROUNDING)
+    bounds = np.maximum(bounds, score.gesture.peaks) * (1.0 + _BOUND_TOLERANCE)
     trial: Array = np.zeros((len(t), bounds.shape[1]))
     for hand in hands:
         trial[:, hand.v] = hand.learnt
     steps = np.zeros_like(trial)
     for hand in hands:
-        steps[:, hand.v] = hand.gain * hand.correction(aim)
+        steps[:, hand.v] = hand.gain * hand.correction(target)
     for _ in range(_MAX_SHRINKS):
         whole = _whole(score, t, trial + steps)
-        beyond = np.any(whole.peaks_of_pieces > bounds, axis=1)
-        if not beyond.any():
+        exceeds = np.any(whole.peaks_of_pieces > bounds, axis=1)
+        if not exceeds.any():
             return trial + steps
         middle = 0.5 * (whole.breaks[1:] + whole.breaks[:-1])
-        for v in np.flatnonzero(beyond.any(axis=0)):
-            distance = np.min(np.abs(t[:, None] - middle[beyond[:, v]]), axis=1)
+        for v in np.flatnonzero(exceeds.any(axis=0)):
+            distance = np.min(np.abs(t[:, None] - middle[exceeds[:, v]]), axis=1)
             steps[:, v] *= 1.0 - _SHRINK * np.exp(-0.5 * np.square(distance / _SMOOTHING_TIME))
-    steps[:, beyond.any(axis=0)] = 0.0
+    steps[:, exceeds.any(axis=0)] = 0.0
     return trial + steps
 
 
-def _hung(score: Score, x0: State, t: Times) -> Array:
+def _hanging_positions(score: Score, x0: State, t: Times) -> Array:
     """(T, n_points, 3) positions of the strings' ends that hang under the score's motion [m]."""
     marionette, inputs = score.marionette, score.inputs(x0)
     coarse = np.append(t[:-1:2], t[-1])
     q_K = inputs.evaluate(np.minimum(x0.t + coarse, inputs.end))[0]
-    hanging_poses = hanging(marionette, q_K, x0, coarse)
-    hung = places(marionette, hanging_poses.q_D, hanging_poses.q_K, ties(marionette))
-    return np.asarray(CubicSpline(coarse, hung)(t))
+    poses = hanging_poses(marionette, q_K, x0, coarse)
+    hanging_positions = point_positions(marionette, poses.q_D, poses.q_K, ties(marionette))
+    return np.asarray(CubicSpline(coarse, hanging_positions)(t))
 
 
-def _hands(score: Score, t: Times) -> list[_Hand]:
+def _hands(score: Score, t: Times) -> list[_Channel]:
     """Channels of the coordinates that the score moves."""
     tied = list(ties(score.marionette))
     hands = []
@@ -274,34 +280,36 @@ def _hands(score: Score, t: Times) -> list[_Hand]:
         moves = (np.abs(d[:, v.start]) > _MIN_OFFSET).astype(float)
         if not moves.any():
             continue
-        spread: Array = gaussian_filter1d(moves, 0.5 * _MARGIN_TIME / _STEP, mode="nearest")
-        where = np.clip(2.0 * spread, 0.0, 1.0) * ends * ends * (3.0 - 2.0 * ends)
-        hands.append(_Hand(v.start, tied.index(string), AXES[part], where))
+        spread: Array = gaussian_filter1d(
+            moves, 0.5 * _MARGIN_TIME / _SAMPLE_INTERVAL, mode="nearest"
+        )
+        weight = np.clip(2.0 * spread, 0.0, 1.0) * ends * ends * (3.0 - 2.0 * ends)
+        hands.append(_Channel(v.start, tied.index(string), AXES[part], weight))
     return hands
 
 
-def _fitted(hand: _Hand, u: Array, moved: Array) -> bool:
-    """Fits the motion of the string's end to the hand's; False if that explains too little."""
+def _fitted(hand: _Channel, u: Array, moved: Array) -> bool:
+    """Fits the motion of the hand by that of the string's end; False if the fit is poor."""
     x = moved[:, hand.point, hand.axis] - moved[0, hand.point, hand.axis]
-    terms: Array = _with_rates(gaussian_filter1d(x, 0.03 / _STEP, mode="nearest"))
+    terms: Array = _with_rates(gaussian_filter1d(x, 0.03 / _SAMPLE_INTERVAL, mode="nearest"))
     if hand.axis == AXES["length"]:
         terms[:, 1:] = 0.0  # the end follows a pull upwards at once
-    now = hand.where > 0.0
-    hand.fit = np.asarray(np.linalg.lstsq(terms[now], u[now], rcond=None)[0], dtype=float)
-    residual = float(np.var(u[now] - terms[now] @ hand.fit))
-    return residual <= (1.0 - _MIN_FIT) * float(np.var(u[now]))
+    used = hand.weight > 0.0
+    hand.fit = np.asarray(np.linalg.lstsq(terms[used], u[used], rcond=None)[0], dtype=float)
+    residual = float(np.var(u[used] - terms[used] @ hand.fit))
+    return residual <= (1.0 - _MIN_FIT) * float(np.var(u[used]))
 
 
 def _with_rates(x: Array) -> Array:
     """(T, 3) values, first and second derivatives of samples."""
-    rate = np.gradient(x, _STEP)
-    return np.stack([x, rate, np.gradient(rate, _STEP)], axis=-1)
+    rate = np.gradient(x, _SAMPLE_INTERVAL)
+    return np.stack([x, rate, np.gradient(rate, _SAMPLE_INTERVAL)], axis=-1)
 
 
 def _whole(score: Score, t: Times, learnt: Array) -> Gesture:
     """Gesture of the score with the learnt offsets."""
-    rate: Array = np.gradient(learnt, _STEP, axis=0)
-    change: Array = np.gradient(rate, _STEP, axis=0)
+    rate: Array = np.gradient(learnt, _SAMPLE_INTERVAL, axis=0)
+    change: Array = np.gradient(rate, _SAMPLE_INTERVAL, axis=0)
     rate[[0, -1]] = change[[0, -1]] = 0.0
     parts = [(x[:-1], x[1:]) for x in (learnt, rate, change)]
     coef = polynomial.hermite(
@@ -314,13 +322,14 @@ def _whole(score: Score, t: Times, learnt: Array) -> Gesture:
 
 
 def _inputs(score: Score, x0: State, t: Times, learnt: Array) -> Input:
+    """Input of the score with the learnt offsets."""
     whole = _whole(score, t, learnt)
     inputs = whole.inputs(x0, speed=score.speed, acceleration=score.acceleration)
     return inputs.called(score.name)
 
 
-def _played(score: Score, x0: State, t: Times, learnt: Array) -> tuple[Trajectory, Array]:
+def _run_of(score: Score, x0: State, t: Times, learnt: Array) -> tuple[Trajectory, Array]:
     """Event-driven run, and (T, n_points, 3) positions of the strings' ends."""
     marionette = score.marionette
     run = simulate(marionette, x0, _inputs(score, x0, t, learnt), x0.t + float(t[-1]))
-    return run, paths(marionette, run, ties(marionette), x0.t + t)
+    return run, point_paths(marionette, run, ties(marionette), x0.t + t)

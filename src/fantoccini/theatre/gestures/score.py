@@ -17,10 +17,10 @@ from fantoccini.theatre.gestures.gesture import Gesture
 
 @dataclass(frozen=True)
 class Caption:
-    """A caption, with its times [s].
+    """A caption, with its times.
 
     Attributes:
-        start, end: [s].
+        start, end: times at which it appears and disappears [s].
         text: text of the caption.
         who: speaker; "" for a caption without one.
     """
@@ -40,8 +40,8 @@ class Played:
     """A gesture in the time of a score.
 
     Attributes:
-        lane, gesture: names.
-        start, end: [s].
+        lane, gesture: names of the lane and of the gesture.
+        start, end: times at which it begins and ends [s].
         marks: mark of the gesture -> time [s].
         name: name by which the score's times refer to it.
     """
@@ -78,7 +78,7 @@ class Sound:
         path: path of the file.
         start: beginning of the sound [s].
         gain: factor of its loudness.
-        duration: [s].
+        duration: duration of the file [s].
     """
 
     path: Path
@@ -100,6 +100,7 @@ class Score:
         beat: duration of a beat [s]; 1 if times are in seconds.
         changes: deviations from the file and their reasons, with file and line.
         name: name of the score.
+        speed, acceleration: bounds of the driven coordinates, for all or by name.
         waits: waits of live performances, in order; elsewhere they take no time.
         sounds: sounds with their times.
         lanes: lane -> its own motion.

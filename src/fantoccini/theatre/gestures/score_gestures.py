@@ -7,7 +7,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.gesture_file import bundled, gesture_names, load_gesture
-from fantoccini.theatre.gestures.parameters import Parameters, made_gesture, member_prefix
+from fantoccini.theatre.gestures.parameters import Parameters, computed_gesture, member_prefix
 from fantoccini.theatre.gestures.placing import place_lanes
 from fantoccini.theatre.gestures.styling import Style, StyleError
 from fantoccini.theatre.script import GestureCue, PhraseCue, PlayedCue, ScoreFile, ScriptLog, Spot
@@ -23,22 +23,22 @@ class ScoreGestures:
         marionette: puppet that performs them.
         file: file of the score.
         start: state at rest.
-        most: (2, n_vK) bounds of speeds and accelerations.
+        bounds: (2, n_vK) bounds of speeds and accelerations.
         log: collects mistakes and changes.
     """
 
     def __init__(
-        self, marionette: Marionette, file: ScoreFile, start: State, most: Array, log: ScriptLog
+        self, marionette: Marionette, file: ScoreFile, start: State, bounds: Array, log: ScriptLog
     ):
         self._marionette, self._file, self._start = marionette, file, start
-        self._most, self._log = most, log
+        self._bounds, self._log = bounds, log
         self._files: dict[tuple[str, str, Parameters], Gesture | None] = {}
         self._wrong: dict[tuple[str, str, Parameters], list[tuple[Spot, str]]] = {}
         self._phrases: dict[str, Gesture | None] = {}
         self._open: list[str] = []
 
     def read_all(self) -> None:
-        """Compiles the phrases that no cue plays too, for their mistakes."""
+        """Compiles all phrases, so that mistakes in those that no cue plays are found too."""
         for name in self._file.phrases:
             self._phrase(name, ("phrases", name))
 
@@ -83,9 +83,9 @@ class ScoreGestures:
             self._wrong[name, of, parameters] = [(("gesture",), message)]
             return None
         try:
-            if is_bundled and parameters.makes(name):
+            if is_bundled and parameters.computes(name):
                 prefix = member_prefix(self._marionette.coordinates, of)
-                gesture = made_gesture(self._marionette, name, parameters, prefix, self._start)
+                gesture = computed_gesture(self._marionette, name, parameters, prefix, self._start)
             else:
                 parameters.refuse(name)
                 gesture = load_gesture(self._marionette, path, self._start, of=of)
@@ -108,8 +108,8 @@ class ScoreGestures:
     def _phrase(self, name: str, spot: Spot) -> Gesture | None:
         """A phrase as one gesture, from the puppet's rest; it ends at rest."""
         if name in self._open:
-            way = " -> ".join([*self._open[self._open.index(name) :], name])
-            self._log.mistakes.add(spot, f"a phrase is part of itself: {way}")
+            chain = " -> ".join([*self._open[self._open.index(name) :], name])
+            self._log.mistakes.add(spot, f"a phrase is part of itself: {chain}")
             return None
         if name not in self._file.phrases:
             text = f"no phrase is called {name!r}{nearest(name, self._file.phrases)}"
@@ -127,7 +127,7 @@ class ScoreGestures:
 
     def _phrase_gesture(self, name: str) -> Gesture | None:
         lanes = {name: (("phrases", name), self._file.phrases[name])}
-        placed = place_lanes(lanes, {}, self.of, self._most, self._log, phrase=True)
+        placed = place_lanes(lanes, {}, self.of, self._bounds, self._log, phrase=True)
         if placed is None or self._log.mistakes:
             return None
         marks: dict[str, float] = {}

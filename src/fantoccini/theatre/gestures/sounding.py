@@ -24,7 +24,7 @@ def read_sounds(
 
 
 def spot_of_sound(i: int, located: Located) -> Spot:
-    """Keys that lead to sound i: an only sound needs no list."""
+    """Keys that lead to sound i of a file, which may give a single sound without a list."""
     return ("sound", i) if isinstance(located.data["sound"], list) else ("sound",)
 
 

@@ -21,7 +21,7 @@ from fantoccini.theatre.gestures.ends import Complex, ComplexCurve, Curve
 
 STEP_TIME = 0.6
 """Default duration of a step [s]."""
-LONGEST, MOST_TURN = 1.0, 0.5 * np.pi
+MAX_STEP_LENGTH, MAX_STEP_TURN = 1.0, 0.5 * np.pi
 """Bounds of a step: length [m] and turn [rad]."""
 _ROUNDING = 1e-9
 """Tolerance of the bounds of steps, for rounded shares of a whole [m, rad]."""
@@ -47,7 +47,7 @@ class Step:
     turn: float = 0.0
 
     def __post_init__(self) -> None:
-        bounds = {"length": (LONGEST, "m"), "turn": (MOST_TURN, "rad")}
+        bounds = {"length": (MAX_STEP_LENGTH, "m"), "turn": (MAX_STEP_TURN, "rad")}
         for name, (bound, unit) in bounds.items():
             value = getattr(self, name)
             if not abs(value) <= bound + _ROUNDING:
@@ -67,7 +67,7 @@ class Track:
         duration: duration of all steps [s].
 
     Args:
-        given: steps in order; without steps the path is a point.
+        given: the steps in order; without steps the path is a point.
         step_time: duration of a step [s].
     """
 
@@ -77,18 +77,18 @@ class Track:
         self.duration = len(given) * step_time
         place, heading = 0j, 0.0
         rows: list[tuple[complex, float, float, float]] = []
-        ways: list[Array] = [np.zeros((0, polynomial.N_COEF))]
+        progress: list[Array] = [np.zeros((0, polynomial.N_COEF))]
         for step, run in groupby(given):
             n = len(list(run))
             length, turn = n * step.length, n * step.turn
             rows += [(place, heading, length, turn)] * n
-            ways.append(leg(n))
+            progress.append(leg_progress(n))
             place = place + complex(_arc(length, turn, np.array(1.0))) * np.exp(1j * heading)
             heading += turn
         # One more row holds the end, for times after it.
         columns = zip(*rows, (place, heading, 0.0, 0.0), strict=True)
         self._place, self._heading, self._length, self._turn = (np.array(x) for x in columns)
-        self._ways = np.concatenate([*ways, np.zeros((1, polynomial.N_COEF))])
+        self._progress = np.concatenate([*progress, np.zeros((1, polynomial.N_COEF))])
 
     def at(self, t: Times) -> tuple[ComplexCurve, Curve]:
         """z and theta, with their derivatives, at times (T,) from the first step's start.
@@ -97,7 +97,7 @@ class Track:
         """
         clock = np.clip(np.asarray(t, dtype=float) / self._time, 0.0, self.n)
         k = clock.astype(int)
-        s, rate, change = polynomial.evaluate(self._ways[k], clock - k)
+        s, rate, change = polynomial.evaluate(self._progress[k], clock - k)
         rate, change = rate / self._time, change / self._time**2
         length, turn = self._length[k], self._turn[k]
         start = np.exp(1j * self._heading[k])
@@ -117,14 +117,14 @@ def footing_after(given: Sequence[Step]) -> tuple[float, float, float]:
     return float(path[0][0].real), float(path[0][0].imag), float(heading[0][0])
 
 
-def leg(n: int) -> Array:
+def leg_progress(n: int) -> Array:
     """(n, 6) s over each of n equal steps: ascending powers of the time in the step, in steps."""
     if n == 1:
         return _ALONE[None].copy()
-    ways = np.tile(_EVEN, (n, 1))
-    ways[0], ways[-1] = _RAMP, _EVEN - _RAMP
-    ways[1:, 0] = np.arange(1, n) - 0.5
-    return ways / (n - 1)
+    progress = np.tile(_EVEN, (n, 1))
+    progress[0], progress[-1] = _RAMP, _EVEN - _RAMP
+    progress[1:, 0] = np.arange(1, n) - 0.5
+    return progress / (n - 1)
 
 
 def _arc(length: Array | float, turn: Array | float, s: Array) -> Complex:

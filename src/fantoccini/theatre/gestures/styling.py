@@ -8,19 +8,18 @@ from typing import Any
 from fantoccini.base import FantocciniError, StateError, UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.transitions import ACCELERATION, SPEED, Most
-from fantoccini.theatre.script import HOW, DoesCue, Styled
+from fantoccini.theatre.gestures.transitions import ACCELERATION, SPEED, Limit
+from fantoccini.theatre.script import STYLE_WORDS, DoesCue, Styled
 
 _MAX_PIECES = 100_000
-"""Largest number of pieces of a repeated gesture, limited by memory."""
+"""Largest number of pieces of a repeated gesture, to limit memory."""
 
 
 class StyleError(StateError):
-    """A gesture cannot be varied as a cue asks for.
+    """A gesture cannot be varied as in a cue.
 
     Args:
-        key: the variation that is impossible, by its key in the cue; empty for transitions between
-            repetitions.
+        key: key of the impossible variation in the cue; empty for transitions between repetitions.
         reason: message with the reason.
     """
 
@@ -37,7 +36,7 @@ class Style:
         larger, faster: factors of its size and speed.
         mirrored: whether left and right are exchanged.
         repeat: number of repetitions.
-        lasts: duration of each repetition [s]; None keeps its own.
+        lasts: duration of each repetition [s]; None keeps that of the gesture.
     """
 
     larger: float = 1.0
@@ -48,11 +47,11 @@ class Style:
 
     @classmethod
     def of(cls, cue: Styled, beat: float) -> Style:
-        """Style of a cue, from its words and numbers together; a beat lasts ``beat`` [s]."""
+        """Style of a cue, by its words and numbers; ``beat`` is the duration of a beat [s]."""
         larger, faster = cue.larger, cue.faster
         mirrored, repeat = cue.mirrored, cue.repeat
         for word in cue.how if isinstance(cue, DoesCue) else ():
-            changes: dict[str, Any] = HOW[word]
+            changes: dict[str, Any] = STYLE_WORDS[word]
             larger *= changes.get("larger", 1.0)
             faster *= changes.get("faster", 1.0)
             mirrored = mirrored != changes.get("mirrored", False)
@@ -66,8 +65,8 @@ class Style:
         puppet: Marionette,
         heading: float | None = None,
         *,
-        speed: Most = SPEED,
-        acceleration: Most = ACCELERATION,
+        speed: Limit = SPEED,
+        acceleration: Limit = ACCELERATION,
     ) -> tuple[Gesture, Gesture]:
         """The gesture in this style, once and with its repetitions.
 
@@ -76,12 +75,12 @@ class Style:
         Args:
             gesture: gesture as its file has it.
             puppet: puppet or scene that performs it.
-            heading: angle by which it is turned about the vertical [rad]; None leaves it as it is.
+            heading: angle by which it is turned about the vertical [rad]; None does not turn it.
             speed, acceleration: bounds of the transitions between repetitions; see
                 :meth:`Gesture.then`.
 
         Raises:
-            StyleError: a variation is impossible; ``key`` says which.
+            StyleError: a variation is impossible.
         """
         key = "mirrored"
         try:

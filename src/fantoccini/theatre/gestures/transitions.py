@@ -22,7 +22,7 @@ ACCELERATION = 6.0
 ARM = 0.4
 """Distance from the axis at which a bound for all coordinates applies to a turn [m]."""
 
-Most = float | Mapping[str, float]
+Limit = float | Mapping[str, float]
 """A bound for all driven coordinates [m/s or m/s^2], or by name in the coordinate's own unit."""
 
 _MIN_BOUND = 1e-6
@@ -30,14 +30,14 @@ _MIN_BOUND = 1e-6
 _MIN_DURATION = 0.04
 """Shortest transition [s]."""
 _DURATION_RATIO = 1.1
-"""Ratio of a duration that is tried to the one before."""
+"""Ratio of one trial duration to the one before."""
 SAME = 1e-12
 """Tolerance for equal offsets and rates [m or rad, s]."""
 _MAX_DURATIONS = 200
-"""Number of durations that are tried: the last one is 10^8 times the first."""
+"""Number of durations to try; the last one is 10^8 times the first."""
 
 
-def limits(table: CoordinateTable, speed: Most, acceleration: Most) -> Array:
+def limits(table: CoordinateTable, speed: Limit, acceleration: Limit) -> Array:
     """(2, n_vK) bounds of speeds and accelerations, each in its coordinate's unit.
 
     A bound for all coordinates is divided by :data:`ARM` for turns.
@@ -49,19 +49,19 @@ def limits(table: CoordinateTable, speed: Most, acceleration: Most) -> Array:
     places = pieces.channel_names(table)
     bounds = np.empty((2, table.n_vK))
     arms = np.array([ARM if unit == "rad" else 1.0 for _, unit in names_and_units(table)])
-    for row, (what, bound, usual) in enumerate(
+    for row, (quantity, bound, default) in enumerate(
         (("speed", speed, SPEED), ("acceleration", acceleration, ACCELERATION))
     ):
         if not isinstance(bound, Mapping):
-            check_positive(**{what: bound})
+            check_positive(**{quantity: bound})
             bounds[row] = bound / arms
             continue
-        bounds[row] = usual / arms
+        bounds[row] = default / arms
         for name, value in bound.items():
             channel = table.commands.get(name, name)
             if channel not in places:
                 raise UnknownNameError("driven coordinate", name, list(places))
-            check_positive(**{f"{what} of {name}": value})
+            check_positive(**{f"{quantity} of {name}": value})
             bounds[row, places[channel][1]] = value
     if np.any(bounds < _MIN_BOUND):
         raise ValueError(
@@ -72,7 +72,7 @@ def limits(table: CoordinateTable, speed: Most, acceleration: Most) -> Array:
 
 
 def transition(
-    d: Array, rate: Array, target: Array, target_rate: Array, most: Array
+    d: Array, rate: Array, target: Array, target_rate: Array, bounds: Array
 ) -> tuple[tuple[float, Array] | None, Array]:
     """Quintic from (d, rate) to (target, target_rate), and its end.
 
@@ -80,7 +80,7 @@ def transition(
         d, rate: (n_vK,) offsets and their rates.
         target: (n_vK,) offsets at the end; NaN for coordinates that only stop.
         target_rate: (n_vK,) rates at the end.
-        most: (2, n_vK) bounds of speeds and accelerations.
+        bounds: (2, n_vK) bounds of speeds and accelerations.
 
     Returns:
         Its duration and coefficients (n_vK, 6), or None if nothing differs; and its end (n_vK,).
@@ -88,31 +88,31 @@ def transition(
     Raises:
         StateError: no duration keeps the bounds.
     """
-    stops = np.isnan(target)
-    there = np.where(stops, d, target)
-    way, change = np.abs(there - d), np.abs(target_rate - rate)
-    if max(np.max(way, initial=0.0), np.max(change, initial=0.0)) <= SAME:
+    only_stops = np.isnan(target)
+    goal = np.where(only_stops, d, target)
+    distance, change = np.abs(goal - d), np.abs(target_rate - rate)
+    if max(np.max(distance, initial=0.0), np.max(change, initial=0.0)) <= SAME:
         return None, d
     duration = max(
         _MIN_DURATION,
-        polynomial.minimum_jerk_duration(way, most[0], most[1]),
-        float(np.max(1.5 * change / most[1])),
+        polynomial.minimum_jerk_duration(distance, bounds[0], bounds[1]),
+        float(np.max(1.5 * change / bounds[1])),
     )
-    nothing, allowed = np.zeros(len(d)), most * (1.0 + 1e-9)
-    own = np.maximum(np.abs(rate), np.abs(target_rate))
+    zero, allowed = np.zeros(len(d)), bounds * (1.0 + 1e-9)
+    end_speed = np.maximum(np.abs(rate), np.abs(target_rate))
     for _ in range(_MAX_DURATIONS):
-        # A coordinate that only stops ends half way to where its rate would take it.
-        end = np.where(stops, d + 0.5 * duration * rate, there)
+        # A coordinate that only stops covers half the distance of its first rate.
+        end = np.where(only_stops, d + 0.5 * duration * rate, goal)
         coef = polynomial.hermite(
-            np.full(len(d), duration), (d, rate, nothing), (end, target_rate, nothing)
+            np.full(len(d), duration), (d, rate, zero), (end, target_rate, zero)
         )
         speed, acceleration = piecewise.peaks(np.array([0.0, duration]), coef[None])[0]
-        if np.all(speed <= np.maximum(allowed[0], own * 1.01)) and np.all(
+        if np.all(speed <= np.maximum(allowed[0], end_speed * 1.01)) and np.all(
             acceleration <= allowed[1]
         ):
             return (duration, coef), end
         duration *= _DURATION_RATIO
     raise StateError(
-        f"no way of less than {duration:.3g} s leads from one gesture to the next within bounds of "
-        f"{most[0].min():g} m/s and {most[1].min():g} m/s^2"
+        f"no transition shorter than {duration:.3g} s between two gestures keeps the bounds of "
+        f"{bounds[0].min():g} m/s and {bounds[1].min():g} m/s^2"
     )

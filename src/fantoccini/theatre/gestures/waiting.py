@@ -12,7 +12,7 @@ from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.score import Wait
 from fantoccini.theatre.script import ScriptLog, Spot
 
-_SAME = 1e-6
+_TOLERANCE = 1e-6
 """Tolerance for equal offsets and rates [m or rad, s]."""
 
 
@@ -22,7 +22,7 @@ def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, log: ScriptLo
         d, rate = piecewise.at(whole.breaks, whole.coef, wait.t)
         if wait.loop_start is None:
             v = int(np.argmax(np.abs(rate)))
-            if abs(rate[v]) > _SAME:
+            if abs(rate[v]) > _TOLERANCE:
                 text = f"{whole.coordinates.v_K[v]} moves at {abs(rate[v]):.3g} m/s"
                 when = log.in_words(wait.t)
                 log.mistakes.add(
@@ -33,18 +33,17 @@ def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, log: ScriptLo
             continue
         first, first_rate = piecewise.at(whole.breaks, whole.coef, wait.loop_start)
         for what, unit, gap in (
-            ("is {} from where it is", "m", np.abs(d - first)),
-            ("moves by {} faster or slower than", "m/s", np.abs(rate - first_rate)),
+            ("value", "m", np.abs(d - first)),
+            ("speed", "m/s", np.abs(rate - first_rate)),
         ):
             v = int(np.argmax(gap))
-            if gap[v] > _SAME:
-                text = what.format(f"{gap[v]:.3g} {unit}")
+            if gap[v] > _TOLERANCE:
                 spot: Spot = ("waits", wait.name, "loop")
                 log.mistakes.add(
                     spot,
-                    f"{whole.coordinates.v_K[v]} {text} {log.in_words(wait.loop_start)} "
-                    f"{log.in_words(wait.t)}, in {_cue(cues, wait.t, v, log)}; needed: a loop "
-                    "that ends as it begins",
+                    f"the {what} of {whole.coordinates.v_K[v]} {log.in_words(wait.t)}, in "
+                    f"{_cue(cues, wait.t, v, log)}, differs by {gap[v]:.3g} {unit} from that "
+                    f"{log.in_words(wait.loop_start)}; needed: a loop that ends as it begins",
                 )
                 break
 

@@ -1,4 +1,4 @@
-"""Balance: hands that calm a puppet and keep it in place, by model predictive control.
+"""Balance: hands that damp a puppet's motion and keep it in place, by model predictive control.
 
     min  integral of  w_p sum_i m_i/m |c_i - c_i0|^2 + w_v |v_D|^2 + w_h |q_K - q_K0|^2 + smoothness
 
@@ -32,12 +32,12 @@ class _Weights(NamedTuple):
 WEIGHTS = _Weights()
 _INTERVAL = 0.02
 """Approximate interval of updates, a multiple of the tick [s]."""
-_ROUNDING = 1e-9
+_TIME_TOLERANCE = 1e-9
 """Tolerance for equal times [s]."""
-_PAUSE = 0.001
+_POLL_INTERVAL = 0.001
 """Interval at which the thread checks whether an update is due [s]."""
 _N_LATENCIES = 10
-"""Number of updates whose longest latency is expected of the next."""
+"""Number of last updates; the longest latency of them is expected of the next."""
 
 
 class _Plan(NamedTuple):
@@ -48,7 +48,7 @@ class _Plan(NamedTuple):
 
 
 class Balance:
-    """A law of the hands that returns the puppet to its present pose after any push.
+    """Law of the hands that returns the puppet to its present pose after any push.
 
     ::
 
@@ -57,16 +57,16 @@ class Balance:
         live.push("torso", [0.5, 0.0, 0.0])
         live.advance(0.2)
 
-    Updates are due at every interval, a whole number of ticks of about 20 ms. Without a thread the
+    Updates are due at intervals of about 20 ms, a whole number of ticks. Without a thread the
     performance waits for them. With a thread it continues under the previous plan: the update
-    starts from the state predicted for its completion, and an update that comes later than
-    predicted, or takes longer than an interval, is counted. Before the first plan the hands brake.
+    starts from the state predicted for its completion, and updates that complete later than
+    predicted, or take longer than an interval, are counted. Before the first plan the hands brake.
 
     Attributes:
         mpc: controller that counts updates, missed deadlines and skipped intervals, see
             :class:`fantoccini.MPC`; None until a thread has created it.
-        late: number of updates that came into force later than predicted.
-        message: reason why updates have ended; empty while they go on.
+        late: number of updates that were completed later than predicted.
+        message: reason why updates have ended; empty before.
 
     Args:
         performance: performance whose present pose is held.
@@ -115,11 +115,12 @@ class Balance:
         """(n_vK,) accelerations of the plan in force at a state's time; braking without a plan."""
         if self.mpc is not None and not self._threaded and self._is_due(x.t, 0.0):
             self._update(self.mpc, x, x.t)
-        in_force = [plan for plan in self._plans if plan.start <= x.t + _ROUNDING]
-        if in_force:
-            i = int((x.t - in_force[-1].start + _ROUNDING) / self._interval)
-            if i < len(in_force[-1].acc_K):
-                return np.array(in_force[-1].acc_K[i])
+        begun = [plan for plan in self._plans if plan.start <= x.t + _TIME_TOLERANCE]
+        if begun:
+            plan = begun[-1]
+            i = int((x.t - plan.start + _TIME_TOLERANCE) / self._interval)
+            if i < len(plan.acc_K):
+                return np.array(plan.acc_K[i])
         return np.asarray(-x.v_K / self._performance.tick)
 
     def stop(self) -> None:
@@ -137,7 +138,7 @@ class Balance:
             return False
         if not self._plans:
             return True
-        return t + latency >= self._plans[-1].start + self._interval - _ROUNDING
+        return t + latency >= self._plans[-1].start + self._interval - _TIME_TOLERANCE
 
     def _update(self, mpc: MPC, x: State, t: float) -> None:
         try:
@@ -159,12 +160,12 @@ class Balance:
             x = self._performance.state
             latency = max(self._latencies, default=self._interval)
             if not self._is_due(x.t, latency):
-                self._end.wait(_PAUSE)
+                self._end.wait(_POLL_INTERVAL)
                 continue
             self._update(mpc, x, x.t + latency)
-            passed = self._performance.t - x.t
-            self.late += passed > latency + _ROUNDING
-            self._latencies = [*self._latencies[1 - _N_LATENCIES :], max(passed, 0.0)]
+            elapsed = self._performance.t - x.t
+            self.late += elapsed > latency + _TIME_TOLERANCE
+            self._latencies = [*self._latencies[1 - _N_LATENCIES :], max(elapsed, 0.0)]
 
 
 def _task(performance: Performance, x: State, horizon: float) -> Task:
@@ -172,12 +173,12 @@ def _task(performance: Performance, x: State, horizon: float) -> Task:
     marionette = performance.marionette
     table = marionette.coordinates
     inertias = [link_inertia(link, marionette.number)[:2] for link in marionette.tree.links]
-    whole = sum(m for m, _ in inertias) or 1.0
+    total_mass = sum(m for m, _ in inertias) or 1.0
     tracks = [Track.velocity("*", weight=WEIGHTS.speed)]
     for link, (m, com) in zip(marionette.tree.links, inertias, strict=True):
         if m > 0.0:
             pose, at = marionette.pose(x, link.name), (float(com[0]), float(com[1]), float(com[2]))
-            place, weight = pose[:3, 3] + pose[:3, :3] @ com, WEIGHTS.place * m / whole
+            place, weight = pose[:3, 3] + pose[:3, :3] @ com, WEIGHTS.place * m / total_mass
             tracks.append(Track.point(link.name, place, at=at, weight=weight))
     for q, _ in table.scalars_K:
         tracks.append(Track.coordinate(table.q_K[q], float(x.q_K[q]), weight=WEIGHTS.hands))

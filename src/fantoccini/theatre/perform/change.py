@@ -12,7 +12,7 @@ from fantoccini.motion import State
 
 
 def hanging(marionette: Marionette) -> State:
-    """Puppet at rest; without an equilibrium, its file's pose, projected."""
+    """State of rest of a puppet; without an equilibrium, the projected pose of its file."""
     try:
         return marionette.rest()
     except StateError:
@@ -30,7 +30,7 @@ def check_steps(marionette: Marionette, x: State, dt: float) -> None:
         ) from None
 
 
-def carried(
+def transferred(
     before: Marionette, x: State, after: Marionette, start: State
 ) -> tuple[State, tuple[str, ...]]:
     """State of a changed puppet, in which coordinates that exist in both keep their values.
@@ -62,8 +62,8 @@ def carried(
     )
     names = set(new.q_D + new.q_K)
     lost = tuple(f"{name} is gone" for name in q if name not in names)
-    come = tuple(f"{name} is new" for name in new.q_D + new.q_K if name not in q)
-    return state, lost + come
+    added = tuple(f"{name} is new" for name in new.q_D + new.q_K if name not in q)
+    return state, lost + added
 
 
 def permitted(marionette: Marionette, x: State) -> State:
@@ -79,9 +79,9 @@ def permitted(marionette: Marionette, x: State) -> State:
         return marionette.project(x)
     except StateError:
         n = len(marionette.tree.strings)
-        over = np.maximum(marionette.constraint(x)[:n], 0.0)
-        slips = np.isfinite(marionette.winches[:, WINCH_AT["max_tension"]])
-    x = x.replace(slip=x.slip + np.where(slips, over, 0.0))
+        excess = np.maximum(marionette.constraint(x)[:n], 0.0)
+        can_slip = np.isfinite(marionette.winches[:, WINCH_AT["max_tension"]])
+    x = x.replace(slip=x.slip + np.where(can_slip, excess, 0.0))
     try:
         return marionette.project(x)
     except StateError:

@@ -1,4 +1,4 @@
-"""Handles for hands, and the driven coordinates that bring them to a place in the world."""
+"""Handles for hands, and the driven coordinates that move them to a place in the world."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _MAX_DISTANCE = 1e6
 
 @dataclass(frozen=True, eq=False)
 class Handle:
-    """A driven string end, or a body on a driven joint, that a hand can hold.
+    """Driven string end, or body on a driven joint, that a hand can hold.
 
     Attributes:
         name: name of the string or of the body.
         kind: ``end``, a string's end with a driven position; ``body``, a body on a driven joint.
         joint: fixed, revolute, prismatic, translation, ball or free.
-        axes: (k, 3) directions in the world along which it moves, k from 0 to 3; those at the start
-            if the joint's parent moves.
-        turns: (k, 3) directions about which it turns, likewise.
+        axes: (k, 3) directions in the world along which it moves, k from 0 to 3; if the joint's
+            parent moves, those at the start.
+        turns: (k, 3) directions about which it turns, in the same sense.
         coordinates: names of its driven coordinates, as in q_K.
         link: index of its link.
         q, v: indices of its coordinates in q_K and v_K.
@@ -73,20 +73,20 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
         if lead is None:
             continue
         R, r = frame(marionette, link, poses)
-        own, none, free = (R @ link.axes).T, np.zeros((0, 3)), np.eye(3)
+        joint_axes, none, all_axes = (R @ link.axes).T, np.zeros((0, 3)), np.eye(3)
         axes, turns = {
-            "revolute": (none, own),
-            "prismatic": (own, none),
-            "translation": (own, none),
-            "ball": (none, free),
-            "free": (free, free),
+            "revolute": (none, joint_axes),
+            "prismatic": (joint_axes, none),
+            "translation": (joint_axes, none),
+            "ball": (none, all_axes),
+            "free": (all_axes, all_axes),
         }[link.kind]
         # Names of bodies have no dots: this is a driven string end.
-        end = link.name.endswith(".end")
+        is_end = link.name.endswith(".end")
         handles.append(
             Handle(
-                name=link.joint if end else link.name,
-                kind="end" if end else "body",
+                name=link.joint if is_end else link.name,
+                kind="end" if is_end else "body",
                 joint=link.kind,
                 axes=axes,
                 turns=turns,
@@ -94,17 +94,17 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
                 link=i,
                 q=lead[0],
                 v=lead[1],
-                base=(R, r) if _stands(marionette, link) else None,
+                base=(R, r) if _has_fixed_joint(marionette, link) else None,
             )
         )
     return tuple(handles)
 
 
-def _stands(marionette: Marionette, link: Link) -> bool:
-    """Whether the joint of a link stands still in the world."""
+def _has_fixed_joint(marionette: Marionette, link: Link) -> bool:
+    """Whether the joint of a link is at a fixed place in the world."""
     tree = marionette.tree
-    way = tree.ancestors(link.parent) if link.parent != WORLD else ()
-    return all(tree.links[i].role is Role.FIXED for i in way)
+    ancestors = tree.ancestors(link.parent) if link.parent != WORLD else ()
+    return all(tree.links[i].role is Role.FIXED for i in ancestors)
 
 
 def frame(marionette: Marionette, link: Link, poses: Array) -> tuple[Array, Vec3]:
@@ -123,7 +123,7 @@ def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array)
         marionette: puppet.
         handle: one of its handles.
         q_K: (n_qK,) driven configuration.
-        poses: (n_links, 3, 4) poses of the links; may be empty for a joint that stands still.
+        poses: (n_links, 3, 4) poses of the links; may be empty for a joint at a fixed place.
     """
     link = marionette.tree.links[handle.link]
     R, r = handle.base or frame(marionette, link, poses)
@@ -149,13 +149,13 @@ def wanted(
     position: Vec3 | None,
     wxyz: Quaternion | None,
 ) -> Array:
-    """(n,) coordinates that bring a handle as near to a place as its joint allows.
+    """(n,) coordinates that move a handle as near to a place as its joint allows.
 
     Args:
         marionette: puppet.
         handle: one of its handles.
-        q: (n,) present target; components that are not given stay.
-        poses: (n_links, 3, 4) poses of the links; may be empty for a joint that stands still.
+        q: (n,) present target, for a position or orientation that is None.
+        poses: (n_links, 3, 4) poses of the links; may be empty for a joint at a fixed place.
         position: (3,) position [m], or None.
         wxyz: (4,) orientation, or None.
 
@@ -167,11 +167,12 @@ def wanted(
     q = np.array(q)
     if position is not None and len(handle.axes):
         # Dot is twice as fast as @ for vectors.
-        local = R.T.dot(_three(handle, position) - r)
-        straight = local if link.kind == "free" else link.axes.T.dot(local)
-        q[: len(handle.axes)] = _bounded(straight)
+        local = R.T.dot(_checked_position(handle, position) - r)
+        translation = local if link.kind == "free" else link.axes.T.dot(local)
+        q[: len(handle.axes)] = _bounded(translation)
     if wxyz is not None and len(handle.turns):
-        turn = rotation.multiply(rotation.conjugate(rotation.quaternion(R)), _turn(handle, wxyz))
+        target = _checked_orientation(handle, wxyz)
+        turn = rotation.multiply(rotation.conjugate(rotation.quaternion(R)), target)
         if link.kind == "revolute":
             angle = 2.0 * np.arctan2(turn[1:] @ link.axes[:, 0], turn[0])
             q[0] = rotation.nearest_angle(angle, q[0])
@@ -180,7 +181,8 @@ def wanted(
     return q
 
 
-def _three(handle: Handle, position: ArrayLike) -> Vec3:
+def _checked_position(handle: Handle, position: ArrayLike) -> Vec3:
+    """(3,) position; raises StateError if it is invalid."""
     vector = np.asarray(position, dtype=float)
     if vector.shape != (3,) or not all(map(math.isfinite, vector.tolist())):
         raise StateError(f"{handle.name}: found {position!r}; a position is three finite numbers")
@@ -188,13 +190,15 @@ def _three(handle: Handle, position: ArrayLike) -> Vec3:
 
 
 def _bounded(x: Vec3) -> Vec3:
+    """Vector with components of at most 1,000 km."""
     numbers = x.tolist()
     if min(numbers) >= -_MAX_DISTANCE and max(numbers) <= _MAX_DISTANCE:
         return x  # the usual case; np.clip takes ten times as long
     return np.clip(x, -_MAX_DISTANCE, _MAX_DISTANCE)
 
 
-def _turn(handle: Handle, wxyz: ArrayLike) -> Quaternion:
+def _checked_orientation(handle: Handle, wxyz: ArrayLike) -> Quaternion:
+    """Unit quaternion; raises StateError if it is invalid."""
     quaternion = np.asarray(wxyz, dtype=float)
     if quaternion.shape != (4,) or not np.all(np.isfinite(quaternion)) or not np.any(quaternion):
         raise StateError(

@@ -39,7 +39,7 @@ class Limits(NamedTuple):
     relative_range: tuple[float, float] = (0.1, 2.0)
     """Range of a driven length, relative to that at the start."""
     chain_lengths: int = 20
-    """Number of lengths that are tried as the shortest of a chain."""
+    """Number of lengths to try as the shortest of a chain."""
 
 
 LIMITS = Limits()
@@ -109,7 +109,7 @@ class Hands:
         group = np.zeros(len(x.v_K), dtype=np.intp)
         for i, (_, place, _) in enumerate(groups):
             group[place] = i
-        scale = np.array([by for _, _, by in groups])
+        scale = np.array([factor for _, _, factor in groups])
         names = tuple(name for name, _, _ in groups)
         return cls(
             marionette, handles, ranges, winch, names, group, speed * scale, acceleration * scale
@@ -117,9 +117,9 @@ class Hands:
 
     @staticmethod
     def ranges_of(marionette: Marionette, x: State, dt: float) -> dict[str, tuple[float, float]]:
-        """String with a driven length -> the range about its length at a state [m].
+        """String with a driven length -> range about its length at a state [m].
 
-        A chain stays long enough for steps of ``dt`` [s].
+        Chains are long enough for steps of ``dt`` [s].
         """
         ranges = {name: _range(float(x.q_K[q])) for name, (q, _) in _winches(marionette).items()}
         for chain in marionette.tree.chains:
@@ -128,7 +128,7 @@ class Hands:
                 ranges[chain.name] = _shortest(marionette, chain, x, low, dt), high
         return ranges
 
-    def each(self) -> HandBounds:
+    def coordinate_bounds(self) -> HandBounds:
         """Bounds of every driven coordinate."""
         table = self.marionette.coordinates
         share = 1.0 / np.sqrt(np.bincount(self.group, minlength=len(self.speed)))[self.group]
@@ -144,20 +144,20 @@ class Hands:
         )
 
     def handle(self, name: str) -> Handle:
-        """Handle of a name."""
-        if name not in self._named:
+        """Handle with a name."""
+        if name not in self._by_name:
             raise UnknownNameError("handle", name, [h.name for h in self.handles])
-        return self._named[name]
+        return self._by_name[name]
 
     def carriers(self, handle: Handle) -> tuple[Handle, ...]:
-        """Handles of a joint's other parts, if drives move the joint in part.
+        """Handles of the other parts of a handle's joint, if drives move some of its coordinates.
 
-        Each part is a handle itself, ``bar.carriage1``; a part has no carriers.
+        Each part is a handle itself, such as ``bar.carriage1``, and has no carriers.
         """
         return self._carriers[handle.name]
 
     @cached_property
-    def _named(self) -> dict[str, Handle]:
+    def _by_name(self) -> dict[str, Handle]:
         return {h.name: h for h in reversed(self.handles)}
 
     @cached_property
@@ -171,10 +171,10 @@ class Hands:
                 for h in self.handles
                 if links[h.link].joint == links[handle.link].joint and h.link < handle.link
             )
-            for name, handle in self._named.items()
+            for name, handle in self._by_name.items()
         }
 
-    def length_place(self, string: str) -> int:
+    def length_index(self, string: str) -> int:
         """Index in q_K of a driven length, or of its drive's command."""
         if string not in self.winch:
             raise UnknownNameError("string with a driven length", string, self.winch)
@@ -185,7 +185,7 @@ class Hands:
         return self._place(self.handle(name), x.q_K, x)
 
     def place_at(self, name: str, q_K: ConfigK, x: State) -> Place:
-        """Place of a handle at other driven coordinates, those of its joint's parts included.
+        """Place of a handle at other driven coordinates, with those of its joint's parts.
 
         Args:
             name: name of the handle.
@@ -196,17 +196,17 @@ class Hands:
         r, wxyz = self._place(handle, q_K, x)
         if parts := self.carriers(handle):
             poses = self.marionette.poses(x.q_D, x.q_K)
-            ways = [self._place(h, q_K, x)[0] - poses[h.link, :, 3] for h in parts]
-            r = r + np.sum(ways, axis=0)
+            shifts = [self._place(h, q_K, x)[0] - poses[h.link, :, 3] for h in parts]
+            r = r + np.sum(shifts, axis=0)
         return r, wxyz
 
-    def brought(
+    def configuration_at(
         self, q_K: ConfigK, name: str, position: Vec3 | None, wxyz: Quaternion | None, x: State
     ) -> ConfigK:
-        """(n_qK,) driven coordinates that bring a handle as near to a place as its joint allows.
+        """(n_qK,) driven coordinates that move a handle as near to a place as its joint allows.
 
         Args:
-            q_K: (n_qK,) coordinates; those of other handles stay.
+            q_K: (n_qK,) coordinates; those of other handles do not change.
             name: name of the handle.
             position: (3,) position in the world [m]; unchanged by default.
             wxyz: (4,) orientation in the world; unchanged by default.
@@ -218,15 +218,15 @@ class Hands:
         """
         moved, handle = np.array(q_K), self.handle(name)
         for h in (*self.carriers(handle), handle):
-            about = q_K[h.q], self._poses(h, x), position, wxyz
-            moved[h.q] = wanted(self.marionette, h, *about)
+            poses = self._poses(h, x)
+            moved[h.q] = wanted(self.marionette, h, q_K[h.q], poses, position, wxyz)
         return moved
 
     def _place(self, handle: Handle, q_K: ConfigK, x: State) -> Place:
         return place_of(self.marionette, handle, q_K, self._poses(handle, x))
 
     def _poses(self, handle: Handle, x: State) -> Array:
-        """(n_links, 3, 4) poses of the links; empty if the handle's joint stands still."""
+        """(n_links, 3, 4) poses of the links; empty if the handle's joint is at a fixed place."""
         if handle.base is not None:
             return _NO_POSES
         return self.marionette.poses(x.q_D, x.q_K)
@@ -253,11 +253,11 @@ class Hands:
             steps: offsets that are added over the tick.
         """
         if steps is None:
-            away, own = self.away(x.q_K, wanted), x.v_K
+            away, v_K = self.away(x.q_K, wanted), x.v_K
         else:
             away = self.away(x.q_K, self.moved(wanted, steps.d))
-            own = x.v_K - self._rates(wanted, steps.d, steps.rate, away)
-        velocity = reach.wanted_velocity(away, own, tick, self.group, self.speed, self.acceleration)
+            v_K = x.v_K - self._rates(wanted, steps.d, steps.rate, away)
+        velocity = reach.wanted_velocity(away, v_K, tick, self.group, self.speed, self.acceleration)
         if steps is None:
             return velocity
         return self.bounded(velocity + self._rates(wanted, steps.d_next, steps.rate_next, away))
@@ -278,8 +278,8 @@ class Hands:
         rates = np.array(rate)
         for _, w in self.marionette.coordinates.quaternions_K:
             turn = slice(w, w + 3)
-            own = rotation.right_jacobian(d[turn]) @ rate[turn]
-            rates[turn] = rotation.matrix(rotation.exp(away[turn])) @ own
+            angular_velocity = rotation.right_jacobian(d[turn]) @ rate[turn]
+            rates[turn] = rotation.matrix(rotation.exp(away[turn])) @ angular_velocity
         for name, (place, v) in self.winch.items():
             low, high = self.lengths[name]
             if not low <= wanted[place] + d[v] <= high:
@@ -306,19 +306,20 @@ def _winches(marionette: Marionette) -> dict[str, tuple[int, int]]:
 def _shortest(marionette: Marionette, chain: ChainRow, x: State, low: float, dt: float) -> float:
     """Shortest of a few lengths from ``low`` [m] that permits steps of dt [s]."""
     assert chain.length_index is not None  # its length is driven, or wound by a drive
-    q, own = (x.q_K, x.q_D)[chain.driven_length is None].copy(), chain.length_index[0]
-    now = float(q[own])
-    for length in np.geomspace(min(low, now), now, LIMITS.chain_lengths)[:-1]:
-        q[own] = length
-        where = (x.q_D, q) if chain.driven_length else (q, x.q_K)
+    q, index = (x.q_K, x.q_D)[chain.driven_length is None].copy(), chain.length_index[0]
+    present = float(q[index])
+    for length in np.geomspace(min(low, present), present, LIMITS.chain_lengths)[:-1]:
+        q[index] = length
+        configuration = (x.q_D, q) if chain.driven_length else (q, x.q_K)
         try:
-            check_step(marionette, "timestepping", *where, dt)
+            check_step(marionette, "timestepping", *configuration, dt)
         except StateError:
             continue
         return float(length)
-    return now
+    return present
 
 
 def _range(length: float) -> tuple[float, float]:
+    """Range of a driven length that is ``length`` at the start [m]."""
     short, long = (factor * length for factor in LIMITS.relative_range)
     return max(LIMITS.min_length, short), max(2.0 * LIMITS.min_length, long)

@@ -1,4 +1,4 @@
-"""The way from the end of a recording back to its start, tick by tick.
+"""Motion from the end of a recording back to its start, tick by tick.
 
 A quintic leads from the last position and velocity to the first within bounds. Its accelerations
 at the middles of the ticks, with a small correction a + b i at tick i, arrive exactly.
@@ -21,7 +21,7 @@ _TOLERANCE = 1e-13
 """Error at the end of the way that counts as exact [m or rad, per s]."""
 
 
-def way_back(
+def return_motion(
     table: CoordinateTable, end: tuple[ConfigK, VecK], start: tuple[ConfigK, VecK], tick: float
 ) -> Array:
     """(k, n_vK) accelerations from one position and velocity to another; k is 0 if they agree.
@@ -36,7 +36,7 @@ def way_back(
         StateError: no duration keeps the bounds.
     """
     n = table.n_vK
-    target, rate = _seen_from(table, end[0], start)
+    target, rate = _relative_to(table, end[0], start)
     lead, _ = transition(np.zeros(n), end[1], target, rate, limits(table, SPEED, ACCELERATION))
     if lead is None:
         return np.zeros((0, n))
@@ -53,10 +53,10 @@ def way_back(
     for _ in range(_MAX_CORRECTIONS):
         inputs = Input.segments(table, tick * np.arange(k + 1, dtype=float), *end, acc)
         q, v = inputs.evaluate(k * tick)[0], inputs.evaluate(np.nextafter(k * tick, 0.0))[1]
-        off = np.array([start[1] - v, difference(table, q, start[0])])
-        if np.max(np.abs(off)) <= _TOLERANCE:
+        error = np.array([start[1] - v, difference(table, q, start[0])])
+        if np.max(np.abs(error)) <= _TOLERANCE:
             break
-        a, b = np.linalg.solve(effect, off)
+        a, b = np.linalg.solve(effect, error)
         acc = acc + a + b * i[:, None]
     return acc
 
@@ -71,7 +71,7 @@ def difference(table: CoordinateTable, q_K: ConfigK, other: ConfigK) -> VecK:
     return vector
 
 
-def _seen_from(
+def _relative_to(
     table: CoordinateTable, q_K: ConfigK, there: tuple[ConfigK, VecK]
 ) -> tuple[VecK, VecK]:
     """Target and its velocity as offsets and rates from a driven configuration."""

@@ -1,4 +1,4 @@
-"""Open Sound Control: messages direct a show, and others report its events.
+"""Open Sound Control: messages that direct a show, and messages that report its events.
 
 Messages are sent and received by UDP. python-osc is loaded when it is first needed.
 """
@@ -23,16 +23,16 @@ from fantoccini.base import (
 )
 from fantoccini.theatre.perform.show import LivePlay, ShowEvent
 
-_MAX_SIZE = 65536
+_MAX_DATAGRAM_SIZE = 65536
 """Largest size of a datagram [bytes]."""
-_PAUSE = 0.2
+_POLL_INTERVAL = 0.2
 """Interval at which the thread checks whether it should end [s]."""
 _ECHO_TIME = 1.0
 """Time after a cue is reported in which a message that starts it counts as an echo [s]."""
-_MAX_REPORT = 120
+_MAX_REPORT_LENGTH = 120
 """Largest length of a report on a message [characters]."""
 MAX_WAITING = 100
-"""Largest number of commands that wait for the show; a flood of further ones is refused."""
+"""Largest number of commands that wait for the show; further ones are refused."""
 
 
 class Address(NamedTuple):
@@ -81,8 +81,8 @@ class Counts:
 
     def __str__(self) -> str:
         faults = [
-            f"{n} {what}"
-            for n, what in (
+            f"{n} {outcome}"
+            for n, outcome in (
                 (self.wrong, "not understood"),
                 (self.refused, "refused"),
                 (self.echoes, "echoes"),
@@ -90,23 +90,23 @@ class Counts:
             )
             if n
         ]
-        said = f"{self.heard} heard, {self.sent} sent"
-        said += "".join(f", {fault}" for fault in faults)
-        return f"{said}; {self.last}" if self.last else said
+        text = f"{self.heard} heard, {self.sent} sent"
+        text += "".join(f", {fault}" for fault in faults)
+        return f"{text}; {self.last}" if self.last else text
 
 
-Later = Callable[[Callable[[], None]], object]
+RunLater = Callable[[Callable[[], None]], object]
 """Executes a function in the thread of the show."""
 
 
 class Osc:
-    """Messages from and to a show.
+    """Messages to and from a show.
 
     Commands: ``/go``, ``/hold``, ``/resume``, ``/cue/N/start``, ``/cue/next``, ``/cue/repeat``,
-    ``/player/NAME/take``, ``/player/NAME/give``, ``/panic``; without arguments, or with one number
-    that is not 0, as buttons send it. Reports: ``/cue/N/start`` and ``/cue/N/end`` with number,
-    name and time of the play, ``/wait`` and ``/act`` with name and time. Reports are not executed
-    as commands, because they have more arguments.
+    ``/player/NAME/take``, ``/player/NAME/give``, ``/panic``. They have no arguments, or one number
+    other than 0, as buttons send it. Reports: ``/cue/N/start`` and ``/cue/N/end`` with number, name
+    and time in the play, ``/wait`` and ``/act`` with name and time. Reports are not executed as
+    commands, because they have more arguments.
 
     Attributes:
         counts: numbers of messages by outcome.
@@ -116,15 +116,17 @@ class Osc:
         show: show that is directed.
         hear: address at which messages are received; None for no messages.
         send: address to which messages are sent; None for no messages.
-        later: executes commands in the thread of the show.
+        run_later: executes commands in the thread of the show.
 
     Raises:
         MissingLibraryError: python-osc is not installed.
         StateError: an address cannot be used.
     """
 
-    def __init__(self, show: LivePlay, hear: Address | None, send: Address | None, later: Later):
-        self._show, self._send, self._later = show, send, later
+    def __init__(
+        self, show: LivePlay, hear: Address | None, send: Address | None, run_later: RunLater
+    ):
+        self._show, self._send, self._run_later = show, send, run_later
         self.counts = Counts()
         self._library = osc_library()
         self._sent_at: dict[int, float] = {}
@@ -135,16 +137,16 @@ class Osc:
         self.heard_at = hear
         try:
             if send is not None:
-                self._out, self._there = socket_to(*send)
+                self._out, self._destination = socket_to(*send)
             if hear is not None:
                 self._in = socket_at(*hear)
         except AddressError as error:
             self.stop()
             raise StateError(f"OSC messages: {error}") from None
         if self._out is not None:
-            show.listen(self._tell)
+            show.listen(self._report)
         if self._in is not None:
-            self._in.settimeout(_PAUSE)
+            self._in.settimeout(_POLL_INTERVAL)
             self.heard_at = Address(*self._in.getsockname()[:2])
             self._thread = threading.Thread(target=self._listen, name="osc", daemon=True)
             self._thread.start()
@@ -164,7 +166,7 @@ class Osc:
         assert self._in is not None
         while not self._end.is_set():
             try:
-                data, _ = self._in.recvfrom(_MAX_SIZE)
+                data, _ = self._in.recvfrom(_MAX_DATAGRAM_SIZE)
             except TimeoutError:
                 continue
             except OSError:
@@ -175,15 +177,16 @@ class Osc:
         try:
             messages = [timed.message for timed in self._library.Packet(data).messages]
         except Exception as error:  # python-osc raises more than its own on broken datagrams
-            self._wrong(f"{len(data)} bytes: {error or type(error).__name__}")
+            self._note_wrong(f"{len(data)} bytes: {error or type(error).__name__}")
             return
         for message in messages:
-            self._obey(str(message.address), list(message.params))
+            self._execute(str(message.address), list(message.params))
 
-    def _obey(self, address: str, values: list[Any]) -> None:
-        do = self._command(address)
-        if do is None:
-            self._wrong(
+    def _execute(self, address: str, values: list[Any]) -> None:
+        """Executes a message as a command, unless it is wrong, refused or an echo."""
+        command = self._command(address)
+        if command is None:
+            self._note_wrong(
                 f"{address}; allowed: /go, /hold, /resume, /cue/N/start, /cue/next, "
                 "/cue/repeat, /player/NAME/take, /player/NAME/give, /panic"
             )
@@ -192,36 +195,36 @@ class Osc:
             self.counts.echoes += 1
             return
         if values and not isinstance(values[0], int | float):
-            self._wrong(f"{address} {values[0]!r}; needed: no argument, or a number")
+            self._note_wrong(f"{address} {values[0]!r}; needed: no argument, or a number")
             return
         if values and not values[0]:
-            return  # a button is released
+            return  # a button was released
         number = _number(address)
         if time.monotonic() - self._sent_at.get(number, -_ECHO_TIME) < _ECHO_TIME:
             self.counts.echoes += 1
             return
         if self._waiting.acquire(blocking=False):
-            self._later(lambda: self._do(address, do))
+            self._run_later(lambda: self._run(address, command))
         else:
-            self._refuse(address, f"{MAX_WAITING} commands wait already")
+            self._note_refused(address, f"{MAX_WAITING} commands wait already")
 
-    def _do(self, address: str, do: Callable[[], None]) -> None:
+    def _run(self, address: str, command: Callable[[], None]) -> None:
         self._waiting.release()
         try:
-            do()
+            command()
         except FantocciniError as error:
-            self._refuse(address, str(error))
+            self._note_refused(address, str(error))
             return
         self.counts.heard += 1
 
-    def _refuse(self, address: str, why: str) -> None:
+    def _note_refused(self, address: str, reason: str) -> None:
         self.counts.refused += 1
-        self.counts.last = f"{address}: {why}"[:_MAX_REPORT]
+        self.counts.last = f"{address}: {reason}"[:_MAX_REPORT_LENGTH]
 
     def _command(self, address: str) -> Callable[[], None] | None:
-        """Action of an address; None if it has none."""
+        """Command of an address; None for unknown addresses."""
         show = self._show
-        plain: dict[str, Callable[[], None]] = {
+        commands: dict[str, Callable[[], None]] = {
             "/go": show.go,
             "/hold": show.hold,
             "/resume": show.resume,
@@ -229,35 +232,35 @@ class Osc:
             "/cue/repeat": show.repeat,
             "/panic": show.panic,
         }
-        if address in plain:
-            return plain[address]
+        if address in commands:
+            return commands[address]
         if number := _number(address):
             return lambda: show.start(number)
         if match := re.fullmatch(r"/player/([^/]+)/(take|give)", address):
-            who, what = match.groups()
-            return lambda: show.take(who) if what == "take" else show.give(who)
+            who, action = match.groups()
+            return lambda: show.take(who) if action == "take" else show.give(who)
         return None
 
-    def _wrong(self, what: str) -> None:
+    def _note_wrong(self, text: str) -> None:
         self.counts.wrong += 1
-        self.counts.last = f"not understood: {what}"[:_MAX_REPORT]
+        self.counts.last = f"not understood: {text}"[:_MAX_REPORT_LENGTH]
 
     # -- out ---------------------------------------------------------------------------------
 
-    def _tell(self, what: ShowEvent) -> None:
-        if what.number:
-            address = f"/cue/{what.number}/{what.kind}"
-            values: tuple[Any, ...] = (what.number, what.name, what.t)
-            if what.kind == "start":
-                self._sent_at[what.number] = time.monotonic()
+    def _report(self, event: ShowEvent) -> None:
+        if event.number:
+            address = f"/cue/{event.number}/{event.kind}"
+            values: tuple[Any, ...] = (event.number, event.name, event.t)
+            if event.kind == "start":
+                self._sent_at[event.number] = time.monotonic()
         else:
-            address, values = f"/{what.kind}", (what.name, what.t)
+            address, values = f"/{event.kind}", (event.name, event.t)
         message = self._library.MessageBuilder(address)
         for value in values:
             message.add_arg(value)
         assert self._out is not None
         try:
-            self._out.sendto(message.build().dgram, self._there)
+            self._out.sendto(message.build().dgram, self._destination)
         except OSError as error:
             self.counts.lost += 1
             self.counts.last = f"not sent to {self._send}: {error.strerror}"

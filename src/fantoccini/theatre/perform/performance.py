@@ -1,4 +1,4 @@
-"""Performance: a live puppet and the hands that hold it."""
+"""Live performance: a simulated puppet and the hands that move it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import ContactPoints, State, check_same_puppet
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.perform import change
-from fantoccini.theatre.perform.grip import TOLERANCES, gripped
+from fantoccini.theatre.perform.grip import TOLERANCES, with_slipping_winches
 from fantoccini.theatre.perform.handle import Handle
 from fantoccini.theatre.perform.hands import HandBounds, Hands
 from fantoccini.theatre.perform.influences import HandLaw, Influences, Push, push_on
@@ -29,25 +29,25 @@ from fantoccini.theatre.perform.targets import Targets
 from fantoccini.theatre.perform.tick_run import TickRun
 
 SPEED = 1.5
-"""Default bound on the speed of handles and winches [m/s]: a brisk hand."""
+"""Default bound on the speed of handles and winches [m/s]: that of a quick hand."""
 ACCELERATION = 10.0
 """Default bound on the acceleration of handles and winches [m/s^2]: about that of gravity."""
 STEP = 0.0005
-"""Default time step [s]; with twice as much, a limb that whirls at 100 rad/s gains energy."""
-_ROUNDED_TICKS = 1e-6
-"""Share of a tick by which a duration may be too short, by rounding, to complete the tick."""
+"""Default time step [s]; with twice as much, a limb that spins at 100 rad/s gains energy."""
+_TICK_TOLERANCE = 1e-6
+"""Share of a tick that a duration may lack, by rounding, to complete the tick."""
 
-_Given = ParamSpec("_Given")
-_Returned = TypeVar("_Returned")
+_Params = ParamSpec("_Params")
+_Result = TypeVar("_Result")
 
 
 def _of_targets(
-    method: Callable[Concatenate[Targets, _Given], _Returned],
-) -> Callable[Concatenate[Performance, _Given], _Returned]:
+    method: Callable[Concatenate[Targets, _Params], _Result],
+) -> Callable[Concatenate[Performance, _Params], _Result]:
     """Method of a performance that delegates to its targets, under the performance's lock."""
 
     @wraps(method)
-    def locked(self: Performance, /, *args: _Given.args, **kwargs: _Given.kwargs) -> _Returned:
+    def locked(self: Performance, /, *args: _Params.args, **kwargs: _Params.kwargs) -> _Result:
         with self._lock:
             return method(self._targets, *args, **kwargs)
 
@@ -55,12 +55,12 @@ def _of_targets(
 
 
 class Performance:
-    """A puppet in somebody's hands: targets go in, states come out, tick by tick.
+    """Live puppet whose hands follow targets; it advances tick by tick.
 
     The hands reach their targets in the least time that bounded speed and acceleration allow
     (``perform/reach.py``); the driven velocities are continuous. No string pulls harder than
-    ``grip``: a hand that pulls where the puppet cannot follow slips and is held back
-    (``perform/grip.py``). No target makes it raise, diverge or start again. Other threads may set
+    ``grip``: where the puppet cannot follow, its winches slip and the hand slows down
+    (``perform/grip.py``). No target causes an error, divergence or a restart. Other threads may set
     targets while it advances.
 
     Attributes:
@@ -78,7 +78,7 @@ class Performance:
         dt: longest time step [s].
         tick: duration of a tick [s].
         speed: bound on the speed of handles and winches [m/s]; for a rotation, on the speed 0.4 m
-            off its axis.
+            from its axis.
         acceleration: bound on their acceleration [m/s^2], likewise.
         grip: largest tension of a string [N]; 20 times the puppet's weight by default.
 
@@ -112,7 +112,7 @@ class Performance:
         x0 = change.hanging(marionette) if x0 is None else x0
         check_start(marionette, x0, "timestepping")
         change.check_steps(marionette, x0, self.dt)
-        self._take(marionette, x0)
+        self._set_puppet(marionette, x0)
         self._x0: State | None = x0
 
     def __repr__(self) -> str:
@@ -133,7 +133,7 @@ class Performance:
     @property
     def bounds(self) -> HandBounds:
         """Bounds of each driven coordinate."""
-        return self._hands.each()
+        return self._hands.coordinate_bounds()
 
     @property
     def state(self) -> State:
@@ -225,7 +225,7 @@ class Performance:
             return self._targets.player.take_time
 
     def play_take(
-        self, take: Recording, *, armed: Collection[str] = (), again: bool = False
+        self, take: Recording, *, armed: Collection[str] = (), repeat: bool = False
     ) -> None:
         """Sets the puppet to the start of a take, and moves the hands as the take does.
 
@@ -235,10 +235,10 @@ class Performance:
         Args:
             take: take of this puppet.
             armed: lanes that the take does not move.
-            again: whether it begins again at its end, joined by state, until :meth:`stop_take`.
+            repeat: whether to repeat it, joined by state, until :meth:`stop_take`.
 
         Raises:
-            StateError: a law moves the hands; or the take turns a driven body by nearly 180
+            StateError: a law moves the hands, or the take turns a driven body by nearly 180
                 degrees or more.
             UnknownNameError: no lane has this name.
             ValueError: the take is of another puppet.
@@ -249,8 +249,8 @@ class Performance:
             self._targets.check_free()
             self._recorder.end("a take was begun")
             x = change.permitted(self.performed, take.start).replace(t=self.t)
-            self._take(self.marionette, x, self._hands.lengths)
-            self._targets.player.play_take(motion, take.start.v_K, again)
+            self._set_puppet(self.marionette, x, self._hands.lengths)
+            self._targets.player.play_take(motion, take.start.v_K, repeat)
 
     @property
     def score(self) -> ScoreVoice | None:
@@ -260,7 +260,7 @@ class Performance:
     def lead_back(self, lanes: Collection[str]) -> None:
         """Returns lanes from the present place of the hands to the score's motion, within bounds.
 
-        The hands' own targets are then those of the start.
+        The targets of the hands are then those at the start.
 
         Raises:
             StateError: no score is played, or a law moves the hands.
@@ -277,10 +277,10 @@ class Performance:
         return self._influences.law
 
     def set_hand_law(self, law: HandLaw | None) -> None:
-        """Installs a law for the hands, such as a :class:`Balance`, within their bounds and grip.
+        """Sets a law that moves the hands, such as a :class:`Balance`, within bounds and grip.
 
-        None returns the hands to their targets, which are then their present places. A reset or
-        another puppet ends the law too.
+        None lets the hands follow targets again, initially their present places. A reset or
+        another puppet ends the law, too.
         """
         self._influences.end_law()  # without the lock, which its thread may wait for
         with self._lock:
@@ -304,8 +304,8 @@ class Performance:
 
         Raises:
             UnknownNameError: no body has this name.
-            StateError: a vector does not consist of three finite numbers, or a recording goes on,
-                which cannot contain pushes.
+            StateError: a vector does not consist of three finite numbers, or a recording is in
+                progress, which cannot contain pushes.
         """
         push = push_on(self.marionette, body, np.zeros(3) if force is None else force, at)
         with self._lock:
@@ -313,7 +313,7 @@ class Performance:
                 self._influences.pushes.pop(body, None)
                 return
             if self.recording:
-                raise StateError("a recording keeps no pushes; stop it first")
+                raise StateError("a recording cannot contain pushes; stop it first")
             self._influences.pushes[body] = push
 
     # -- time --------------------------------------------------------------------------------
@@ -323,7 +323,7 @@ class Performance:
         if not (np.isfinite(duration) and duration >= 0):
             raise ValueError(f"duration is {duration}; it must be 0 or more")
         self._remainder += duration / self.tick
-        n = int(np.floor(self._remainder + _ROUNDED_TICKS))
+        n = int(np.floor(self._remainder + _TICK_TOLERANCE))
         self._remainder -= n
         for _ in range(n):
             self._tick()
@@ -340,7 +340,7 @@ class Performance:
             self._recorder.end("the puppet was set back to its start")
             self._remainder = 0.0
             self._reports.clear()
-            self._take(self.marionette, self._start())
+            self._set_puppet(self.marionette, self._start())
 
     def _start(self) -> State:
         if self._x0 is None:
@@ -350,7 +350,7 @@ class Performance:
     # -- another puppet ----------------------------------------------------------------------
 
     def set_parameters(self, values: Mapping[str, float]) -> tuple[str, ...]:
-        """Continues with other values of the puppet's parameters.
+        """Continues with changed values of the puppet's parameters.
 
         Returns:
             Messages about lost coordinates and gestures.
@@ -385,15 +385,15 @@ class Performance:
         with self._lock:
             return self._replace(marionette, start, "the puppet was changed")
 
-    def _replace(self, marionette: Marionette, start: State, why: str) -> tuple[str, ...]:
+    def _replace(self, marionette: Marionette, start: State, reason: str) -> tuple[str, ...]:
         change.check_steps(marionette, start, self.dt)
-        self._recorder.end(why)
+        self._recorder.end(reason)
         before, targets, lengths = self.marionette, self._targets, self._hands.lengths
-        x, lost = change.carried(before, self.state, marionette, start)
-        x = change.permitted(gripped(marionette, self._grip_of(marionette)), x)
-        player, ended = targets.player.carried(before, marionette)
+        x, lost = change.transferred(before, self.state, marionette, start)
+        x = change.permitted(with_slipping_winches(marionette, self._grip_of(marionette)), x)
+        player, ended = targets.player.transferred(before, marionette)
         lengths = Hands.ranges_of(marionette, start, self.dt) | lengths
-        self._take(marionette, x, lengths, player)
+        self._set_puppet(marionette, x, lengths, player)
         self._targets.keep(targets)
         self._x0 = start
         return lost + ended
@@ -402,7 +402,7 @@ class Performance:
 
     @property
     def recording(self) -> bool:
-        """Whether a recording goes on."""
+        """Whether a recording is in progress."""
         return self._recorder.running
 
     def record(self) -> None:
@@ -413,7 +413,7 @@ class Performance:
             self._recorder.start(self._run.performed, self._run.stepper)
 
     def stop(self) -> Recording:
-        """Ends and returns the recording; also one that has ended by itself.
+        """Ends the recording, unless it has ended by itself, and returns it.
 
         Raises:
             StateError: nothing was recorded.
@@ -423,19 +423,19 @@ class Performance:
                 self._tick()
             return self._recorder.take()
 
-    # -- inside ------------------------------------------------------------------------------
+    # -- internal ----------------------------------------------------------------------------
 
     def _grip_of(self, marionette: Marionette) -> float:
         return self._given_grip or TOLERANCES.max_tension * (marionette.weight or 1.0)
 
-    def _take(
+    def _set_puppet(
         self,
         marionette: Marionette,
         x: State,
         lengths: dict[str, tuple[float, float]] | None = None,
         player: Player | None = None,
     ) -> None:
-        """Takes a puppet in hands at a state, with targets at the places of the hands.
+        """Sets the puppet at a state, with targets at the present places of the hands.
 
         Args:
             marionette: puppet.
@@ -449,7 +449,7 @@ class Performance:
         self.grip = self._grip_of(marionette)
         lengths = Hands.ranges_of(marionette, x, self.dt) if lengths is None else lengths
         self._hands = Hands.of(marionette, x, self.speed, self.acceleration, lengths)
-        performed = gripped(marionette, self.grip)
+        performed = with_slipping_winches(marionette, self.grip)
         self._run = TickRun(performed, self._hands, x, self.grip, self.tick, self._steps)
         self._targets = Targets(self._hands, self._run, self._influences, player)
 
@@ -463,7 +463,7 @@ class Performance:
                 self._recorder.add(acc_K, run.stepper)
                 self._reports.note_motors(run.t, self.marionette.tree, run.stepper)
                 return
-            why = run.stepper.status.message
-            self._reports.stop(run.t, why)
-            self._recorder.end(f"the hands were stopped: {why}")
+            reason = run.stepper.status.message
+            self._reports.stop(run.t, reason)
+            self._recorder.end(f"the hands were stopped: {reason}")
             run.stop_hands()

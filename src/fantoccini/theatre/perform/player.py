@@ -1,4 +1,4 @@
-"""Player of gestures, a take and a score on top of the positions that hands hold.
+"""Player that adds gestures, a take and a score to the positions that hands hold.
 
 q_K(t) = q_K,held(t) + d(t),   d(t): sum of the gestures, the take and the score
 """
@@ -15,8 +15,8 @@ from fantoccini.theatre.gestures import Gesture, Score
 from fantoccini.theatre.perform.score_voice import ScoreVoice
 from fantoccini.theatre.perform.voice import Offsets, Voice, fitted, lead_time
 
-_ROUNDING = 1e-9
-"""Tolerance for equal times, and for offsets at rest [s, m or rad]."""
+_TOLERANCE = 1e-9
+"""Tolerance of offsets and rates at rest [m or rad, per s]."""
 
 
 class Steps(NamedTuple):
@@ -29,19 +29,19 @@ class Steps(NamedTuple):
 
 
 class _Waiting(NamedTuple):
-    """A gesture that waits for its time ``on`` [s]."""
+    """Gesture that waits for its time ``on`` [s]."""
 
     gesture: Gesture
     on: float
-    again: bool
+    repeat: bool
 
 
 class Player:
-    """Player of gestures and takes on top of the hands, tick by tick.
+    """Player of gestures, takes and scores, tick by tick.
 
-    Gestures add up, except if one takes over from another: it moves all coordinates that the other
-    moves, or both end in a place of their own, as kneeling and sitting do. It then begins with the
-    position and velocity of the other.
+    Gestures are added. A gesture replaces another one if it moves all coordinates of that, or if
+    both end away from home, as kneeling and sitting do; it then begins with the position and
+    velocity of the other.
 
     Attributes:
         t: time since the player was created [s].
@@ -49,32 +49,32 @@ class Player:
         score: score that is played or paused, or None.
 
     Args:
-        most: (2, n_vK) bounds of speeds and accelerations.
+        bounds: (2, n_vK) bounds of speeds and accelerations.
         tick: duration of a tick [s].
     """
 
-    def __init__(self, most: Array, tick: float):
+    def __init__(self, bounds: Array, tick: float):
         self.t = 0.0
-        self._most, self._tick = most, tick
+        self._bounds, self._tick = bounds, tick
         self._voices: list[Voice] = []
         self._waiting: list[_Waiting] = []
         self.take: Voice | None = None
         self.score: ScoreVoice | None = None
 
     @property
-    def idle(self) -> bool:
+    def is_idle(self) -> bool:
         """Whether nothing is played."""
         return not (self._voices or self._waiting or self.take or self.score)
 
     @property
-    def away(self) -> bool:
-        """Whether gestures are played, or have ended elsewhere than they began."""
+    def is_away(self) -> bool:
+        """Whether gestures are played, wait, or have ended away from home."""
         return bool(self._voices or self._waiting)
 
     @property
     def playing(self) -> tuple[str, ...]:
         """Names of the gestures that move or wait."""
-        moving = [voice.gesture.name for voice in self._voices if not voice.over(self.t)]
+        moving = [voice.gesture.name for voice in self._voices if not voice.has_ended(self.t)]
         return tuple(dict.fromkeys(moving + [entry.gesture.name for entry in self._waiting]))
 
     @property
@@ -82,64 +82,64 @@ class Player:
         """Time within the take [s]; None without one."""
         return None if self.take is None else self.take.time(self.t)
 
-    def carried(
+    def transferred(
         self, before: Marionette, after: Marionette
     ) -> tuple[Player | None, tuple[str, ...]]:
-        """The player if it can continue with a changed puppet, else None; and messages."""
+        """The player, or None if it cannot continue with a changed puppet; and messages."""
         old, new = before.coordinates, after.coordinates
         if (old.q_K, old.v_K) == (new.q_K, new.v_K):
             return self, ()
-        parts = {"the gestures": self.away, "the take": self.take, "the score": self.score}
-        return None, tuple(f"{what} ended" for what, part in parts.items() if part)
+        parts = {"the gestures": self.is_away, "the take": self.take, "the score": self.score}
+        return None, tuple(f"{name} ended" for name, part in parts.items() if part)
 
-    def bound(self, most: Array) -> None:
+    def set_bounds(self, bounds: Array) -> None:
         """Sets the bounds of later transitions."""
-        self._most = most
+        self._bounds = bounds
         for voice in self._all():
-            voice.bound(most)
+            voice.set_bounds(bounds)
         if self.score is not None:
-            self.score.bound(most)
+            self.score.set_bounds(bounds)
 
     def offsets(self) -> Offsets:
         """Present sum of all offsets."""
         return self._sum(self.t, self._all(), self.score)
 
-    def play(self, gesture: Gesture, *, on: float | None = None, again: bool = False) -> float:
+    def play(self, gesture: Gesture, *, on: float | None = None, repeat: bool = False) -> float:
         """Plays a gesture; returns its beginning, in terms of ``t`` [s].
 
         Args:
             gesture: gesture; it is slowed down if it would exceed the bounds.
-            on: wanted beginning; as soon as possible by default. It begins later if the way to its
-                start takes longer.
-            again: whether it begins again at its end, until :meth:`once`.
+            on: wanted beginning; as soon as possible by default. It begins later if the transition
+                to its start takes longer.
+            repeat: whether to repeat it, until :meth:`finish`.
         """
-        gesture = fitted(gesture, self._most)
+        gesture = fitted(gesture, self._bounds)
         self._waiting = [w for w in self._waiting if w.gesture.name != gesture.name]
-        earliest = self.t + lead_time(gesture, self._before(gesture), self._most)
+        earliest = self.t + lead_time(gesture, self._before(gesture), self._bounds)
         if on is None or on <= earliest + self._tick:
-            self._start(gesture, on, again)
+            self._start(gesture, on, repeat)
         else:
-            self._waiting.append(_Waiting(gesture, on, again))
+            self._waiting.append(_Waiting(gesture, on, repeat))
         return earliest if on is None else max(on, earliest)
 
-    def once(self, name: str) -> None:
-        """Ends the repetition of a gesture after the present round."""
+    def finish(self, name: str) -> None:
+        """Ends a gesture after its present repetition."""
         self._waiting = [w for w in self._waiting if w.gesture.name != name]
         for voice in self._voices:
             if voice.gesture.name == name:
                 voice.finish()
 
-    def play_take(self, motion: Gesture, v_K: VecK, again: bool = False) -> None:
+    def play_take(self, motion: Gesture, v_K: VecK, repeat: bool = False) -> None:
         """Plays a take from now on; the hands have the velocities of its start.
 
         Args:
-            motion: motion of the take, without the coordinates that it leaves alone.
+            motion: motion of the take, without the coordinates that it does not move.
             v_K: (n_vK,) rates at its beginning.
-            again: whether it begins again at its end, joined by state.
+            repeat: whether to repeat it, joined by state.
         """
         n = len(v_K)
         before = Offsets(np.zeros(n), np.where(motion.named, v_K, 0.0), np.zeros(n))
-        self.take = Voice(motion, self._most, self.t, before, again=again)
+        self.take = Voice(motion, self._bounds, self.t, before, repeat=repeat)
 
     def stop_take(self) -> VecK:
         """Ends the take; returns its (n_vK,) offsets, for the hands to hold."""
@@ -148,16 +148,16 @@ class Player:
         return offset
 
     def play_score(self, score: Score, motion: Gesture) -> ScoreVoice:
-        """Plays a score from its start, as ``motion``; a score played before returns home."""
+        """Plays a score from its start; ``motion`` is its motion. A former score returns home."""
         self.stop_score()
-        self.score = ScoreVoice(score, motion, self._most)
+        self.score = ScoreVoice(score, motion, self._bounds)
         return self.score
 
     def stop_score(self) -> None:
-        """Ends the score: its coordinates return home."""
+        """Ends the score; its coordinates return home."""
         if self.score is not None:
             home = Gesture.rest(self.score.conductor.score.gesture.coordinates, self._tick)
-            self._voices.append(Voice(home, self._most, self.t, self.score.now))
+            self._voices.append(Voice(home, self._bounds, self.t, self.score.now))
             self.score = None
 
     def clear(self) -> VecK:
@@ -170,58 +170,62 @@ class Player:
         """Advances by a tick."""
         for entry in list(self._waiting):
             before = self._before(entry.gesture)
-            if entry.on - lead_time(entry.gesture, before, self._most) <= self.t + self._tick:
+            if entry.on - lead_time(entry.gesture, before, self._bounds) <= self.t + self._tick:
                 self._waiting.remove(entry)
-                self._start(entry.gesture, entry.on, entry.again)
-        now = self.offsets()
+                self._start(entry.gesture, entry.on, entry.repeat)
+        before = self.offsets()
         self.t += self._tick
         if self.score is not None:
             self.score.advance(self._tick)
-        then = self.offsets()
-        return Steps(now.d, now.rate, then.d, then.rate)
+        after = self.offsets()
+        return Steps(before.d, before.rate, after.d, after.rate)
 
     def settle(self) -> VecK:
-        """Drops motions that have ended at home; returns the (n_vK,) displacement of home."""
-        moved = np.zeros(self._most.shape[1])
+        """Removes motions that have ended at home; returns the (n_vK,) displacement of home."""
+        moved = np.zeros(self._bounds.shape[1])
         for voice in list(self._voices):
             last = voice.at(self.t)
-            if voice.over(self.t) and last.home:
+            if voice.has_ended(self.t) and last.is_home:
                 moved += last.carried
                 self._voices.remove(voice)
-        if self.take is not None and self.take.over(self.t):
+        if self.take is not None and self.take.has_ended(self.t):
             moved += self.stop_take()
         return moved
 
-    # -- inside ------------------------------------------------------------------------------
+    # -- internal ----------------------------------------------------------------------------
 
-    def _start(self, gesture: Gesture, on: float | None, again: bool) -> None:
-        before, over = self._before(gesture), self._taken_over(gesture)
-        self._voices = [voice for voice in self._voices if voice not in over]
-        self._voices.append(Voice(gesture, self._most, self.t, before, on, again))
+    def _start(self, gesture: Gesture, on: float | None, repeat: bool) -> None:
+        before, replaced = self._before(gesture), self._replaced(gesture)
+        self._voices = [voice for voice in self._voices if voice not in replaced]
+        self._voices.append(Voice(gesture, self._bounds, self.t, before, on, repeat))
 
     def _before(self, gesture: Gesture) -> Offsets:
-        """Sum of the offsets that a gesture takes over."""
-        return self._sum(self.t, self._taken_over(gesture))
+        """Sum of the offsets of the gestures that a gesture replaces."""
+        return self._sum(self.t, self._replaced(gesture))
 
-    def _taken_over(self, gesture: Gesture) -> list[Voice]:
+    def _replaced(self, gesture: Gesture) -> list[Voice]:
+        """Gestures that a gesture replaces."""
         return [
             voice
             for voice in self._voices
             if np.all(gesture.named | ~voice.gesture.named)
-            or (_ends_elsewhere(gesture) and _ends_elsewhere(voice.gesture))
+            or (_ends_away(gesture) and _ends_away(voice.gesture))
         ]
 
     def _all(self) -> list[Voice]:
+        """Gestures that are played, and the take."""
         return self._voices + ([] if self.take is None else [self.take])
 
     def _sum(self, t: float, voices: list[Voice], score: ScoreVoice | None = None) -> Offsets:
-        total = Offsets.none(self._most.shape[1]) if score is None else score.now
+        """Sum of offsets at a time [s]."""
+        total = Offsets.none(self._bounds.shape[1]) if score is None else score.now
         for voice in voices:
             total = Offsets(*(a + b for a, b in zip(total, voice.at(t), strict=True)))
         return total
 
 
-def _ends_elsewhere(gesture: Gesture) -> bool:
-    """Whether a gesture ends at rest in a place of its own."""
+def _ends_away(gesture: Gesture) -> bool:
+    """Whether a gesture ends at rest away from home."""
     d, rate = gesture.ends[0][1], gesture.ends[1][1]
-    return bool(np.any(np.abs(d - gesture.travel) > _ROUNDING) and not np.any(np.abs(rate) > 1e-9))
+    is_away = np.any(np.abs(d - gesture.travel) > _TOLERANCE)
+    return bool(is_away and not np.any(np.abs(rate) > _TOLERANCE))

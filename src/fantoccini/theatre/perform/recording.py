@@ -1,4 +1,4 @@
-"""Recordings: the motion of the hands, tick by tick, and the trajectory."""
+"""Recordings of performances: the motion of the hands, tick by tick, and the trajectory."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from fantoccini.kernel.runtime import Piece
 from fantoccini.motion import RECORDING_FORMATS, Input, State, Trajectory
 from fantoccini.theatre.perform import archive, change
 from fantoccini.theatre.perform.archive import Checks, Written
-from fantoccini.theatre.perform.looping import way_back
+from fantoccini.theatre.perform.looping import return_motion
 from fantoccini.theatre.perform.smoothing import smoothed
 
 METHOD: MethodName = "timestepping"
-_SUMS = ("work", "damping", "impact", "slip_loss", "friction")
+_ACCUMULATED = ("work", "damping", "impact", "slip_loss", "friction")
 """Parts of a sample that accumulate from the start of a run [J]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A performance that can be repeated to the last bit.
+    """Recorded performance, which can be repeated to the last bit.
 
-    It consists of the hands' accelerations over n ticks of ``tick`` seconds from a start state.
-    ``trajectory`` is the recorded one; an edited recording simulates it.
+    It consists of a start state and the hands' accelerations over n ticks. ``trajectory`` is the
+    recorded one; that of an edited recording is simulated.
 
     Attributes:
         marionette: puppet with the winches of the performance.
@@ -101,17 +101,17 @@ class Recording:
 
         Its status is checked as that of :func:`simulate`, by the samples.
 
-        That of a file is simulated again: to the same bits on the machine that made it. On a
+        The trajectory of a file is simulated again, with the same bits on the same machine. On a
         machine with other rounding, each second is simulated from the recorded state.
         """
-        return self._of(self._output())
+        return self._trajectory_of(self._output())
 
     def replay(self) -> Trajectory:
         """Trajectory of a new simulation of the performance: the same bits on the same machine.
 
         An edited recording may end early, with a status.
         """
-        return self._of(self._performed())
+        return self._trajectory_of(self._simulated())
 
     def trimmed(self, a: float, b: float) -> Recording:
         """Part from ``a`` to ``b`` seconds after the start; it begins with the state at ``a``.
@@ -136,7 +136,7 @@ class Recording:
         return self.edited(start=start, acc_K=self.acc_K[first:last])
 
     def smoothed(self, seconds: float) -> Recording:
-        """Copy with the hands' paths averaged over about ``seconds``; start and end stay.
+        """Copy with the hands' paths averaged over about ``seconds``, except at start and end.
 
         The puppet is simulated again, under the smoothed motion of the hands.
         """
@@ -157,14 +157,13 @@ class Recording:
         )
 
     def looped(self, times: int) -> Recording:
-        """Copy repeated several times. The hands return to the start in between, C^1, within
-        bounds.
+        """Copy repeated several times; in between, the hands return to the start.
 
-        Only the hands return: the puppet follows them, and swings on.
+        Their return is C^1 and within bounds. The puppet follows the hands, and keeps its swing.
 
         Raises:
             ValueError: ``times`` is not a whole number from 1 to 1000.
-            StateError: no way leads back within the default bounds of gestures.
+            StateError: no return keeps the default bounds of gestures.
         """
         if not isinstance(times, int) or not 1 <= times <= 1000:
             raise ValueError(f"times is {times!r}; it must be a whole number from 1 to 1000")
@@ -172,21 +171,20 @@ class Recording:
         q = inputs.evaluate(inputs.end)[0]
         # An input is at rest from its end on; take the velocity just before.
         v = inputs.evaluate(np.nextafter(inputs.end, 0.0))[1]
-        back = way_back(inputs.coordinates, (q, v), (x.q_K, x.v_K), self.tick)
-        again = np.concatenate([back, self.acc_K])
-        return self.edited(acc_K=np.concatenate([self.acc_K, *[again] * (times - 1)]))
+        motion_back = return_motion(inputs.coordinates, (q, v), (x.q_K, x.v_K), self.tick)
+        repetition = np.concatenate([motion_back, self.acc_K])
+        return self.edited(acc_K=np.concatenate([self.acc_K, *[repetition] * (times - 1)]))
 
     def edited(self, **changes: Any) -> Recording:
         """Copy with changed fields, which is simulated again."""
         return dataclasses.replace(self, written=None, checks=None, ended="", **changes)
 
     def save(self, path: str | Path) -> None:
-        """Writes an npz file that contains everything, the puppet included; it is replaced as a
-        whole.
+        """Writes an npz file that contains everything, with the puppet.
 
-        A minute of the marionette takes some 0.9 MB.
+        A minute of the marionette takes some 0.9 MB. An existing file is replaced as a whole.
         """
-        complete = self.kept()
+        complete = self.with_output()
         archive.save(
             {f.name: getattr(complete, f.name) for f in dataclasses.fields(complete)}, path
         )
@@ -201,18 +199,19 @@ class Recording:
         with npz.opened(path, RECORDING_FORMATS, "a recording") as (arrays, about):
             return cls(**archive.fields_of(arrays, about))
 
-    # -- inside ------------------------------------------------------------------------------
+    # -- internal ----------------------------------------------------------------------------
 
-    def kept(self) -> Recording:
+    def with_output(self) -> Recording:
         """The recording with its output, simulated if necessary."""
         if self.written is not None:
             return self
         return dataclasses.replace(self, written=self._output())
 
     def _output(self) -> Written:
+        """Output as recorded, or simulated again and compared with the samples of a file."""
         if self.written is not None:
             return self.written
-        written, checks = self._performed(), self.checks
+        written, checks = self._simulated(), self.checks
         if checks is None:
             return written
         samples = written.output.samples
@@ -221,7 +220,7 @@ class Recording:
             return written
         return self._in_parts(checks)
 
-    def _performed(self, start: State | None = None, ticks: slice = slice(None)) -> Written:
+    def _simulated(self, start: State | None = None, ticks: slice = slice(None)) -> Written:
         options = self.marionette.run_options(dt=self.dt, save_every=self.steps)
         x = self.start if start is None else start
         stepper = Stepper(self.marionette, x, METHOD, options)
@@ -238,10 +237,10 @@ class Recording:
         layout, parts = self.marionette.sample_layout, list[Piece]()
         for k, (first, last) in enumerate(pairwise(checks.ticks.tolist())):
             x = change.permitted(self.marionette, layout.state(checks.samples[k]))
-            part = self._performed(x, slice(first, last))
+            part = self._simulated(x, slice(first, last))
             samples, _, contacts = part.output
             # Work and losses continue from those of the sample.
-            for name in _SUMS:
+            for name in _ACCUMULATED:
                 samples[:, layout.places[name]] += checks.samples[k, layout.places[name]]
             if part.status is Status.DONE:
                 samples[-1] = checks.samples[k + 1]
@@ -253,7 +252,7 @@ class Recording:
                 return Written(Piece.joined(parts), part.status)
         return Written(Piece.joined(parts), checks.status)
 
-    def _of(self, written: Written) -> Trajectory:
+    def _trajectory_of(self, written: Written) -> Trajectory:
         run = trajectory_of_samples(
             self.marionette,
             written.output,
@@ -300,8 +299,8 @@ class Recorder:
         if not self._acc_K:
             return None
         acc_K = np.array(self._acc_K)
-        about = self._marionette, self._start, acc_K, self._tick, steps, ended
-        return Recording(*about, self.written())
+        fields = self._marionette, self._start, acc_K, self._tick, steps, ended
+        return Recording(*fields, self.written())
 
 
 def _last_of(stepper: Stepper) -> Piece:

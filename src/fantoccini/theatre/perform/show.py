@@ -1,4 +1,4 @@
-"""A play performed live, cue by cue."""
+"""Live performance of a play, cue by cue."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from fantoccini.theatre.perform.score_voice import ScoreVoice
 from fantoccini.theatre.perform.steady import Steadying
 from fantoccini.theatre.plays import CueOfPlay, Play
 
-_SHARE = np.array([[0.5], [0.25]])
-"""Shares of the bounds of speed and acceleration for ways to another cue, or back; with the full
-bounds puppets would swing for long."""
-_AT_ONCE = 1e-6
-"""Interval within which cues count as the same place [s]."""
+_BOUND_SHARES = np.array([[0.5], [0.25]])
+"""Shares of the bounds of speed and acceleration for transitions to a cue; with the full bounds
+puppets would swing for long."""
+_SAME_TIME = 1e-6
+"""Interval within which cues count as simultaneous [s]."""
 
 
 @dataclass(frozen=True)
 class ShowEvent:
-    """An event of a show.
+    """Event of a show.
 
     Attributes:
         kind: ``act``, ``wait``, or ``start`` or ``end`` of a cue.
         name: name of the act, the wait or the cue.
         number: number of the cue; 0 for the other kinds.
-        t: time of the play [s].
+        t: time in the play [s].
     """
 
     kind: str
@@ -40,7 +40,7 @@ class ShowEvent:
 
 
 class LivePlay:
-    """A play that is performed live: hands follow the compiled motion, and people direct them.
+    """Play that is performed live: the hands follow the compiled motion, directed by commands.
 
     ::
 
@@ -51,14 +51,14 @@ class LivePlay:
         show.give("pierrot")
         show.skip()
 
-    In every tick the hands are led from their present places to those of the play, within the
+    In every tick the hands move from their present places towards those of the play, within the
     stage's bounds, whatever has pushed them away.
 
     Attributes:
         play: compiled play.
         performance: simulated stage with its hands.
-        taken: players that are in somebody's hands.
-        steady: shifts the hands against swing; None leaves it out.
+        taken: players whose hands follow targets instead of the play.
+        steady: shifts the hands against swing; None for no shifts.
         message: last refusal or event, in words.
 
     Args:
@@ -68,7 +68,7 @@ class LivePlay:
     def __init__(self, play: Play):
         self.play = play
         stage = play.cast.file.stage
-        speed, acceleration = _most(play)
+        speed, acceleration = _hand_peaks(play)
         self.performance = Performance(
             play.marionette,
             play.x0,
@@ -81,17 +81,17 @@ class LivePlay:
         done = (cue for cue in play.cues if not cue.refused)
         self._played = tuple(sorted(done, key=lambda cue: cue.start))
         self._listeners: list[Callable[[ShowEvent], None]] = []
-        self._on: tuple[int, ...] = ()
-        self._act, self._waits, self._halted = "", "", False
+        self._current: tuple[int, ...] = ()
+        self._act, self._wait, self._halted = "", "", False
 
     def __repr__(self) -> str:
         return f"<LivePlay of {self.play.name!r} at {self.t:.2f} s>"
 
-    def listen(self, tell: Callable[[ShowEvent], None]) -> None:
+    def listen(self, callback: Callable[[ShowEvent], None]) -> None:
         """Adds a callback for events, called in the tick in which they happen."""
-        self._listeners.append(tell)
+        self._listeners.append(callback)
 
-    # -- where it is -------------------------------------------------------------------------
+    # -- state -------------------------------------------------------------------------------
 
     @property
     def voice(self) -> ScoreVoice | None:
@@ -100,7 +100,7 @@ class LivePlay:
 
     @property
     def t(self) -> float:
-        """Time of the play [s]."""
+        """Time in the play [s]."""
         return 0.0 if self.voice is None else self.voice.t
 
     @property
@@ -120,22 +120,22 @@ class LivePlay:
 
     @property
     def on(self) -> tuple[CueOfPlay, ...]:
-        """Cues that are on."""
-        return tuple(self.play.cues[number - 1] for number in self._on)
+        """Cues that are being played."""
+        return tuple(self.play.cues[number - 1] for number in self._current)
 
     @property
     def present(self) -> CueOfPlay | None:
         """Cue that began last."""
-        begun = [cue for cue in self._played if cue.start < self._place - _AT_ONCE]
+        begun = [cue for cue in self._played if cue.start < self._reference_time - _SAME_TIME]
         return begun[-1] if begun else None
 
     @property
     def next(self) -> CueOfPlay | None:
-        """Target of :meth:`skip`: the first cue after the one that waits or is on."""
-        place, wait = self._place, self.waiting
+        """Target of :meth:`skip`: the first cue after the present or waiting one."""
+        t, wait = self._reference_time, self.waiting
         if wait is not None:
-            place = max(place, self._cue_of(wait).start)
-        return next((cue for cue in self._played if cue.start > place + _AT_ONCE), None)
+            t = max(t, self._cue_of(wait).start)
+        return next((cue for cue in self._played if cue.start > t + _SAME_TIME), None)
 
     @property
     def standing_by(self) -> CueOfPlay | None:
@@ -155,8 +155,8 @@ class LivePlay:
     def go(self) -> None:
         """Begins the play, continues it after a hold, or begins the next cue that waits for GO.
 
-        An early GO is stored: the play does not stop at the wait. A second one before that wait is
-        refused, and :attr:`message` says so.
+        An early GO is stored: the play does not stop at the wait. A second GO before that wait is
+        refused, with a :attr:`message`.
         """
         voice = self.voice
         if voice is None or voice.conductor.done:
@@ -169,14 +169,14 @@ class LivePlay:
             cue = self.standing_by
             if voice.conductor.go(np.inf):
                 early = voice.conductor.released and cue is not None
-                self.message = f"GO is kept for {_said(cue)}" if early and cue else ""
+                self.message = f"GO is kept for {_in_words(cue)}" if early and cue else ""
             elif cue is None:
                 self.message = "GO is refused: no cue waits any more"
             else:
-                self.message = f"GO is refused: it has been given for {_said(cue)} already"
+                self.message = f"GO is refused: it has been given for {_in_words(cue)} already"
 
     def hold(self) -> None:
-        """Holds the play; the hands come to rest within 0.3 s."""
+        """Pauses the play; the hands come to rest within 0.3 s."""
         if self.voice is not None:
             self.voice.running = False
             self.message = "held"
@@ -221,7 +221,7 @@ class LivePlay:
         self._seek(cue, begin=True)
 
     def take(self, who: str) -> None:
-        """Leaves a player to the hands: its strings stop, and the others play on.
+        """Releases a player from the play: its strings stop, and its hands follow targets.
 
         Raises:
             UnknownNameError: no player has this name.
@@ -234,7 +234,7 @@ class LivePlay:
         self.message = f"{who} is in your hands"
 
     def give(self, who: str) -> None:
-        """Returns a player to the play: its hands are led to their places in it.
+        """Returns a player to the play: its hands move to their places in it.
 
         Raises:
             UnknownNameError: no player has this name.
@@ -256,36 +256,37 @@ class LivePlay:
     def reset(self) -> None:
         """Returns to the start, before the first GO."""
         self.performance.reset()
-        self.taken, self._on, self._act, self._waits = frozenset(), (), "", ""
+        self.taken, self._current, self._act, self._wait = frozenset(), (), "", ""
         self._halted, self.message = False, ""
 
     # -- time --------------------------------------------------------------------------------
 
     def advance(self, duration: float) -> State:
         """Advances by the whole ticks in a duration [s]; the remainder is added to the next."""
-        left = float(duration)
+        remaining = float(duration)
         while True:
-            part = min(left, self.performance.tick)
+            part = min(remaining, self.performance.tick)
             if self.steady is not None and self.voice is not None:
                 self.steady.update(self.voice, self.performance.state, self.taken)
             x = self.performance.advance(part)
             self._watch()
-            left -= part
-            if left <= 0.0:
+            remaining -= part
+            if remaining <= 0.0:
                 return x
 
-    # -- inside ------------------------------------------------------------------------------
+    # -- internal ----------------------------------------------------------------------------
 
     @property
-    def _place(self) -> float:
-        """Time of the play, just after the beginning of a cue that is being approached."""
+    def _reference_time(self) -> float:
+        """Time in the play; during a transition to a cue, just after the cue's beginning [s]."""
         voice = self.voice
-        led = voice is not None and voice.leading and voice.conductor.waiting is None
-        return self.t + 2.0 * _AT_ONCE * led
+        is_leading = voice is not None and voice.is_leading and voice.conductor.waiting is None
+        return self.t + 2.0 * _SAME_TIME * is_leading
 
     def _begin(self) -> ScoreVoice:
+        """Begins the play."""
         voice = self.performance.play_score(self.play.score)
-        voice.share = _SHARE
+        voice.share = _BOUND_SHARES
         self._halted, self.message = False, ""
         self._lead_back([name for name in self.play.cast.players if name not in self.taken])
         for name in self.taken:
@@ -293,6 +294,7 @@ class LivePlay:
         return voice
 
     def _seek(self, cue: CueOfPlay, begin: bool) -> None:
+        """Moves to the beginning of a cue; ``begin``: without waiting for GO."""
         voice = self.voice or self._begin()
         if self._halted:
             self.resume()
@@ -305,14 +307,15 @@ class LivePlay:
             voice.running = True
             if voice.conductor.waiting is not None:
                 voice.conductor.go()
-        self.message = f"to {_said(cue)}"
+        self.message = f"to {_in_words(cue)}"
 
     def _lanes(self, who: str) -> list[str]:
+        """Lanes of a player."""
         cast = self.play.cast
         if who not in cast.players:
             raise UnknownNameError("player", who, list(cast.players))
-        own = cast.member(who)
-        return [lane for lane in self.performance.lanes if lane.startswith(own)]
+        prefix = cast.member(who)
+        return [lane for lane in self.performance.lanes if lane.startswith(prefix)]
 
     def _lead_back(self, players: list[str]) -> None:
         self.performance.lead_back([lane for who in players for lane in self._lanes(who)])
@@ -331,56 +334,57 @@ class LivePlay:
         """Reports the events of a tick."""
         voice = self.voice
         if voice is None:
-            self._on, self._act, self._waits = (), "", ""
+            self._current, self._act, self._wait = (), "", ""
             return
         t = voice.t
-        if not voice.leading:
+        if not voice.is_leading:
             act = [name for name, start in self.play.acts.items() if start <= t]
             if act and act[-1] != self._act:
                 self._act = act[-1]
-                self._happens("act", self._act)
-        on = self._on_at(voice)
-        for number in self._on:
-            if number not in on:
-                self._happens("end", self.play.cues[number - 1].name, number)
-        for number in on:
-            if number not in self._on:
-                self._happens("start", self.play.cues[number - 1].name, number)
-        self._on = on
+                self._report("act", self._act)
+        current = self._current_cues(voice)
+        for number in self._current:
+            if number not in current:
+                self._report("end", self.play.cues[number - 1].name, number)
+        for number in current:
+            if number not in self._current:
+                self._report("start", self.play.cues[number - 1].name, number)
+        self._current = current
         wait = voice.conductor.waiting
-        waits = "" if wait is None or voice.leading else wait.name
-        if waits and waits != self._waits:
-            self._happens("wait", waits)
-        self._waits = waits
+        name = "" if wait is None or voice.is_leading else wait.name
+        if name and name != self._wait:
+            self._report("wait", name)
+        self._wait = name
 
-    def _on_at(self, voice: ScoreVoice) -> tuple[int, ...]:
-        """Numbers of the cues that are on."""
-        if voice.leading or voice.conductor.done:
+    def _current_cues(self, voice: ScoreVoice) -> tuple[int, ...]:
+        """Numbers of the cues that are being played."""
+        if voice.is_leading or voice.conductor.done:
             return ()
         wait, t = voice.conductor.waiting, voice.t
-        still = None if wait is None else self._cue_of(wait)
+        waiting = None if wait is None else self._cue_of(wait)
         return tuple(
             cue.number
             for cue in self._played
-            if cue.start < t < max(cue.end, cue.start + _AT_ONCE) and cue is not still
+            if cue.start < t < max(cue.end, cue.start + _SAME_TIME) and cue is not waiting
         )
 
-    def _happens(self, kind: str, name: str, number: int = 0) -> None:
-        for tell in self._listeners:
-            tell(ShowEvent(kind, name, number, self.t))
+    def _report(self, kind: str, name: str, number: int = 0) -> None:
+        """Calls the callbacks with an event."""
+        for callback in self._listeners:
+            callback(ShowEvent(kind, name, number, self.t))
 
 
-def _said(cue: CueOfPlay) -> str:
-    return f"cue {cue.number} ({cue.what})"
+def _in_words(cue: CueOfPlay) -> str:
+    return f"cue {cue.number} ({cue.description})"
 
 
-def _most(play: Play) -> tuple[float, float]:
+def _hand_peaks(play: Play) -> tuple[float, float]:
     """Largest speed [m/s] and acceleration [m/s^2] of a hand in the play.
 
     A hand moves along three axes, each of which may use the stage's bound.
     """
     peaks = play.score.gesture.peaks_of_pieces**2
     hands = np.array([name.rsplit(".", 1)[0] for name in play.marionette.coordinates.v_K])
-    each = [np.sum(peaks[:, :, hands == hand], axis=2).max(axis=0) for hand in np.unique(hands)]
-    speed, acceleration = np.sqrt(np.max(each, axis=0))
+    squares = [np.sum(peaks[:, :, hands == hand], axis=2).max(axis=0) for hand in np.unique(hands)]
+    speed, acceleration = np.sqrt(np.max(squares, axis=0))
     return float(speed), float(acceleration)

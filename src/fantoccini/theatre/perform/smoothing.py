@@ -1,4 +1,4 @@
-"""Smoothing of recorded motion, tick by tick."""
+"""Smoothing of recorded motion by a moving average over ticks."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from fantoccini.motion import Input
 def smoothed(inputs: Input, n: int, tick: float, seconds: float) -> Array:
     """(n, n_vK) accelerations of hands on averaged paths; see :meth:`Recording.smoothed`.
 
-    Each driven coordinate is averaged with Hann's window, which narrows towards the ends so that
-    position and velocity stay there as they were. The velocities of the averaged path, by central
+    Each driven coordinate is averaged with Hann's window, which narrows towards the ends, where
+    position and velocity are unchanged. The velocities of the averaged path, by central
     differences, are joined by constant accelerations.
 
     Args:
@@ -41,17 +41,17 @@ def smoothed(inputs: Input, n: int, tick: float, seconds: float) -> Array:
     return np.diff(rate, axis=0) / tick
 
 
-def _averaged(path: Array, most: int) -> Array:
-    """Hann's average over up to ``most`` ticks to either side; at the ends, no average.
+def _averaged(path: Array, max_half: int) -> Array:
+    """Hann's average over up to ``max_half`` ticks to either side; at the ends, no average.
 
     In between the window widens smoothly: a kink in its width would be a step in velocity.
     """
     n = len(path) - 1
     out = path.copy()
     for i in range(1, n):
-        near = min(i, n - i, 2 * most)
-        wide = near - 0.25 * near**2 / most  # 1 : 1 at first, level where it is `most`
-        half = min(int(wide) + 1, near)
-        weight = np.cos(0.5 * np.pi * np.arange(-half, half + 1) / (wide + 1.0)) ** 2
+        near = min(i, n - i, 2 * max_half)
+        width = near - 0.25 * near**2 / max_half  # slope 1 at the ends, 0 where it is `max_half`
+        half = min(int(width) + 1, near)
+        weight = np.cos(0.5 * np.pi * np.arange(-half, half + 1) / (width + 1.0)) ** 2
         out[i] = weight @ path[i - half : i + half + 1] / weight.sum()
     return out

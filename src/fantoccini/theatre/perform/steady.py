@@ -32,11 +32,11 @@ class _Weights(NamedTuple):
     acceleration: float = 0.1  # Of s''/w^2
     damping: float = 0.02
     """D: damping of a puppet's swing, which decays slowly."""
-    share: float = 0.25
+    acceleration_share: float = 0.25
     """Share of the bound of acceleration for the shift."""
-    farthest: float = 0.05
+    max_deviation: float = 0.05
     """Bound of the deviation [m]: a larger one is a hand's pull, not swing."""
-    fastest: float = 0.5
+    max_deviation_rate: float = 0.5
     """Bound of the deviation's rate [m/s]."""
     doublings: int = 16
     """Number of doublings of the regulator's horizon: 2^16 ticks."""
@@ -67,7 +67,7 @@ class Steadying:
         run = together(play.cast, play.runs())
         self._clock = np.arange(run.t[0], run.t[-1], 1.0 / _WEIGHTS.rate)
         at = run.resample(self._clock)
-        self._usual = self._members.middles(at.q_D, at.q_K)[..., :2]
+        self._played = self._members.mass_centres(at.q_D, at.q_K)[..., :2]
         tick = performance.tick
         marionette = play.marionette
         gravity = -marionette.number(marionette.tree.gravity[2])
@@ -75,7 +75,7 @@ class Steadying:
             [natural_frequency(height, gravity) for height in self._heights(performance)]
         )
         self._gains = np.array([_gains(w, tick) for w in self.frequencies])
-        self._max_acceleration = _WEIGHTS.share * play.cast.file.stage.acceleration
+        self._max_acceleration = _WEIGHTS.acceleration_share * play.cast.file.stage.acceleration
         n = len(self.frequencies)
         self._s, self._rate = np.zeros((n, 2)), np.zeros((n, 2))
         self._before: Array | None = None
@@ -92,36 +92,36 @@ class Steadying:
         Args:
             voice: score that is played.
             x: state.
-            taken: players that are in somebody's hands.
+            taken: players that a person moves instead of the play.
         """
         tick, t = self._performance.tick, voice.t
-        usual = np.array(
+        played = np.array(
             [
                 [np.interp(t, self._clock, path) for path in of_player.T]
-                for of_player in self._usual.swapaxes(0, 1)
+                for of_player in self._played.swapaxes(0, 1)
             ]
         )
-        e = self._members.middles(x.q_D, x.q_K)[..., :2] - usual
+        e = self._members.mass_centres(x.q_D, x.q_K)[..., :2] - played
         jumped = self._before is None or abs(t - self._t) > 1.5 * tick
         rate = np.zeros_like(e) if jumped else (e - self._before) / tick
         self._before, self._t = e, t
-        follows = not voice.leading and (voice.running or voice.conductor.waiting is not None)
+        follows = not voice.is_leading and (voice.running or voice.conductor.waiting is not None)
         known = np.array([follows and name not in taken for name in self._members.names])[:, None]
-        e = _within(e, _WEIGHTS.farthest) * known
-        rate = _within(rate, _WEIGHTS.fastest) * known
+        e = _bounded(e, _WEIGHTS.max_deviation) * known
+        rate = _bounded(rate, _WEIGHTS.max_deviation_rate) * known
         k = self._gains[:, :, None]
         own = k[:, 2] * self._s + k[:, 3] * self._rate
-        asked = _within(-(k[:, 0] * e + k[:, 1] * rate + own), self._max_acceleration)
-        self._s += tick * self._rate + 0.5 * tick**2 * asked
-        self._rate += tick * asked
-        voice.shift = self._members.spread(self._s), self._members.spread(self._rate)
+        wanted = _bounded(-(k[:, 0] * e + k[:, 1] * rate + own), self._max_acceleration)
+        self._s += tick * self._rate + 0.5 * tick**2 * wanted
+        self._rate += tick * wanted
+        voice.shift = self._members.hand_motion(self._s), self._members.hand_motion(self._rate)
 
     def _heights(self, performance: Performance) -> list[float]:
         """Heights of the hands of all players above their centres of mass [m]."""
         x = self._play.x0
-        middles = self._members.middles(x.q_D, x.q_K)
+        mass_centres = self._members.mass_centres(x.q_D, x.q_K)
         heights = []
-        for name, middle in zip(self._members.names, middles, strict=True):
+        for name, middle in zip(self._members.names, mass_centres, strict=True):
             own = self._play.cast.member(name)
             hands = [
                 performance.place(handle.name)[0][2]
@@ -161,13 +161,13 @@ class Members:
             dtype=float,
         )
 
-    def middles(self, q_D: Array, q_K: Array) -> Array:
+    def mass_centres(self, q_D: Array, q_K: Array) -> Array:
         """(..., n_players, 3) centres of mass [m]."""
         poses = self._marionette.poses(q_D, q_K)
         places = poses[..., 3] + np.einsum("...ij,...j->...i", poses[..., :3], self._at)
         return np.einsum("pn,...nj->...pj", self._share, places)
 
-    def spread(self, shifts: Array) -> VecK:
+    def hand_motion(self, shifts: Array) -> VecK:
         """(n_vK,) motion of all hands from shifts (n_players, 2) of the players."""
         return np.einsum("pa,pan->n", shifts, self._channels)
 
@@ -197,7 +197,7 @@ def _gains(w: float, tick: float) -> Array:
     return riccati.stationary_gain(A, B, Q, R, _WEIGHTS.doublings)[0]
 
 
-def _within(values: Array, most: float) -> Array:
-    """(n, 2) vectors with lengths bounded by ``most``."""
+def _bounded(values: Array, max_length: float) -> Array:
+    """(n, 2) vectors with lengths bounded by ``max_length``."""
     size = np.linalg.norm(values, axis=-1, keepdims=True)
-    return np.asarray(values * np.minimum(1.0, most / np.maximum(size, most)))
+    return np.asarray(values * np.minimum(1.0, max_length / np.maximum(size, max_length)))

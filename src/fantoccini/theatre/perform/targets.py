@@ -39,9 +39,9 @@ class Targets:
         self, hands: Hands, run: TickRun, influences: Influences, player: Player | None = None
     ):
         self._hands, self._run, self._influences = hands, run, influences
-        bounds = np.array([list(bound.values()) for bound in hands.each()[1:]])
+        bounds = np.array([list(bound.values()) for bound in hands.coordinate_bounds()[1:]])
         self.player = player or Player(bounds, run.tick)
-        self.player.bound(bounds)
+        self.player.set_bounds(bounds)
         self.q_K: ConfigK = np.array(run.x.q_K)
 
     def keep(self, before: Targets) -> None:
@@ -65,10 +65,10 @@ class Targets:
             asked = law.acceleration(x.replace(t=self._run.t))
             self.q_K = np.array(x.q_K)
             return self._hands.bounded(x.v_K + self._run.tick * asked)
-        if player.idle:
+        if player.is_idle:
             return self._hands.wanted_velocity(x, self.q_K, self._run.tick)
         velocity = self._hands.wanted_velocity(x, self.q_K, self._run.tick, player.step())
-        self._fold(player.settle())
+        self._add_to_targets(player.settle())
         return velocity
 
     # -- hands -------------------------------------------------------------------------------
@@ -84,16 +84,15 @@ class Targets:
     def aim(self, name: str) -> Place:
         """Target of a handle with the player's present offsets, as :meth:`place`."""
         aimed = self.q_K
-        if not self.player.idle:
+        if not self.player.is_idle:
             aimed = self._hands.moved(aimed, self.player.offsets().d)
         return self._hands.place_at(name, aimed, self._run.x)
 
     def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
         """Sets the target of a handle; components that its joint cannot reach are projected away.
 
-        A joint that drives move in part moves as a whole by the handle of its body or string end;
-        ``bar.carriage1`` and so on are handles of its parts. A target on a moving body moves with
-        it.
+        A joint with several drives has a handle for the whole, that of its body or string end, and
+        one for each part (``bar.carriage1``). A target on a moving body moves with it.
 
         Args:
             name: name of the handle.
@@ -105,7 +104,7 @@ class Targets:
             StateError: a position or orientation is invalid, or a law moves the hands.
         """
         self.check_free()
-        self.q_K = self._hands.brought(self.q_K, name, position, wxyz, self._run.x)
+        self.q_K = self._hands.configuration_at(self.q_K, name, position, wxyz, self._run.x)
 
     def wind(self, string: str, length: float) -> None:
         """Sets the target length of a driven string [m], clipped to its range.
@@ -115,18 +114,18 @@ class Targets:
             StateError: the length is not a finite number, or a law moves the hands.
         """
         self.check_free()
-        place = self._hands.length_place(string)
+        place = self._hands.length_index(string)
         if not np.isfinite(length):
             raise StateError(f"{string}: found {length}; a length is a finite number")
         self.q_K[place] = np.clip(length, *self._hands.lengths[string])
 
     def length(self, string: str) -> float:
         """Present length of a driven string [m]."""
-        return float(self._run.x.q_K[self._hands.length_place(string)])
+        return float(self._run.x.q_K[self._hands.length_index(string)])
 
     def wanted_length(self, string: str) -> float:
         """Target length of a driven string [m]."""
-        return float(self.q_K[self._hands.length_place(string)])
+        return float(self.q_K[self._hands.length_index(string)])
 
     def hold(self) -> None:
         """Stops all hands: sets their targets to their present places."""
@@ -135,21 +134,19 @@ class Targets:
 
     # -- gestures, takes and scores ----------------------------------------------------------
 
-    def play(self, gesture: Gesture, *, after: float | None = None, again: bool = False) -> float:
+    def play(self, gesture: Gesture, *, after: float | None = None, repeat: bool = False) -> float:
         """Plays a gesture on top of the held positions; returns the time until it begins [s].
 
-        Offsets of several gestures add up. A gesture that moves all coordinates of another takes
-        over from it, and so does one that ends in a place of its own from another that does, as
-        sitting from
-        kneeling: position and velocity are continuous. A gesture that would exceed the hands'
-            bounds is
-        played slower.
+        Offsets of several gestures add up. A gesture that moves all coordinates of another
+        replaces it, and so does one that ends in a place of its own if the other one does, such as
+        sitting after kneeling: position and velocity are continuous. A gesture that would exceed
+        the hands' bounds is played slower.
 
         Args:
             gesture: gesture of this puppet.
             after: time after which it should begin, for instance on a beat [s]; it begins later if
                 the way to its start takes longer.
-            again: whether it begins again at its end, until :meth:`play_once`.
+            repeat: whether to repeat it, until :meth:`play_once`.
 
         Raises:
             StateError: a law moves the hands.
@@ -159,11 +156,11 @@ class Targets:
         self.check_free()
         player = self.player
         on = None if after is None else player.t + after
-        return player.play(gesture, on=on, again=again) - player.t
+        return player.play(gesture, on=on, repeat=repeat) - player.t
 
     def play_once(self, name: str) -> None:
         """Ends the repetition of a gesture after the present round."""
-        self.player.once(name)
+        self.player.finish(name)
 
     def go_home(self, start: State) -> None:
         """Returns from all gestures; if there are none, the hands return to their start.
@@ -175,14 +172,14 @@ class Targets:
             StateError: a law moves the hands.
         """
         self.check_free()
-        if self.player.away:
+        if self.player.is_away:
             self.player.play(Gesture.rest(self._hands.marionette, self._run.tick))
         else:
             self.q_K = np.array(start.q_K)
 
     def stop_take(self) -> None:
         """Ends the take; the hands stop where they are."""
-        self._fold(self.player.stop_take())
+        self._add_to_targets(self.player.stop_take())
 
     def play_score(self, score: Score, *, armed: Collection[str] = ()) -> ScoreVoice:
         """Plays a score from its start, on top of the held positions; returns ``score``.
@@ -255,7 +252,7 @@ class Targets:
             raise StateError("no score is played: play_score begins one")
         return self.player.score
 
-    def _fold(self, d: VecK) -> None:
+    def _add_to_targets(self, d: VecK) -> None:
         """Adds offsets to the targets."""
         if d.any():
             self.q_K = self._hands.moved(self.q_K, d)

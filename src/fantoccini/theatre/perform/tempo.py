@@ -1,4 +1,4 @@
-"""Tempo: beats in the time of a performance."""
+"""Tempo of a performance, set in beats per minute or by taps."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from fantoccini.base import check_positive
 
 
 class Range(NamedTuple):
-    """Bounds of a tempo, and rules for taps [s, 1/min]."""
+    """Bounds of a tempo, and rules for taps."""
 
-    slowest: float = 30.0
+    slowest: float = 30.0  # Beats in a minute
     fastest: float = 240.0
     taps: int = 6  # Number of last taps that determine the tempo
-    pause: float = 2.2  # A later tap is the first again: just over a beat of the slowest tempo
+    pause: float = 2.2  # Longest interval of taps [s]: just over a beat of the slowest tempo
 
 
 RANGE = Range()
-_ROUNDING = 1e-9
+_BEAT_TOLERANCE = 1e-9
 """Tolerance within which a time counts as on a beat [beats]."""
 
 
@@ -36,7 +36,8 @@ class Tempo:
     def __init__(self, bpm: float = 90.0):
         check_positive(bpm=bpm)
         self.bpm = float(min(max(bpm, RANGE.slowest), RANGE.fastest))
-        self._origin, self._first = 0.0, 0.0  # beat number `first` is at the time `origin`
+        # The beat with number `reference_beat` is at the time `reference_time`.
+        self._reference_time, self._reference_beat = 0.0, 0.0
         self._taps: deque[float] = deque(maxlen=RANGE.taps)
 
     @property
@@ -46,17 +47,17 @@ class Tempo:
 
     def beats(self, t: float) -> float:
         """Number of beats up to a time [s]; a whole number on the beat."""
-        return self._first + (t - self._origin) / self.beat
+        return self._reference_beat + (t - self._reference_time) / self.beat
 
     def next(self, t: float) -> float:
         """Time of the first beat at or after a time [s]."""
-        left = math.ceil(self.beats(t) - _ROUNDING) - self.beats(t)
-        return t + max(0.0, left) * self.beat
+        remaining = math.ceil(self.beats(t) - _BEAT_TOLERANCE) - self.beats(t)
+        return t + max(0.0, remaining) * self.beat
 
     def set(self, bpm: float, t: float) -> None:
-        """Changes the tempo at a time; the count of beats is continuous."""
+        """Changes the tempo at a time [s]; the count of beats is continuous."""
         check_positive(bpm=bpm)
-        self._first, self._origin = self.beats(t), t
+        self._reference_beat, self._reference_time = self.beats(t), t
         self.bpm = float(min(max(bpm, RANGE.slowest), RANGE.fastest))
 
     def tap(self, t: float, clock: float) -> None:
@@ -64,7 +65,7 @@ class Tempo:
 
         Args:
             t: time of the performance [s].
-            clock: time of the person who taps [s], whatever the speed of the performance.
+            clock: time of the person who taps [s], independent of the performance's speed.
         """
         if self._taps and clock - self._taps[-1] > RANGE.pause:
             self._taps.clear()
@@ -72,4 +73,4 @@ class Tempo:
         n = len(self._taps) - 1
         if n and self._taps[-1] > self._taps[0]:
             self.set(60.0 * n / (self._taps[-1] - self._taps[0]), t)
-        self._first, self._origin = float(round(self.beats(t))), t
+        self._reference_beat, self._reference_time = float(round(self.beats(t))), t

@@ -1,4 +1,4 @@
-"""Run of a puppet in hands, tick by tick, which continues after any motion of the hands."""
+"""Run of a puppet that hands move, tick by tick; it continues after any motion of the hands."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from fantoccini.dynamics.steppers import Stepper
 from fantoccini.kernel.runtime import contact_points
 from fantoccini.motion import ContactPoints, State
 from fantoccini.theatre.perform import change
-from fantoccini.theatre.perform.grip import Holding
+from fantoccini.theatre.perform.grip import HandLimiter
 from fantoccini.theatre.perform.hands import Hands
 
 
 class TickRun:
-    """Run of a puppet in hands, tick by tick.
+    """Run of a puppet that hands move, tick by tick.
 
     Attributes:
-        performed: puppet with the winches in use.
+        performed: puppet as it is simulated, with its present winches.
         tick: duration of a tick [s].
         stepper: present stepper; :meth:`restart` creates another one.
 
@@ -36,7 +36,7 @@ class TickRun:
     ):
         self.performed = performed
         self.tick, self._hands, self._steps = tick, hands, steps
-        self._holding = Holding(performed, hands, grip)
+        self._limiter = HandLimiter(performed, hands, grip)
         self._since = x.t
         self.stepper = self._stepper_from(x)
 
@@ -66,7 +66,7 @@ class TickRun:
 
     def lagging(self) -> dict[str, list[str]]:
         """Reasons why handles and strings lag, by name."""
-        return self._holding.messages(self.x.slip)
+        return self._limiter.messages(self.x.slip)
 
     def advance(self, velocity: VecK, u_D: VecD | None) -> VecK:
         """Advances by a tick; returns the accelerations (n_vK,) of the driven coordinates.
@@ -78,7 +78,7 @@ class TickRun:
             u_D: (n_vD,) generalised forces.
         """
         x = self.x
-        velocity = self._holding.hold(x, self.stepper.tension, velocity)
+        velocity = self._limiter.limited(x, self.stepper.tension, velocity)
         acc_K = self._hands.bounded_acceleration(velocity, x.v_K, self.tick)
         self.stepper.advance(self.tick, acc_K, u_D=u_D, throw=False)
         return acc_K

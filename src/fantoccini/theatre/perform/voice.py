@@ -1,4 +1,4 @@
-"""A gesture while it is played: the way to its start, its offsets, and its repetitions."""
+"""Gesture while it is played: the transition to its start, its offsets, and its repetitions."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ class Offsets(NamedTuple):
     """Offsets of the driven coordinates from the positions that hands hold.
 
     Attributes:
-        d, rate: (n_vK,) offsets and their rates [m or rad, per s].
-        carried: (n_vK,) part that shifts the origin of later gestures, as after a walk.
+        d, rate: (n_vK,) offsets [m or rad] and their rates [m/s or rad/s].
+        carried: (n_vK,) part of the offsets that shifts the origin of later gestures, as after a
+            walk.
     """
 
     d: VecK
@@ -31,114 +32,115 @@ class Offsets(NamedTuple):
         return cls(np.zeros(n), np.zeros(n), np.zeros(n))
 
     @property
-    def home(self) -> bool:
+    def is_home(self) -> bool:
         """Whether they are at rest at the origin of gestures."""
-        return bool(np.all(np.abs(self.d - self.carried) <= SAME) and self.still)
+        return bool(np.all(np.abs(self.d - self.carried) <= SAME) and self.is_at_rest)
 
     @property
-    def still(self) -> bool:
+    def is_at_rest(self) -> bool:
         """Whether they are at rest."""
         return bool(np.all(np.abs(self.rate) <= _MAX_REST_RATE))
 
 
 class Voice:
-    """A gesture that is played from a time on.
+    """Gesture that is being played.
 
-    Coordinates that it does not name and that are away from home return there with it.
+    Coordinates that it does not move return to the origin of gestures with it.
 
     Attributes:
         gesture: gesture that is played.
-        starts: beginning of the gesture, after the way to its start [s].
-        again: whether it begins again at its end, joined by state.
+        start_time: beginning of the gesture, after the transition to its start [s].
+        repeat: whether to repeat it, joined by state.
 
     Args:
         gesture: gesture to play.
-        most: (2, n_vK) bounds of speeds and accelerations of transitions.
-        begins: beginning of the way to its start [s].
+        bounds: (2, n_vK) bounds of speeds and accelerations of transitions.
+        begin: beginning of the transition [s].
         before: offsets at that time.
         on: wanted beginning of the gesture, if there is time [s].
-        again: see above.
+        repeat: see above.
     """
 
     def __init__(
         self,
         gesture: Gesture,
-        most: Array,
-        begins: float,
+        bounds: Array,
+        begin: float,
         before: Offsets,
         on: float | None = None,
-        again: bool = False,
+        repeat: bool = False,
     ):
-        self.gesture, self.again, self._most = gesture, again, most
-        self._known: tuple[float, Offsets] | None = None
-        self._go(begins, before, on)
+        self.gesture, self.repeat, self._bounds = gesture, repeat, bounds
+        self._cached: tuple[float, Offsets] | None = None
+        self._start(begin, before, on)
 
     def at(self, t: float) -> Offsets:
         """Offsets at a time [s], which must not be earlier than in previous calls."""
-        while t >= self._end and (self.again or not self._last.still):
-            self._go_on()
+        while t >= self._end and (self.repeat or not self._last.is_at_rest):
+            self._continue()
         if t >= self._end:
             return self._last
-        if self._known is None or self._known[0] != t:  # a tick begins where one has ended
-            d, rate = at(self._breaks, self._coef, t - self._begins)
-            self._known = t, Offsets(d, rate, self._carried)
-        return self._known[1]
+        if self._cached is None or self._cached[0] != t:  # a tick begins where one has ended
+            d, rate = at(self._breaks, self._coef, t - self._begin)
+            self._cached = t, Offsets(d, rate, self._carried)
+        return self._cached[1]
 
     def time(self, t: float) -> float:
         """Time within the gesture [s]."""
-        return float(np.clip(t - self.starts, 0.0, self.gesture.duration))
+        return float(np.clip(t - self.start_time, 0.0, self.gesture.duration))
 
-    def over(self, t: float) -> bool:
+    def has_ended(self, t: float) -> bool:
         """Whether it has ended."""
-        return t >= self._end and not self.again and self._last.still
+        return t >= self._end and not self.repeat and self._last.is_at_rest
 
-    def bound(self, most: Array) -> None:
+    def set_bounds(self, bounds: Array) -> None:
         """Sets the bounds of later transitions."""
-        self._most = most
+        self._bounds = bounds
 
     def finish(self) -> None:
-        """Ends with the present round."""
-        self.again = False
+        """Ends with the present repetition."""
+        self.repeat = False
 
-    def _go(self, begins: float, before: Offsets, on: float | None) -> None:
-        gesture, line = self.gesture, line_from(before, self._most)
-        motion = named_with(gesture, before)
-        begin = on - begins if on is not None and before.still else -np.inf
-        line, begun, _ = line.add(motion, begin)
-        self.starts = begins + begun
-        self._take(line, begins, before)
+    def _start(self, begin: float, before: Offsets, on: float | None) -> None:
+        """Plays the gesture once, from offsets at a time [s]."""
+        wanted = on - begin if on is not None and before.is_at_rest else -np.inf
+        motion = returning_motion(self.gesture, before)
+        line, start, _ = line_from(before, self._bounds).add(motion, wanted)
+        self.start_time = begin + start
+        self._set_line(line, begin, before)
 
-    def _go_on(self) -> None:
-        if self.again:
-            self._go(self._end, self._last, None)
+    def _continue(self) -> None:
+        """Repeats the gesture, or comes to rest."""
+        if self.repeat:
+            self._start(self._end, self._last, None)
             return
-        self._take(line_from(self._last, self._most).stopped(), self._end, self._last)
+        self._set_line(line_from(self._last, self._bounds).stopped(), self._end, self._last)
 
-    def _take(self, line: Line, begins: float, before: Offsets) -> None:
-        self._carried, self._known = before.carried, None
-        self._begins, self._end = begins, begins + line.end
+    def _set_line(self, line: Line, begin: float, before: Offsets) -> None:
+        self._carried, self._cached = before.carried, None
+        self._begin, self._end = begin, begin + line.end
         self._breaks, self._coef = line.motion.breaks, line.motion.coef
         self._last = Offsets(line.d, line.rate, line.carried)
 
 
-def line_from(before: Offsets, most: Array) -> Line:
-    """A line that continues from offsets."""
-    return Line.empty(most, before.d, before.rate, before.carried)
+def line_from(before: Offsets, bounds: Array) -> Line:
+    """Line that continues from offsets."""
+    return Line.empty(bounds, before.d, before.rate, before.carried)
 
 
-def named_with(gesture: Gesture, before: Offsets) -> Motion:
-    """Motion of the gesture that also returns other coordinates home."""
+def returning_motion(gesture: Gesture, before: Offsets) -> Motion:
+    """Motion of a gesture that also returns all other coordinates to the origin of gestures."""
     away = (np.abs(before.d - before.carried) > SAME) | (np.abs(before.rate) > _MAX_REST_RATE)
     return gesture.motion._replace(named=gesture.named | away)
 
 
-def lead_time(gesture: Gesture, before: Offsets, most: Array) -> float:
-    """Duration of the way from offsets to the start of a gesture [s]."""
-    return line_from(before, most).lead_time(named_with(gesture, before))
+def lead_time(gesture: Gesture, before: Offsets, bounds: Array) -> float:
+    """Duration of the transition from offsets to the start of a gesture [s]."""
+    return line_from(before, bounds).lead_time(returning_motion(gesture, before))
 
 
-def fitted(gesture: Gesture, most: Array) -> Gesture:
+def fitted(gesture: Gesture, bounds: Array) -> Gesture:
     """The gesture, slowed down to keep bounds (2, n_vK) of speeds and accelerations."""
-    speed, acceleration = (float(np.max(x)) for x in gesture.peaks / most)
-    over = max(speed, acceleration**0.5)
-    return gesture.faster(1.0 / over) if over > 1.0 else gesture
+    speed, acceleration = (float(np.max(x)) for x in gesture.peaks / bounds)
+    excess = max(speed, acceleration**0.5)
+    return gesture.faster(1.0 / excess) if excess > 1.0 else gesture

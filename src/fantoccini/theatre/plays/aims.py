@@ -1,4 +1,4 @@
-"""Goals and targets of a play's cues: places and headings of the stage at a time."""
+"""Goals and targets of a play's cues: places and headings on the stage at a time."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ class Aims:
         ]
         z = [here.place, *(complex(place[0], place[1]) for place in places)]
         goals = []
-        for before, there, after in zip(z[:-1], z[1:], [*z[2:], z[-1]], strict=True):
-            way = after - there if after != there else there - before
-            heading = float(np.angle(way)) if way else here.heading
-            goals.append(Footing(there.real, there.imag, heading))
+        for before, goal, after in zip(z[:-1], z[1:], [*z[2:], z[-1]], strict=True):
+            direction = after - goal if after != goal else goal - before
+            heading = float(np.angle(direction)) if direction else here.heading
+            goals.append(Footing(goal.real, goal.imag, heading))
         mark = self._cast.file.stage.marks.get(last) if isinstance(last, str) else None
         facing = entry.facing
         if facing is None and mark is not None:
@@ -57,28 +57,29 @@ class Aims:
         return goals
 
     def _heading(
-        self, stage: OnStage, given: float | str, there: Footing, turn: Turn[PlayCue], key: str
+        self, stage: OnStage, given: float | str, footing: Footing, turn: Turn[PlayCue], key: str
     ) -> float:
+        """Heading of a direction, or towards something, at a footing [rad]."""
         direction = self._places.direction(given, (*turn.spot, key))
         if not isinstance(direction, str):
             return direction
         place = self.place_of(stage, direction, (*turn.spot, key), turn.wanted)
         z = complex(place[0], place[1])
-        return there.towards(z) if abs(z - there.place) > _SAME_PLACE else there.heading
+        return footing.towards(z) if abs(z - footing.place) > _SAME_PLACE else footing.heading
 
     def place_of(self, stage: OnStage, where: object, spot: Spot, t: float) -> Array:
-        """(3,) a place of the stage; for a player that of its head at a time [s]."""
+        """(3,) place on the stage [m]; for a player, the place of its head at a time [s]."""
         if not isinstance(where, str):
             assert isinstance(where, Sequence)
             numbers = [float(x) for x in where]
             return np.array([*numbers, _EYE_HEIGHT][:3])
         if where in stage.actors:
-            other = stage.actors[where].stands(max(t, 0.0))
+            other = stage.actors[where].footing_at(max(t, 0.0))
             return np.array([other.x, other.y, _EYE_HEIGHT])
         marks = self._cast.file.stage.marks
         if where in marks:
             return np.array([*marks[where].at, 0.0], dtype=float)
-        still = self._places.still(where)
+        still = self._places.midpoint(where)
         if still is None:
             raise CannotBe(f"nothing is called {where!r}")
         return still

@@ -4,7 +4,7 @@
     motion
 
 All upper ends of the strings move by the same sum of a_k b_k(t) along x and along y, from rest to
-rest. v is nearly linear in a: the minimum is found by least squares over rollouts.
+rest. v is nearly linear in a, so that least squares over rollouts yield the minimum.
 """
 
 from __future__ import annotations
@@ -22,79 +22,83 @@ _KNOTS = np.array([0.2, 0.4, 0.6, 0.8]) * DURATION
 """Times at which the hands' offsets are a_k [s]."""
 _MEASURED_TIME = 1.6
 """Time after the motion in which swing is measured [s]."""
-_DT = 0.004
+_TIME_STEP = 0.004
 """Time step of the rollouts [s]."""
-_PROBE = 0.01
+_DIFFERENCE_STEP = 0.01
 """Step of the finite differences [m]."""
 _MAX_OFFSET = 0.06
 """Largest offset of the hands [m]."""
-_WEIGHT = 0.02
+_OFFSET_WEIGHT = 0.02
 """Cost of an offset of the hands, relative to the speed that it removes [1/s]."""
 _ITERATIONS = 2
+"""Number of least-squares steps."""
 NONE = (0.0,) * (2 * len(_KNOTS))
-"""Offsets of hands that stay."""
+"""Offsets of hands that do not move [m]."""
 
 
-def calm_gesture(alone: Marionette, offsets: tuple[float, ...]) -> Gesture:
+def calm_gesture(marionette: Marionette, offsets: tuple[float, ...]) -> Gesture:
     """Gesture that moves all upper ends together.
 
     Args:
-        alone: puppet in a scene of its own.
+        marionette: puppet in a scene of its own.
         offsets: offsets at the knots, along x, then along y [m].
     """
     moves: dict[str, list[tuple[float, float]]] = {}
-    for name in alone.coordinates.q_K:
+    for name in marionette.coordinates.q_K:
         axis = "xy".find(name[-1]) if name[-2:] in (".x", ".y") else -1
         if axis >= 0:
-            own = np.reshape(offsets, (2, -1))[axis]
-            points = zip(_KNOTS.tolist(), own.tolist(), strict=True)
+            axis_offsets = np.reshape(offsets, (2, -1))[axis]
+            points = zip(_KNOTS.tolist(), axis_offsets.tolist(), strict=True)
             moves[name] = [(0.0, 0.0), *points, (DURATION, 0.0)]
-    return Gesture.of(alone, moves, name="calm")
+    return Gesture.of(marionette, moves, name="calm")
 
 
-def calming(alone: Marionette, x: State) -> tuple[float, ...]:
+def calming(marionette: Marionette, x: State) -> tuple[float, ...]:
     """Offsets of :func:`calm_gesture` after which the trunk of a puppet swings least.
 
-    If a run of the search stops, the hands stay; the play's own run shows whether it stops too.
+    They are 0 if a run of the search stops; the play's own run shows whether it stops, too.
 
     Args:
-        alone: puppet in a scene of its own.
+        marionette: puppet in a scene of its own.
         x: its state, with the hands at rest.
     """
     try:
-        return _least_swing(alone, x)
+        return _least_swing(marionette, x)
     except SimulationError:
         return NONE
 
 
-def _least_swing(alone: Marionette, x: State) -> tuple[float, ...]:
+def _least_swing(marionette: Marionette, x: State) -> tuple[float, ...]:
+    """Offsets with the least swing [m]; none if they do not reduce it."""
     offsets = np.array(NONE)
     for _ in range(_ITERATIONS):
-        base = _speeds(alone, x, offsets)
+        base = _speeds(marionette, x, offsets)
         columns = [
-            (_speeds(alone, x, offsets + _PROBE * unit) - base) / _PROBE
+            (_speeds(marionette, x, offsets + _DIFFERENCE_STEP * unit) - base) / _DIFFERENCE_STEP
             for unit in np.eye(len(offsets))
         ]
-        weight = _WEIGHT * np.sqrt(len(base))
+        weight = _OFFSET_WEIGHT * np.sqrt(len(base))
         A = np.vstack([np.stack(columns, axis=1), weight * np.eye(len(offsets))])
         b = np.concatenate([base, weight * offsets])
         offsets = np.clip(offsets - np.linalg.lstsq(A, b, rcond=None)[0], -_MAX_OFFSET, _MAX_OFFSET)
-    before = np.linalg.norm(_speeds(alone, x, np.array(NONE)))
-    if np.linalg.norm(_speeds(alone, x, offsets)) >= before:
+    before = np.linalg.norm(_speeds(marionette, x, np.array(NONE)))
+    if np.linalg.norm(_speeds(marionette, x, offsets)) >= before:
         return NONE
     return tuple(float(offset) for offset in np.round(offsets, 6))
 
 
-def _speeds(alone: Marionette, x: State, offsets: Array) -> Array:
+def _speeds(marionette: Marionette, x: State, offsets: Array) -> Array:
     """Speeds of the trunk after the motion, concatenated [m/s]."""
-    gesture = calm_gesture(alone, tuple(offsets.tolist()))
-    n = int(np.ceil((DURATION + _MEASURED_TIME) / _DT))
-    t = np.minimum(_DT * np.arange(n + 1), DURATION)
+    gesture = calm_gesture(marionette, tuple(offsets.tolist()))
+    n = int(np.ceil((DURATION + _MEASURED_TIME) / _TIME_STEP))
+    t = np.minimum(_TIME_STEP * np.arange(n + 1), DURATION)
     i = np.clip(np.searchsorted(gesture.breaks, t, side="right") - 1, 0, len(gesture.coef) - 1)
     _, rates, _ = polynomial.evaluate(gesture.coef[i], (t - gesture.breaks[i])[:, None])
     rates[t >= DURATION] = 0.0
-    rollout = alone.rollout(x.replace(t=0.0), np.diff(rates, axis=0) / _DT, dt=_DT)
-    table = alone.coordinates
+    rollout = marionette.rollout(
+        x.replace(t=0.0), np.diff(rates, axis=0) / _TIME_STEP, dt=_TIME_STEP
+    )
+    table = marionette.coordinates
     trunk = [v for _, v in table.scalars_D if table.v_D[v].endswith((".x", ".y"))]
-    after = _DT * np.arange(n + 1) >= DURATION
+    after = _TIME_STEP * np.arange(n + 1) >= DURATION
     return np.array(rollout.v_D[after][:, trunk]).ravel()

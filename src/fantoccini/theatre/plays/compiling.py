@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence, Set
 from dataclasses import replace
 
 from fantoccini.base import OnProgress, Progress, StateError
-from fantoccini.theatre.cast import OutOfTime, ResultCache, settled
+from fantoccini.theatre.cast import OutOfTime, ResultCache, with_settled_props
 from fantoccini.theatre.gestures import Part, Placed
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
@@ -25,7 +25,7 @@ from fantoccini.theatre.plays.rounds import (
     Stage,
     locate_and_calm,
     make_round,
-    most_pause,
+    max_pause,
     refuse_failures,
     refuse_fast,
     refuse_stopped,
@@ -33,7 +33,7 @@ from fantoccini.theatre.plays.rounds import (
 )
 from fantoccini.theatre.plays.shots import shots_of
 from fantoccini.theatre.plays.stage_run import SAMPLE, together
-from fantoccini.theatre.plays.touching import EVERY, Touch, touches
+from fantoccini.theatre.plays.touching import SAMPLE_STRIDE, Touch, touches
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.plays.whole import whole_score
 from fantoccini.theatre.script import (
@@ -49,14 +49,14 @@ from fantoccini.theatre.script import (
     spelled,
 )
 
-PATIENT = 10
-"""Number of rounds in which free cues may still be delayed; later they are refused at once."""
+MAX_DELAY_ROUNDS = 10
+"""Number of rounds in which free cues may be delayed; afterwards they are refused at once."""
 _EXTRA_DELAY = 0.4
 """Additional delay of a free cue in which something touches [s]."""
-_SMALLER = (0.75, 0.5)
-"""Sizes that are tried if something touches."""
-_MAX_TRIED = 3
-"""Number of cues for which smaller sizes are tried."""
+_SMALLER_SIZES = (0.75, 0.5)
+"""Sizes to try if something touches, relative to that of the file."""
+_MAX_RETRIED_CUES = 3
+"""Largest number of cues for which smaller sizes are tried."""
 
 
 def load_play(
@@ -74,46 +74,46 @@ def load_play(
 
     Args:
         path: path of the file, or the name of a bundled play: ``trio``, ``chase`` or ``duet``.
-        progress: called with the present stage of the work and its completed share.
+        progress: called with a name of the present work, and its completed share.
         before: earlier version of the play, whose runs are used for all unchanged parts.
-        within: time after which compiling stops [s], but not before the first round is complete.
-            The play is then that of the last complete round, and its changes list the stop and the
-            faults that remain. No limit by default.
-        on_disk: whether runs are read from the cache folder and kept there, for the next process;
+        within: time limit [s]; the first round is always completed. If the limit passes, the play
+            is that of the last complete round, and its changes list the stop and the remaining
+            faults. No limit by default.
+        on_disk: whether runs are read from the cache folder, and kept there for the next process;
             the play is the same. By default as for ``before``, or not.
 
     Raises:
         FileError: the file has mistakes; all of them are listed, with their lines.
     """
     until = math.inf if within is None else time.monotonic() + within
-    tell = progress or (lambda progress: None)
-    tell(Progress("casting", 0.0, 1.0))
+    report = progress or (lambda progress: None)
+    report(Progress("casting", 0.0, 1.0))
     cache = before.cache if before is not None else ResultCache()
     if on_disk is not None:
         cache.on_disk = on_disk
     script = read_play(path, cache)
     try:
-        script = replace(script, cast=settled(script.cast, cache))
+        script = replace(script, cast=with_settled_props(script.cast, cache))
     except StateError as error:
-        script.log.mistakes.add(("props",), f"what is held does not hang there: {error}")
+        script.log.mistakes.add(("props",), f"held props do not hang at rest: {error}")
         script.log.mistakes.refuse()
         raise
     stage = Stage(script, Walks(script.cast, script.log), cache)
-    tell(Progress("rehearsing", _share(1), 1.0))
+    report(Progress("rehearsing", _share(1), 1.0))
     # The first round is always completed.
     rounds = [make_round(stage, Results())]
     try:
-        with cache.limited(until):
-            results, touching = _improve(stage, rounds, tell)
+        with cache.time_limit(until):
+            results, touching = _improve(stage, rounds, report)
     except OutOfTime:
         script.log.change(
             ("acts",),
             f"compiling was stopped after {_rounds(len(rounds))}: cues may be late, too "
-            "fast or swing; with more time (`within`) they are mended or refused",
+            "fast or swing; with more time (`within`) they are corrected or refused",
         )
-        results, touching = rounds[-1].results, _touches(stage, rounds[-1], tell)
+        results, touching = rounds[-1].results, _touches(stage, rounds[-1], report)
     else:
-        tell(Progress("compiled", 1.0, 1.0))
+        report(Progress("compiled", 1.0, 1.0))
     return _play(stage, results, rounds[-1], touching, len(rounds))
 
 
@@ -122,8 +122,8 @@ def _share(count: int) -> float:
     return 0.9 * (1.0 - 0.8**count)
 
 
-def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Results, list[Touch]]:
-    """Adds rounds until no cue moves; each added round follows from a cue moved or refused.
+def _improve(stage: Stage, rounds: list[Round], report: OnProgress) -> tuple[Results, list[Touch]]:
+    """Adds rounds, each after a cue was moved or refused, until no cue moves.
 
     Returns:
         Results of all rounds, and the touches of the last one.
@@ -154,20 +154,20 @@ def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Resul
             if not moved:
                 results, moved = refuse_late(results, this_round, late)
         if not moved:
-            touching = _touches(stage, this_round, tell)
-            results, moved = _mend(
-                stage, results, this_round, touching, patient=len(rounds) < PATIENT
+            touching = _touches(stage, this_round, report)
+            results, moved = _correct_touches(
+                stage, results, this_round, touching, may_delay=len(rounds) < MAX_DELAY_ROUNDS
             )
             if not moved:
                 break
         stage.cache.check()
-        tell(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
+        report(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
         rounds.append(make_round(stage, results))
     if results.touching and not touching:
-        results = _try_again(stage, results, tell)
-        tell(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
+        results = _retry_touching(stage, results, report)
+        report(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
         rounds.append(make_round(stage, results))
-        touching = _touches(stage, rounds[-1], tell)
+        touching = _touches(stage, rounds[-1], report)
     return results, touching
 
 
@@ -188,15 +188,16 @@ def _first(
 # -- touches ---------------------------------------------------------------------------------
 
 
-def _touches(stage: Stage, this_round: Round, tell: OnProgress) -> list[Touch]:
-    tell(Progress("looking for touches", 0.97, 1.0))
+def _touches(stage: Stage, this_round: Round, report: OnProgress) -> list[Touch]:
+    """Forbidden touches in the whole run of a round."""
+    report(Progress("looking for touches", 0.97, 1.0))
     # The run has only the samples that are measured.
-    run = together(stage.script.cast, this_round.runs, EVERY * SAMPLE)
+    run = together(stage.script.cast, this_round.runs, SAMPLE_STRIDE * SAMPLE)
     return touches(stage.script.cast, run, this_round.placement.meetings, every=1)
 
 
-def _mend(
-    stage: Stage, results: Results, this_round: Round, touching: list[Touch], patient: bool
+def _correct_touches(
+    stage: Stage, results: Results, this_round: Round, touching: list[Touch], may_delay: bool
 ) -> Rule:
     """Delays or refuses the cues in which the first touches occur.
 
@@ -205,68 +206,69 @@ def _mend(
         results: results so far.
         this_round: last round.
         touching: touches in the last round.
-        patient: whether cues may be delayed.
+        may_delay: whether cues may be delayed.
     """
-    cast, seen, mended = stage.script.cast, set[str](), False
+    cast, corrected, moved = stage.script.cast, set[str](), False
     for touch in touching:
         owners = {cast.owner(_plain(name)) for name in (touch.what, touch.other)}
-        if seen & owners or touch.t <= 0.0:
+        if corrected & owners or touch.t <= 0.0:
             continue
         cue = this_round.cue_during(touch.t, owners & {*cast.players})
         if cue is None:
             continue
         corrections, entry = results.corrections, cue.given
-        waits = corrections.pauses.get(cue.spot, 0.0) + _EXTRA_DELAY
-        tried = corrections.approaches.get(cue.spot, 0) + 1
-        if patient and isinstance(entry, SitsOnCue) and tried < len(APPROACHES):
+        delay = corrections.pauses.get(cue.spot, 0.0) + _EXTRA_DELAY
+        approach = corrections.approaches.get(cue.spot, 0) + 1
+        if may_delay and isinstance(entry, SitsOnCue) and approach < len(APPROACHES):
             results = replace(
-                results, corrections=corrections.setting("approaches", cue.spot, tried)
+                results, corrections=corrections.setting("approaches", cue.spot, approach)
             )
-        elif patient and waits <= most_pause(entry, stage.beat):
-            results = replace(results, corrections=corrections.setting("pauses", cue.spot, waits))
+        elif may_delay and delay <= max_pause(entry, stage.beat):
+            results = replace(results, corrections=corrections.setting("pauses", cue.spot, delay))
         else:
-            after = results.refusing(cue, f"{touch} {this_round.in_words(touch.t)}")
+            after = results.with_refusal(cue, f"{touch} {this_round.in_words(touch.t)}")
             if after is None:
                 continue
             results = replace(after, touching=(*after.touching, cue.spot))
-        mended = True
-        seen |= owners
-    return results, mended
+        moved = True
+        corrected |= owners
+    return results, moved
 
 
-def _try_again(stage: Stage, results: Results, tell: OnProgress) -> Results:
+def _retry_touching(stage: Stage, results: Results, report: OnProgress) -> Results:
     """Tries again the cues that were refused because something would touch.
 
-    A refused cue is tried again if a later one is refused, otherwise with a smaller gesture; the
-    reason then gives a size that can be done.
+    A refused cue is tried unchanged if a later one is refused, otherwise with a smaller gesture;
+    the reason then contains a size that can be done.
     """
-    givens = {cue.spot: cue.given for cue in stage.script.timeline.cues}
-    for spot in results.touching[:_MAX_TRIED]:
-        entry = givens[spot]
-        sizes = _SMALLER if isinstance(entry, DoesCue) else ()
+    entries = {cue.spot: cue.given for cue in stage.script.timeline.cues}
+    for spot in results.touching[:_MAX_RETRIED_CUES]:
+        entry = entries[spot]
+        sizes = _SMALLER_SIZES if isinstance(entry, DoesCue) else ()
         if spot != results.touching[-1]:
             sizes = (1.0, *sizes)
         before = results.corrections
         for size in sizes:
-            tell(Progress("trying smaller sizes", 0.95, 1.0))
+            report(Progress("trying smaller sizes", 0.95, 1.0))
             corrections = before.setting("refused", spot, None).setting("smaller", spot, size)
-            tried, holds = _holds(stage, replace(results, corrections=corrections), spot, tell)
-            if holds and size == 1.0:
+            trial = replace(results, corrections=corrections)
+            tried, succeeds = _try_cue(stage, trial, spot, report)
+            if succeeds and size == 1.0:
                 results = replace(
                     tried, corrections=tried.corrections.setting("smaller", spot, None)
                 )
                 break
-            results = tried.back(before)
-            if holds and isinstance(entry, DoesCue):
-                larger = f"; it can be done with larger: {size * entry.larger:.2g}"
-                why = before.refused[spot] + larger
-                results = replace(results, corrections=before.setting("refused", spot, why))
+            results = tried.with_corrections(before)
+            if succeeds and isinstance(entry, DoesCue):
+                remedy = f"; it can be done with larger: {size * entry.larger:.2g}"
+                reason = before.refused[spot] + remedy
+                results = replace(results, corrections=before.setting("refused", spot, reason))
                 break
     return results
 
 
-def _holds(stage: Stage, results: Results, spot: Spot, tell: OnProgress) -> Rule:
-    """Results of trying a cue with all others, and whether it can be done."""
+def _try_cue(stage: Stage, results: Results, spot: Spot, report: OnProgress) -> Rule:
+    """Results of a trial of a cue with all others, and whether it can be done."""
     while True:
         this_round = make_round(stage, results)
         late = mark_lateness(stage, this_round)
@@ -277,11 +279,11 @@ def _holds(stage: Stage, results: Results, spot: Spot, tell: OnProgress) -> Rule
             break
     refused = any(cue.refused for cue in this_round.placement.cues if cue.spot == spot)
     in_time = all(abs(seconds) <= IN_TIME for seconds in late.values())
-    right = not this_round.runs.stops and not refused and in_time
-    right = right and not failures(
+    succeeds = not this_round.runs.stops and not refused and in_time
+    succeeds = succeeds and not failures(
         stage.script.cast, this_round.placement.meetings, this_round.runs
     )
-    return results, right and not _touches(stage, this_round, tell)
+    return results, succeeds and not _touches(stage, this_round, report)
 
 
 # -- the result ------------------------------------------------------------------------------
@@ -298,12 +300,12 @@ def _play(
     for cue, placed in zip(cues, placement.cues, strict=True):
         if cue.refused:
             log.change(placed.spot, cue.change)
-    at_once: set[frozenset[str]] = set()
+    touch_at_start: set[frozenset[str]] = set()
     for touch in touching:
         owners = frozenset(cast.owner(_plain(x)) for x in (touch.what, touch.other))
-        if touch.t <= 0.0 and owners in at_once:
+        if touch.t <= 0.0 and owners in touch_at_start:
             continue
-        at_once |= {owners} if touch.t <= 0.0 else set()
+        touch_at_start |= {owners} if touch.t <= 0.0 else set()
         spot: Spot = ("acts",) if touch.t > 0.0 else ("cast",)
         log.change(spot, f"{touch} {this_round.in_words(touch.t)}")
     for failure in failures(cast, placement.meetings, this_round.runs):
@@ -329,7 +331,7 @@ def _play(
         placement.starts,
         placement.meetings,
         placement.ways,
-        results.settled,
+        results.settling_pauses,
         shots_of(cast, script.timeline, placement, script.places, stage.beat),
         count,
         stage.cache,
@@ -343,6 +345,7 @@ def _passes(placement: Placement, spot: Spot, refused: Set[Spot]) -> str:
 
 
 def _cue(stage: Stage, placed: Placed[PlayCue], passes: str) -> CueOfPlay:
+    """Compiled cue of a placed one, with its notes on players that it passes."""
     cue, entry, parts = placed.cue, placed.given, placed.parts
     return CueOfPlay(
         cue.index + 1,
@@ -368,9 +371,9 @@ def _cue(stage: Stage, placed: Placed[PlayCue], passes: str) -> CueOfPlay:
 
 def _marks_of(parts: Sequence[Part], who: str) -> dict[str, float]:
     """Marks of a player in a cue, its beginning and its end [s]."""
-    own = [part for part in parts if part.who == who]
-    marks = {mark: t for part in own for mark, t in part.marks.items()}
-    ends = {START: min(part.start for part in own), END: max(part.end for part in own)}
+    parts = [part for part in parts if part.who == who]
+    marks = {mark: t for part in parts for mark, t in part.marks.items()}
+    ends = {START: min(part.start for part in parts), END: max(part.end for part in parts)}
     return marks | ends
 
 
@@ -397,4 +400,5 @@ def described(cue: Cue[PlayCue]) -> str:
 
 
 def _plain(name: str) -> str:
+    """Name of a string or body without the word ``string``."""
     return name.removeprefix("string ")

@@ -1,4 +1,4 @@
-"""A play's stage seen from above: marks, obstacles, and the players' ways."""
+"""Plan of a play's stage: marks, obstacles, and the players' ways seen from above."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from fantoccini.theatre.plays.play import Play
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.script import ScriptLog
 
-_INTERVAL = 0.1
+_SAMPLE_INTERVAL = 0.1
 """Time between places of a way [s]."""
 
 
 @dataclass(frozen=True)
-class Walked:
-    """A way seen from above.
+class WalkPath:
+    """Path of a walk, seen from above.
 
     Attributes:
-        begin, end: [s].
+        begin, end: beginning and end [s].
         places: (n, 2) places [m].
         heading: heading at its end [rad].
     """
@@ -35,7 +35,7 @@ class Walked:
 
 @dataclass(frozen=True)
 class Overhead:
-    """A stage seen from above.
+    """Stage seen from above.
 
     Attributes:
         marks: name -> (x, y) [m].
@@ -49,7 +49,7 @@ class Overhead:
     standing: Mapping[str, tuple[Array, ...]]
     space: tuple[tuple[float, float], tuple[float, float]] | None
     starts: Mapping[str, Footing]
-    ways: Mapping[str, tuple[Walked, ...]]
+    ways: Mapping[str, tuple[WalkPath, ...]]
 
 
 def overhead(play: Play) -> Overhead:
@@ -60,13 +60,13 @@ def overhead(play: Play) -> Overhead:
         corners = region.corners(0.0)
         standing.setdefault(region.name, []).append(np.stack([corners.real, corners.imag], -1))
     ways = {}
-    for name, own in play.ways.items():
-        walked = []
-        for way in own:
-            n = 2 + int((way.end - way.begin) / _INTERVAL)
+    for name, player_ways in play.ways.items():
+        paths = []
+        for way in player_ways:
+            n = 2 + int((way.end - way.begin) / _SAMPLE_INTERVAL)
             places, headings = way.footing(np.linspace(way.begin, way.end, n))
-            walked.append(Walked(way.begin, way.end, places, float(headings[-1])))
-        ways[name] = tuple(walked)
+            paths.append(WalkPath(way.begin, way.end, places, float(headings[-1])))
+        ways[name] = tuple(paths)
     return Overhead(
         {name: mark.at for name, mark in stage.marks.items()},
         {name: tuple(polygons) for name, polygons in standing.items()},

@@ -1,4 +1,4 @@
-"""Checks of runs of a play: whether props are where cues have brought them."""
+"""Checks of runs of a play: whether props and sitters are where cues have brought them."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Times
-from fantoccini.theatre.cast import Cast, Footing, Meeting, Physique, top_of
+from fantoccini.theatre.cast import Cast, Footing, Meeting, Physique, obstacle_top
 from fantoccini.theatre.plays.runs import Run, Runs
 from fantoccini.theatre.script import MeetingKind, Spot
 
-_EVERY = 0.05
+_CHECK_INTERVAL = 0.05
 """Time between checks [s]."""
-_MAX_OFF_AXIS, _ALONG_RANGE = 0.06, (0.0, 0.14)
+_MAX_AXIS_DISTANCE, _ELBOW_DISTANCE_RANGE = 0.06, (0.0, 0.14)
 """Largest distance of a handle from the axis of its forearm, for any arm [m]; least and largest
 distance from the elbow along that axis, for an arm of 19 cm [m]."""
 _MISPLACED_TIME = 0.5
 """Time after a cue in which a prop counts as misplaced, not as dropped [s]."""
 _MIN_SEAT_SHARE = 0.15
-"""Least share of a sitter's weight that the seat bears."""
+"""Least share of a sitter's weight on the seat."""
 _MIN_COSINE, _MAX_HEIGHT_ERROR = np.cos(np.radians(10.0)), 0.008
 """Bounds for a standing prop: cosine of its axis to the vertical, error of its height [m]."""
 
@@ -30,7 +30,7 @@ _MAX_REST_SPEED = 0.02
 
 @dataclass(frozen=True)
 class Failure:
-    """A failure of a cue with a prop.
+    """Failure of a cue with a prop or a seat.
 
     Attributes:
         t: time of the failure [s].
@@ -50,7 +50,7 @@ def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failur
     failures_so_far: list[Failure] = []
     for meeting in meetings:
         for run, begin, end in _runs(meeting, runs):
-            t = np.append(np.arange(begin, end, _EVERY), end) - run.begin
+            t = np.append(np.arange(begin, end, _CHECK_INTERVAL), end) - run.begin
             check = _CHECKS.get(meeting.kind)
             failure = check(cast, meeting, run, t) if check is not None else None
             if failure is not None:
@@ -59,8 +59,10 @@ def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failur
     return sorted(failures_so_far, key=lambda failure: failure.t)
 
 
-def handle_seen(cast: Cast, runs: Runs, meeting: Meeting, t: float) -> tuple[float, float] | None:
-    """Distance of a handle from the elbow, and its height, at a time [m]; None if unknown."""
+def handle_position(
+    cast: Cast, runs: Runs, meeting: Meeting, t: float
+) -> tuple[float, float] | None:
+    """Distance of a handle from the elbow and its height [m], at a time [s]; None if unknown."""
     (prop,), who = meeting.props, meeting.players[0]
     run, handle = runs.with_prop(prop, t), cast.props[prop].handle
     if run is None or handle is None:
@@ -72,7 +74,7 @@ def handle_seen(cast: Cast, runs: Runs, meeting: Meeting, t: float) -> tuple[flo
     return float(to_hand @ (place - arm[:, 3])), float(place[2])
 
 
-def stands_seen(cast: Cast, runs: Runs, prop: str, t: float) -> Footing | None:
+def standing_place(cast: Cast, runs: Runs, prop: str, t: float) -> Footing | None:
     """Footing of a prop that was put down before a time [s]; None if it was not."""
     before = [run for run in runs.companies if prop in run.staged.props and run.end <= t + 1e-9]
     if not before:
@@ -87,36 +89,39 @@ def _runs(meeting: Meeting, runs: Runs) -> Iterator[tuple[Run, float, float]]:
     for run in runs.companies:
         company = run.staged.company
         begin, end = max(meeting.begin, run.begin), min(meeting.end, run.end)
-        there = {*meeting.players} <= {*company.players} and meeting.pairs <= company.pairs
-        if there and begin < end:
+        contains = {*meeting.players} <= {*company.players} and meeting.pairs <= company.pairs
+        if contains and begin < end:
             yield run, begin, end
 
 
 def _hangs(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
+    """Failure of a prop to hang on a forearm at times of a run."""
     (prop,), (who,) = meeting.props, meeting.players
     forearm, physique, side = _arm(cast, meeting, who)
     handle = cast.props[prop].handle
     assert handle is not None
     thing, arm = (_poses(run, name, t) for name in (prop, forearm))
     place = thing[:, :, 3] + handle * thing[:, :, 2] - arm[:, :, 3]
-    own, to_hand = np.einsum("tij,ti->tj", arm[:, :, :3], place), physique.forearm_direction(side)
-    along = own @ to_hand
-    off_axis = np.linalg.norm(own - along[:, None] * to_hand, axis=1)
-    nearest, farthest = (physique.arm_ratio(side) * bound for bound in _ALONG_RANGE)
-    is_off = (off_axis > _MAX_OFF_AXIS) | (along < nearest) | (along > farthest)
+    local, to_hand = np.einsum("tij,ti->tj", arm[:, :, :3], place), physique.forearm_direction(side)
+    elbow_distance = local @ to_hand
+    axis_distance = np.linalg.norm(local - elbow_distance[:, None] * to_hand, axis=1)
+    nearest, farthest = (physique.arm_ratio(side) * bound for bound in _ELBOW_DISTANCE_RANGE)
+    is_off = axis_distance > _MAX_AXIS_DISTANCE
+    is_off |= (elbow_distance < nearest) | (elbow_distance > farthest)
     if not np.any(is_off):
         return None
-    then = run.begin + float(t[int(np.argmax(is_off))])
-    soon = meeting.cue is not None and then <= meeting.begin + _MISPLACED_TIME
-    text = f"{prop} would not hang on {who}'s arm" if soon else f"{who} would drop {prop}"
-    return Failure(then, meeting.players, text, meeting.cue if soon else None)
+    t_off = run.begin + float(t[int(np.argmax(is_off))])
+    is_misplaced = meeting.cue is not None and t_off <= meeting.begin + _MISPLACED_TIME
+    text = f"{prop} would not hang on {who}'s arm" if is_misplaced else f"{who} would drop {prop}"
+    return Failure(t_off, meeting.players, text, meeting.cue if is_misplaced else None)
 
 
 def _stands(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
+    """Failure of a prop to stand on an obstacle at the last time."""
     (prop,) = meeting.props
     obstacles = {obstacle.name for obstacle in cast.file.stage.obstacles}
     (on,) = {name for pair in meeting.pairs for name in pair} & obstacles
-    pose, top = _poses(run, prop, t[-1:])[0], top_of(cast.file, on)
+    pose, top = _poses(run, prop, t[-1:])[0], obstacle_top(cast.file, on)
     assert top is not None
     first = run.whole.coordinates.v_D.index(f"{run.staged.props[prop]}.x")
     rates = run.whole.resample(t[-1:]).v_D[0, first : first + 3]
@@ -128,6 +133,7 @@ def _stands(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
 
 
 def _sits(cast: Cast, meeting: Meeting, run: Run, _: Times) -> Failure | None:
+    """Failure of a player to sit, by its weight on the seat."""
     (who,) = meeting.players
     since, until = (max(x - run.begin, 0.0) for x in meeting.bears)
     until = min(until, float(run.whole.t[-1]))
@@ -136,15 +142,16 @@ def _sits(cast: Cast, meeting: Meeting, run: Run, _: Times) -> Failure | None:
     names = {run.staged.local(body) for body in cast.players[who].bodies.seated}
     seat = {run.staged.local(name) for pair in meeting.pairs for name in pair} - names
     points = run.whole.contact
-    ours = [bool({a, b} & names) and bool({a, b} & seat) for a, b in points.names]
+    is_seat_pair = [bool({a, b} & names) and bool({a, b} & seat) for a, b in points.names]
     clock = run.whole.t
     is_counted = (clock >= since) & (clock <= until)
-    is_seat_point = np.array(ours, dtype=bool)[points.pair] & is_counted[points.sample]
-    bears = float(np.sum(np.abs(points.force[is_seat_point, 2]))) / max(int(np.sum(is_counted)), 1)
-    weight = cast.players[who].alone.weight
-    if bears >= _MIN_SEAT_SHARE * weight:
+    is_seat_point = np.array(is_seat_pair, dtype=bool)[points.pair] & is_counted[points.sample]
+    n = max(int(np.sum(is_counted)), 1)
+    seat_force = float(np.sum(np.abs(points.force[is_seat_point, 2]))) / n
+    weight = cast.players[who].marionette.weight
+    if seat_force >= _MIN_SEAT_SHARE * weight:
         return None
-    text = f"{who} would not sit: the seat bears {bears / weight:.0%} of its weight"
+    text = f"{who} would not sit: the seat bears {seat_force / weight:.0%} of its weight"
     return Failure(run.begin + since, meeting.players, text, meeting.cue)
 
 
@@ -160,12 +167,12 @@ def _arm(cast: Cast, meeting: Meeting, who: str) -> tuple[str, Physique, str]:
     """Forearm of a player on which something hangs, the player's physique, and side of the arm."""
     names, player = {name for pair in meeting.pairs for name in pair}, cast.players[who]
     side, forearm = next(arm for arm in player.bodies.forearms.items() if arm[1] in names)
-    return forearm, Physique.of(player.alone), side
+    return forearm, Physique.of(player.marionette), side
 
 
 def _poses(run: Run, name: str, t: Times) -> Array:
     """(T, 3, 4) poses of a body or prop of the stage at times of a run."""
-    own = run.whole.resample(np.clip(t, 0.0, run.whole.t[-1]))
+    samples = run.whole.resample(np.clip(t, 0.0, run.whole.t[-1]))
     marionette = run.staged.marionette
-    poses: Array = marionette.poses(own.q_D, own.q_K)
+    poses: Array = marionette.poses(samples.q_D, samples.q_K)
     return poses[:, marionette.link_index(run.staged.local(name))]

@@ -1,4 +1,4 @@
-"""Holders of props while cues are placed: a forearm, a sitter, or a place on the stage."""
+"""Places of props and sitters while cues are placed: a forearm, the stage, or a seat."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from fantoccini.theatre.cast import (
     Footing,
     Meeting,
     Pair,
-    hanging,
-    sitting,
-    standing,
+    hanging_pair,
+    sitting_pairs,
+    standing_pairs,
 )
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.script import Spot
 
 
 @dataclass(frozen=True)
-class Hangs:
-    """A prop on a forearm.
+class Hanging:
+    """A prop that hangs on a forearm.
 
     Attributes:
         player, side: player and side of the forearm.
-        since: [s].
+        since: time from which it hangs there [s].
         cue: cue that brought it there; None from the start on.
     """
 
@@ -35,12 +35,14 @@ class Hangs:
 
     def meeting(self, bodies: ContactBodies, prop: str, until: float) -> Meeting:
         """Meeting of the player with these bodies and the prop until a time [s]."""
-        pairs: frozenset[Pair] = standing(prop, FLOOR) | {hanging(bodies, self.side, prop)}
+        pairs: frozenset[Pair] = standing_pairs(prop, FLOOR) | {
+            hanging_pair(bodies, self.side, prop)
+        }
         return Meeting(self.since, until, (self.player,), (prop,), pairs, "hangs", self.cue)
 
 
 @dataclass(frozen=True)
-class Stands:
+class Standing:
     """A prop that stands on the floor or an obstacle.
 
     Attributes:
@@ -84,9 +86,9 @@ class Seated:
             up: time at which it begins to stand up [s].
             until: end of the meeting [s].
         """
-        pairs = sitting(bodies, self.seat)
+        pairs = sitting_pairs(bodies, self.seat)
         if self.on_prop:
-            pairs |= standing(self.seat, FLOOR)
+            pairs |= standing_pairs(self.seat, FLOOR)
         props = (self.seat,) if self.on_prop else ()
         bears, who = (self.down, up), (bodies.player,)
         return Meeting(self.since, until, who, props, pairs, "sits", self.cue, bears)

@@ -1,4 +1,4 @@
-"""Rules about the time of limbs: they lag behind hands, so that hands begin earlier."""
+"""Rules that make hands begin earlier, because limbs lag behind them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def mark_lateness(stage: Stage, this_round: Round) -> dict[tuple[Spot, str], flo
     return {
         (cue.spot, name): late
         for name, run in this_round.runs.players.items()
-        for late, cue in _late(stage, name, run, this_round)
+        for late, cue in _limb_lateness(stage, name, run, this_round)
     }
 
 
@@ -57,26 +57,26 @@ def refuse_late(
         if abs(seconds) > IN_TIME:
             side = "late" if seconds > 0.0 else "early"
             text = f"{name} would be {1e3 * abs(seconds):.0f} ms {side}, whenever its hands begin"
-            results = results.refusing(of_spot[spot], text) or results
+            results = results.with_refusal(of_spot[spot], text) or results
     return results, results is not before
 
 
-def _late(
+def _limb_lateness(
     stage: Stage, name: str, run: Trajectory, this_round: Round
 ) -> list[tuple[float, Placed[PlayCue]]]:
     """Lateness of a player's limbs on the marks in `on` [s], with the cues."""
-    timed: dict[int, Placed[PlayCue]] = {}
+    cue_of_played: dict[int, Placed[PlayCue]] = {}
     played = []
     for cue in this_round.placement.cues:
         for part in cue.parts if cue.given.mark and not walks(cue.given) else ():
             if part.who == name:
                 lane, called = lane_name(part.who, part.lane), cue.cue.name
                 played.append(Played(lane, called, part.start, part.end, part.marks, called))
-                timed[id(played[-1])] = cue
-    if not timed:
+                cue_of_played[id(played[-1])] = cue
+    if not cue_of_played:
         return []
     score = Score(
-        stage.script.cast.players[name].alone,
+        stage.script.cast.players[name].marionette,
         this_round.placement.motions[name],
         tuple(played),
         {},
@@ -86,18 +86,19 @@ def _late(
     )
     seconds: dict[Spot, list[float]] = {}
     for late in lateness(score, run):
-        cue = timed[id(late.cue)]
+        cue = cue_of_played[id(late.cue)]
         if late.mark == cue.given.mark:
             seconds.setdefault(cue.spot, []).append(late.seconds)
     result = []
-    for cue in timed.values():
-        off = float(np.mean(seconds.get(cue.spot, [0.0]))) + _of_hands(cue, name)
+    for cue in cue_of_played.values():
+        mean_lateness = float(np.mean(seconds.get(cue.spot, [0.0]))) + _hand_lateness(cue, name)
         # A delay within the cue's patience does not count.
-        result.append((off - min(max(off, 0.0), cue.given.patience * stage.beat), cue))
+        patience = cue.given.patience * stage.beat
+        result.append((mean_lateness - min(max(mean_lateness, 0.0), patience), cue))
     return result
 
 
-def _of_hands(cue: Placed[PlayCue], name: str) -> float:
+def _hand_lateness(cue: Placed[PlayCue], name: str) -> float:
     """Lateness of a player's hands on the mark in `on` [s]."""
     part = next(part for part in cue.parts if part.who == name)
     return part.marks[cue.given.mark] - cue.wanted

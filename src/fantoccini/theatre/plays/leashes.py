@@ -10,7 +10,7 @@ from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import Cast
 from fantoccini.theatre.plays.rounds import Results, Round, Rule, Stage
 from fantoccini.theatre.plays.stage_run import SAMPLE, together
-from fantoccini.theatre.plays.touching import EVERY
+from fantoccini.theatre.plays.touching import SAMPLE_STRIDE
 
 _SPARE = 0.02
 """Least difference of a leash's length and the distance of its ends [m]: the distance of ends that
@@ -40,7 +40,7 @@ class Stretch:
         )
 
 
-def stretches(cast: Cast, run: Trajectory, every: int = EVERY) -> list[Stretch]:
+def stretches(cast: Cast, run: Trajectory, every: int = SAMPLE_STRIDE) -> list[Stretch]:
     """Leashes that do not stay slack in a run of the stage, in order of time.
 
     Args:
@@ -67,11 +67,11 @@ def refuse_stretched(stage: Stage, results: Results, this_round: Round) -> Rule:
     cast = stage.script.cast
     if not cast.file.leashes:
         return results, False
-    run = together(cast, this_round.runs, EVERY * SAMPLE)
+    run = together(cast, this_round.runs, SAMPLE_STRIDE * SAMPLE)
     for stretch in stretches(cast, run, every=1):
         leash = cast.file.leashes[stretch.leash]
         cue = this_round.cue_during(stretch.t, {leash.held_by, leash.to})
-        after = results.refusing(cue, f"{stretch} {this_round.in_words(stretch.t)}")
+        after = results.with_refusal(cue, f"{stretch} {this_round.in_words(stretch.t)}")
         if after is not None:
             return after, True
     return results, False

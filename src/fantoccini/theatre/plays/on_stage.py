@@ -9,7 +9,7 @@ from fantoccini.base import StateError, UnknownNameError
 from fantoccini.model.puppet import FLOOR
 from fantoccini.theatre.cast import Actor, Cast, ContactBodies, Meeting, Pair, Way
 from fantoccini.theatre.gestures import CannotBe, Gesture, Part, Turn
-from fantoccini.theatre.plays.holdings import Hangs, Seated, Stands
+from fantoccini.theatre.plays.holdings import Hanging, Seated, Standing
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.script import VERBS, PlayCue, Spot
 
@@ -32,7 +32,7 @@ class OnStage:
     """
 
     actors: Mapping[str, Actor]
-    where: Mapping[str, Hangs | Stands]
+    where: Mapping[str, Hanging | Standing]
     seated: Mapping[str, Seated] = field(default_factory=dict)
     met: tuple[Meeting, ...] = ()
     calmed: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
@@ -42,13 +42,13 @@ class OnStage:
     @classmethod
     def at_start(cls, cast: Cast, actors: Mapping[str, Actor]) -> OnStage:
         """Stage at the start of a play."""
-        where: dict[str, Hangs | Stands] = {}
+        where: dict[str, Hanging | Standing] = {}
         for name, thing in cast.props.items():
             if thing.held_by:
-                where[name] = Hangs(thing.held_by, thing.side, 0.0)
+                where[name] = Hanging(thing.held_by, thing.side, 0.0)
             else:
                 on = cast.file.props[name].on or FLOOR
-                where[name] = Stands(thing.stands, thing.height, on)
+                where[name] = Standing(thing.stands, thing.height, on)
         return cls(actors, where)
 
     # -- state -------------------------------------------------------------------------------
@@ -62,28 +62,28 @@ class OnStage:
         sides = [
             thing.side
             for thing in self.where.values()
-            if isinstance(thing, Hangs) and thing.player == who
+            if isinstance(thing, Hanging) and thing.player == who
         ]
         return sides[0] if sides else ""
 
     def on_forearm(self, who: str, side: str) -> str | None:
         """Prop that hangs on a forearm; None without one."""
         for prop, thing in self.where.items():
-            if isinstance(thing, Hangs) and (thing.player, thing.side) == (who, side):
+            if isinstance(thing, Hanging) and (thing.player, thing.side) == (who, side):
                 return prop
         return None
 
-    def held(self, prop: str, who: str) -> Hangs:
+    def held(self, prop: str, who: str) -> Hanging:
         """A prop that hangs on a player's forearm.
 
         Raises:
             CannotBe: the prop is elsewhere.
         """
         thing = self.where[prop]
-        if isinstance(thing, Hangs) and thing.player == who:
+        if isinstance(thing, Hanging) and thing.player == who:
             return thing
         there = (
-            f"{thing.player} holds it" if isinstance(thing, Hangs) else f"it stands on {thing.on}"
+            f"{thing.player} holds it" if isinstance(thing, Hanging) else f"it stands on {thing.on}"
         )
         raise CannotBe(f"{who} does not hold {prop}: {there}")
 
@@ -102,7 +102,7 @@ class OnStage:
         hang = [
             thing.meeting(self.bodies(thing.player), prop, until)
             for prop, thing in self.where.items()
-            if isinstance(thing, Hangs)
+            if isinstance(thing, Hanging)
         ]
         sit = [
             seated.meeting(self.bodies(who), until, until) for who, seated in self.seated.items()
@@ -111,11 +111,11 @@ class OnStage:
 
     # -- changes -----------------------------------------------------------------------------
 
-    def acting(self, actor: Actor) -> OnStage:
+    def with_actor(self, actor: Actor) -> OnStage:
         """Stage with an actor after more of its cues."""
         return replace(self, actors={**self.actors, actor.player.name: actor})
 
-    def part(
+    def with_part(
         self,
         actor: Actor,
         lane: int,
@@ -130,9 +130,9 @@ class OnStage:
         placed = {mark: start + t for mark, t in own.items()}
         part = Part(actor.player.name, lane, gesture, start, end, placed)
         actor = replace(actor, done=max(actor.done, end))
-        return replace(self.acting(actor), parts=(*self.parts, part))
+        return replace(self.with_actor(actor), parts=(*self.parts, part))
 
-    def passing(self, first: Spot, who: str, second: Spot, other: str) -> OnStage:
+    def with_pass(self, first: Spot, who: str, second: Spot, other: str) -> OnStage:
         """Stage on which a player gives way to another, in their cues.
 
         Args:
@@ -143,32 +143,32 @@ class OnStage:
         passes = {spot: (*self.passes.get(spot, ()), note) for spot, note in notes.items()}
         return replace(self, passes={**self.passes, **passes})
 
-    def placing(self, prop: str, where: Hangs | Stands) -> OnStage:
+    def with_prop(self, prop: str, where: Hanging | Standing) -> OnStage:
         """Stage with a prop in another place."""
         return replace(self, where={**self.where, prop: where})
 
-    def seating(self, who: str, seated: Seated | None) -> OnStage:
+    def with_seated(self, who: str, seated: Seated | None) -> OnStage:
         """Stage with a player that sits, or stands again."""
         others = {name: other for name, other in self.seated.items() if name != who}
         return replace(self, seated=others if seated is None else {**others, who: seated})
 
-    def meeting(self, *meetings: Meeting) -> OnStage:
+    def with_meetings(self, *meetings: Meeting) -> OnStage:
         """Stage with additional meetings."""
         return replace(self, met=(*self.met, *meetings))
 
-    def touching(
+    def with_contact(
         self, turn: Turn[PlayCue], prop: str, pairs: frozenset[Pair], start: float, end: float
     ) -> OnStage:
         """Stage with a meeting of the cue's players and a prop [s]."""
         kind = VERBS[turn.given.verb].meets
         assert kind is not None
-        return self.meeting(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
+        return self.with_meetings(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
 
-    def released(self, prop: str, held: Hangs, until: float) -> OnStage:
+    def without_hold(self, prop: str, held: Hanging, until: float) -> OnStage:
         """Stage with the meeting of a prop that has hung on a forearm until a time [s]."""
         if until <= held.since:
             return self
-        return self.meeting(held.meeting(self.bodies(held.player), prop, until))
+        return self.with_meetings(held.meeting(self.bodies(held.player), prop, until))
 
 
 def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) -> Actor:
@@ -213,7 +213,7 @@ def walked(
         CannotBe: it lacks a part of the body, or its strings are not driven.
     """
     if not way.steps:
-        gesture = Gesture.rest(actor.player.alone, 1e-3, everything=False)
+        gesture = Gesture.rest(actor.player.marionette, 1e-3, everything=False)
         return replace(actor, ways=(*actor.ways, way)), gesture
     try:
         steps = gestures.walk(actor.player, way.steps, way.step_time, carries)

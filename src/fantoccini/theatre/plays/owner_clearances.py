@@ -9,9 +9,9 @@ from itertools import combinations
 from fantoccini.dynamics.clearance import Clearance, Path, StringsApart
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import Cast
-from fantoccini.theatre.plays.touching import EVERY
+from fantoccini.theatre.plays.touching import SAMPLE_STRIDE
 
-WITHIN = 0.3
+MAX_STRING_DISTANCE = 0.3
 """Largest distance at which strings are listed [m]."""
 
 
@@ -41,28 +41,28 @@ class OwnerClearance:
 def clearances(cast: Cast, run: Trajectory) -> tuple[OwnerClearance, ...]:
     """Least distance between every two owners over a run: bodies first, then strings.
 
-    Bodies are listed at any distance, strings within :data:`WITHIN` of strings and bodies. For
-    each string, the nearest obstacle is listed at any distance.
+    Bodies are listed at any distance, strings up to :data:`MAX_STRING_DISTANCE` from strings and
+    bodies. For each string, the nearest obstacle is listed at any distance.
 
     Args:
         cast: cast of the play.
         run: run of the stage, measured at every fourth sample, and in between as needed.
     """
-    path = Path.of(cast.whole, run, EVERY)
-    bodies = _nearest(_of_bodies(cast, path))
-    strings = _nearest(_of_strings(cast, path))
+    path = Path.of(cast.whole, run, SAMPLE_STRIDE)
+    bodies = _nearest(_body_clearances(cast, path))
+    strings = _nearest(_string_clearances(cast, path))
     return (*bodies, *strings)
 
 
-def _nearest(found: Iterable[OwnerClearance]) -> list[OwnerClearance]:
-    """The smallest entry for every two owners, in order of distance."""
+def _nearest(entries: Iterable[OwnerClearance]) -> list[OwnerClearance]:
+    """The smallest distance of every two owners, in order of distance."""
     by_owners: dict[frozenset[str], OwnerClearance] = {}
-    for distance in sorted(found, key=lambda entry: entry.distance):
-        by_owners.setdefault(frozenset(distance.owners), distance)
+    for entry in sorted(entries, key=lambda entry: entry.distance):
+        by_owners.setdefault(frozenset(entry.owners), entry)
     return list(by_owners.values())
 
 
-def _of_bodies(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
+def _body_clearances(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     """Least distance between the bodies of every two owners."""
     whole = cast.whole
     links = [link.name for link in whole.tree.links]
@@ -82,9 +82,13 @@ def _of_bodies(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
         yield OwnerClearance((a, b), pair.what, pair.other, nearest.distance, nearest.t)
 
 
-def _of_strings(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
+def _string_clearances(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     """Distances of strings from strings and bodies of other players, and from obstacles."""
-    near = StringsApart(cast.whole, own=False).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
+    near = (
+        StringsApart(cast.whole, own=False)
+        .motion(path.q_D, path.q_K, path.t)
+        .nearest(MAX_STRING_DISTANCE)
+    )
     for pair in (*near.strings, *near.bodies):
         if {pair.what, pair.other} & {*cast.file.leashes}:
             continue

@@ -65,8 +65,8 @@ IN_TIME = 1.0 / 60.0
 """Lateness up to which a cue counts as on time [s]."""
 _POLICY = Policy(IN_TIME, (CannotBe, UnknownNameError, *ERRORS))
 """Policy of plays: cues that are late or cannot be done are refused."""
-_SAME_HEADING = 1e-3
-"""Change of a heading that a gesture tolerates [rad]."""
+_MAX_TURN = 1e-3
+"""Largest turn of a player during a gesture [rad]."""
 _SETTLING_TIME = 1.0
 """Time simulated after the last cue, in which the puppets stop swinging [s]."""
 
@@ -114,7 +114,7 @@ def place_cues(
     Args:
         cast, timeline, gestures, places, walks: parts of the play.
         corrections: corrections from earlier rounds.
-        log: collects mistakes; also gives the file and the length of a beat.
+        log: collects mistakes; has the file and the length of a beat.
     """
     bounds = cast.file.stage
     actors = {
@@ -141,7 +141,7 @@ def place_cues(
         cues,
         tuple(starts),
         {name: whole for name, (whole, _) in motions_and_lanes.items()},
-        {name: own for name, (_, own) in motions_and_lanes.items()},
+        {name: lanes for name, (_, lanes) in motions_and_lanes.items()},
         {
             name: tuple(part.start for cue in cues for part in cue.parts if part.who == name)
             for name in actors
@@ -198,13 +198,13 @@ class _Verbs:
         if walks(entry):
             return self._walk_or_pass(stage, turn, name)
         mark_time = self._gesture(stage, turn, name, t).marks[entry.mark] if entry.mark else 0.0
-        asked, begin = self._beginning(turn, name)
-        return self._act(stage, turn, name, asked - mark_time, begin - mark_time)
+        wanted, earliest = self._beginning(turn, name)
+        return self._act(stage, turn, name, wanted - mark_time, earliest - mark_time)
 
     def _beginning(self, turn: Turn[PlayCue], name: str) -> tuple[float, float]:
         """Wanted beginning of a player's part, and the earliest one after its pause [s]."""
-        asked = turn.wanted - self._corrections.earlier.get((turn.spot, name), 0.0)
-        return asked, asked + self._corrections.pauses.get(turn.spot, 0.0)
+        wanted = turn.wanted - self._corrections.earlier.get((turn.spot, name), 0.0)
+        return wanted, wanted + self._corrections.pauses.get(turn.spot, 0.0)
 
     def _walk_or_pass(self, stage: OnStage, turn: Turn[PlayCue], name: str) -> OnStage:
         """Stage after a walk.
@@ -229,7 +229,7 @@ class _Verbs:
             actor, stands = after.actors[name], after.actors[other]
             track = stands.player, stands.track()
             if not self._walks.in_the_way(actor.player, actor.ways[-1], [track], leaves):
-                return after.passing(turn.spot, name, later.spot, other)
+                return after.with_pass(turn.spot, name, later.spot, other)
         raise reason
 
     def _next_walks(self, turn: Turn[PlayCue]) -> Iterator[Turn[PlayCue]]:
@@ -254,8 +254,8 @@ class _Verbs:
         begin = max(t + self._corrections.pauses.get(turn.spot, 0.0), turn.start)
         wait = max((turn.given.may_wait or 0.0) * self._log.beat - (begin - t), 0.0)
         stage, moments = self._handling.do(stage, turn, begin, wait)
-        begun = moments[START]
-        self._check_time(turn, turn.who[-1], begun - t, begun)
+        start = moments[START]
+        self._check_time(turn, turn.who[-1], start - t, start)
         return stage, moments
 
     def _check_begin(self, turn: Turn[PlayCue]) -> None:
@@ -266,37 +266,43 @@ class _Verbs:
             early = self._log.duration_in_words(start - t)
             raise CannotBe(f"its time is {early} before its act, which begins {begins}")
         if go is not None and t < turn.moments[go.spot][START] - LATE:
-            line, then = self._log.located.line(go.spot), turn.moments[go.spot][START]
+            line, go_time = self._log.located.line(go.spot), turn.moments[go.spot][START]
             raise CannotBe(
-                f"its time is before the GO of line {line}, {self._in_words(turn, then)}"
+                f"its time is before the GO of line {line}, {self._in_words(turn, go_time)}"
             )
 
     def _act(
-        self, stage: OnStage, turn: Turn[PlayCue], name: str, asked: float, begin: float
+        self, stage: OnStage, turn: Turn[PlayCue], name: str, wanted: float, earliest: float
     ) -> OnStage:
         """Stage after a gesture in a free lane, turned to the player's heading at that time.
 
-        Its wanted beginning is ``asked``; it begins at ``begin`` or later [s].
+        Args:
+            stage, turn, name: stage before it, its cue and its player.
+            wanted: wanted beginning [s].
+            earliest: earliest beginning [s].
+
+        Raises:
+            CannotBe: the player turns during the gesture, or it would be late.
         """
-        actor, earliest = stage.actors[name], max(begin, turn.start)
+        actor, earliest = stage.actors[name], max(earliest, turn.start)
         gesture = self._gesture(stage, turn, name, earliest)
         lane, start = actor.hands.free_lane(gesture, earliest)
         if start > earliest + LATE:
             gesture = self._gesture(stage, turn, name, start)
-        heading = actor.stands(start).heading
-        turned = abs(actor.stands(start + gesture.duration).heading - heading)
-        if turned > _SAME_HEADING:
+        heading = actor.footing_at(start).heading
+        turned = abs(actor.footing_at(start + gesture.duration).heading - heading)
+        if turned > _MAX_TURN:
             until = max(way.end for way in actor.ways)
             raise CannotBe(
                 f"{name} turns by {np.degrees(turned):.0f} deg meanwhile; the gesture "
                 f"can begin {self._in_words(turn, until)}"
             )
         hands, start = actor.hands.add_busy(lane, gesture, start)
-        self._check_time(turn, name, start - asked, start)
+        self._check_time(turn, name, start - wanted, start)
         actor = replace(actor, hands=hands)
-        if actor.player.alone.coordinates.rotations:
+        if actor.player.marionette.coordinates.rotations:
             actor.motion(hands.end)  # refuses lanes that turn a body too far together
-        return stage.part(actor, lane, gesture, start)
+        return stage.with_part(actor, lane, gesture, start)
 
     def _walk(
         self,
@@ -318,7 +324,7 @@ class _Verbs:
             CannotBe: there is no way in time.
         """
         stage.check_stands(name)
-        asked, begin = self._beginning(turn, name)
+        wanted, begin = self._beginning(turn, name)
         begin = max(begin, not_before)
         entry, actor = turn.given, stage.actors[name]
         actor = replace(actor, hands=actor.hands.rested(0))
@@ -326,10 +332,10 @@ class _Verbs:
         carries = stage.carries(name)
         earliest = turn.start if arrival is not None else begin
         actor = carry_pose(actor, carries, earliest, self._gestures)
-        stage, free = stage.acting(actor), max(actor.hands.lanes[0].end, turn.start)
+        stage, free = stage.with_actor(actor), max(actor.hands.lanes[0].end, turn.start)
         begin = max(begin, free)
-        wait = max((entry.may_wait or 0.0) * self._log.beat - (begin - asked), 0.0)
-        way, why = self._walks.way(
+        wait = max((entry.may_wait or 0.0) * self._log.beat - (begin - wanted), 0.0)
+        way, reason = self._walks.way(
             actor.player,
             actor.last,
             self._aims.goals(stage, turn, name),
@@ -343,16 +349,16 @@ class _Verbs:
             act_start=turn.start,
         )
         if way is None:
-            raise CannotBe(why)
+            raise CannotBe(reason)
         n_standing = len(list(takewhile(lambda step: step.stands, way.steps)))
         moves_off = way.begin + n_standing * way.step_time
         if arrival is not None:
             self._check_time(turn, name, abs(way.end - turn.wanted), way.end)
         else:
-            self._check_time(turn, name, moves_off - asked, moves_off)
+            self._check_time(turn, name, moves_off - wanted, moves_off)
         until = self._end_of_gestures_in_turn(actor, way)
         if until is not None:
-            self._check_time(turn, name, until - asked, until)
+            self._check_time(turn, name, until - wanted, until)
             if arrival is not None:
                 raise CannotBe(f"{name} is busy until {self._in_words(turn, until)[3:]}")
             return self._walk(stage, turn, name, absent=absent, not_before=until)
@@ -360,7 +366,7 @@ class _Verbs:
         actor = replace(actor, away=isinstance(entry, ExitsToCue))
         marks = {mark: t - (moves_off - way.begin) for mark, t in gesture.marks.items()}
         marks[ARRIVES] = way.end - moves_off
-        return stage.part(actor, 0, gesture, moves_off, marks, way.end)
+        return stage.with_part(actor, 0, gesture, moves_off, marks, way.end)
 
     def _end_of_gestures_in_turn(self, actor: Actor, way: Way) -> float | None:
         """Latest end of the gestures during which the walk would turn the player [s], or None."""
@@ -369,24 +375,30 @@ class _Verbs:
             since, until = max(gesture.start, way.begin), min(gesture.end, way.end)
             if since < until - LATE:
                 _, heading = way.footing(np.linspace(since, until, 9))
-                turned = np.abs(heading - actor.stands(gesture.start).heading)
-                if np.max(turned) > _SAME_HEADING:
+                turned = np.abs(heading - actor.footing_at(gesture.start).heading)
+                if np.max(turned) > _MAX_TURN:
                     ends.append(gesture.end)
         return max(ends, default=None)
 
-    def _check_time(self, turn: Turn[PlayCue], name: str, late: float, then: float) -> None:
-        """Refuses a cue that would be late."""
+    def _check_time(self, turn: Turn[PlayCue], name: str, delay: float, t: float) -> None:
+        """Refuses a cue that would be late.
+
+        Args:
+            turn, name: its cue and its player.
+            delay: its delay after the wanted time [s].
+            t: time at which it would begin or arrive [s].
+        """
         beat = self._log.beat
 
-        def why() -> str:
+        def reason() -> str:
             verb = "arrive" if walks(turn.given) and turn.given.mark else "begin"
-            beats = np.ceil(10.0 * late / beat) / 10.0
+            beats = np.ceil(10.0 * delay / beat) / 10.0
             return (
-                f"{name} cannot {verb} before {self._in_words(turn, then)[3:]}; `may wait: "
+                f"{name} cannot {verb} before {self._in_words(turn, t)[3:]}; `may wait: "
                 f"{beats:g}` allows it to be {beats:g} beats late"
             )
 
-        _POLICY.check(late, turn.given.patience * beat, why)
+        _POLICY.check(delay, turn.given.patience * beat, reason)
 
     def _in_words(self, turn: Turn[PlayCue], t: float) -> str:
         """Time in words, in beats of the cue's act."""
@@ -397,7 +409,7 @@ class _Verbs:
     def _gesture(self, stage: OnStage, turn: Turn[PlayCue], name: str, t: float) -> Gesture:
         """Gesture of a player that begins at a time [s]."""
         entry, actor = turn.given, stage.actors[name]
-        player, stands = actor.player, actor.stands(t)
+        player, stands = actor.player, actor.footing_at(t)
         try:
             if isinstance(entry, DoesCue):
                 style = self._gestures.style(entry)
@@ -408,17 +420,15 @@ class _Verbs:
             place = self._aims.place_of(stage, entry.verb_value, cue_path, t)
             gesture = self._gestures.aimed(player, called, place, stands)
             # Aim again from where player and target are when the gesture points.
-            then = t + min(gesture.marks.values())
-            place, stands = (
-                self._aims.place_of(stage, entry.verb_value, cue_path, then),
-                actor.stands(then),
-            )
-            return self._gestures.aimed(player, called, place, stands)
+            t_pointing = t + min(gesture.marks.values())
+            place = self._aims.place_of(stage, entry.verb_value, cue_path, t_pointing)
+            return self._gestures.aimed(player, called, place, actor.footing_at(t_pointing))
         except StateError as error:
             raise CannotBe(str(error)) from None
 
 
 def _moment(part: Part, moment: str) -> float:
+    """Time of a moment of a player's part [s]."""
     if moment == START:
         return part.start
     if moment == END:
@@ -427,4 +437,5 @@ def _moment(part: Part, moment: str) -> float:
 
 
 def _bounds_of(player: Player, speed: float, acceleration: float) -> Array:
-    return limits(player.alone.coordinates, speed, acceleration)
+    """(2, n_vK) bounds of speeds and accelerations of a player's hands."""
+    return limits(player.marionette.coordinates, speed, acceleration)

@@ -1,4 +1,4 @@
-"""A compiled play: its cues with their times, and one motion of all hands."""
+"""Compiled play: its cues with their times, and one motion of all hands."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from fantoccini.theatre.plays.shots import Shot
 
 @dataclass(frozen=True)
 class CueOfPlay:
-    """A compiled cue.
+    """Compiled cue.
 
     Attributes:
-        number: number in the play, from 1: ``/cue/N/start``.
+        number: number in the play, from 1, as in ``/cue/N/start``.
         act: name of its act.
         who: players of the cue.
-        what: description: ``pierrot: walks to centre``.
+        description: text such as ``pierrot: walks to centre``.
         name: name by which times refer to it.
         line: line of the file.
         wanted: wanted time of the cue, or of the mark in ``on`` [s].
-        give: allowed delay [s].
+        max_delay: allowed delay [s].
         start, end: beginning and end of all its motion [s].
         mark: mark in ``on``; "" if the beginning counts.
         go: whether a live show waits for GO before it.
         says: its caption.
         refused: reason why it cannot be done; "" if it can.
-        passes: notes on players that it passes, and who gives way; else "".
+        passes: notes on players that it passes, and on who gives way; "" without any.
         optional: whether it may be left out.
         with_prop: whether a prop or a seat is handled.
         marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; for its actual
@@ -43,11 +43,11 @@ class CueOfPlay:
     number: int
     act: str
     who: tuple[str, ...]
-    what: str
+    description: str
     name: str
     line: int
     wanted: float
-    give: float
+    max_delay: float
     start: float
     end: float
     mark: str = ""
@@ -60,37 +60,37 @@ class CueOfPlay:
     marks: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
-    def words(self) -> str:
+    def action(self) -> str:
         """Description of the cue without its players."""
-        return self.what.partition(": ")[2]
+        return self.description.partition(": ")[2]
 
     @property
     def change(self) -> str:
-        """Sentence about why the cue cannot be done or is left out; "" if it is done."""
+        """Reason why the cue cannot be done or is left out, as a sentence; "" if it is done."""
         if not self.refused:
             return ""
-        left = "is left out" if self.optional else "cannot be done"
-        return f"{self.what} {left}: {self.refused}"
+        outcome = "is left out" if self.optional else "cannot be done"
+        return f"{self.description} {outcome}: {self.refused}"
 
 
 @dataclass(frozen=True, eq=False)
 class Play:
-    """A compiled play, from :func:`load_play`; true if every cue can be done as written.
+    """Compiled play, from :func:`load_play`; true if every cue can be done as written.
 
     ::
 
         play = fan.load_play("bows.yaml")
         for cue in play.cues:
-            print(cue.number, cue.what, cue.start, cue.refused)
+            print(cue.number, cue.description, cue.start, cue.refused)
         run = fan.simulate(play.marionette, play.x0, play.inputs)
 
     Attributes:
         name: name of the play.
         located: lines of the file.
         cast: players, alone and together.
-        score: the whole as a score: one motion of all hands, a lane or more for each player,
+        score: the play as one score: one motion of all hands, a lane or more for each player,
             captions, sounds and waits.
-        parts: number of the play's cue and player, for each cue of the score.
+        parts: number of the cue in the play, and player, for each cue of the score.
         cues: cues in the file's order.
         changes: cues that cannot be done, with reasons, and other deviations from the file.
         acts: name -> beginning [s].
@@ -98,11 +98,11 @@ class Play:
         starts: player -> times at which its cues begin [s].
         meetings: players and props that may touch, with times.
         ways: player -> its walks.
-        settled: number of a cue -> its pause [s], and the trunk's speeds after it without the pause
-            and with it [m/s].
+        settling_pauses: number of a cue -> its pause [s], and the trunk's speeds after it without
+            the pause and with it [m/s].
         shots: shots of the film's camera, in order of time.
         rounds: number of rounds in which cues were placed.
-        cache: cached runs and ways, for the next version.
+        cache: cached runs and ways, for the next version of the play.
     """
 
     name: str
@@ -117,7 +117,7 @@ class Play:
     starts: Mapping[str, tuple[float, ...]] = field(repr=False)
     meetings: tuple[Meeting, ...]
     ways: Mapping[str, tuple[Way, ...]]
-    settled: Mapping[int, tuple[float, float, float]]
+    settling_pauses: Mapping[int, tuple[float, float, float]]
     shots: tuple[Shot, ...]
     rounds: int
     cache: ResultCache = field(repr=False)
@@ -165,7 +165,7 @@ class Play:
 
     @property
     def lacking(self) -> tuple[Mistake, ...]:
-        """Changes that count: all except those of optional cues."""
+        """Deviations from the file, except optional cues that are left out."""
         left_out = {(cue.line, cue.change) for cue in self.cues if cue.refused and cue.optional}
         return tuple(
             change for change in self.changes if (change.line, change.message) not in left_out
@@ -183,9 +183,9 @@ class Play:
     def counts(self) -> str:
         """Numbers of cues and remarks: ``9 of 10 cues can be done, 1 left out, 2 remarks``."""
         done, n = sum(not cue.refused for cue in self.cues), len(self.cues)
-        left, remarks = n - done - len(self.refused), len(self.remarks)
+        n_left_out, remarks = n - done - len(self.refused), len(self.remarks)
         text = f"{done} of {n} cue{'s' * (n != 1)} can be done"
-        text += f", {left} left out" if left else ""
+        text += f", {n_left_out} left out" if n_left_out else ""
         return text + (f", {remarks} remark{'s' * (remarks != 1)}" if remarks else "")
 
     def when(self, t: Times | float) -> str:

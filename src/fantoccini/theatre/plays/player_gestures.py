@@ -19,13 +19,13 @@ from fantoccini.theatre.cast import (
     Footing,
     Player,
     ResultCache,
-    gesture_form,
+    gesture_format,
     is_clip,
     prop_gestures,
     read_clip,
 )
 from fantoccini.theatre.gestures import (
-    MADE,
+    COMPUTED_GESTURES,
     STEP_TIME,
     Gesture,
     Step,
@@ -47,14 +47,14 @@ from fantoccini.theatre.script import (
     spelled,
 )
 
-_STEP_TIMES = 0.5, 0.8
+_STEP_TIME_RANGE = 0.5, 0.8
 """Shortest and longest duration of a step [s]."""
 _STEP_BEATS = (1.0, 0.5, 2.0, 1.5, 1.0 / 3.0, 3.0)
 """Durations of a step, in order of preference [beats]."""
 
 
 class PlayerGestures:
-    """Gestures of players; each is read or computed once.
+    """Gestures of players, each read or computed once.
 
     Attributes:
         cast: cast of the play.
@@ -89,8 +89,8 @@ class PlayerGestures:
                     self._log.mistakes.add((*spot, "does"), gesture)
                 self._wrong.add((player.name, given.does))
                 continue
-            whole = _repeated_marks(gesture.marks, self.style(given).repeat)
-            marks.update(dict.fromkeys(whole))
+            repeated = _repeated_marks(gesture.marks, self.style(given).repeat)
+            marks.update(dict.fromkeys(repeated))
         return tuple(marks)
 
     def style(self, given: DoesCue) -> Style:
@@ -103,7 +103,7 @@ class PlayerGestures:
         Raises:
             StateError: it cannot be done in this style.
         """
-        key = (player.alone, player.name, given.does, style, round(heading, 9))
+        key = (player.marionette, player.name, given.does, style, round(heading, 9))
         if key not in self._cache:
             self._cache[key] = self._styled(player, given, style, heading)
         return _or_raise(self._cache[key])
@@ -112,17 +112,19 @@ class PlayerGestures:
         """Look or pointing hand, by name, towards a place (3,) of the stage.
 
         Raises:
-            StateError: no hanging pose does that.
+            StateError: no hanging pose is aimed at the place.
         """
-        own = player.own(place, stands)
+        target = player.in_own_frame(place, stands)
         heading = stands.heading
-        key = (name, player.alone, player.name, *np.round(own, 6), round(heading, 9))
+        key = (name, player.marionette, player.name, *np.round(target, 6), round(heading, 9))
         if key not in self._cache:
-            to = own.tolist()
-            job = partial(load_gesture, player.alone, name, player.hangs, to=to)
+            to = target.tolist()
+            job = partial(load_gesture, player.marionette, name, player.rest_state, to=to)
             try:
                 gesture = self.cache.get(
-                    repr((player.content, "aimed", name, to)), job, gesture_form(player.alone)
+                    repr((player.content, "aimed", name, to)),
+                    job,
+                    gesture_format(player.marionette),
                 )
                 self._cache[key] = player.turned(gesture, heading)
             except InputError as error:
@@ -132,28 +134,28 @@ class PlayerGestures:
         return _or_raise(self._cache[key])
 
     def walk(
-        self, player: Player, way: tuple[Step, ...], step_time: float, carries: str = ""
+        self, player: Player, walk_steps: tuple[Step, ...], step_time: float, carries: str = ""
     ) -> Gesture:
-        """Steps of a player, in the heading of its file.
+        """Steps of a player, with the heading of its file.
 
         Args:
             player: player that walks.
-            way: steps in order.
+            walk_steps: steps in order.
             step_time: duration of a step [s].
             carries: side of the forearm on which something hangs.
 
         Raises:
             StateError: the puppet lacks a part that the gesture moves.
         """
-        key = (player.alone, "walk", way, step_time, carries)
+        key = (player.marionette, "walk", walk_steps, step_time, carries)
         if key not in self._cache:
             if carries:
                 pose = self.pose(player, carries)
                 gesture = prop_gestures.steps_carrying(
-                    player.alone, pose, player.hangs, "", way, step_time
+                    player.marionette, pose, player.rest_state, "", walk_steps, step_time
                 )
             else:
-                gesture = steps(player.ends(), way, step_time)
+                gesture = steps(player.ends(), walk_steps, step_time)
             self._cache[key] = gesture
         return _or_raise(self._cache[key])
 
@@ -163,10 +165,10 @@ class PlayerGestures:
         Raises:
             StateError: the puppet lacks a part that the gesture moves.
         """
-        key = (player.alone, "pose", side)
+        key = (player.marionette, "pose", side)
         if key not in self._cache:
             player.ends()
-            self._cache[key] = prop_gestures.carry(player.alone, "", side=side)
+            self._cache[key] = prop_gestures.carry(player.marionette, "", side=side)
         return _or_raise(self._cache[key])
 
     def reason_unable(self, player: Player, given: PlayCue) -> str:
@@ -181,37 +183,39 @@ class PlayerGestures:
             return gesture if isinstance(gesture, str) else ""
         try:
             if isinstance(given, LooksAtCue | PointsAtCue):
-                check_parts(player.alone, player.hangs, VERBS[given.verb].called)
+                check_parts(player.marionette, player.rest_state, VERBS[given.verb].called)
             else:
                 player.ends()
         except (StateError, UnknownNameError) as error:
-            what = f"do `{spelled(given.verb)}`"
-            return f"{player.name} cannot {what}: {error}"
+            return f"{player.name} cannot do `{spelled(given.verb)}`: {error}"
         return ""
 
     def _read(self, player: Player, name: str) -> Gesture | Clip | str:
         """Gesture of a file, a take, a clip or a bundled gesture; after a mistake its text."""
-        key = (player.alone, name)
+        key = (player.marionette, name)
         if key not in self._files:
             self._files[key] = self._loaded(player, name)
         return self._files[key]
 
     def _loaded(self, player: Player, name: str) -> Gesture | Clip | str:
+        """Result of :meth:`_read`, without the cache."""
         path: Path | None = self._log.located.beside(name)
         if path is None and name in gesture_names():
             if not bundled(name).is_file():
-                say = {"walk": "walks to"}.get(name, name)
-                return f"{name} needs a place: use `{say}:`"
+                verb = {"walk": "walks to"}.get(name, name)
+                return f"{name} needs a place: use `{verb}:`"
             path = bundled(name)
         if path is None and name in clip_names():
             path = bundled_clip(name)
         if path is None:
             text = f"no file beside this one, and no bundled gesture or clip, is called {name!r}"
-            return text + nearest(name, sorted({*gesture_names(), *clip_names()} - {*MADE}))
+            return text + nearest(
+                name, sorted({*gesture_names(), *clip_names()} - {*COMPUTED_GESTURES})
+            )
         try:
             if is_clip(path):
                 return read_clip(player, path)
-            return load_gesture(player.alone, path, player.hangs)
+            return load_gesture(player.marionette, path, player.rest_state)
         except (FileError, InputError) as error:
             return "; ".join(str(mistake) for mistake in error.mistakes)
         except (UnknownNameError, StateError) as error:
@@ -220,6 +224,7 @@ class PlayerGestures:
     def _styled(
         self, player: Player, given: DoesCue, style: Style, heading: float
     ) -> Gesture | str:
+        """Gesture of a cue in a style, turned to a heading [rad]; after a mistake its text."""
         loaded = self._read(player, given.does)
         if isinstance(loaded, str):
             return loaded
@@ -231,7 +236,7 @@ class PlayerGestures:
                 style = replace(style, faster=1.0, lasts=None)  # which are those of the clip
             angle = heading - player.facing
             _, whole = style.varied(
-                loaded, player.alone, angle, speed=stage.speed, acceleration=stage.acceleration
+                loaded, player.marionette, angle, speed=stage.speed, acceleration=stage.acceleration
             )
             return whole
         except StateError as error:
@@ -239,6 +244,7 @@ class PlayerGestures:
 
 
 def _repeated_marks(marks: Iterable[str], times: int) -> list[str]:
+    """Marks of a gesture that is repeated."""
     return [*marks, *(f"{name} {k}" for k in range(2, times + 1) for name in marks)]
 
 
@@ -251,8 +257,8 @@ def _or_raise(gesture: Gesture | str) -> Gesture:
 def step_time(beat: float) -> float:
     """Duration of a step [s]: beats or a part of one, near the default and within bounds.
 
-    Quicker steps make the legs swing, which have a period of about a second.
+    Faster steps make the legs swing, whose period is about a second.
     """
-    low, high = _STEP_TIMES
+    low, high = _STEP_TIME_RANGE
     durations = [beat * part for part in _STEP_BEATS if low <= beat * part <= high]
     return min(durations, key=lambda t: abs(t - STEP_TIME), default=STEP_TIME)

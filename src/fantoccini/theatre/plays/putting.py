@@ -1,4 +1,4 @@
-"""Gestures that put a prop on something before the puppet, and pick it up from there.
+"""Gestures that put a prop on something in front of the puppet, and pick it up from there.
 
     q_K(t) = q_K0 + d(t)
 
@@ -18,39 +18,40 @@ from fantoccini.theatre.cast import (
     OTHER_SIDE,
     Physique,
     Waypoints,
-    aside_by,
-    backwards,
-    carried,
-    gesture_of,
+    carry_offsets,
+    member_gesture,
+    shifted,
     sign_of,
-    summed,
+    sum_of_waypoints,
+    time_reversed,
 )
 from fantoccini.theatre.gestures import Gesture
 
 DROPS = (-0.02, 0.02)
 """Least and largest height of a carried prop above its later place [m]."""
-HIGHER = 0.022
+CARRY_RISE = 0.022
 """Rise of a handle in the pose for carrying, relative to rest [m]."""
-ALONG = 0.062
+_ELBOW_DISTANCE = 0.062
 """Distance of a handle from the elbow along the forearm in that pose [m]."""
 
-_OUT = {"forward": 0.4, "in": 0.065, "up": 0.03}
+_HELD_OUT = {"forward": 0.4, "in": 0.065, "up": 0.03}
 """Offsets of the hand's string that hold a prop far out [m]."""
 _RISE = 0.045
 """Rise of the hand's string before it reaches out [m]."""
-_RAISED, _GAIN = 0.027, 0.7
-"""Rise of a prop that is held out, above the pose for carrying, with the hand's string at its
-height [m]; and motion of the prop relative to that of the string."""
-_CLEARANCE = 0.05
+_HELD_OUT_RISE, _PROP_PER_STRING = 0.027, 0.7
+"""Rise of a prop that is held out, relative to the pose for carrying, with the hand's string at its
+height there [m]; and vertical motion of the prop, relative to that of the string."""
+_FREE_DESCENT = 0.05
 """Further descent of the hand's string, until the arm is free under the bar [m]."""
-_STANDS, _NEARER, _ASIDE = 0.147, 0.62, -0.009
-"""Place of a prop that is put down at the height at which it hung: distance forward, decrease of
-that relative to the descent, and distance outward, from the elbow [m]."""
+_FORWARD, _FORWARD_PER_DROP, _OUTWARD = 0.147, 0.62, -0.009
+"""Place of a prop that is put down at the height at which it hung, from the elbow: distance forward
+[m], decrease of that relative to the drop, and distance outward [m]."""
 _GLIDE = 0.1
 """Distance by which the puppet glides ahead over its feet; steps would swing too wide [m]."""
-_UPRIGHT, _LEAVE = 0.015, 0.11
-"""Inward offsets: of the arm that sets the prop upright, and out from under the bar [m]."""
+_UPRIGHT, _WITHDRAWN = 0.015, 0.11
+"""Inward offsets of the arm: to set the prop upright, and to leave the space under the bar [m]."""
 _DURATION = 17.5
+"""Duration of the gestures [s]."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def put_down(
 
 
 def pick_up(stage: Marionette, who: str, prop: str, drop: float, *, side: str = "right") -> Putting:
-    """:func:`put_down` backwards: the forearm goes under the handle and lifts the prop.
+    """:func:`put_down` reversed in time: the forearm moves under the handle and lifts the prop.
 
     Args:
         stage: the scene.
@@ -108,7 +109,7 @@ def pick_up(stage: Marionette, who: str, prop: str, drop: float, *, side: str = 
         StateError: the member lacks the arm, or a string that lifts it.
         ValueError: the prop stands too low or too high.
     """
-    return putting(stage, who, prop, drop, side=side, back=True)
+    return putting(stage, who, prop, drop, side=side, pick_up=True)
 
 
 def putting(
@@ -118,8 +119,8 @@ def putting(
     drop: float,
     *,
     side: str = "right",
-    along: float | None = None,
-    back: bool = False,
+    elbow_distance: float | None = None,
+    pick_up: bool = False,
 ) -> Putting:
     """Gesture of :func:`put_down` or :func:`pick_up`, for a height difference.
 
@@ -129,24 +130,25 @@ def putting(
         prop: see :func:`put_down`.
         drop: height of its bottom in the pose for carrying minus that of its place [m].
         side: side of the forearm.
-        along: distance of the handle from the elbow in that pose [m]; by default the usual one.
-        back: whether it is picked up.
+        elbow_distance: distance of the handle from the elbow in that pose [m]; by default the
+            usual one.
+        pick_up: whether it is picked up.
 
     Raises:
         StateError: the member lacks the arm, or a string that lifts it.
         ValueError: the prop stands too low or too high.
     """
     sign, other, physique = sign_of(side), OTHER_SIDE[side], Physique.of(stage, who)
-    scale, carrying = physique.arm_ratio(side), carried(physique, side)
+    scale, carrying = physique.arm_ratio(side), carry_offsets(physique, side)
     lowest, highest = (scale * bound for bound in DROPS)
     if not lowest <= drop <= highest:
         text = f"{prop} would go down by {drop:.3f} m; needed: {lowest:.3g} to {highest:.3g} m"
         raise ValueError(text)
     hand, glide = physique.hand_string(side), scale * _GLIDE
-    out = {way: scale * offset for way, offset in _OUT.items()}
-    touches = -(drop + scale * _RAISED) / _GAIN
-    sunk = touches - scale * _CLEARANCE
-    moves = aside_by(
+    held_out = {way: scale * offset for way, offset in _HELD_OUT.items()}
+    put_down_offset = -(drop + scale * _HELD_OUT_RISE) / _PROP_PER_STRING
+    lowest_offset = put_down_offset - scale * _FREE_DESCENT
+    moves = shifted(
         physique,
         other,
         1.0,
@@ -155,41 +157,43 @@ def putting(
             (7.1, 0),
             (9.0, _UPRIGHT),
             (9.5, _UPRIGHT),
-            (11.5, _LEAVE),
-            (14.2, _LEAVE),
+            (11.5, _WITHDRAWN),
+            (14.2, _WITHDRAWN),
             (_DURATION, 0),
         ],
     )
-    moves |= aside_by(physique, "forward", glide, _reach(0.0, 1.0))
+    moves |= shifted(physique, "forward", glide, _reach(0.0, 1.0))
     moves[f"{hand}.up"] = [
         (0, carrying["up"]),
         (1.0, scale * _RISE),
-        (6.0, out["up"]),
-        (6.5, out["up"]),
-        (8.0, touches),
-        (9.0, sunk),
-        (11.7, sunk),
+        (6.0, held_out["up"]),
+        (6.5, held_out["up"]),
+        (8.0, put_down_offset),
+        (9.0, lowest_offset),
+        (11.7, lowest_offset),
         (14.5, 0),
         (_DURATION, 0),
     ]
-    moves[f"{hand}.forward"] = _reach(0.0, glide + out["forward"])
-    moves[f"{hand}.{other}"] = summed(moves[f"{hand}.{other}"], _reach(-carrying["out"], out["in"]))
+    moves[f"{hand}.forward"] = _reach(0.0, glide + held_out["forward"])
+    moves[f"{hand}.{other}"] = sum_of_waypoints(
+        moves[f"{hand}.{other}"], _reach(-carrying["out"], held_out["in"])
+    )
     name, marks = "put down", {"down": 8.0, "free": 11.5}
-    if back:
-        moves, name = backwards(moves, _DURATION), "pick up"
+    if pick_up:
+        moves, name = time_reversed(moves, _DURATION), "pick up"
         marks = {"under": _DURATION - 9.5, "up": _DURATION - 6.5}
     elbow = physique.place(physique.forearm(side))
-    further = 0.0 if along is None else along - scale * ALONG
-    forward = glide + scale * _STANDS + float(elbow[0]) - _NEARER * drop + further
+    further = 0.0 if elbow_distance is None else elbow_distance - scale * _ELBOW_DISTANCE
+    forward = glide + scale * _FORWARD + float(elbow[0]) - _FORWARD_PER_DROP * drop + further
     touching = ((physique.forearm(side), prop),)
     return Putting(
-        gesture_of(stage, who, moves, name, marks),
+        member_gesture(stage, who, moves, name, marks),
         forward,
-        float(elbow[1]) + sign * _ASIDE,
+        float(elbow[1]) + sign * _OUTWARD,
         touching,
     )
 
 
-def _reach(before: float, out: float) -> Waypoints:
-    """Waypoints from one offset to another while something is held out, and then to 0."""
-    return [(0, before), (0.5, before), (6.0, out), (11.5, out), (16.0, 0), (_DURATION, 0)]
+def _reach(first: float, held_out: float) -> Waypoints:
+    """Waypoints from a first offset to one that holds the prop out, and then to 0."""
+    return [(0, first), (0.5, first), (6.0, held_out), (11.5, held_out), (16.0, 0), (_DURATION, 0)]

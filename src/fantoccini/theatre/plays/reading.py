@@ -26,6 +26,7 @@ from fantoccini.theatre.script import (
 )
 
 _REPERTORY = Path(__file__).parent / "repertory"
+"""Folder of the bundled plays."""
 
 
 def play_names() -> tuple[str, ...]:
@@ -35,13 +36,13 @@ def play_names() -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Script:
-    """A play as its file describes it.
+    """Play as its file describes it.
 
     Attributes:
         cast: players at the start.
         timeline: cues with their times.
         gestures: gestures of the players.
-        places: meaning of names of places.
+        places: places by name.
         log: collects mistakes; has the file and the beat.
     """
 
@@ -89,10 +90,12 @@ def _check_names(file: PlayFile, places: Places, log: ScriptLog) -> None:
         names.add(act.act)
         for i, cue in enumerate(act.cues):
             spot = "acts", a, "cues", i
-            _check_named(file, cue, spot, places, log)
+            _check_cue_names(file, cue, spot, places, log)
 
 
-def _check_named(file: PlayFile, cue: PlayCue, spot: Spot, places: Places, log: ScriptLog) -> None:
+def _check_cue_names(
+    file: PlayFile, cue: PlayCue, spot: Spot, places: Places, log: ScriptLog
+) -> None:
     """Records unknown names of places, players, props, seats and tables."""
     obstacles = [obstacle.name for obstacle in file.stage.obstacles]
     known = {
@@ -111,8 +114,9 @@ def _check_named(file: PlayFile, cue: PlayCue, spot: Spot, places: Places, log: 
         elif kind == "place":
             places.check(name, place)
         elif kind in known and name not in known[kind][1]:
-            what, names = known[kind]
-            log.mistakes.add(place, f"no {what} is called {name!r}{nearest(name, names)}")
+            kind_in_words, names = known[kind]
+            text = f"no {kind_in_words} is called {name!r}{nearest(name, names)}"
+            log.mistakes.add(place, text)
     if isinstance(cue, GivesCue) and cue.to in cue.who:
         log.mistakes.add((*spot, "to"), f"{cue.to} gives it to itself; needed: another player")
 
@@ -147,12 +151,12 @@ def _check_abilities(script: Script) -> None:
             places = [((*cue.spot, "past", k), where) for k, where in enumerate(entry.past)]
             places.append((spot, entry.verb_value))
         for player in (cast.players[who] for who in cue.who):
-            why = script.gestures.reason_unable(player, entry)
-            if why:
-                log.mistakes.add(spot, why)
+            reason = script.gestures.reason_unable(player, entry)
+            if reason:
+                log.mistakes.add(spot, reason)
                 continue
             for place_spot, where in places:
-                there = script.places.fixed(where)
-                why = "" if there is None else walks.obstruction(player, there)
-                if why:
-                    log.mistakes.add(place_spot, f"{player.name} cannot get there: {why}")
+                place = script.places.fixed_place(where)
+                reason = "" if place is None else walks.obstruction(player, place)
+                if reason:
+                    log.mistakes.add(place_spot, f"{player.name} cannot get there: {reason}")

@@ -34,7 +34,7 @@ from fantoccini.theatre.cast import (
     Staged,
     Stop,
     digest,
-    run_form,
+    run_format,
     spans,
     staged,
 )
@@ -44,31 +44,33 @@ from fantoccini.theatre.script import StageFile
 _MAX_REST_RATE = 1e-9
 """Rate below which hands count as at rest [m/s or rad/s]."""
 _MIN_DURATION = 0.5
-"""Least duration of a part, so that the cost of its start is small [s]."""
-_STEPS = {"steps": 1e-3, "fine steps": 2.5e-4}
+"""Least duration of a part [s], so that the relative cost of its start is small."""
+_TIME_STEPS = {"steps": 1e-3, "fine steps": 2.5e-4}
 """Time steps of companies that touch [s]."""
 _SAMPLE_INTERVAL = 5e-3
 """Time between samples of these companies [s]."""
-_RESTS = "somebody sits, or a prop stands on something"
+_REST_REASON = "somebody sits, or a prop stands on something"
 """Reason for fine time steps without an event-driven attempt."""
 _MAX_MEMORY_RATE = 4e7
 """Memory for a second of an event-driven run with touches [bytes/s]: about 4000 samples."""
 _SAMPLED = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+"""Arrays of a trajectory with a row for each sample."""
 _COLUMNS = ("tension", "limit_force", "taut", "violation", "slip")
+"""Columns of a trajectory."""
 ENERGIES = ("kinetic", "potential")
 """Columns of a ledger with present values; the others accumulate over time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A company's run.
+    """Run of a company.
 
     Attributes:
         staged: simulated company.
         begin: beginning of the run [s].
         whole: trajectory, from time 0.
-        stopped: reason for not reaching the end of its span; "" if it did.
-        stepped: reasons why parts were simulated in fine time steps, not event-driven.
+        stopped: reason for a stop before the end of its span; "" without a stop.
+        stepped: reasons why parts were simulated in fine time steps instead of event-driven.
     """
 
     staged: Staged
@@ -82,12 +84,12 @@ class Run:
         """End of the run [s]."""
         return self.begin + float(self.whole.t[-1])
 
-    def of_player(self, name: str, alone: State) -> Trajectory:
-        """Part of the run that belongs to a player, in the player's coordinates."""
+    def of_player(self, name: str, own_state: State) -> Trajectory:
+        """Run of a player in its own coordinates, which are those of ``own_state``."""
         prefix, run = self.staged.prefixes[name], self.whole
         if self.staged.company == Company((name,)):
             return run
-        own = alone.coordinates
+        own = own_state.coordinates
         assert own is not None
         changes: dict[str, Any] = {}
         for part in _SAMPLED[1:]:
@@ -98,7 +100,7 @@ class Run:
         for part in _COLUMNS:
             columns: Columns | None = getattr(run, part)
             if columns is not None:
-                changes[part] = _of(columns, prefix)
+                changes[part] = _player_columns(columns, prefix)
         events = tuple(
             dataclasses.replace(event, name=event.name.removeprefix(prefix))
             for event in run.events
@@ -149,9 +151,9 @@ def runs_of(
     """Runs of a play, computed in parallel.
 
     They are event-driven if nothing may touch, else in time steps of 1 ms. With ``exact`` the
-    latter are event-driven too, except for steps of 0.25 ms in two cases: the event-driven run
-    stops, as friction may jam; or somebody sits or a prop stands on something, for which it would
-    stop or take many minutes.
+    latter are event-driven, too. They have steps of 0.25 ms if the event-driven run stops, as
+    friction may jam, and if somebody sits or a prop stands on something, for which it would stop or
+    take many minutes.
 
     Args:
         cast: cast of the play.
@@ -167,7 +169,7 @@ def runs_of(
     end = max(motion.duration for motion in motions.values())
     work = _Work(cast, motions, starts, cache, exact)
     with ThreadPoolExecutor(default_threads()) as pool:
-        # Each waits only for earlier ones, which have begun when it does.
+        # Each job waits only for earlier ones, which have been started before it.
         futures: list[tuple[Span, Future[Run | Stop | None]]] = []
         for span in spans(list(cast.players), meetings, end):
             futures.append((span, pool.submit(work.run, span, tuple(futures))))
@@ -181,19 +183,21 @@ def runs_of(
     ]
     players = {}
     for name, player in cast.players.items():
-        own = [
+        player_runs = [
             (run.begin, run.of_player(name, player.x0))
             for run in companies
             if name in run.staged.prefixes
         ]
-        if not own:
+        if not player_runs:
             raise CannotBegin(next(stop for stop in stops if name in stop.players))
-        players[name] = _joined(own)
+        players[name] = _joined(player_runs)
     return Runs(companies, players, tuple(sorted(stops, key=lambda stop: stop.t)))
 
 
 @dataclass(frozen=True)
 class _Work:
+    """Jobs that compute the runs of a play; arguments as for :func:`runs_of`."""
+
     cast: Cast
     motions: Mapping[str, Gesture]
     starts: Mapping[str, Sequence[float]]
@@ -208,12 +212,12 @@ class _Work:
         players: dict[str, State] = {}
         props: dict[str, PropState] = {}
         for name in (*company.players, *company.props):
-            earlier, last = _last(name, span, before)
+            earlier_end, last = _last(name, span, before)
             if last is None:
                 if name in cast.players:
                     players[name] = cast.players[name].x0
                 else:
-                    props[name] = cast.lie[name]
+                    props[name] = cast.prop_states[name]
                 continue
             run = last.result()
             if not isinstance(run, Run) or run.stopped:
@@ -221,7 +225,7 @@ class _Work:
             if name in cast.players:
                 players[name] = run.of_player(name, cast.players[name].x0).state(-1)
             else:
-                props[name] = prop_states(run, name, still=earlier < span.begin)
+                props[name] = prop_states(run, name, still=earlier_end < span.begin)
         stage = staged(cast, company, self.cache)
         x = stage.state(players, props)
         motion = stage.motion(
@@ -248,24 +252,24 @@ class _Work:
         """Parts of a run, reasons for unwanted time steps, and the reason why it stops."""
         stepped, parts = list[str](), list[tuple[float, Trajectory]]()
         if self.exact and stage.company.rests:
-            stepped.append(_RESTS)
-        for begun, end in pairwise(_cuts(motion, starts)):
-            own = Gesture(motion.coordinates, *excerpt(motion, begun, end))
+            stepped.append(_REST_REASON)
+        for begin, end in pairwise(_cuts(motion, starts)):
+            part_motion = Gesture(motion.coordinates, *excerpt(motion, begin, end))
             try:
-                if stage.company.pairs or self._steps:
+                if stage.company.pairs or self._has_contacts:
                     x = stage.marionette.project(x)
             except ERRORS as error:
                 return parts, tuple(stepped), str(error)
             stopped = list[str]()
             for method in self._methods(stage.company):
-                run, why = self._part(stage, x, own, method)
-                if not why:
+                run, reason = self._part(stage, x, part_motion, method)
+                if not reason:
                     break
-                stopped.append(why)
+                stopped.append(reason)
             if run is not None:
-                parts.append((begun, run))
-            if why or run is None:
-                return parts, tuple(stepped), why
+                parts.append((begin, run))
+            if reason or run is None:
+                return parts, tuple(stepped), reason
             stepped += stopped
             x = run.state(len(run) - 1).replace(t=0.0)
         return parts, tuple(stepped), ""
@@ -273,18 +277,18 @@ class _Work:
     def _part(
         self, stage: Staged, x: State, motion: Gesture, method: str
     ) -> tuple[Trajectory | None, str]:
-        """Part by a method, and the reason why it stops: a status, or an error of the simulator."""
+        """Part of a run by a method, and the reason for its stop: a status or an error; or ""."""
         bounds = self.cast.file.stage
         key = digest(x, motion, "part", stage.content, bounds.speed, bounds.acceleration, method)
-        job = partial(_part, stage, x, motion, bounds, method, self.cache.check)
+        job = partial(_simulate, stage, x, motion, bounds, method, self.cache.check)
         try:
-            run = self.cache.get(key, job, run_form(stage.marionette))
+            run = self.cache.get(key, job, run_format(stage.marionette))
         except ERRORS as error:
             return None, str(error)
         return run, "" if run.status is Status.DONE else str(run.status)
 
     def _methods(self, company: Company) -> tuple[str, ...]:
-        """Methods for a company; each is used if those before it stop."""
+        """Methods for a company, in the order in which they are tried."""
         if not company.pairs:
             return ("event",)
         if not self.exact:
@@ -292,9 +296,9 @@ class _Work:
         return ("fine steps",) if company.rests else ("event", "fine steps")
 
     @property
-    def _steps(self) -> bool:
-        """Whether states may come from time steps, in which strings' lengths are less exact."""
-        return bool(self.cast.asked_pairs)
+    def _has_contacts(self) -> bool:
+        """Whether states may come from time steps, which keep lengths of strings less exactly."""
+        return bool(self.cast.allowed_pairs)
 
 
 def _last(
@@ -309,7 +313,7 @@ def _last(
 
 
 def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
-    """Place and velocities of a prop at a run's end; at rest if it has stood since then."""
+    """State of a prop at a run's end: pose (7,) and velocities (6,), which are 0 if ``still``."""
     local, whole = run.staged.props[name], run.whole
     q = whole.coordinates.q_D.index(f"{local}.x")
     v = whole.coordinates.v_D.index(f"{local}.x")
@@ -317,19 +321,25 @@ def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
     return np.array(whole.q_D[-1, q : q + 7]), rates
 
 
-def _part(
+def _simulate(
     stage: Staged, x: State, motion: Gesture, bounds: StageFile, method: str, check: OnProgress
 ) -> Trajectory:
+    """Run of a scene by a method: ``event``, ``steps`` or ``fine steps``."""
     inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
-    alone = stage.marionette
     if method == "event":
         max_memory = _MAX_MEMORY_RATE * motion.duration if stage.company.pairs else None
         return simulate(
-            alone, x, inputs, effort=False, throw=False, max_memory=max_memory, progress=check
+            stage.marionette,
+            x,
+            inputs,
+            effort=False,
+            throw=False,
+            max_memory=max_memory,
+            progress=check,
         )
-    dt = _STEPS[method]
+    dt = _TIME_STEPS[method]
     return simulate(
-        alone,
+        stage.marionette,
         x,
         inputs,
         method=TimeStepping(dt=dt),
@@ -351,18 +361,18 @@ def _cuts(motion: Gesture, starts: Sequence[float]) -> list[float]:
     return [*cuts, motion.duration]
 
 
-def excerpt(whole: Gesture, begun: float, end: float) -> Motion:
-    """Motion from one time to another, with offsets of 0 at its beginning."""
-    clock = np.union1d(whole.breaks, [begun, end])
+def excerpt(whole: Gesture, begin: float, end: float) -> Motion:
+    """Motion of a gesture between two times [s], with offsets of 0 at its beginning."""
+    clock = np.union1d(whole.breaks, [begin, end])
     coef = piecewise.on(whole.breaks, whole.coef, clock)
-    inside = (clock[:-1] >= begun) & (clock[:-1] < end)
-    breaks, own = np.append(clock[:-1][inside], end), coef[inside]
-    own[:, :, 0] -= own[0, :, 0]
-    return Motion(breaks - begun, own, whole.named, np.zeros_like(whole.travel))
+    inside = (clock[:-1] >= begin) & (clock[:-1] < end)
+    breaks, coef = np.append(clock[:-1][inside], end), coef[inside]
+    coef[:, :, 0] -= coef[0, :, 0]
+    return Motion(breaks - begin, coef, whole.named, np.zeros_like(whole.travel))
 
 
 def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
-    """Successive runs as one."""
+    """Successive runs, each with its beginning [s], as one."""
     runs = [run for _, run in parts]
     first, last = runs[0], runs[-1]
     if len(runs) == 1:
@@ -371,11 +381,12 @@ def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
         name: np.concatenate([getattr(run, name) for run in runs]) for name in _SAMPLED
     }
     # Rounding may put the start of a part before the end of the previous one.
-    changes["t"] = np.maximum.accumulate(np.concatenate([begun + run.t for begun, run in parts]))
+    changes["t"] = np.maximum.accumulate(np.concatenate([begin + run.t for begin, run in parts]))
     for name in _COLUMNS:
-        own: Columns | None = getattr(first, name)
-        if own is not None:
-            changes[name] = own.like(np.concatenate([getattr(run, name).values for run in runs]))
+        columns: Columns | None = getattr(first, name)
+        if columns is not None:
+            values = np.concatenate([getattr(run, name).values for run in runs])
+            changes[name] = columns.like(values)
     if first.contact is not None:
         changes["contact"] = _contacts(runs)
         changes["contact_residual"] = np.concatenate(
@@ -385,8 +396,8 @@ def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
             ]
         )
     events = tuple(
-        dataclasses.replace(event, t=begun + event.t)
-        for begun, run in parts
+        dataclasses.replace(event, t=begin + event.t)
+        for begin, run in parts
         for event in run.events
     )
     return dataclasses.replace(
@@ -404,16 +415,16 @@ def _contacts(runs: Sequence[Trajectory]) -> ContactPoints:
     """Contact points of successive runs with the same pairs."""
     points = [run.contact for run in runs if run.contact is not None]
     before = np.cumsum([0, *(len(run) for run in runs[:-1])])
-    own: dict[str, Any] = {
+    arrays: dict[str, Any] = {
         field.name: np.concatenate([getattr(point, field.name) for point in points])
         for field in dataclasses.fields(ContactPoints)
         if field.name not in ("names", "sample")
     }
     sample = np.concatenate([point.sample + n for point, n in zip(points, before, strict=True)])
-    return ContactPoints(sample=sample, names=points[0].names, **own)
+    return ContactPoints(sample=sample, names=points[0].names, **arrays)
 
 
-def _of(columns: Columns, prefix: str) -> Columns:
+def _player_columns(columns: Columns, prefix: str) -> Columns:
     """Columns of a player, with its own names."""
     indices = [i for i, name in enumerate(columns.names) if name.startswith(prefix)]
     names = tuple(columns.names[i].removeprefix(prefix) for i in indices)

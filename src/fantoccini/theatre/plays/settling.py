@@ -1,8 +1,8 @@
-"""Pauses before free cues, in which the swing of earlier cues settles or is used.
+"""Pauses before free cues, in which the swing of earlier cues decays or is used.
 
     min over p in [0, P] of  (1/T) integral of |v|^2 after the cue dt + c p,   v: trunk's velocity
 
-A cue that begins p later moves the hands by u(t - p); the gradient is that of the rollout:
+A cue that is delayed by p moves the hands by u(t - p); the gradient is that of the rollout:
 
     dJ/dp = sum over steps of (dJ/da_k) . da_k/dp,   da_k/dp = -(u''(t_k+1 - p) - u''(t_k - p)) / dt
 """
@@ -21,45 +21,45 @@ PAUSE = 1.0
 """Longest delay of a free cue without `may wait` [s]."""
 _MEASURED_TIME = 1.2
 """Time after the cue in which swing is measured [s]."""
-_DT = 0.004
+_TIME_STEP = 0.004
 """Time step of the rollouts [s]."""
 _MAX_CALM_SPEED = 0.015
-"""Speed of the trunk that is not visible [m/s]."""
+"""Largest speed of the trunk that is not visible [m/s]."""
 _PAUSE_COST = 4e-4
 """Cost of a second of pause [m^2/s^2]."""
 _N_STARTS = 12
-"""Number of pauses that are tried as starts of the search."""
+"""Number of pauses to try as starts of the search."""
 
 
 def pause(
-    marionette: Marionette, x: State, motion: Motion, most: float
+    marionette: Marionette, x: State, motion: Motion, max_pause: float
 ) -> tuple[float, float, float]:
-    """Pause before a motion after which the puppet swings least.
+    """Pause before a motion with the least swing after the motion.
 
     Args:
-        marionette: puppet alone.
+        marionette: puppet in a scene of its own.
         x: state at the earliest beginning of the motion.
         motion: motion of the hands, as offsets from their places; at rest at both ends.
-        most: longest pause [s].
+        max_pause: longest pause [s].
 
     Returns:
         Pause [s], and speeds of the trunk after the motion without and with the pause [m/s].
     """
-    swing = Swing(marionette, x, motion, most)
-    tried = np.linspace(0.0, most, _N_STARTS)
-    values = [swing.cost(p)[0] for p in tried]
+    swing = Swing(marionette, x, motion, max_pause)
+    starts = np.linspace(0.0, max_pause, _N_STARTS)
+    values = [swing.cost(p)[0] for p in starts]
     if not np.isfinite(values[0]):
         return 0.0, 0.0, 0.0
     before = np.sqrt(values[0])
     if before <= _MAX_CALM_SPEED:
         return 0.0, float(before), float(before)
-    best = tried[int(np.argmin(values))]
+    best = starts[int(np.argmin(values))]
     minimum = minimize(
         lambda p: swing.cost(float(p[0]), gradient=True),
         [best],
         jac=True,
         method="L-BFGS-B",
-        bounds=[(0.0, most)],
+        bounds=[(0.0, max_pause)],
         options={"maxiter": 12, "ftol": 1e-3},
     )
     p = float(minimum.x[0]) if minimum.fun < values[0] else 0.0
@@ -70,45 +70,50 @@ def pause(
 class Swing:
     """Swing of a puppet after a motion that begins after a pause; see :func:`pause`."""
 
-    def __init__(self, marionette: Marionette, x: State, motion: Motion, most: float):
+    def __init__(self, marionette: Marionette, x: State, motion: Motion, max_pause: float):
         self._marionette, self._x, self._motion = marionette, x, motion
-        self._length = float(motion.breaks[-1])
-        self._steps = int(np.ceil((most + self._length + _MEASURED_TIME) / _DT))
+        self._duration = float(motion.breaks[-1])
+        self._steps = int(np.ceil((max_pause + self._duration + _MEASURED_TIME) / _TIME_STEP))
         table = marionette.coordinates
         trunk = [v for _, v in table.scalars_D if table.v_D[v].endswith((".x", ".y", ".z"))]
         self._weights = np.zeros(table.n_vD)
         self._weights[trunk or slice(None)] = 1.0
 
     def cost(self, p: float, gradient: bool = False) -> tuple[float, Array]:
-        """Cost of a pause, and (1,) its derivative, 0 without ``gradient``.
+        """Cost of a pause p [s], and its derivative (1,), which is 0 without ``gradient``.
 
         The cost is infinite if the rollout stops.
         """
-        t = np.asarray(_DT * np.arange(self._steps + 1) - p, dtype=float)
+        t = np.asarray(_TIME_STEP * np.arange(self._steps + 1) - p, dtype=float)
         rates, changes = self._hands(t)
-        acc = np.diff(rates, axis=0) / _DT
-        rollout = self._marionette.rollout(self._x, acc, dt=_DT, throw=False)
+        acc = np.diff(rates, axis=0) / _TIME_STEP
+        rollout = self._marionette.rollout(self._x, acc, dt=_TIME_STEP, throw=False)
         if rollout.steps < len(acc):
             return np.inf, np.zeros(1)
         # The window begins and ends between two steps, so that it moves smoothly with p.
-        since, until = (t - self._length) / _DT, (self._length + _MEASURED_TIME - t) / _DT
+        since, until = (
+            (t - self._duration) / _TIME_STEP,
+            (self._duration + _MEASURED_TIME - t) / _TIME_STEP,
+        )
         share = np.clip(np.minimum(since, until), 0.0, 1.0)
-        by_time = np.where(since < until, 1.0, -1.0) * ((share > 0.0) & (share < 1.0)) / _DT
-        squares = rollout.v_D * rollout.v_D @ self._weights * _DT / _MEASURED_TIME
+        share_rate = (
+            np.where(since < until, 1.0, -1.0) * ((share > 0.0) & (share < 1.0)) / _TIME_STEP
+        )
+        squares = rollout.v_D * rollout.v_D @ self._weights * _TIME_STEP / _MEASURED_TIME
         value = float(share @ squares) + _PAUSE_COST * p
         if not gradient:
             return value, np.zeros(1)
-        by_v = 2.0 * self._weights * rollout.v_D * share[:, None] * _DT / _MEASURED_TIME
+        by_v = 2.0 * self._weights * rollout.v_D * share[:, None] * _TIME_STEP / _MEASURED_TIME
         by_acc = rollout.gradient(v_D=by_v).acc_K
-        by_p = -np.diff(changes, axis=0) / _DT
-        slope = float(np.sum(by_acc * by_p)) - float(by_time @ squares) + _PAUSE_COST
+        by_p = -np.diff(changes, axis=0) / _TIME_STEP
+        slope = float(np.sum(by_acc * by_p)) - float(share_rate @ squares) + _PAUSE_COST
         return value, np.array([slope])
 
     def _hands(self, t: Array) -> tuple[Array, Array]:
-        """(T, n_vK) rates of the hands and their derivatives at times since the beginning."""
+        """(T, n_vK) rates of the hands and their derivatives, at times since the beginning (T,)."""
         breaks, coef = self._motion.breaks, self._motion.coef
-        inside = np.clip(t, 0.0, self._length)
+        inside = np.clip(t, 0.0, self._duration)
         i = np.clip(np.searchsorted(breaks, inside, side="right") - 1, 0, len(coef) - 1)
         _, rates, changes = polynomial.evaluate(coef[i], (inside - breaks[i])[:, None])
-        still = ((t < 0.0) | (t > self._length))[:, None]
+        still = ((t < 0.0) | (t > self._duration))[:, None]
         return np.where(still, 0.0, rates), np.where(still, 0.0, changes)

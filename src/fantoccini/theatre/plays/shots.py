@@ -67,7 +67,7 @@ def shots_of(
             ref, start = timeline.refs[when_of_shot(a, i)], placement.act_starts[a]
             (name, *_), moving = shot.at, {*cast.file.cast, *cast.file.props}
             bodies = _bodies(cast, shot.at) if name in moving else ()
-            still = None if name in moving or name == _EVERYTHING else places.fixed(name)
+            still = None if name in moving or name == _EVERYTHING else places.fixed_place(name)
             shots.append(
                 Shot(
                     timeline.time(ref, start, placement.moments),

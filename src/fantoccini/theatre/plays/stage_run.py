@@ -1,7 +1,6 @@
-"""Run of the stage, assembled from the runs of companies.
+"""Run of the stage, assembled from the runs of companies at common times.
 
-Companies that do not touch each other move independently: the whole consists of its members side by
-side, at common times.
+Companies do not touch each other, and move independently.
 """
 
 from __future__ import annotations
@@ -19,15 +18,15 @@ from fantoccini.theatre.plays.runs import ENERGIES, Run, Runs, prop_states
 SAMPLE = 0.005
 """Time between samples [s]."""
 _MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+"""Arrays of a trajectory with the motion."""
 
 
 def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
     """Run of the stage, until the first of the players' runs ends.
 
-    The ledger is the sum over the companies; energies of a prop that stands alone are not included.
-
-    A prop that nobody touches stays in its place. If a velocity jumps between two samples because a
-    string snaps taut, it is interpolated.
+    The ledger is the sum over the companies, without energies of a prop that stands by itself. A
+    prop that nobody touches stays in its place. A velocity that jumps between two samples, when a
+    string catches, is interpolated.
 
     Args:
         cast: cast of the play.
@@ -38,17 +37,14 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
     t = np.append(np.arange(0.0, end - 0.5 * sample, sample), end)
     whole = _Whole(cast, t)
     for name in cast.props:
-        whole.stands(name, -1.0, cast.lie[name])
+        whole.set_prop(name, -1.0, cast.prop_states[name])
     for run in runs.companies:
         whole.add(run)
     first = runs.companies[0].whole
     statuses = [run.status for run in runs.players.values()]
-    otherwise = Status.STOPPED if runs.stops else Status.DONE
-    status = next(
-        (status_of_player for status_of_player in statuses if status_of_player is not Status.DONE),
-        otherwise,
-    )
-    put = {name: column.like(whole.found[name]) for name, column in whole.columns.items()}
+    default = Status.STOPPED if runs.stops else Status.DONE
+    status = next((status for status in statuses if status is not Status.DONE), default)
+    columns = {name: column.like(whole.values[name]) for name, column in whole.columns.items()}
     parts = whole.parts
     return Trajectory(
         t,
@@ -58,17 +54,17 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
         parts["q_K"],
         parts["v_K"],
         parts["acc_K"],
-        put["tension"],
-        put["limit_force"],
-        put["taut"],
+        columns["tension"],
+        columns["limit_force"],
+        columns["taut"],
         first.ledger.like(whole.ledger),
         tuple(sorted(whole.events, key=lambda e: e.t)),
         status,
         first.method,
         cast.whole.coordinates,
         cast.whole.described,
-        violation=put["violation"],
-        slip=put["slip"],
+        violation=columns["violation"],
+        slip=columns["slip"],
         contact=_joined(whole.points),
     )
 
@@ -89,16 +85,16 @@ class _Whole:
             "limit_force": Columns(limits, np.zeros((n, len(limits))), "limit"),
             "violation": Columns(tree.row_names, np.zeros((n, len(tree.row_names)))),
         }
-        self.found = {name: np.array(column.values) for name, column in self.columns.items()}
+        self.values = {name: np.array(column.values) for name, column in self.columns.items()}
         self.ledger = np.zeros((n, len(LEDGER)))
         self.events: list[EventRecord] = []
         self.points: list[ContactPoints] = []
 
-    def stands(self, name: str, since: float, there: PropState) -> None:
-        """Sets the place of a prop that stands after a time [s]."""
+    def set_prop(self, name: str, since: float, state: PropState) -> None:
+        """Sets the state of a prop that stands after a time [s]."""
         q, v = self._table.q_D.index(f"{name}.x"), self._table.v_D.index(f"{name}.x")
         later = self._t > since
-        self.parts["q_D"][later, q : q + 7] = there[0]
+        self.parts["q_D"][later, q : q + 7] = state[0]
         for part in ("v_D", "acc_D"):
             self.parts[part][later, v : v + 6] = 0.0
 
@@ -108,7 +104,7 @@ class _Whole:
         if len(inside):
             self._put(run, inside)
         for name in run.staged.props:
-            self.stands(name, run.end, prop_states(run, name, still=True))
+            self.set_prop(name, run.end, prop_states(run, name, still=True))
         # Losses remain after its end.
         energies = np.array([name in ENERGIES for name in LEDGER])
         self.ledger[self._t > run.end] += np.where(energies, 0.0, run.whole.ledger.values[-1])
@@ -117,6 +113,7 @@ class _Whole:
             self.events.append(dataclasses.replace(event, t=run.begin + event.t, name=name))
 
     def _put(self, run: Run, inside: Indices) -> None:
+        """Sets the samples of a company's run."""
         own = run.whole.resample(self._t[inside] - run.begin)
         for part in _MOTION:
             kind = _kind(part)
@@ -124,13 +121,14 @@ class _Whole:
             names = getattr(own.coordinates, kind)
             places = [all_names.index(self._named(run, name)) for name in names]
             self.parts[part][np.ix_(inside, np.array(places))] = getattr(own, part)
-        for what, stage_columns in self.columns.items():
-            own_columns: Columns | None = getattr(own, what)
+        for quantity, stage_columns in self.columns.items():
+            own_columns: Columns | None = getattr(own, quantity)
             if own_columns is not None:
                 columns = [
                     stage_columns.names.index(self._named(run, name)) for name in own_columns.names
                 ]
-                self.found[what][np.ix_(inside, np.array(columns, dtype=int))] = own_columns.values
+                cells = np.ix_(inside, np.array(columns, dtype=int))
+                self.values[quantity][cells] = own_columns.values
         # At a change of companies, only the earlier one counts.
         first = (self._t[inside] == run.begin) & (run.begin > 0.0)
         self.ledger[inside] += np.where(first[:, None], 0.0, own.ledger.values)
@@ -141,7 +139,7 @@ class _Whole:
 
     def _named(self, run: Run, name: str) -> str:
         """Name on the stage of a name in a company's scene."""
-        return self._cast.named(run.staged.on_stage(name))
+        return self._cast.scene_name(run.staged.on_stage(name))
 
 
 def _joined(points: list[ContactPoints]) -> ContactPoints | None:
@@ -157,12 +155,12 @@ def _joined(points: list[ContactPoints]) -> ContactPoints | None:
     )
     sample = np.concatenate([point.sample for point in points])
     order = np.argsort(sample, kind="stable")
-    rest = {
+    arrays = {
         field.name: np.concatenate([getattr(point, field.name) for point in points])[order]
         for field in dataclasses.fields(ContactPoints)
         if field.name not in ("names", "pair", "sample")
     }
-    return ContactPoints(sample=sample[order], pair=pair[order], names=names, **rest)
+    return ContactPoints(sample=sample[order], pair=pair[order], names=names, **arrays)
 
 
 def _kind(part: str) -> str:

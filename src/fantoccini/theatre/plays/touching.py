@@ -14,16 +14,16 @@ from fantoccini.model.puppet import FLOOR
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import Cast, Meeting, Pair
 
-EVERY = 4
+SAMPLE_STRIDE = 4
 """Stride of the measured samples of a run: 50 per second, and more as needed."""
-AT_HAND = 0.001
-"""Least distance between a prop, the players that handle it and their strings, and between a sitter
-and the seat [m]."""
+HANDLING_DISTANCE = 0.001
+"""Least distance of a prop from the players that handle it and from their strings, and of a sitter
+from the seat [m]."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Two bodies, obstacles or strings that come too near to each other.
+    """Approach of two bodies, obstacles or strings that is too near.
 
     Attributes:
         t: time at which it begins [s].
@@ -47,15 +47,14 @@ class Touch:
 
 
 def touches(
-    cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = (), every: int = EVERY
+    cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = (), every: int = SAMPLE_STRIDE
 ) -> list[Touch]:
     """Pairs that come nearer than the stage allows, in order of time.
 
     Bodies of different players, props and obstacles keep clear of one another, except for pairs
-    that a cue lets touch while it lasts; strings keep clear of all of them. Other pairs of a
-    prop and the players that handle it may come near, but must not touch. Bodies may touch the
-    floor, but not penetrate it. Strings of the same player may touch, but not cross. Leashes may
-    touch everything.
+    that may touch during a cue; strings keep clear of all of them. Other pairs of a prop and the
+    players that handle it may come near, but must not touch. Bodies may touch the floor, but not
+    penetrate it. Strings of the same player may touch, but not cross. Leashes may touch everything.
 
     Args:
         cast: cast of the play.
@@ -73,23 +72,24 @@ def touches(
     }
     always = {frozenset(pair) for pair in stand}
     for pair in {pair for meeting in meetings for pair in meeting.pairs}:
-        if not any(cast.owner(cast.named(name)) in cast.players for name in pair):
+        if not any(cast.owner(cast.scene_name(name)) in cast.players for name in pair):
             always.add(pair)
-    apart = StringsApart(cast.whole, own=False)
+    string_distances = StringsApart(cast.whole, own=False)
     bodies, strings = list[_Near](), dict[Pair, Touch]()
-    for begin, end, now in _windows(t, meetings):
-        rules, own = _Rules(cast, now, always), slice(begin, end)
+    for begin, end, present in _windows(t, meetings):
+        rules, window = _Rules(cast, present, always), slice(begin, end)
         for near in rules.bodies(path.part(begin, end)):
             bodies.append(replace(near, first=begin + near.first, last=begin + near.last))
-        for touch in rules.strings(apart.over(q_D[own], q_K[own], t[own])):
+        motion = string_distances.motion(q_D[window], q_K[window], t[window])
+        for touch in rules.strings(motion):
             strings.setdefault(frozenset((touch.what, touch.other)), touch)
-    listed = [*_merged(bodies), *strings.values()]
-    for crossing in apart.over(q_D, q_K, t).crossings():
+    all_touches = [*_merged(bodies), *strings.values()]
+    for crossing in string_distances.motion(q_D, q_K, t).crossings():
         names = f"string {crossing.what}", f"string {crossing.other}"
-        listed.append(Touch(crossing.t, *names, 0.0, crosses=True))
+        all_touches.append(Touch(crossing.t, *names, 0.0, crosses=True))
     leashes = {f"string {name}" for name in cast.file.leashes}
-    listed = [touch for touch in listed if not {touch.what, touch.other} & leashes]
-    return sorted(listed, key=lambda touch: (touch.t, touch.what, touch.other))
+    all_touches = [touch for touch in all_touches if not {touch.what, touch.other} & leashes]
+    return sorted(all_touches, key=lambda touch: (touch.t, touch.what, touch.other))
 
 
 def _windows(
@@ -103,40 +103,43 @@ def _windows(
     on = on.reshape(len(meetings), len(t))
     changes = np.flatnonzero(np.any(on[:, 1:] != on[:, :-1], axis=0)) + 1
 
-    def those(which: MaskRows) -> tuple[Meeting, ...]:
-        return tuple(meetings[i] for i in np.flatnonzero(which).tolist())
+    def selected(mask: MaskRows) -> tuple[Meeting, ...]:
+        return tuple(meetings[i] for i in np.flatnonzero(mask).tolist())
 
     for begin, end in pairwise([0, *changes.tolist(), len(t)]):
-        yield begin, end, those(on[:, begin])
+        yield begin, end, selected(on[:, begin])
         if end < len(t):
-            yield end - 1, end + 1, those(on[:, end - 1] | on[:, end])
+            yield end - 1, end + 1, selected(on[:, end - 1] | on[:, end])
 
 
 class _Rules:
-    """Distances to keep while the same meetings go on.
+    """Distances to keep during a time with the same meetings.
 
     Args:
         cast: cast of the play.
-        now: present meetings.
+        present: meetings of that time.
         always: pairs that may touch at all times.
     """
 
-    def __init__(self, cast: Cast, now: Sequence[Meeting], always: Iterable[Pair]):
+    def __init__(self, cast: Cast, present: Sequence[Meeting], always: Iterable[Pair]):
         whole, clear = cast.whole, cast.file.stage.clear
         self._cast, self._clear = cast, clear
-        self._groups = [{*meeting.players, *meeting.props, *_seat(meeting)} for meeting in now]
+        self._groups = [{*meeting.players, *meeting.props, *_seat(meeting)} for meeting in present]
         names = [link.name for link in whole.tree.links]
         names += [obstacle.name for obstacle in Clearance(whole, strings=False).obstacles]
-        every = {frozenset(pair) for pair in combinations(dict.fromkeys(names), 2)}
-        asked = {frozenset(map(cast.named, pair)) for meeting in now for pair in meeting.pairs}
-        asked.update(always)
-        floor = {pair for pair in every if FLOOR in pair}
-        above_floor = floor - asked - {frozenset((name, FLOOR)) for name in cast.props}
-        at_hand = {pair for pair in every - floor - asked if self._at_hand(*pair)}
-        self._bodies = [(Clearance(whole, free=floor | asked | at_hand), clear)]
-        for pairs, distance in ((at_hand, AT_HAND), (above_floor, 0.0)):
+        all_pairs = {frozenset(pair) for pair in combinations(dict.fromkeys(names), 2)}
+        allowed = {
+            frozenset(map(cast.scene_name, pair)) for meeting in present for pair in meeting.pairs
+        }
+        allowed.update(always)
+        floor = {pair for pair in all_pairs if FLOOR in pair}
+        above_floor = floor - allowed - {frozenset((name, FLOOR)) for name in cast.props}
+        handling = {pair for pair in all_pairs - floor - allowed if self._is_handling(*pair)}
+        self._bodies = [(Clearance(whole, free=floor | allowed | handling), clear)]
+        for pairs, distance in ((handling, HANDLING_DISTANCE), (above_floor, 0.0)):
             if pairs:
-                self._bodies.append((Clearance(whole, strings=False, free=every - pairs), distance))
+                clearance = Clearance(whole, strings=False, free=all_pairs - pairs)
+                self._bodies.append((clearance, distance))
 
     def bodies(self, path: Path) -> Iterator[_Near]:
         """Touches of bodies with others and with obstacles, and of strings with obstacles."""
@@ -147,7 +150,7 @@ class _Rules:
 
     def strings(self, motion: StringMotion) -> Iterator[Touch]:
         """First touches of strings with those of others, and with others' bodies."""
-        for distance in (self._clear, AT_HAND) if self._groups else (self._clear,):
+        for distance in (self._clear, HANDLING_DISTANCE) if self._groups else (self._clear,):
             near = motion.nearer_than(distance)
             for pair in (*near.strings, *near.bodies):
                 what = f"string {pair.what}"
@@ -158,11 +161,11 @@ class _Rules:
 
     def _allowed(self, touch: Touch) -> bool:
         """Whether a prop and the players that handle it are near, but do not touch."""
-        return touch.distance >= AT_HAND and self._at_hand(touch.what, touch.other)
+        return touch.distance >= HANDLING_DISTANCE and self._is_handling(touch.what, touch.other)
 
-    def _at_hand(self, what: str, other: str) -> bool:
-        """Whether a cue lets one of the two handle the other."""
-        owners = {self._cast.owner(name.removeprefix("string ")) for name in (what, other)}
+    def _is_handling(self, first: str, second: str) -> bool:
+        """Whether one of the two is handled by the other in a meeting."""
+        owners = {self._cast.owner(name.removeprefix("string ")) for name in (first, second)}
         return any(owners <= group for group in self._groups)
 
 
@@ -174,7 +177,7 @@ def _seat(meeting: Meeting) -> set[str]:
 
 @dataclass(frozen=True)
 class _Near:
-    """A touch, with the samples of its beginning and end."""
+    """Touch with the samples of its beginning and end."""
 
     touch: Touch
     first: int
@@ -184,7 +187,7 @@ class _Near:
 def _near(clearance: Clearance, path: Path, clear: float) -> Iterator[_Near]:
     """Intervals in which a part is nearer to another than the clearance."""
     for name, part in clearance.parts().items():
-        at, distance = part.along(path, clear)
+        at, distance = part.distances_along(path, clear)
         near = distance < clear
         for k in np.flatnonzero(near & ~np.append(False, near[:-1])):
             end = int(k) + int(np.argmin(np.append(near[k:], False)))
@@ -195,10 +198,10 @@ def _near(clearance: Clearance, path: Path, clear: float) -> Iterator[_Near]:
             yield _Near(touch, int(at.piece[k]), int(at.piece[end - 1]))
 
 
-def _merged(found: Iterable[_Near]) -> list[Touch]:
-    """Touches; those that continue while meetings change are joined."""
+def _merged(entries: Iterable[_Near]) -> list[Touch]:
+    """Touches; those that continue across changes of meetings are joined."""
     merged = list[_Near]()
-    for near in sorted(found, key=lambda near: near.first):
+    for near in sorted(entries, key=lambda near: near.first):
         names = {near.touch.what, near.touch.other}
         for i, before in enumerate(merged):
             same = {before.touch.what, before.touch.other} == names

@@ -1,4 +1,4 @@
-"""Verification of plays: the whole is simulated event-driven, and all requirements are measured."""
+"""Verification of plays: event-driven simulation, and a check of every requirement."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.leashes import stretches
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
-from fantoccini.theatre.plays.rounds import PEAKS
+from fantoccini.theatre.plays.rounds import PEAK_TOLERANCE
 from fantoccini.theatre.plays.stage_run import together
-from fantoccini.theatre.plays.touching import EVERY, Touch, touches
+from fantoccini.theatre.plays.touching import SAMPLE_STRIDE, Touch, touches
 from fantoccini.theatre.script import LATE, START
 
 _MAX_REST_RATE = 1e-6
@@ -36,7 +36,7 @@ class CueTime:
     Attributes:
         cue: cue of the play.
         who: player of the cue.
-        wanted, seen: wanted time, and time in the event-driven run [s].
+        wanted, observed: wanted time, and time in the event-driven run [s].
         limb: whether the time is that of a limb's turn at the mark; otherwise it is that of the
             hands.
     """
@@ -44,18 +44,18 @@ class CueTime:
     cue: CueOfPlay
     who: str
     wanted: float
-    seen: float
+    observed: float
     limb: bool
 
     @property
     def late(self) -> float:
         """Lateness [s]."""
-        return self.seen - self.wanted
+        return self.observed - self.wanted
 
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """A play's event-driven run, and its measurements; true if there are no faults.
+    """Event-driven run of a play, and its measurements; true if there are no faults.
 
     Attributes:
         play: simulated play.
@@ -65,11 +65,11 @@ class Verification:
         touches: touches and crossings.
         peaks: coordinate -> (largest speed, its bound, largest acceleration, its bound).
         tension: string -> largest tension [N].
-        catches: string -> number of times that it snapped taut.
+        catches: string -> number of its catches.
         space: extent of the hands' motion: ((low, high) of x, (low, high) of y) [m].
         windings: pairs of strings that are wound around each other.
-        stepped: reasons why parts with touches were simulated in time steps, because their
-            event-driven run stops.
+        stepped: reasons why parts with touches were simulated in time steps: stops of their
+            event-driven run.
     """
 
     play: Play
@@ -88,8 +88,8 @@ class Verification:
         return not self.faults
 
     def __repr__(self) -> str:
-        what = "holds" if self else f"{len(self.faults)} faults"
-        return f"<Verification of {self.play.name!r}: {what}>"
+        verdict = "holds" if self else f"{len(self.faults)} faults"
+        return f"<Verification of {self.play.name!r}: {verdict}>"
 
     @property
     def worst(self) -> float:
@@ -100,15 +100,15 @@ class Verification:
 def verify_play(play: Play, *, within: float | None = None) -> Verification:
     """Verification of a play by an event-driven simulation.
 
-    The requirements are: the run reaches its end; every cue that is done is seen within 1/60 s of
-    its time; players, obstacles and strings keep the stage's distance; strings never cross; leashes
-    stay slack; only sitters touch the floor; props are held, put down and sat on as the cues say;
-    the hands keep their bounds and their space, and rest while a show waits. The bodies of one
-    player are not checked against each other, nor against its own strings.
+    The requirements are: the run reaches its end; every cue that is done is observed within 1/60 s
+    of its time; players, obstacles and strings keep the stage's distance; strings never cross;
+    leashes stay slack; only sitters touch the floor; props are held, put down and sat on as in the
+    cues; the hands keep their bounds and their space, and rest while a show waits. The bodies of
+    one player are not checked against each other, nor against its own strings.
 
     Args:
         play: compiled play.
-        within: time after which simulating stops [s]. The run from compiling is then measured,
+        within: time limit of the simulation [s]. If it passes, the run from compiling is measured,
             with time steps where something touches, and this counts as a fault. No limit by
             default.
 
@@ -117,33 +117,33 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     """
     faults = []
     try:
-        with play.cache.limited(math.inf if within is None else time.monotonic() + within):
+        with play.cache.time_limit(math.inf if within is None else time.monotonic() + within):
             runs = play.runs(exact=True)
     except OutOfTime:
         faults.append(
-            "not simulated event-driven: the time was over "
-            + (f"after {within:.3g} s" if within else "before it began")
-            + "; measured is the run of compiling, in time steps of 1 ms where something touches"
+            "not simulated event-driven: the time limit passed "
+            + (f"after {within:.3g} s" if within else "at once")
+            + "; the run of compiling is measured, in time steps of 1 ms where something touches"
         )
         runs = play.runs()
     except CannotBegin as error:
-        text = _stops(play, error.stop)
+        text = _stop_in_words(play, error.stop)
         raise play.located.error([(("cast", error.stop.players[0]), text)], FileError) from None
     run = together(play.cast, runs)
     faults += [
         f"{failure.text}, in {play.when(failure.t)}"
         for failure in failures(play.cast, play.meetings, runs)
     ]
-    faults += [_stops(play, stop) for stop in runs.stops]
-    listed = tuple(touches(play.cast, run, play.meetings))
-    faults += [f"{touch}, in {play.when(touch.t)}" for touch in listed]
+    faults += [_stop_in_words(play, stop) for stop in runs.stops]
+    all_touches = tuple(touches(play.cast, run, play.meetings))
+    faults += [f"{touch}, in {play.when(touch.t)}" for touch in all_touches]
     faults += [f"{stretch}, in {play.when(stretch.t)}" for stretch in stretches(play.cast, run)]
     cues = cue_times(play, run)
     for timing in cues:
         if abs(timing.late) > IN_TIME + 1e-9:
             side = "late" if timing.late > 0.0 else "early"
             faults.append(
-                f"line {timing.cue.line}: {timing.cue.what}: "
+                f"line {timing.cue.line}: {timing.cue.description}: "
                 f"{timing.who} is {1e3 * abs(timing.late):.0f} ms "
                 f"{side}, in {play.when(timing.wanted)}"
             )
@@ -152,9 +152,11 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         for wait in play.score.waits
         if (rate := float(np.max(np.abs(play.score.offsets(wait.t)[1])))) > _MAX_REST_RATE
     ]
-    peaks, over = _peaks(play)
-    space, outside = _space(play, run.q_K)
-    strings = StringsApart(play.marionette).over(*(x[::EVERY] for x in (run.q_D, run.q_K, run.t)))
+    peaks, bound_faults = _peaks(play)
+    space, space_faults = _space(play, run.q_K)
+    strings = StringsApart(play.marionette).motion(
+        *(x[::SAMPLE_STRIDE] for x in (run.q_D, run.q_K, run.t))
+    )
     wound = tuple(
         winding
         for winding in strings.windings()
@@ -166,7 +168,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         f"{np.max(np.abs(winding.turns - winding.turns[0])):.1f} turns"
         for winding in wound
     ]
-    faults += [*over, *outside]
+    faults += [*bound_faults, *space_faults]
     catches = {
         name: sum(e.kind is EventKind.CATCH and e.name == name for e in run.events)
         for name in run.tension
@@ -177,18 +179,18 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         run,
         tuple(faults),
         cues,
-        listed,
+        all_touches,
         peaks,
         tension,
         catches,
         space,
         wound,
-        tuple(why for company in runs.companies for why in company.stepped),
+        tuple(reason for company in runs.companies for reason in company.stepped),
     )
 
 
-def _stops(play: Play, stop: Stop) -> str:
-    """Sentence about the stop of a run, with its line and its last cue begun, else its first."""
+def _stop_in_words(play: Play, stop: Stop) -> str:
+    """Sentence about the stop of a run, with the cue in which it stops."""
     starts = [
         (marks[START], cue)
         for cue in play.cues
@@ -201,32 +203,33 @@ def _stops(play: Play, stop: Stop) -> str:
     starts.sort(key=lambda start: start[0])
     begun = [cue for t, cue in starts if t <= stop.t + LATE]
     cue = begun[-1] if begun else starts[0][1]
-    return f"line {cue.line}: {cue.what}: {sentence}"
+    return f"line {cue.line}: {cue.description}: {sentence}"
 
 
 def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:
     """Times of all cues that are done, in a run of the play."""
-    seen: dict[tuple[int, str], list[float]] = {}
+    limb_lateness: dict[tuple[int, str], list[float]] = {}
     parts = {id(cue): part for cue, part in zip(play.score.cues, play.parts, strict=True)}
     for late in lateness(play.score, run):
         number, who = parts[id(late.cue)]
         if late.mark == play.cues[number - 1].mark:
-            seen.setdefault((number, who), []).append(late.seconds)
+            limb_lateness.setdefault((number, who), []).append(late.seconds)
     times = []
     for cue in play.cues:
         if cue.refused or cue.start > run.t[-1]:
             continue
         if cue.with_prop:
             # Its players begin one after the other: the cue begins with the first.
-            wanted = float(np.clip(cue.start, cue.wanted, cue.wanted + cue.give))
+            wanted = float(np.clip(cue.start, cue.wanted, cue.wanted + cue.max_delay))
             times.append(CueTime(cue, cue.who[0], wanted, cue.start, limb=False))
             continue
         for who, marks in cue.marks.items():
-            own, hands = seen.get((cue.number, who)), marks[cue.mark or START]
-            at = hands if own is None else hands + float(np.mean(own))
-            # A cue that may be delayed is in time until then.
-            wanted = float(np.clip(at, cue.wanted, cue.wanted + cue.give))
-            times.append(CueTime(cue, who, wanted, at, own is not None))
+            of_limbs, t = limb_lateness.get((cue.number, who)), marks[cue.mark or START]
+            if of_limbs is not None:
+                t += float(np.mean(of_limbs))
+            # A cue that may be delayed is in time until its largest delay.
+            wanted = float(np.clip(t, cue.wanted, cue.wanted + cue.max_delay))
+            times.append(CueTime(cue, who, wanted, t, of_limbs is not None))
     return tuple(times)
 
 
@@ -235,7 +238,7 @@ def _peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], li
     score, table = play.score, play.marionette.coordinates
     bounds = limits(table, score.speed, score.acceleration)
     peaks = score.gesture.peaks
-    largest, over = {}, []
+    largest, faults = {}, []
     for v in np.flatnonzero(score.gesture.named):
         name = table.v_K[v]
         largest[name] = (
@@ -245,15 +248,15 @@ def _peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], li
             float(bounds[1, v]),
         )
         unit = names_and_units(table)[v][1]
-        for row, what, per in ((0, "moves at", "s"), (1, "changes by", "s^2")):
-            if peaks[row, v] > bounds[row, v] * (1.0 + PEAKS):
+        for row, verb, per in ((0, "moves at", "s"), (1, "changes by", "s^2")):
+            if peaks[row, v] > bounds[row, v] * (1.0 + PEAK_TOLERANCE):
                 piece = int(np.argmax(score.gesture.peaks_of_pieces[:, row, v]))
                 when = play.when(score.gesture.breaks[piece])
-                over.append(
-                    f"{name} {what} {peaks[row, v]:.3g} {unit}/{per} in {when}; "
+                faults.append(
+                    f"{name} {verb} {peaks[row, v]:.3g} {unit}/{per} in {when}; "
                     f"the bound is {bounds[row, v]:.3g}"
                 )
-    return largest, over
+    return largest, faults
 
 
 def _space(
@@ -261,15 +264,15 @@ def _space(
 ) -> tuple[tuple[tuple[float, float], tuple[float, float]], list[str]]:
     """Extent of the hands' motion, and violations of their space."""
     names = play.marionette.coordinates.q_K
-    extents, outside = [], []
+    extents, faults = [], []
     space = play.cast.file.stage.space
     for part, bounds in (("x", space and space.x), ("y", space and space.y)):
-        own = q_K[:, [i for i, name in enumerate(names) if name.endswith(f".{part}")]]
-        low, high = (float(own.min()), float(own.max())) if own.size else (0.0, 0.0)
+        values = q_K[:, [i for i, name in enumerate(names) if name.endswith(f".{part}")]]
+        low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
         extents.append((low, high))
         if bounds and not (bounds[0] - 1e-9 <= low and high <= bounds[1] + 1e-9):
-            outside.append(
-                f"hands go from {part} = {low:.3f} to {high:.3f} m; "
+            faults.append(
+                f"hands move from {part} = {low:.3f} to {high:.3f} m; "
                 f"their space is {bounds[0]:g} to {bounds[1]:g} m"
             )
-    return (extents[0], extents[1]), outside
+    return (extents[0], extents[1]), faults

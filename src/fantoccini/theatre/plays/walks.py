@@ -19,19 +19,19 @@ from fantoccini.theatre.ways import Box, Disk, NoWay, Other, Rectangle, Region, 
 
 _MAX_STEP = 0.1
 """Longest step, for legs of 26.4 cm [m]."""
-_CARRYING = 2.0
+_CARRYING_FACTOR = 2.0
 """Factor of a step's duration for a player that carries something."""
 _SWING = 0.02
-"""Swing of bodies beyond the disk of their strings' ends during a walk, for such legs [m]."""
+"""Swing of bodies beyond the disk of their strings' ends during a walk, for legs of 26.4 cm [m]."""
 _MAX_TRIES = 4
-"""Number of beginnings that are tried for a walk to arrive in time."""
-_SAMPLE = 0.02
+"""Number of beginnings to try for a walk that must arrive in time."""
+_CHECK_INTERVAL = 0.02
 """Time between checked places of a way [s]."""
-_UPRIGHT = 1e-9
-"""Tolerance of the vertical part of an upright box's axis."""
-_TOLERANCE = 1e-4
+_UPRIGHT_TOLERANCE = 1e-9
+"""Tolerance of the vertical component of an upright box's axis."""
+_DISTANCE_TOLERANCE = 1e-4
 """Tolerance of the distance between a path and standing obstacles [m]."""
-_IN_TIME = 1e-6
+_TIME_TOLERANCE = 1e-6
 """Tolerance for equal times [s]."""
 
 Track = tuple[Player, tuple[Times, Array]]
@@ -39,7 +39,7 @@ Track = tuple[Player, tuple[Times, Array]]
 
 
 class Walks:
-    """Stage of a play seen from above.
+    """Planner of walks on the stage of a play.
 
     Args:
         cast: cast of the play.
@@ -51,12 +51,12 @@ class Walks:
         self._log = log
         self.step_time = step_time(log.beat)
         self.blocked: list[Region] = []
-        top = max(player.top for player in cast.players.values())
+        top = max(player.height for player in cast.players.values())
         for obstacle in stage.obstacles:
             self.blocked += _regions(obstacle.name, obstacle, top)
         for thing in cast.props.values():
             if not thing.held_by and cast.file.props[thing.name].on is None:
-                self.blocked.append(_around(thing))
+                self.blocked.append(_prop_region(thing))
         self._space = stage.space
         self._cache: dict[tuple[Any, ...], Way | NoWay] = {}
 
@@ -75,7 +75,7 @@ class Walks:
         act_start: float,
         carries: bool = False,
     ) -> tuple[Way | None, str]:
-        """Way by several footings past all other players.
+        """Way through several footings, clear of all other players.
 
         Args:
             player: player that walks.
@@ -87,52 +87,52 @@ class Walks:
             arrives: wanted time of arrival [s]; as soon as possible by default.
             free_from: time from which the player can begin [s].
             act_start: start of the act [s], for times in the reason.
-            carries: whether something hangs on its forearm: it then steps more slowly.
+            carries: whether something hangs on its forearm, so that it steps more slowly.
 
         Returns:
             The way, or None and the reason why there is none.
         """
         if arrives is not None:
             begin = free_from
-        way = self._by_goals(player, start, goals, begin, wait, others, near, carries)
+        way = self._through_goals(player, start, goals, begin, wait, others, near, carries)
         if isinstance(way, NoWay):
-            return None, self._why(player, way, act_start)
+            return None, self._reason(player, way, act_start)
         if arrives is None:
             return way, ""
         for _ in range(_MAX_TRIES):
             early = arrives - way.end
-            if abs(early) < _IN_TIME or way.begin + early < free_from - _IN_TIME:
-                break
             later = way.begin + early
-            again = self._by_goals(player, start, goals, later, 0.0, others, near, carries)
-            if isinstance(again, NoWay):
+            if abs(early) < _TIME_TOLERANCE or later < free_from - _TIME_TOLERANCE:
                 break
-            way = again
+            shifted = self._through_goals(player, start, goals, later, 0.0, others, near, carries)
+            if isinstance(shifted, NoWay):
+                break
+            way = shifted
         return way, ""
 
     @staticmethod
-    def clear(player: Player) -> float:
-        """Distance that a player keeps from obstacles [m]."""
+    def clearance(player: Player) -> float:
+        """Distance of a player's middle from obstacles [m]."""
         return player.radius + player.leg_ratio * (SWAY + _SWING)
 
     def is_clear(self, player: Player, place: Footing) -> bool:
         """Whether a place is clear of all obstacles."""
         at = np.array(place.place)
-        return all(float(region.distance(at)) >= self.clear(player) for region in self.blocked)
+        return all(float(region.distance(at)) >= self.clearance(player) for region in self.blocked)
 
     def is_inside(self, player: Player, place: Footing) -> bool:
         """Whether the hands of a player at a place are within their space."""
-        bounds = self._room(player)
+        bounds = self._middle_bounds(player)
         return bounds is None or bool(bounds.holds(np.array(place.place)))
 
     def obstruction(self, player: Player, place: complex) -> str:
-        """Reason why a player can never stand near a place, even if others leave; else ""."""
-        bounds, at = self._room(player), np.array(place)
+        """Reason why a player can never stand at a place, even if others leave; "" if it can."""
+        bounds, at = self._middle_bounds(player), np.array(place)
         if bounds is not None and not bounds.holds(at):
             outside = abs(bounds.nearest(place) - place)
             return f"the place is {outside:.2f} m outside of the hands' space"
         for region in self.blocked:
-            if float(region.distance(at)) < self.clear(player) - _TOLERANCE:
+            if float(region.distance(at)) < self.clearance(player) - _DISTANCE_TOLERANCE:
                 return f"{region.name} is there"
         return ""
 
@@ -143,13 +143,13 @@ class Walks:
         end = min(way.end, until)
         if end < way.begin:
             return None
-        n = int(np.ceil((end - way.begin) / _SAMPLE)) + 1
+        n = int(np.ceil((end - way.begin) / _CHECK_INTERVAL)) + 1
         t = np.linspace(way.begin, end, n)
         xy, _ = way.footing(t)
         for other, (clock, path) in others:
-            own = np.stack([np.interp(t, clock, path[:, i]) for i in (0, 1)], axis=1)
-            apart = self.clear(player) + self.clear(other)
-            if np.min(np.linalg.norm(xy - own, axis=1)) < apart:
+            other_xy = np.stack([np.interp(t, clock, path[:, i]) for i in (0, 1)], axis=1)
+            min_distance = self.clearance(player) + self.clearance(other)
+            if np.min(np.linalg.norm(xy - other_xy, axis=1)) < min_distance:
                 return other.name
         return None
 
@@ -159,12 +159,15 @@ class Walks:
         return next(centres, None)
 
     def sides(self, name: str, seen: complex, inset: float) -> list[tuple[float, complex]]:
-        """Places for props on an obstacle: headings of a player and places [rad, m].
+        """Places for a prop at the sides of an obstacle.
 
         Args:
             name: name of the obstacle.
-            seen: place of the player.
+            seen: place of the player [m].
             inset: distance from the border, if the obstacle is large enough [m].
+
+        Returns:
+            Heading of the player [rad] and place x + i y of the prop [m], for each side.
         """
         (region,) = [candidate for candidate in self.blocked if candidate.name == name]
         middle = complex(*region.centre)
@@ -178,7 +181,7 @@ class Walks:
             places.append((heading, middle - max(half - inset, 0.0) * np.exp(1j * heading)))
         return places
 
-    def _by_goals(
+    def _through_goals(
         self,
         player: Player,
         start: Footing,
@@ -189,7 +192,7 @@ class Walks:
         near: float,
         carries: bool,
     ) -> Way | NoWay:
-        """Way from goal to goal as one way."""
+        """Way from goal to goal, joined to a single one."""
         whole: Way | None = None
         for i, goal in enumerate(goals):
             part = self._cached_way(player, start, goal, begin, wait, others, carries)
@@ -225,30 +228,33 @@ class Walks:
                 goal,
                 begin=begin,
                 longest_step=_MAX_STEP * player.leg_ratio,
-                step_time=self.step_time * (_CARRYING if carries else 1.0),
-                radius=self.clear(player),
+                step_time=self.step_time * (_CARRYING_FACTOR if carries else 1.0),
+                radius=self.clearance(player),
                 blocked=self.blocked,
-                space=self._room(player),
+                space=self._middle_bounds(player),
                 latest_begin=begin + wait,
-                others=[Other(other.name, t, xy, self.clear(other)) for other, (t, xy) in others],
+                others=[
+                    Other(other.name, t, xy, self.clearance(other)) for other, (t, xy) in others
+                ],
             )
         return self._cache[key]
 
-    def _room(self, player: Player) -> Rectangle | None:
-        """Bounds of the middle of a player; None without bounds."""
+    def _middle_bounds(self, player: Player) -> Rectangle | None:
+        """Bounds of the middle of a player, so that its hands stay in their space; or None."""
         if self._space is None:
             return None
         (a, b), (c, d) = self._space.x, self._space.y
         r = player.radius + player.leg_ratio * SWAY
         return Rectangle((a + r, c + r), (b - r, d - r))
 
-    def _why(self, player: Player, found: NoWay, act_start: float) -> str:
-        text = f"{player.name} cannot get there: {found.reason}"
-        if found.earliest is not None:
-            when = act_time_in_words(found.earliest, act_start, self._log.beat)
+    def _reason(self, player: Player, failure: NoWay, act_start: float) -> str:
+        """Reason why there is no way, in words, with the nearest possible time and place."""
+        text = f"{player.name} cannot get there: {failure.reason}"
+        if failure.earliest is not None:
+            when = act_time_in_words(failure.earliest, act_start, self._log.beat)
             text += f"; it could be there {when}"
-        if found.nearest is not None:
-            x, y = found.nearest.x, found.nearest.y
+        if failure.nearest is not None:
+            x, y = failure.nearest.x, failure.nearest.y
             text += f"; the nearest place that can be reached is [{x:.2f}, {y:.2f}]"
         return text
 
@@ -258,9 +264,9 @@ def _regions(name: str, shape: Shape, top: float) -> list[Region]:
     low, high = extent(shape)
     if low[2] > top:
         return []
-    turned = _turned(name, shape)
-    if turned is not None:
-        return [turned]
+    box = _turned_box(name, shape)
+    if box is not None:
+        return [box]
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     centre = float(middle[0]), float(middle[1])
     if isinstance(shape, BoxShape) and shape.orientation is None:
@@ -268,25 +274,25 @@ def _regions(name: str, shape: Shape, top: float) -> list[Region]:
     return [Disk(name, centre, float(np.hypot(half[0], half[1])))]
 
 
-def _turned(name: str, shape: Shape) -> Region | None:
-    """Box that is turned only about the vertical; None for other shapes."""
+def _turned_box(name: str, shape: Shape) -> Region | None:
+    """Region of a box that is turned only about the vertical; None for other shapes."""
     if not isinstance(shape, BoxShape) or shape.orientation is None:
         return None
     R = shape.orientation.matrix
-    if R[2, 2] < 1.0 - _UPRIGHT:
+    if R[2, 2] < 1.0 - _UPRIGHT_TOLERANCE:
         return None
     width, depth, _ = (0.5 * value_of(size) for size in shape.size)
     yaw = float(np.arctan2(R[1, 0], R[0, 0]))
     return Box(name, (float(shape.at[0]), float(shape.at[1])), (width, depth), yaw)
 
 
-def _around(thing: PlayProp) -> Region:
+def _prop_region(thing: PlayProp) -> Region:
     """Region of the stage under a prop on the floor."""
     ends = np.array([extent(shape) for shape in thing.prop.shapes])
     low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    there = thing.stands
-    centre = there.place + np.exp(1j * there.heading) * complex(middle[0], middle[1])
+    footing = thing.stands
+    centre = footing.place + np.exp(1j * footing.heading) * complex(middle[0], middle[1])
     return Box(
-        thing.name, (centre.real, centre.imag), (float(half[0]), float(half[1])), there.heading
+        thing.name, (centre.real, centre.imag), (float(half[0]), float(half[1])), footing.heading
     )

@@ -1,11 +1,11 @@
-"""A whole play as a score: the motion of all hands, captions, sounds and waits."""
+"""Whole play as one score: the motion of all hands, captions, sounds and waits."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 from fantoccini.base import nearest
-from fantoccini.theatre.cast import Cast, lane_name, of_stage
+from fantoccini.theatre.cast import Cast, in_scene, lane_name
 from fantoccini.theatre.gestures import (
     Caption,
     Gesture,
@@ -26,16 +26,24 @@ def whole_score(
     cues: Sequence[Placed[PlayCue]],
     log: ScriptLog,
 ) -> Score:
-    """Score of the stage, with the motions of all players."""
+    """Score of the whole stage, with the motions of all players.
+
+    Args:
+        cast: cast of the play.
+        motions: player -> motion of its hands.
+        lanes: player -> lane -> motion of the lane.
+        cues: placed cues in the file's order.
+        log: collects mistakes; has the length of a beat.
+    """
     file = cast.file
     table = cast.whole.coordinates
-    own = {
-        label: of_stage(table, cast.member(name), gesture)
-        for name, of_player in lanes.items()
-        for label, gesture in of_player.items()
+    lane_motions = {
+        label: in_scene(table, cast.member(name), gesture)
+        for name, player_lanes in lanes.items()
+        for label, gesture in player_lanes.items()
     }
     whole, *others = (
-        of_stage(table, cast.member(name), motion) for name, motion in motions.items()
+        in_scene(table, cast.member(name), motion) for name, motion in motions.items()
     )
     for other in others:
         whole += other
@@ -51,10 +59,10 @@ def whole_score(
         start = min(part.start for part in placed.parts)
         if cue.given.says is not None:
             end = max(part.end for part in placed.parts)
-            # Only the player that handles the prop speaks, not others that take part.
+            # Only the player that handles the prop speaks.
             who = cue.given.who if isinstance(cue.given, PropCue) else cue.who
-            words = Caption(start, max(end, start + 1.0), cue.given.says, " and ".join(who))
-            captions.append(words)
+            speaker = " and ".join(who)
+            captions.append(Caption(start, max(end, start + 1.0), cue.given.says, speaker))
         if cue.given.go:
             waits.append(Wait(f"cue {number}", min(start, placed.wanted)))
     sounds = sounds_of(file, log)
@@ -72,7 +80,7 @@ def whole_score(
         file.stage.acceleration,
         tuple(sorted(waits, key=lambda wait: wait.t)),
         sounds,
-        own,
+        lane_motions,
         file.tempo,
     )
 

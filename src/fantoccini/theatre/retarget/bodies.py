@@ -1,4 +1,4 @@
-"""Bodies of a puppet, whatever their names, as the parts of a person: those of its body map."""
+"""Bodies of a puppet that correspond to the parts of a person, by its body map."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ _PARTS = {"arm": ("upper_arm", "forearm"), "leg": ("thigh", "shin")}
 
 
 def bodies_of_map(marionette: Marionette) -> dict[str, BodyFile]:
-    """Part -> body and end; a limb of several bodies bends at the joint nearest to its middle.
+    """Bodies of a person's parts: part -> body and end.
+
+    A limb of several bodies bends at the joint nearest to its middle.
 
     Raises:
         StateError: the puppet has no body map, or lacks a part of a person.
@@ -23,11 +25,11 @@ def bodies_of_map(marionette: Marionette) -> dict[str, BodyFile]:
     by_name = body_map.parts
     if missing := [
         part
-        for part, has in (
+        for part, exists in (
             ("head", body_map.head is not None),
             *((f"{kind}_{side}", f"{kind}_{side}" in by_name) for kind in _PARTS for side in SIDES),
         )
-        if not has
+        if not exists
     ]:
         raise StateError(f"{marionette.name} has no {missing[0]}, unlike a person")
     assert body_map.head is not None
@@ -52,12 +54,13 @@ def _carrier(marionette: Marionette, body: str, trunk: tuple[str, ...]) -> str:
 
 def _lower_half(marionette: Marionette, limb: Limb, poses: Array) -> BodyFile:
     """Body with the joint nearest to the middle of a limb, and the limb's end in its frame."""
-    own = [poses[marionette.link_index(name)] for name in limb.bodies]
-    end = own[-1][:, :3] @ np.array(limb.end) + own[-1][:, 3]
-    places = np.array([*(pose[:, 3] for pose in own), end])
+    limb_poses = [poses[marionette.link_index(name)] for name in limb.bodies]
+    end = limb_poses[-1][:, :3] @ np.array(limb.end) + limb_poses[-1][:, 3]
+    places = np.array([*(pose[:, 3] for pose in limb_poses), end])
     lengths = np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))
-    if len(own) < 2:
+    if len(limb_poses) < 2:
         raise StateError(f"{limb.bodies[0]} of {marionette.name} does not bend, unlike a person's")
     k = 1 + int(np.argmin(np.abs(lengths[:-1] - 0.5 * lengths[-1])))
-    x, y, z = (own[k][:, :3].T @ (end - own[k][:, 3])).tolist()
+    R, origin = limb_poses[k][:, :3], limb_poses[k][:, 3]
+    x, y, z = (R.T @ (end - origin)).tolist()
     return BodyFile(body=limb.bodies[k], end=(x, y, z))

@@ -1,4 +1,4 @@
-"""Distances of a run from its clip: by groups of parts, and parts that are lost for a while."""
+"""Distances of a run from its clip by groups of parts, and times in which a part is far off."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ GROUPS = {
     "trunk": ("trunk", "shoulder_left", "shoulder_right"),
 }
 """Parts whose errors are reported together."""
-MIN_LOSS = 0.3
-"""Shortest loss that counts: the time of one swing of a hand [s]."""
+MIN_LOSS_TIME = 0.3
+"""Duration of the shortest loss that counts: one swing of a hand [s]."""
 MAX_LOST_SHARE = 0.25
 """Largest share of a clip in which a part may be lost."""
 
 
 @dataclass(frozen=True)
 class PartError:
-    """Errors of a group of parts, root mean squares over time and parts [m].
+    """Errors of a group of parts: root mean squares over time and parts [m].
 
     Attributes:
         name: name of the group.
-        reach: error of the hanging poses nearest to the clip, the least that is possible.
+        reach: error of the hanging poses nearest to the clip, the least possible one.
         run: error of the run.
         largest: largest error of the run at any time.
-        above: difference of ``run`` and ``reach``, relative to the puppet's height.
+        excess: difference of ``run`` and ``reach``, relative to the puppet's height.
     """
 
     name: str
     reach: float
     run: float
     largest: float
-    above: float
+    excess: float
 
 
 def places_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
@@ -62,8 +62,8 @@ def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[Part
         run = np.stack([errors[part] for part in parts])
         reach = np.stack([retargeted.errors[part] for part in parts])
         a, b = (float(np.sqrt(np.mean(np.square(e)))) for e in (reach, run))
-        above = (b - a) / retargeted.figure.height
-        part_errors.append(PartError(name, a, b, float(run.max()), above))
+        excess = (b - a) / retargeted.figure.height
+        part_errors.append(PartError(name, a, b, float(run.max()), excess))
     return tuple(part_errors)
 
 
@@ -92,7 +92,7 @@ class Loss:
 def losses_of(
     t: Times, errors: Mapping[str, Array], hanging: Mapping[str, Array], allowed: float
 ) -> tuple[Loss, ...]:
-    """Losses in order of their beginnings.
+    """Losses of all parts, in order of their beginnings.
 
     Args:
         t: (T,) times of the frames [s].
@@ -106,7 +106,7 @@ def losses_of(
         edges = np.flatnonzero(np.diff(away.astype(int)))
         for first, after in edges.reshape(-1, 2).tolist():
             begin, end = float(t[first]), float(t[after - 1])
-            if end - begin >= MIN_LOSS:
+            if end - begin >= MIN_LOSS_TIME:
                 losses.append(Loss(part, begin, end, float(np.max(distance[first:after]))))
     return tuple(sorted(losses, key=lambda loss: loss.begin))
 

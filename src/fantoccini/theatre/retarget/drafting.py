@@ -1,4 +1,4 @@
-"""Mapping files to fill in: a guess of the joints and bodies, and lists of all of them."""
+"""Drafts of mapping files: a guess of the joints and bodies, and lists of all of them."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import Role
 from fantoccini.theatre.capture import Capture, Skeleton
 from fantoccini.theatre.retarget.bodies import bodies_of_map
-from fantoccini.theatre.retarget.figure import USUAL
+from fantoccini.theatre.retarget.figure import BUNDLED_BODIES
 from fantoccini.theatre.retarget.finding import Doubt
 from fantoccini.theatre.retarget.mapping import BODIES, PARTS, recognise
 
-_MAX_NAME = 40
-"""Width of a line before its comment."""
+_COMMENT_COLUMN = 40
+"""Column at which comments begin."""
 
 
 def draft_mapping(clip: Capture, marionette: Marionette | None = None) -> str:
-    """Text of a mapping file, with the joints and bodies that are found.
+    """Text of a mapping file, with the joints and bodies that were identified.
 
-    Parts that are not found stay empty, and doubts stand beside them as comments. Comments list all
-    joints, and the bodies of a puppet whose names are not those of the bundled marionette.
+    Other parts are empty. Comments contain doubts, all joints, and the bodies of a puppet whose
+    names are not those of the bundled marionette.
 
     Args:
         clip: clip whose joints are mapped.
@@ -32,11 +32,11 @@ def draft_mapping(clip: Capture, marionette: Marionette | None = None) -> str:
     try:
         recognised = recognise(clip.skeleton, name, clip.positions)
         joints, doubts = dict(recognised.mapping.joints), recognised.doubts
-        about = "Found by shape." if recognised.by_shape else "Joints called as in a bundled file."
+        comment = "Found by shape." if recognised.by_shape else "Names are those of a bundled file."
     except FileError:
-        joints, doubts, about = {}, (), "No person has this shape: fill in the joints."
+        joints, doubts, comment = {}, (), "No person has this shape: fill in the joints."
     lines = [
-        f"# Joints of {name}. {about}",
+        f"# Joints of {name}. {comment}",
         *(f"# Doubtful: {doubt}" for doubt in doubts if not doubt.part),
         "mapping: mine",
         "joints:",
@@ -54,10 +54,11 @@ def _line(part: str, joint: str | None, doubts: tuple[Doubt, ...]) -> str:
     reasons = [doubt.reason for doubt in doubts if doubt.part == part]
     if joint is None:
         reasons.append("which joint?")
-    return f"{text:<{_MAX_NAME}}  # {'; '.join(reasons)}" if reasons else text
+    return f"{text:<{_COMMENT_COLUMN}}  # {'; '.join(reasons)}" if reasons else text
 
 
 def _indented(skeleton: Skeleton) -> Iterator[str]:
+    """Names of joints, indented by their depth."""
     depths = list[int]()
     for name, parent in zip(skeleton.names, skeleton.parents, strict=True):
         depths.append(depths[parent] + 1 if parent >= 0 else 0)
@@ -65,9 +66,9 @@ def _indented(skeleton: Skeleton) -> Iterator[str]:
 
 
 def _puppet_lines(marionette: Marionette) -> list[str]:
-    """Lines of the puppet's bodies; none if they are called as those of the bundled marionette."""
+    """Lines of the puppet's bodies; none if their names are those of the bundled marionette."""
     names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
-    if all(body_file.body in names for body_file in USUAL.values()):
+    if all(body_file.body in names for body_file in BUNDLED_BODIES.values()):
         return []
     try:
         bodies = bodies_of_map(marionette)
@@ -85,7 +86,7 @@ def _puppet_lines(marionette: Marionette) -> list[str]:
 
 
 def _quoted(name: str) -> str:
-    """A name in YAML, in quotes where it needs them."""
+    """Name in YAML, in quotes if necessary."""
     return yaml_of([name]).strip()[1:-1]
 
 

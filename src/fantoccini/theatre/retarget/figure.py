@@ -15,7 +15,7 @@ from fantoccini.motion import State
 from fantoccini.theatre.retarget.bodies import bodies_of_map
 from fantoccini.theatre.retarget.mapping import BODIES, LIMBS, SIDES, BodyFile
 
-USUAL = {
+BUNDLED_BODIES = {
     "trunk": BodyFile(body="torso"),
     "head": BodyFile(body="skull", end=(0.0, 0.0, 0.137)),
     **{f"upper_arm_{side}": BodyFile(body=f"upper_arm_{side}") for side in SIDES},
@@ -37,20 +37,20 @@ class LowerTrunk:
     Attributes:
         axes: (3, 3) columns forward, left, up in its frame.
         waist: (3,) joint at which the trunk turns, in its frame at the start [m].
-        below_trunk: (3,) the same joint, in the frame of the trunk [m].
+        waist_in_trunk: (3,) the same joint, in the frame of the trunk [m].
     """
 
     axes: Array
     waist: Array
-    below_trunk: Array
+    waist_in_trunk: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Figure:
     """A puppet as a person: trunk, head, and limbs.
 
-    Bodies between two parts, such as those of a neck or of a hip of several joints, are taken as
-    they are at the start.
+    Bodies between two parts, such as those of a neck or of a hip of several joints, keep their
+    pose of the start.
 
     Attributes:
         marionette: puppet.
@@ -110,7 +110,7 @@ def figure_of(
         UnknownNameError: the scene has no such member.
     """
     names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
-    body_files = _of_member(marionette, {**USUAL, **(bodies or {})}, names, of)
+    body_files = _of_member(marionette, {**BUNDLED_BODIES, **(bodies or {})}, names, of)
     if not bodies and not of and any(file.body not in names for file in body_files.values()):
         with contextlib.suppress(StateError):
             body_files = bodies_of_map(marionette)
@@ -121,7 +121,7 @@ def figure_of(
         )
     links = {part: marionette.link_index(body_files[part].body) for part in BODIES}
     links["hips"] = _hips(marionette, links)
-    _check_order(marionette, links)
+    _check_joined(marionette, links)
     pose = marionette.poses(start.q_D[None], start.q_K[None])[0]
     points = _points(marionette, body_files, links, pose)
     places = {}
@@ -131,12 +131,12 @@ def figure_of(
     named = {part: body_files[part].body for part in BODIES}
     if links["hips"] == links["trunk"]:
         lines = [points[f"{part}_{side}"][1] for part in ("shoulder", "hip") for side in SIDES]
-        axes, half = axes_of(*(np.array(x)[None] for x in lines))[0], None
+        axes, lower = axes_of(*(np.array(x)[None] for x in lines))[0], None
     else:
         named["hips"] = marionette.tree.links[links["hips"]].name
-        axes, half = _with_waist(marionette, links, pose, places)
+        axes, lower = _with_waist(marionette, links, pose, places)
     forward = pose[links["trunk"]][:, :3] @ axes[:, 0]
-    return Figure(marionette, named, points, axes, forward, places, half)
+    return Figure(marionette, named, points, axes, forward, places, lower)
 
 
 def _points(
@@ -218,7 +218,7 @@ def _of_member(
         return within(of)
     persons = [m for m in members if all(within(m)[part].body in names for part in BODIES)]
     if len(persons) > 1 and within(persons[0]) != within(persons[1]):
-        raise StateError(f"several members are persons: {', '.join(persons)}; say which with `of`")
+        raise StateError(f"several members are persons: {', '.join(persons)}; name one with `of`")
     return within(persons[0]) if persons else dict(bodies)
 
 
@@ -256,8 +256,8 @@ def _hips(marionette: Marionette, links: Mapping[str, int]) -> int:
     return both
 
 
-def _check_order(marionette: Marionette, links: Mapping[str, int]) -> None:
-    """Raises StateError if a part hangs at another part than a person's does."""
+def _check_joined(marionette: Marionette, links: Mapping[str, int]) -> None:
+    """Raises StateError if a part is joined to another part than in a person."""
     tree = marionette.tree
     above = {"head": "trunk"}
     for side in SIDES:

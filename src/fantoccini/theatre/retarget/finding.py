@@ -1,4 +1,4 @@
-"""Finding: joints of a person in a skeleton, by its tree and the lengths of its bones.
+"""Search for the joints of a person in a skeleton, by its tree and the lengths of its bones.
 
 The two longest pairs of mirrored limbs are arms and legs; the legs are nearer to the root, and the
 head is the branch between the arms. Sides come from names or, without them, from the toes.
@@ -16,22 +16,22 @@ from fantoccini.theatre.capture import Skeleton
 from fantoccini.theatre.retarget.limbs import ARM, LEG, JointTree, Limb, Pair
 from fantoccini.theatre.retarget.naming import END, limb_called, part_called, side_of
 
-_MIN_LIMB = 0.5
+_MIN_LIMB_LENGTH = 0.5
 """Least length of limbs, relative to the longest."""
-_MAX_THIRD = 0.7
+_MAX_OTHER_LENGTH = 0.7
 """Largest length of other pairs of limbs, relative to the shorter of the two longest."""
-_MAX_BEYOND = 0.6
+_MAX_LENGTH_BEYOND = 0.6
 """Largest length beyond hand or foot, relative to the limb."""
 _MAX_LIMB_DIFFERENCE = 0.25
-"""Largest relative difference of left and right limbs."""
-_MIN_STANDING = 0.5
-"""Least cosine between trunk and legs, upwards, of a standing pose."""
-_MIN_PARALLEL = 0.5
+"""Largest relative difference in length of left and right limbs."""
+_MIN_STANDING_COSINE = 0.5
+"""Least cosine between the trunk and the legs, both upwards, of a standing pose."""
+_MIN_LEG_COSINE = 0.5
 """Least cosine between front and hind legs of an animal."""
-_MIN_TOES = 0.25
-"""Least share of the toes' length along the floor for a direction."""
+_MIN_TOE_SHARE = 0.25
+"""Least horizontal share of the toes' length for which they have a direction."""
 _MAX_POSES = 200
-"""Largest number of frames that are examined."""
+"""Largest number of frames to examine."""
 
 
 @dataclass(frozen=True)
@@ -64,16 +64,16 @@ class Guess:
 
 
 def guess_joints(skeleton: Skeleton, positions: Array | None = None) -> Guess:
-    """Joints of a person in a skeleton of any names.
+    """Joints of a person in a skeleton with any names.
 
     Args:
         skeleton: joints, parents first.
-        positions: (T, n, 3) positions in a clip. They give the lengths of the bones, and the
+        positions: (T, n, 3) positions in a clip. They determine the lengths of the bones, and the
             directions if the rest pose does not stand.
 
     Raises:
-        StateError: the skeleton is no person's, has no sides, or those of several people; the
-            message is the reason.
+        StateError: the skeleton is not that of one person, or its sides cannot be determined; the
+            message has the reason.
     """
     if positions is not None:
         positions = positions[:: max(1, len(positions) // _MAX_POSES)]
@@ -103,7 +103,7 @@ def guess_joints(skeleton: Skeleton, positions: Array | None = None) -> Guess:
 
 
 def _longest_pairs(tree: JointTree) -> list[Pair]:
-    """Pairs of limbs, the two longest first; others only if they are about as long."""
+    """Pairs of limbs: the two longest, then others that are about as long."""
     roots = [i for i, parent in enumerate(tree.parents) if parent < 0]
     pairs = [pair for root in roots for pair in tree.pairs(root)]
     pairs.sort(key=lambda pair: -pair.length)
@@ -112,14 +112,14 @@ def _longest_pairs(tree: JointTree) -> list[Pair]:
             f"found {len(pairs) or 'no'} pair{'' if len(pairs) == 1 else 's'} of limbs of two "
             "bones; needed: arms and legs"
         )
-    limbs = sum(pair.length > _MIN_LIMB * pairs[0].length for pair in pairs)
+    limbs = sum(pair.length > _MIN_LIMB_LENGTH * pairs[0].length for pair in pairs)
     if limbs > 3:
         raise StateError(f"found {limbs} pairs of limbs, of several people or an animal")
-    return pairs[:2] + [p for p in pairs[2:] if p.length > _MAX_THIRD * pairs[1].length]
+    return pairs[:2] + [p for p in pairs[2:] if p.length > _MAX_OTHER_LENGTH * pairs[1].length]
 
 
 def _legs_and_arms(tree: JointTree, a: Pair, b: Pair) -> tuple[Pair, Pair, list[Doubt]]:
-    """Which of two pairs are the legs, by several signs."""
+    """Legs and arms among two pairs of limbs, by a vote of several signs, and doubts."""
     root_side = (tree.height(a.junction) < tree.height(b.junction)) - (
         tree.height(a.junction) > tree.height(b.junction)
     )
@@ -128,18 +128,18 @@ def _legs_and_arms(tree: JointTree, a: Pair, b: Pair) -> tuple[Pair, Pair, list[
         raise StateError(
             "both long pairs of limbs are called legs, as an animal's; needed: a person"
         )
-    words = (called[0] == "leg") - (called[0] == "arm") - (called[1] == "leg")
-    words = int(np.sign(words + (called[1] == "arm")))
-    longer = 1 if a.length > b.length else -1
-    votes = 2 * root_side + 2 * words + longer + 2 * _bears_head(tree, a, b)
+    by_name = (called[0] == "leg") - (called[0] == "arm") - (called[1] == "leg")
+    by_name = int(np.sign(by_name + (called[1] == "arm")))
+    by_length = 1 if a.length > b.length else -1
+    votes = 2 * root_side + 2 * by_name + by_length + 2 * _head_side(tree, a, b)
     legs, arms = (a, b) if votes > 0 else (b, a)
     doubts = []
-    if abs(votes) < 2 or words * votes < 0:
+    if abs(votes) < 2 or by_name * votes < 0:
         doubts.append(Doubt("", f"{_names(tree, arms)} may be legs, and the others arms"))
     return legs, arms, doubts
 
 
-def _bears_head(tree: JointTree, a: Pair, b: Pair) -> int:
+def _head_side(tree: JointTree, a: Pair, b: Pair) -> int:
     """1 if the head is nearer to the second pair, -1 if to the first, 0 if that is unclear."""
     others = [_branches(tree, pair.junction, (a, b)) for pair in (a, b)]
     if a.junction != b.junction:
@@ -156,43 +156,43 @@ def _branches(tree: JointTree, junction: int, pairs: Sequence[Pair]) -> list[int
     """Children of a joint that lead neither into limbs nor to the junction of limbs."""
     taken = {i for pair in pairs for i in (pair.junction, *tree.above(pair.junction))}
     taken |= {limb.path[0] for pair in pairs for limb in pair.limbs}
-    branches = [k for k in tree.children[junction] if k not in taken and not tree.added(k)]
+    branches = [k for k in tree.children[junction] if k not in taken and not tree.is_added_joint(k)]
     return [k for k in branches if tree.lengths[k] + tree.depth[k] > 0.0]
 
 
 def _head(tree: JointTree, legs: Pair, arms: Pair) -> int:
-    """Joint of the head: the end of the branch between the arms, or the first so called in it."""
+    """Joint of the head: the first with such a name in the branch between the arms, or its end."""
     for junction in (arms.junction, *tree.above(arms.junction)):
         if branches := _branches(tree, junction, (legs, arms)):
             break
     else:
         raise StateError("found arms and legs, but no head between the arms")
-    named = [k for k in branches if _called_head(tree, k) is not None]
+    named = [k for k in branches if _named_head(tree, k) is not None]
     joint = max(named or branches, key=lambda k: tree.lengths[k] + tree.depth[k])
-    if (head := _called_head(tree, joint)) is not None:
+    if (head := _named_head(tree, joint)) is not None:
         return head
     while True:
         below = [k for k in tree.children[joint] if not tree.plain[k].endswith(END)]
-        if len(below) != 1 or tree.added(below[0]):
+        if len(below) != 1 or tree.is_added_joint(below[0]):
             return joint
         joint = below[0]
 
 
-def _called_head(tree: JointTree, joint: int) -> int | None:
-    """First joint in a branch that is called head."""
+def _named_head(tree: JointTree, joint: int) -> int | None:
+    """First joint of a branch with the name of a head; None without one."""
     below = [i for i in tree.below(joint) if not tree.plain[i].endswith(END)]
     return next((i for i in below if part_called(tree.plain[i]) == "head"), None)
 
 
 def _standing(skeleton: Skeleton, positions: Array | None, legs: Pair, arms: Pair) -> Array | None:
-    """(T, n, 3) poses with directions: the rest pose if it stands, or a clip's.
+    """(T, n, 3) poses in which the skeleton stands: its rest pose if it does, or those of a clip.
 
     In some files the bones of the rest pose point along the axes of their joints.
     """
     rest = skeleton.rest[None]
     trunk, down, _ = _directions(rest, legs, arms)
     upright = -float(trunk[0] @ down[0])
-    if upright > _MIN_STANDING or (positions is None and upright > -_MIN_STANDING):
+    if upright > _MIN_STANDING_COSINE or (positions is None and upright > -_MIN_STANDING_COSINE):
         return rest
     return positions
 
@@ -215,14 +215,14 @@ def _check_upright(poses: Array | None, legs: Pair, arms: Pair) -> None:
     trunk, hind, front = _directions(poses, legs, arms)
     level = float(np.median(np.abs(np.sum(trunk * hind, axis=1))))
     parallel = float(np.median(np.sum(hind * front, axis=1)))
-    if level < _MIN_STANDING and parallel > _MIN_PARALLEL:
+    if level < _MIN_STANDING_COSINE and parallel > _MIN_LEG_COSINE:
         raise StateError("the skeleton stands on four legs, as an animal; needed: a person")
 
 
 def _sides(
     tree: JointTree, poses: Array | None, legs: Pair, arms: Pair
 ) -> tuple[tuple[bool, bool], list[Doubt]]:
-    """Whether the first limb of the arms, and of the legs, is the left one."""
+    """Whether the first of the arms, and the first of the legs, is the left one; and doubts."""
     signs = [_named_side(tree, pair) for pair in (arms, legs)]
     across = 0 if poses is None else _same_side(poses, legs, arms)
     toes = 0 if poses is None else _toes_side(tree, poses, legs, arms)
@@ -231,11 +231,11 @@ def _sides(
     if not any(signs):
         signs = [toes * across, toes]
     if not all(signs):
-        raise StateError("neither the joints' names nor toes tell left from right")
+        raise StateError("neither the joints' names nor toes distinguish left and right")
     if signs[0] * signs[1] * across < 0:
-        doubts.append(Doubt("", "the arms' names and the legs' differ in what is left"))
+        doubts.append(Doubt("", "by their names the left arm and the left leg are not on one side"))
     if signs[1] * toes < 0:
-        doubts.append(Doubt("", "the toes point backwards if left is what its name says"))
+        doubts.append(Doubt("", "the toes point backwards if the names of the sides are right"))
     return (signs[0] > 0, signs[1] > 0), doubts
 
 
@@ -266,32 +266,32 @@ def _toes_side(tree: JointTree, poses: Array, legs: Pair, arms: Pair) -> int:
     toes = sum(poses[:, limb.path[-1]] - poses[:, limb.joints[2]] for limb in legs.limbs)
     ahead = toes - np.sum(toes * up, axis=1, keepdims=True) * up
     lengths = np.linalg.norm(ahead, axis=1)
-    if not np.median(lengths) > _MIN_TOES * np.median(np.linalg.norm(toes, axis=1)):
+    if not np.median(lengths) > _MIN_TOE_SHARE * np.median(np.linalg.norm(toes, axis=1)):
         return 0
     left = np.cross(up, ahead)
     return int(np.sign(np.median(np.sum(left * _across(poses, legs), axis=1))))
 
 
 def _limb_doubts(tree: JointTree, names: Sequence[str], limb: Limb) -> list[Doubt]:
-    """Signs that the bones of a limb are others; none if all joints are called as its parts."""
+    """Signs that the bones of a limb are wrong; none if all joints have names of its parts."""
     if all(part_called(tree.plain[joint]) for joint in limb.joints):
         return []
     doubts = []
-    if not limb.plausible:
+    if not limb.is_plausible:
         doubts.append(Doubt(names[1], "upper and lower bone differ in length more than twofold"))
-    if limb.beyond > _MAX_BEYOND * limb.length:
-        doubts.append(Doubt(names[2], "the limb goes on beyond it by more than half its length"))
+    if limb.beyond > _MAX_LENGTH_BEYOND * limb.length:
+        doubts.append(Doubt(names[2], "the limb extends beyond it by more than half its length"))
     return doubts
 
 
 def _name_doubts(skeleton: Skeleton, tree: JointTree, joints: dict[str, int]) -> list[Doubt]:
-    """Joints that are called as another part."""
+    """Signs that a joint is another part, by its name."""
     doubts = []
     for part, joint in joints.items():
         name = skeleton.names[joint]
         called = "" if name.endswith(END) else part_called(tree.plain[joint])
         if called not in ("", part.split("_")[0]):
-            doubts.append(Doubt(part, f"{name!r} is called as a person's {called}"))
+            doubts.append(Doubt(part, f"{name!r} is the name of a {called}"))
     return doubts
 
 

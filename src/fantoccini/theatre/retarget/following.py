@@ -1,9 +1,9 @@
-"""Following: motions of the hands with which a puppet itself moves as a clip does.
+"""Following: motions of the hands with which a puppet moves as a clip does.
 
-    min over acc_K of  sum_i w_i |x_i(t) - x_i,hung(t)|^2 + w_K |q_K - q_K,hung|^2 + smoothness
+    min over acc_K of  sum_i w_i |x_i(t) - x_i,hang(t)|^2 + w_K |q_K - q_K,hang|^2 + smoothness
 
 over a receding horizon, within bounds of speed and acceleration (:class:`fantoccini.MPC`):
-x_i,hung are the positions of the parts in the hanging poses nearest to the clip. The hands lead by
+x_i,hang are the positions of the parts in the hanging poses nearest to the clip. The hands lead by
 the lag of the limbs, and damp their swing.
 """
 
@@ -62,21 +62,21 @@ INTERVAL = 0.05
 """Interval over which the hands' accelerations are constant [s]."""
 _HORIZON = 14
 """Number of intervals in the horizon."""
-_DT = 0.0125
+_TIME_STEP = 0.0125
 """Time step of predictions [s]."""
-_WEIGHT, _WEIGHT_K = 1e4, 30.0
-"""Weight of the parts, a factor of their own weights, and w_K [1/m^2]."""
+_PART_WEIGHT, _HAND_WEIGHT = 1e4, 30.0
+"""Factor of the parts' weights w_i, and weight w_K of the hands [1/m^2]."""
 _SMOOTH = Smooth(acceleration=1e-3, jerk=1e-6)
 _SETTLING_INTERVALS = 8
 """Number of intervals after the clip's end in which the puppet comes to rest."""
-_EASE = 0.5
-"""Time over which the clip's time starts and stops [s]."""
+_EASE_TIME = 0.5
+"""Duration in which the clip accelerates to its speed, and in which it stops [s]."""
 MAX_ERROR = 0.15
 """Largest error of a group of parts in a run that follows, relative to the puppet's height."""
-SLOWER = 0.5, 0.25
-"""Factors of the bounds of speed and acceleration, tried if the run leaves the clip."""
-_SAMPLE_STEP = 4
-"""Step between samples of a run that are searched for crossings."""
+BOUND_FACTORS = 0.5, 0.25
+"""Factors of the bounds of speed and acceleration to try if the run leaves the clip."""
+_SAMPLE_STRIDE = 4
+"""Stride of the samples of a run that are searched for crossings."""
 _SMOOTHING_TIME = 0.035
 """Standard deviation of the smoothing of the hanging poses [s]."""
 
@@ -99,7 +99,7 @@ class FollowStatus(Outcome):
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A puppet that follows a clip. True if its run arrived and is near the clip.
+    """Motion of a puppet that follows a clip. True if its run arrived and is near the clip.
 
     Attributes:
         retargeted: clip, and the hanging poses nearest to it.
@@ -109,8 +109,8 @@ class Followed:
         interval: duration of an interval [s].
         t: (T,) times in the run of the clip's frames, with a slow beginning and end [s].
         seconds: computing time [s].
-        share: factor of the bounds of speed and acceleration: less than 1 if the run left the clip
-            with the full bounds.
+        share: factor of the bounds of speed and acceleration; below 1 if the run left the clip with
+            the full bounds.
     """
 
     retargeted: Retargeted
@@ -131,18 +131,18 @@ class Followed:
         return self.status is not FollowStatus.STOPPED
 
     @property
-    def far(self) -> float:
+    def error(self) -> float:
         """Largest error of a group of parts, root mean square, relative to the puppet's height."""
         return max(part.run for part in self.report) / self.retargeted.figure.height
 
     @property
-    def hanging_far(self) -> float:
+    def pose_error(self) -> float:
         """The same error for the hanging poses nearest to the clip."""
         return max(part.reach for part in self.report) / self.retargeted.figure.height
 
     @cached_property
     def losses(self) -> tuple[Loss, ...]:
-        """Parts that were, for a while, 15 % of the height farther off than their hanging poses."""
+        """Times in which a part is 15 % of the height farther off than its hanging pose."""
         allowed = MAX_ERROR * self.retargeted.figure.height
         return losses_of(self.t, self.errors, self.retargeted.errors, allowed)
 
@@ -153,8 +153,8 @@ class Followed:
 
     def __repr__(self) -> str:
         clip = self.retargeted.clip
-        above = ", ".join(f"{part.name} {100 * part.above:.1f} %" for part in self.report)
-        return f"<Followed {clip.name!r}: {self.status.name}, above reach {above} of the height>"
+        excess = ", ".join(f"{part.name} {100 * part.excess:.1f} %" for part in self.report)
+        return f"<Followed {clip.name!r}: {self.status.name}, excess {excess} of the height>"
 
     @property
     def inputs(self) -> Input:
@@ -163,9 +163,9 @@ class Followed:
         return inputs.called(self.retargeted.clip.name)
 
     def guides(self, times: Times) -> list[Array]:
-        """(len(times), n, 3) lines through the parts of the clip at times of the run [m].
+        """(len(times), n, 3) lines through the parts of the clip, at times of the run [m].
 
-        The lines are trunk and head, both arms and both legs; see ``view.film(...,
+        The lines are trunk and head, both arms and both legs, for ``view.film(...,
         guides=followed.guides)``.
         """
         parts, lines = self.retargeted.places.parts, []
@@ -206,9 +206,9 @@ def follow_clip(
 ) -> Followed:
     """Motion of the hands with which a puppet follows captured motion.
 
-    Strings run straight up; if they pass through one another, the clip is followed again with
-    strings that lean outwards, and the motion with the fewest passages is returned. If the run
-    leaves the clip, smaller shares of the bounds are tried.
+    Strings are vertical; if they cross, the clip is followed again with strings that lean outwards,
+    and the motion with the fewest crossings is returned. If the run leaves the clip, smaller shares
+    of the bounds are tried.
 
     Args:
         marionette: puppet without contact.
@@ -225,7 +225,7 @@ def follow_clip(
         FileError: the files have mistakes, or joints are missing.
         StateError: the puppet does not have the bodies of a person, or has contact.
     """
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     has_options = mapping is not None or start is not None or travel != 1.0 or bool(up or of)
     if has_options and isinstance(clip, PlacedClip | Retargeted):
         raise StateError(
@@ -241,11 +241,11 @@ def follow_clip(
         for lean in LEANS:
             if not best or not best.crossings:
                 break
-            hung = retarget_clip(marionette, replace(clip, lean=lean))
-            followed = _follow_within(hung, speed, acceleration, progress)
+            retargeted = retarget_clip(marionette, replace(clip, lean=lean))
+            followed = _follow_within(retargeted, speed, acceleration, progress)
             if followed and len(followed.crossings) < len(best.crossings):
                 best = followed
-    return replace(best, seconds=time.perf_counter() - began)
+    return replace(best, seconds=time.perf_counter() - start_time)
 
 
 def _follow_within(
@@ -256,19 +256,19 @@ def _follow_within(
 ) -> Followed:
     """The clip followed within the full bounds, or within reduced bounds if the run leaves it."""
     names, best = clip.marionette.coordinates.v_K, None
-    for share in (1.0, *SLOWER):
+    for share in (1.0, *BOUND_FACTORS):
         bounds = [
-            {name: share * limit for name, limit in _every(bound, usual, names).items()}
-            for bound, usual in ((speed, SPEED), (acceleration, ACCELERATION))
+            {name: share * limit for name, limit in _by_name(bound, default, names).items()}
+            for bound, default in ((speed, SPEED), (acceleration, ACCELERATION))
         ]
         followed = replace(_followed(clip, bounds[0], bounds[1], progress), share=share)
-        if best is None or (bool(followed), followed.arrived, -followed.far) > (
+        if best is None or (bool(followed), followed.arrived, -followed.error) > (
             bool(best),
             best.arrived,
-            -best.far,
+            -best.error,
         ):
             best = followed
-        if best or best.hanging_far > MAX_ERROR:
+        if best or best.pose_error > MAX_ERROR:
             break
     assert best is not None
     return best
@@ -289,8 +289,8 @@ def _followed(
     run = simulate(marionette, x0, driven(marionette, x0, acc_K), effort=False, throw=False)
     status = FollowStatus.FOLLOWS if arrived and run.status in ARRIVED else FollowStatus.STOPPED
     followed = Followed(clip, status, run, acc_K, INTERVAL, t, 0.0)
-    lost = lost_share(followed.losses, float(t[-1] - t[0])) > MAX_LOST_SHARE
-    if followed and (followed.far > MAX_ERROR or lost):
+    is_lost = lost_share(followed.losses, float(t[-1] - t[0])) > MAX_LOST_SHARE
+    if followed and (followed.error > MAX_ERROR or is_lost):
         return replace(followed, status=FollowStatus.DIVERGED)
     return followed
 
@@ -319,13 +319,21 @@ def lead_along(
     n = int(np.ceil((until - x0.t) / INTERVAL - 1e-9)) + _SETTLING_INTERVALS
     names = marionette.coordinates.v_K
     bounds = Bounds(
-        speed=_every(speed, SPEED, names), acceleration=_every(acceleration, ACCELERATION, names)
+        speed=_by_name(speed, SPEED, names),
+        acceleration=_by_name(acceleration, ACCELERATION, names),
     )
     largest_acceleration = bounds.magnitudes(marionette, "acceleration")
     task = Task(
-        marionette, x0, n * INTERVAL, list(tracks), _SMOOTH, bounds, interval=INTERVAL, dt=_DT
+        marionette,
+        x0,
+        n * INTERVAL,
+        list(tracks),
+        _SMOOTH,
+        bounds,
+        interval=INTERVAL,
+        dt=_TIME_STEP,
     )
-    mpc = MPC(marionette, task, _HORIZON * INTERVAL, _HORIZON, dt=_DT, deadline=1e9)
+    mpc = MPC(marionette, task, _HORIZON * INTERVAL, _HORIZON, dt=_TIME_STEP, deadline=1e9)
     stepper = marionette.stepper(x0, "event")
     acc_K = np.zeros((n, marionette.coordinates.n_vK))
     for i in range(n):
@@ -349,16 +357,16 @@ def driven(marionette: Marionette, x0: State, acc_K: Array) -> Input:
 
 
 def crossings_in(marionette: Marionette, run: Trajectory) -> tuple[Crossing, ...]:
-    """Passages of strings through one another in a run."""
-    k = np.unique(np.append(np.arange(0, len(run), _SAMPLE_STEP), len(run) - 1))
+    """Crossings of strings in a run."""
+    k = np.unique(np.append(np.arange(0, len(run), _SAMPLE_STRIDE), len(run) - 1))
     samples = (x[k] for x in (run.q_D, run.q_K, run.t))
-    return StringsApart(marionette).over(*samples).crossings()
+    return StringsApart(marionette).motion(*samples).crossings()
 
 
-def eased(t: Times, ease: float = _EASE) -> Times:
-    """Times of a clip's frames whose time starts from rest and ends at rest [s].
+def eased(t: Times, ease: float = _EASE_TIME) -> Times:
+    """Times of a clip's frames with a smooth beginning and end [s].
 
-    Over ``ease`` seconds at either end the clip's speed changes evenly between 0 and 1; clips
+    Over ``ease`` seconds at either end the clip's speed changes linearly between 0 and 1; clips
     shorter than that are slower throughout.
     """
     check_positive(ease=ease)
@@ -377,7 +385,7 @@ def smoothed(clip: Retargeted) -> tuple[dict[str, Array], Array]:
     def smooth(values: Array) -> Array:
         return np.asarray(gaussian_filter1d(values, frames, axis=0, mode="nearest"))
 
-    return {part: smooth(clip.hung[part]) for part in WEIGHTS}, smooth(clip.reach.q_K)
+    return {part: smooth(clip.hanging_positions[part]) for part in WEIGHTS}, smooth(clip.reach.q_K)
 
 
 def tracks_along(figure: Figure, t: Times, places: Mapping[str, Array], q_K: Array) -> list[Track]:
@@ -385,18 +393,19 @@ def tracks_along(figure: Figure, t: Times, places: Mapping[str, Array], q_K: Arr
     tracks = []
     for part, weight in WEIGHTS.items():
         body, at = figure.points[part]
-        tracks.append(Track.point(body, (t, places[part]), at=at, weight=_WEIGHT * weight))
+        tracks.append(Track.point(body, (t, places[part]), at=at, weight=_PART_WEIGHT * weight))
     table = figure.marionette.coordinates
     tracks += [
-        Track.coordinate(table.q_K[q], (t, q_K[:, q]), weight=_WEIGHT_K) for q, _ in table.scalars_K
+        Track.coordinate(table.q_K[q], (t, q_K[:, q]), weight=_HAND_WEIGHT)
+        for q, _ in table.scalars_K
     ]
     return tracks
 
 
-def _every(
-    bound: float | Mapping[str, float], usual: float, names: tuple[str, ...]
+def _by_name(
+    bound: float | Mapping[str, float], default: float, names: tuple[str, ...]
 ) -> dict[str, float]:
-    """Bounds of all driven velocities, with the default for those not named."""
+    """Bounds of all driven velocities by name, with the default for those not given."""
     if not isinstance(bound, Mapping):
         return dict.fromkeys(names, float(bound))
-    return {**dict.fromkeys(names, usual), **bound}
+    return {**dict.fromkeys(names, default), **bound}

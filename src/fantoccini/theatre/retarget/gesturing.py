@@ -1,8 +1,8 @@
-"""Clips as gestures: from a puppet's rest into a clip, through it on the spot, and back.
+"""Clips as gestures: from a puppet's rest to a clip, through it on the spot, and back.
 
     x_i(t) = x_i,hang + s(t / T) (x_i,clip(0) - x_i,hang),   s = minimum jerk
 
-leads into the clip's first pose, and likewise back from its last. The hands follow all of it as in
+leads to the clip's first pose, and likewise back from its last. The hands follow all of it as in
 :func:`follow_clip`, within bounds that hold for every heading of the puppet.
 """
 
@@ -20,7 +20,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import State, Trajectory
 from fantoccini.theatre.capture import Capture, load_bvh
-from fantoccini.theatre.gestures import Gesture, planes
+from fantoccini.theatre.gestures import Gesture, xy_indices
 from fantoccini.theatre.retarget.deviations import GROUPS, PartError, errors_of, report_of
 from fantoccini.theatre.retarget.following import (
     INTERVAL,
@@ -47,10 +47,11 @@ BEGINS, OVER = "begins", "over"
 """Marks of the clip's first and last frame."""
 _MAX_RATE = 30.0
 """Frame rate above which frames are left out [1/s]."""
-_EASE = 0.5
-"""Time over which the clip's time starts and stops [s]."""
-_MIN_LEAD, _BOUND_SHARES = 0.5, (0.5, 0.25)
-"""Least duration of the ways into a clip and back [s], and their shares of the bounds."""
+_EASE_TIME = 0.5
+"""Duration in which the clip accelerates to its speed, and in which it stops [s]."""
+_MIN_LEAD_TIME, _BOUND_SHARES = 0.5, (0.5, 0.25)
+"""Least duration of the leads to a clip and back [s], and the shares of the bounds of speed and
+acceleration that they use."""
 _REST_TIME = 0.02
 """Duration of rest at the end [s]."""
 _STOP_TIME = 0.6
@@ -92,8 +93,8 @@ def place_on_spot(
 ) -> PlacedClip:
     """Targets of a puppet's parts in a clip on the spot, with 30 frames a second or a few more.
 
-    The motion over the floor and the turning about the vertical are removed: the hips stay above
-    their place, and the trunk keeps its heading.
+    Motion over the floor and turning about the vertical are removed: the hips stay above their
+    place, and the trunk keeps its heading.
 
     Args:
         marionette, clip, mapping, start: see :func:`retarget_clip`.
@@ -131,14 +132,14 @@ def clip_gesture(
 
     Args:
         placed: clip on the spot.
-        faster: speed of the clip itself; the ways into it and back keep theirs.
-        lasts: duration of the whole gesture instead [s].
+        faster: speed factor of the clip itself, without the leads to it and back.
+        lasts: duration of the whole gesture [s]; overrides ``faster``.
         speed, acceleration: bounds of the driven coordinates, along any direction of ends that
             move over the floor [m/s or rad/s, m/s^2 or rad/s^2].
 
     Raises:
-        StateError: the puppet cannot begin there, an end does not move along both x and y, or the
-            ways alone take longer than ``lasts``.
+        StateError: the puppet cannot reach the clip's start, an end does not move along both x and
+            y, or the leads alone take longer than ``lasts``.
     """
     check_positive(faster=faster, speed=speed, acceleration=acceleration)
     first: ClipGesture | None = None
@@ -161,56 +162,58 @@ def _gesture_with_lean(
     home = places_in(placed.figure, marionette.poses(start.q_D[None], start.q_K[None]))
     retargeted = retarget_clip(marionette, placed)
     dip = max(
-        float(np.max(home[foot][0, 2] - retargeted.hung[foot][:, 2])) for foot in GROUPS["feet"]
+        float(np.max(home[foot][0, 2] - retargeted.hanging_positions[foot][:, 2]))
+        for foot in GROUPS["feet"]
     )
     if dip > 0.0:
         retargeted = retarget_clip(marionette, _raised(placed, dip))
     parts, q_K = smoothed(retargeted)
-    ways = _lead_times(retargeted, q_K, start, speed, acceleration)
+    leads = _lead_times(retargeted, q_K, start, speed, acceleration)
     if lasts is not None:
-        faster = _faster(retargeted, lasts, sum(ways) + _STOP_TIME)
-    own = eased(retargeted.t / faster, _EASE)
-    t, frames = _clock(own, ways)
+        faster = _speed_factor(retargeted, lasts, sum(leads) + _STOP_TIME)
+    clip_times = eased(retargeted.t / faster, _EASE_TIME)
+    t, frames = _clock(clip_times, leads)
     tracks = tracks_along(
         retargeted.figure,
         t,
         {part: _joined(home[part][0], parts[part], t, frames) for part in WEIGHTS},
         _joined(start.q_K, q_K, t, frames),
     )
-    bounds = _every_way(marionette, speed, acceleration)
+    bounds = _bounds_for_all_headings(marionette, speed, acceleration)
     acc_K, _ = lead_along(marionette, start, float(t[-1]), tracks, *bounds)
     gesture = Gesture.of_input(driven(marionette, start, acc_K), name=placed.clip.name)
     slow = {"speed": speed * _BOUND_SHARES[0], "acceleration": acceleration * _BOUND_SHARES[1]}
     gesture = gesture.then(Gesture.rest(marionette.coordinates, _REST_TIME), **slow)
-    at = t[frames]
-    if at[-1] > gesture.duration:
+    frame_times = t[frames]
+    if frame_times[-1] > gesture.duration:
         raise StateError(f"{placed.clip.name}: the puppet's run stops at {gesture.duration:.2f} s")
-    marks = {BEGINS: float(at[0]), OVER: float(at[-1])}
+    marks = {BEGINS: float(frame_times[0]), OVER: float(frame_times[-1])}
     gesture = dataclasses.replace(gesture, name=placed.clip.name, marks=marks)
     if lasts is not None:
-        at = at * lasts / gesture.duration
+        frame_times = frame_times * lasts / gesture.duration
         gesture = gesture.lasting(lasts)
     run = simulate(marionette, start, gesture.inputs(start), effort=False, throw=False)
-    report = report_of(retargeted, errors_of(retargeted, run, at))
-    return ClipGesture(gesture, retargeted, at, run, report, crossings_in(marionette, run))
+    report = report_of(retargeted, errors_of(retargeted, run, frame_times))
+    crossings = crossings_in(marionette, run)
+    return ClipGesture(gesture, retargeted, frame_times, run, report, crossings)
 
 
 class TooShortError(StateError):
-    """A clip would last no longer than the ways into it and back.
+    """A clip would last no longer than the leads to it and back.
 
     Args:
         name: name of the clip.
         lasts: wanted duration [s].
-        ways: duration of the ways [s].
+        leads: duration of the leads [s].
         beat: duration of a beat, in which the message gives times; in seconds by default [s].
     """
 
-    def __init__(self, name: str, lasts: float, ways: float, beat: float | None = None):
-        self.name, self.lasts, self.ways = name, lasts, ways
+    def __init__(self, name: str, lasts: float, leads: float, beat: float | None = None):
+        self.name, self.lasts, self.leads = name, lasts, leads
         unit, scale = ("s", 1.0) if beat is None else ("beats", beat)
         super().__init__(
-            f"found {lasts / scale:.3g} {unit} for {name}; needed: more than {ways / scale:.3g} "
-            f"{unit}, which the ways into it and back take"
+            f"found {lasts / scale:.3g} {unit} for {name}; needed: more than {leads / scale:.3g} "
+            f"{unit}, which the motions to its start and back take"
         )
 
 
@@ -230,21 +233,21 @@ def _raised(placed: PlacedClip, by: float) -> PlacedClip:
     )
 
 
-def _faster(clip: Retargeted, lasts: float, others: float) -> float:
-    """Speed of the clip with which it and the other parts last a given time [s]."""
-    own = lasts - others
-    if own <= 0.0:
+def _speed_factor(clip: Retargeted, lasts: float, others: float) -> float:
+    """Speed factor of the clip for a whole duration [s], of which other parts take a time [s]."""
+    remaining = lasts - others
+    if remaining <= 0.0:
         raise TooShortError(clip.clip.name, lasts, others)
-    return float(clip.t[-1]) / max(own - _EASE, 0.5 * own)
+    return float(clip.t[-1]) / max(remaining - _EASE_TIME, 0.5 * remaining)
 
 
-def _every_way(
+def _bounds_for_all_headings(
     marionette: Marionette, speed: float, acceleration: float
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Bounds by coordinate; ends that move over the floor keep theirs along any direction."""
+    """Bounds of speed and acceleration by coordinate, which also hold after any turn."""
     table = marionette.coordinates
     share = np.ones(table.n_vK)
-    for x, y in planes(table, np.ones(table.n_vK, dtype=bool)):
+    for x, y in xy_indices(table, np.ones(table.n_vK, dtype=bool)):
         share[[x, y]] = np.sqrt(0.5)
     return (
         dict(zip(table.v_K, (speed * share).tolist(), strict=True)),
@@ -255,38 +258,39 @@ def _every_way(
 def _lead_times(
     retargeted: Retargeted, q_K: Array, start: State, speed: float, acceleration: float
 ) -> tuple[float, float]:
-    """Durations of the ways into the first pose and back from the last [s]."""
+    """Durations of the leads to the first pose and back from the last [s]."""
     scalars = [q for q, _ in retargeted.marionette.coordinates.scalars_K]
     times = []
     for pose in (q_K[0], q_K[-1]):
-        way = float(np.max(np.abs((pose - start.q_K)[scalars]), initial=0.0))
+        distance = float(np.max(np.abs((pose - start.q_K)[scalars]), initial=0.0))
         times.append(
             max(
-                _MIN_LEAD,
+                _MIN_LEAD_TIME,
                 polynomial.minimum_jerk_duration(
-                    way, _BOUND_SHARES[0] * speed, _BOUND_SHARES[1] * acceleration
+                    distance, _BOUND_SHARES[0] * speed, _BOUND_SHARES[1] * acceleration
                 ),
             )
         )
     return times[0], times[1]
 
 
-def _clock(own: Times, ways: tuple[float, float]) -> tuple[Times, slice]:
-    """Times of the ways and the clip's frames, and the slice of the clip's."""
-    count = [int(np.ceil(way / INTERVAL)) for way in ways]
-    into = np.linspace(0.0, ways[0], count[0] + 1)[:-1]
-    back = np.linspace(0.0, ways[1], count[1] + 1)[1:]
-    clip = ways[0] + own - own[0]
-    return np.concatenate([into, clip, clip[-1] + back]), slice(count[0], count[0] + len(own))
+def _clock(frame_times: Times, leads: tuple[float, float]) -> tuple[Times, slice]:
+    """Times of the gesture, and the slice of the clip's frames in them."""
+    count = [int(np.ceil(lead / INTERVAL)) for lead in leads]
+    lead_in = np.linspace(0.0, leads[0], count[0] + 1)[:-1]
+    lead_out = np.linspace(0.0, leads[1], count[1] + 1)[1:]
+    clip = leads[0] + frame_times - frame_times[0]
+    t = np.concatenate([lead_in, clip, clip[-1] + lead_out])
+    return t, slice(count[0], count[0] + len(frame_times))
 
 
 def _joined(home: Array, clip: Array, t: Times, frames: slice) -> Array:
-    """(n, ...) values from home into the clip's, through them, and back."""
-    begins, over = t[frames][0], t[frames][-1]
-    into, back = t[: frames.start] / begins, (t[frames.stop :] - over) / (t[-1] - over)
+    """(n, ...) values from home to the clip's first ones, through them, and back."""
+    first, last = t[frames][0], t[frames][-1]
+    s_in, s_out = t[: frames.start] / first, (t[frames.stop :] - last) / (t[-1] - last)
 
-    def way(a: Array, b: Array, s: Times) -> Array:
+    def lead(a: Array, b: Array, s: Times) -> Array:
         share, _, _ = polynomial.minimum_jerk(s)
         return np.asarray(a + share[:, None] * (b - a))
 
-    return np.concatenate([way(home, clip[0], into), clip, way(clip[-1], home, back)])
+    return np.concatenate([lead(home, clip[0], s_in), clip, lead(clip[-1], home, s_out)])

@@ -21,28 +21,28 @@ from fantoccini.theatre.retarget.naming import (
 )
 
 ARM, LEG = ("shoulder", "elbow", "hand"), ("hip", "knee", "foot")
-"""Begin, middle and end of the limbs."""
-_MAX_RATIO = 2.0
+"""Start, middle and end of the limbs."""
+_MAX_BONE_RATIO = 2.0
 """Largest ratio of the lengths of a limb's two bones."""
 _MAX_DIFFERENCE = 0.1
 """Largest relative difference of the bones of two limbs of a pair."""
 _MAX_TWIN_DIFFERENCE = 0.4
-"""The same for limbs whose names differ in their side only."""
-_MIN_START = 0.04
+"""Largest relative difference of the bones of a pair whose names differ in their side only."""
+_MIN_START_DISTANCE = 0.04
 """Least distance of a shoulder or hip from the joint between both, relative to the limb."""
-_NEARLY = 0.7
-"""Length relative to the largest from which names decide."""
-_MAX_INNER = 0.6
+_MIN_NAMED_LENGTH = 0.7
+"""Length, relative to that of the longest choice, above which a choice is judged by its names."""
+_MAX_INNER_LENGTH = 0.6
 """Largest length of limbs within a limb, relative to its own."""
 
 
 @dataclass(frozen=True)
 class Limb:
-    """A chain of joints with the upper and lower bone of a limb.
+    """Chain of joints with the upper and lower bone of a limb.
 
     Attributes:
-        path: all joints, from the first one to the end of the longest branch.
-        joints: begin, middle and end of the limb: shoulder, elbow, hand.
+        path: all joints, from the first to the end of the longest branch.
+        joints: start, middle and end of the limb: shoulder, elbow, hand.
         bones: lengths of the upper and lower bone.
         beyond: length from the limb's end to the path's.
     """
@@ -58,9 +58,9 @@ class Limb:
         return sum(self.bones)
 
     @property
-    def plausible(self) -> bool:
+    def is_plausible(self) -> bool:
         """Whether the bones are similar in length."""
-        return max(self.bones) <= _MAX_RATIO * min(self.bones)
+        return max(self.bones) <= _MAX_BONE_RATIO * min(self.bones)
 
 
 @dataclass(frozen=True)
@@ -87,15 +87,15 @@ class Pair:
 
 
 class JointTree:
-    """A skeleton as a tree with the lengths of its bones."""
+    """Skeleton as a tree with the lengths of its bones."""
 
     def __init__(self, skeleton: Skeleton, positions: Array | None = None):
         """Tree of a skeleton.
 
         Args:
             skeleton: joints, parents first.
-            positions: (T, n, 3) positions over time; their median lengths replace those of the
-                offsets, which some files leave 0.
+            positions: (T, n, 3) positions over time; median lengths of the bones in them replace
+                the offsets, which are 0 in some files.
         """
         self.parents = skeleton.parents
         self.plain = plain_names(skeleton.names)
@@ -112,16 +112,20 @@ class JointTree:
 
     @cached_property
     def depth(self) -> Array:
-        """(n,) length from each joint to the end of its longest branch, without added joints."""
+        """(n,) lengths from joints to the ends of their longest branches, without added joints."""
         depth = np.zeros(len(self.parents))
         for i in reversed(range(len(self.parents))):
             depth[i] = max(
-                (self.lengths[k] + depth[k] for k in self.children[i] if not self.added(k)),
+                (
+                    self.lengths[k] + depth[k]
+                    for k in self.children[i]
+                    if not self.is_added_joint(k)
+                ),
                 default=0.0,
             )
         return depth
 
-    def added(self, joint: int) -> bool:
+    def is_added_joint(self, joint: int) -> bool:
         """Whether a joint belongs to a face, hair, clothes, props or controls."""
         return is_added(self.plain[joint])
 
@@ -144,17 +148,17 @@ class JointTree:
         return float(sum(self.lengths[i] for i in (joint, *self.above(joint)[:-1])))
 
     def limb(self, first: int) -> Limb | None:
-        """Limb that begins at or after a joint: the two consecutive bones of largest total length.
+        """Limb that begins at or after a joint: its two longest consecutive bones.
 
         Joints within a bone, such as twist joints, are recognised by their names. None if the
         longest branch has fewer than two bones.
         """
         path = [first]
-        while below := [k for k in self.children[path[-1]] if not self.added(k)]:
+        while below := [k for k in self.children[path[-1]] if not self.is_added_joint(k)]:
             path.append(max(below, key=lambda k: self.lengths[k] + self.depth[k]))
         merged = [i for i in range(len(path)) if not i or not self._same_bone(*path[i - 1 : i + 1])]
         limbs = [_longest(self, path, places) for places in (merged, range(len(path)))]
-        return next((limb for limb in limbs if limb and limb.plausible), limbs[0] or limbs[1])
+        return next((limb for limb in limbs if limb and limb.is_plausible), limbs[0] or limbs[1])
 
     def _same_bone(self, above: int, joint: int) -> bool:
         """Whether a joint is a piece of the bone of the joint above it."""
@@ -163,24 +167,26 @@ class JointTree:
 
     def pairs(self, joint: int = 0) -> list[Pair]:
         """Pairs of limbs in the branch of a joint, without those within a limb."""
-        children = [k for k in self.children[joint] if not self.added(k)]
+        children = [k for k in self.children[joint] if not self.is_added_joint(k)]
         inner = {k: self.pairs(k) for k in children}
         limbs = {
-            k: limb for k in children if (limb := self.limb(k)) and not self._has(inner[k], limb)
+            k: limb
+            for k in children
+            if (limb := self.limb(k)) and not self._has_limbs(inner[k], limb)
         }
         pairs, taken = [], set[int]()
-        for _, a, b in sorted(self._alike(limbs)):
+        for _, a, b in sorted(self._similar(limbs)):
             if not taken & {a, b}:
                 pairs.append(Pair(joint, (limbs[a], limbs[b])))
                 taken |= {a, b}
         return pairs + [pair for k in children if k not in taken for pair in inner[k]]
 
-    def _has(self, inner: Sequence[Pair], limb: Limb) -> bool:
-        """Whether a branch has limbs of its own, and is no limb."""
-        return any(pair.length > _MAX_INNER * limb.length for pair in inner)
+    def _has_limbs(self, inner: Sequence[Pair], limb: Limb) -> bool:
+        """Whether a branch has limbs of its own, so that it is no limb."""
+        return any(pair.length > _MAX_INNER_LENGTH * limb.length for pair in inner)
 
-    def _alike(self, limbs: dict[int, Limb]) -> Iterator[tuple[tuple[bool, float], int, int]]:
-        """Limbs that may be a pair, by their joints, with a measure of their difference."""
+    def _similar(self, limbs: dict[int, Limb]) -> Iterator[tuple[tuple[bool, float], int, int]]:
+        """Measure of their difference, and first joints, of limbs that may be a pair."""
         for a, b in combinations(limbs, 2):
             bones = np.array([limbs[a].bones, limbs[b].bones])
             difference = float(np.max(np.abs(bones[0] - bones[1]) / np.maximum(bones.max(0), 1e-9)))
@@ -190,10 +196,10 @@ class JointTree:
 
 
 def _longest(tree: JointTree, path: Sequence[int], places: Sequence[int]) -> Limb | None:
-    """Limb of the largest two consecutive bones between given places of a path.
+    """Limb of the longest two consecutive bones between given places of a path.
 
-    Among bones nearly as long, those decide whose joints are called as parts of a limb: some collar
-    bones are longer than forearms.
+    Among bones of similar length, those whose joints have the names of a limb's parts are
+    preferred: some collar bones are longer than forearms.
     """
     ends = np.concatenate([[0.0], np.cumsum(tree.lengths[list(path[1:])])])
     bones = np.diff(ends[list(places)])
@@ -201,19 +207,19 @@ def _longest(tree: JointTree, path: Sequence[int], places: Sequence[int]) -> Lim
     valid = np.minimum(bones[:-1], bones[1:]) > 0.0
     if not np.any(valid):
         return None
-    away = tree.lengths[path[0]] + ends[list(places[:-2])] > _MIN_START * sums.max()
-    choices = np.flatnonzero(valid & away if np.any(valid & away) else valid)
-    near = choices[sums[choices] > _NEARLY * sums[choices].max()]
-    joints = [(path[places[i]], path[places[i + 1]], path[places[i + 2]]) for i in near]
-    called = [_agreement([tree.plain[k] for k in three]) for three in joints]
-    best = max(range(len(near)), key=lambda j: (called[j], sums[near[j]]))
-    i = int(near[best])
+    is_far = tree.lengths[path[0]] + ends[list(places[:-2])] > _MIN_START_DISTANCE * sums.max()
+    choices = np.flatnonzero(valid & is_far if np.any(valid & is_far) else valid)
+    long = choices[sums[choices] > _MIN_NAMED_LENGTH * sums[choices].max()]
+    joints = [(path[places[i]], path[places[i + 1]], path[places[i + 2]]) for i in long]
+    scores = [_agreement([tree.plain[k] for k in three]) for three in joints]
+    best = max(range(len(long)), key=lambda j: (scores[j], sums[long[j]]))
+    i = int(long[best])
     lengths = float(bones[i]), float(bones[i + 1])
     return Limb(tuple(path), joints[best], lengths, float(ends[-1] - ends[places[i + 2]]))
 
 
 def _agreement(names: Sequence[str]) -> int:
-    """Number of joints called as the part of a limb that they are, less those called otherwise."""
+    """Number of joints with the name of their part of a limb, less those with another's name."""
     parts = [part_called(name) for name in names]
     return sum(
         0 if not part else 1 if part in (arm, leg) else -1

@@ -31,12 +31,12 @@ from fantoccini.theatre.retarget.naming import END, plain_names
 
 _FOLDER = Path(__file__).parent / "mappings"
 DOUBTFUL = "doubtful"
-"""Word of a note that a joint may be wrong."""
+"""Word that marks a note about a joint that may be wrong."""
 _MAX_LISTED = 60
 """Largest number of joints that an error lists."""
 SIDES = ("left", "right")
-_OF_SIDE = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
-PARTS = ("head", *(f"{part}_{side}" for side in SIDES for part in _OF_SIDE))
+_SIDE_PARTS = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
+PARTS = ("head", *(f"{part}_{side}" for side in SIDES for part in _SIDE_PARTS))
 """Parts of a person that a mapping names."""
 BODIES = (
     "trunk",
@@ -98,9 +98,9 @@ class MappingFile(Document):
         indices = {}
         for part, joint in self.joints.items():
             wanted = joint.lower()
-            every = names if wanted in names else plain
-            if every.count(wanted) == 1:
-                indices[part] = every.index(wanted)
+            searched_names = names if wanted in names else plain
+            if searched_names.count(wanted) == 1:
+                indices[part] = searched_names.index(wanted)
         return indices
 
 
@@ -158,7 +158,7 @@ def load_mapping(path: str | os.PathLike[str]) -> MappingFile:
 
 
 def find_mapping(skeleton: Skeleton, name: str = "clip") -> MappingFile:
-    """Mapping of a skeleton: see :func:`recognise`, which also has its doubts."""
+    """Mapping of a skeleton: see :func:`recognise`, which also returns its doubts."""
     return recognise(skeleton, name).mapping
 
 
@@ -175,8 +175,8 @@ def recognise(skeleton: Skeleton, name: str = "clip", positions: Array | None = 
         FileError: no mapping fits, and no person has this shape; the message lists the parts that
             are missing from the best mapping.
     """
-    all_ = [load_mapping(mapping_name) for mapping_name in mapping_names()]
-    best = max(all_, key=lambda mapping: len(mapping.find(skeleton)))
+    mappings = [load_mapping(mapping_name) for mapping_name in mapping_names()]
+    best = max(mappings, key=lambda mapping: len(mapping.find(skeleton)))
     indices = best.find(skeleton)
     if len(indices) == len(PARTS):
         return Recognised(best)
@@ -187,7 +187,7 @@ def recognise(skeleton: Skeleton, name: str = "clip", positions: Array | None = 
         lacks = f"; of {best.mapping} {', '.join(missing)} is missing" if indices else ""
         joints = [joint for joint in skeleton.names if not joint.endswith(END)]
         text = (
-            f"the joints are called as in no bundled mapping ({', '.join(mapping_names())})"
+            f"no bundled mapping ({', '.join(mapping_names())}) has the names of the joints"
             f"{lacks}; by their shape: {error}; give a mapping file (`fantoccini mapping` writes "
             f"one to fill in): the joints are "
             f"{', '.join(joints[:_MAX_LISTED])}{' ...' if len(joints) > _MAX_LISTED else ''}"

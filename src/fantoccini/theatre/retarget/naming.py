@@ -9,7 +9,7 @@ from collections.abc import Sequence
 END = ".end"
 """Suffix of the end of a chain."""
 _SIDES = (("left", "right"), ("lft", "rgt"), ("l", "r"), ("左", "右"))
-"""Words for the sides, left first, long ones before their beginnings."""
+"""Words for the sides, left first; longer words come before those with which they begin."""
 _WORD = re.compile(r"[A-Z]+(?![^\W\d_A-Z])|[A-Z]?[^\W\d_A-Z]+")
 _PREFIX = re.compile(r"[^\W\d_]+\d*[ _.\-]+")
 """Beginning of a name, up to its first separator."""
@@ -86,7 +86,7 @@ def is_added(name: str) -> bool:
 
 
 def part_called(name: str) -> str:
-    """Part of a person of that name, without its side (``knee``); "" if the name does not tell."""
+    """Part of a person of that name, without its side (``knee``); "" if the name is ambiguous."""
     whole = "".join(_words(name.removesuffix(END)))
     sides = [side for pair in _SIDES for side in pair]
     wholes = {whole, *(whole.removeprefix(side) for side in sides)}
@@ -98,7 +98,7 @@ def part_called(name: str) -> str:
 
 
 def limb_called(names: Sequence[str]) -> str:
-    """Limb with joints of these names, ``arm`` or ``leg``; "" if they do not tell."""
+    """Limb with joints of these names, ``arm`` or ``leg``; "" if the names are ambiguous."""
     wholes = ["".join(_words(name)) for name in names]
     count = {
         limb: sum(any(word in whole for word in words) for whole in wholes)

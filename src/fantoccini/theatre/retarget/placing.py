@@ -1,8 +1,8 @@
-"""Targets of a puppet's parts that moves as a person does.
+"""Targets of the parts of a puppet that moves as a person does.
 
 Directions are those of the person, lengths those of the puppet:
 
-    hips(t) = s (hips of the clip),   end of a limb(t) = its beginning(t) + l d(t)
+    hips(t) = s (hips of the clip),   end of a bone(t) = its beginning(t) + l d(t)
 
 with the length l of each part of the puppet, its direction d(t) in the clip, and the ratio s of the
 puppet's leg to the person's.
@@ -21,18 +21,18 @@ from fantoccini.theatre.retarget.figure import Figure, axes_along, axes_of
 from fantoccini.theatre.retarget.mapping import LIMBS, SIDES
 
 _MAX_STRETCH = 0.97
-"""Largest length of a limb, relative to a straight one, which would hang in only one way."""
+"""Largest distance between the ends of a limb, relative to a straight one."""
 _MIN_LENGTH = 1e-3
 """Least length of a part of a person [m]."""
-_MIN_SINE = 0.3
+_MIN_HEADING_SINE = 0.3
 """Least sine of the angle between the line across a trunk and the vertical for a heading."""
-_BEGINS = (
+_HALF_PARTS = (
     ("neck", *(f"shoulder_{side}" for side in SIDES)),
     tuple(f"hip_{side}" for side in SIDES),
 )
-"""Parts that begin at the upper and at the lower half of a trunk."""
+"""Points at the upper and at the lower half of a trunk."""
 _FLOOR_PERCENTILE = 2.0
-"""Percentage of the frames in which the lower foot is below the floor."""
+"""Percentage of the frames in which the lower foot may be below the floor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Placing:
     Attributes:
         parts: part -> (T, 3) target of its point on the puppet [m].
         frames: part of the puppet -> (T, 3, 4) orientation and origin of its body.
-        scale: s.
+        scale: ratio s of the puppet's leg to the person's.
     """
 
     parts: Mapping[str, Array]
@@ -59,7 +59,7 @@ def place(
 ) -> Placing:
     """Targets of a puppet's parts from a clip.
 
-    The clip begins at the puppet's place and in its heading; the floor is below the puppet's feet.
+    The clip begins at the puppet's place and heading; the floor is below the puppet's feet.
 
     Args:
         figure: figure of the puppet.
@@ -76,10 +76,10 @@ def place(
     _check(clip, x)
     facing = clip.rotations[:, joints["head"]]
     if turning != 1.0:
-        back = _turns_back(x, 1.0 - turning)
+        turns = _reverse_turns(x, 1.0 - turning)
         hips = 0.5 * (x["hip_left"] + x["hip_right"])
-        x = {part: hips + np.einsum("tij,tj->ti", back, path - hips) for part, path in x.items()}
-        facing = back @ facing
+        x = {part: hips + np.einsum("tij,tj->ti", turns, path - hips) for part, path in x.items()}
+        facing = turns @ facing
     turn = _turn_to(figure, x)
     x = {part: value @ turn.T for part, value in x.items()}
     facing = turn @ facing
@@ -88,8 +88,8 @@ def place(
     axes = _trunks(x)
     parts = {"trunk": _hips(figure, x, scale, travel)}
     halves = _halves(figure, x, axes, parts["trunk"])
-    for half, begins in zip(halves, _BEGINS, strict=True):
-        for part in begins:
+    for half, half_parts in zip(halves, _HALF_PARTS, strict=True):
+        for part in half_parts:
             parts[part] = half.point + half.turn @ (figure.at(part) - half.at)
     frames = {
         body: _frame(half.turn, half.point - half.turn @ half.at)
@@ -151,7 +151,10 @@ def _halves(
     lower = axes_along(up, hip_line) @ figure.lower.axes.T
     waist = hips + lower @ (figure.lower.waist - figure.at("trunk"))
     upper = axes_along(up, shoulder_line) @ figure.axes.T
-    return (_Half(upper, waist, figure.lower.below_trunk), _Half(lower, hips, figure.at("trunk")))
+    return (
+        _Half(upper, waist, figure.lower.waist_in_trunk),
+        _Half(lower, hips, figure.at("trunk")),
+    )
 
 
 def _trunks(x: Mapping[str, Array]) -> Array:
@@ -181,22 +184,22 @@ def _check(clip: Capture, x: Mapping[str, Array]) -> None:
         f"from {part}_left to {part}_right": x[f"{part}_left"] - x[f"{part}_right"]
         for part in ("shoulder", "hip")
     }
-    for what, span in spans.items():
+    for ends, span in spans.items():
         if not np.median(np.linalg.norm(span, axis=1)) > _MIN_LENGTH:
-            raise StateError(f"{name}: the skeleton has no length {what}")
+            raise StateError(f"{name}: the skeleton has no length {ends}")
 
 
-def _turns_back(x: Mapping[str, Array], share: float) -> Array:
+def _reverse_turns(x: Mapping[str, Array], share: float) -> Array:
     """(T, 3, 3) turns about z that remove a share of the trunk's turning since the first frame.
 
-    Where the trunk lies on its side, so that its heading is undefined, they are interpolated.
+    They are interpolated where the trunk lies on its side, so that its heading is undefined.
     """
     left = _trunks(x)[..., 1]
-    upright = np.flatnonzero(np.hypot(left[:, 0], left[:, 1]) > _MIN_SINE)
+    upright = np.flatnonzero(np.hypot(left[:, 0], left[:, 1]) > _MIN_HEADING_SINE)
     heading = np.zeros(len(left))
     if len(upright):
-        own = np.unwrap(np.arctan2(-left[upright, 0], left[upright, 1]))
-        heading = np.interp(np.arange(len(left)), upright, own - own[0])
+        angles = np.unwrap(np.arctan2(-left[upright, 0], left[upright, 1]))
+        heading = np.interp(np.arange(len(left)), upright, angles - angles[0])
     c, s = np.cos(share * heading), np.sin(share * heading)
     turns = np.tile(np.eye(3), (len(left), 1, 1))
     turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = c, s, -s, c
@@ -204,7 +207,7 @@ def _turns_back(x: Mapping[str, Array], share: float) -> Array:
 
 
 def _turn_to(figure: Figure, x: Mapping[str, Array]) -> Array:
-    """(3, 3) turn about z after which the clip begins in the puppet's heading."""
+    """(3, 3) turn about z after which the clip begins at the puppet's heading."""
     left = _trunks({part: path[:1] for part, path in x.items()})[0][:, 1]
     angle = np.arctan2(figure.forward[1], figure.forward[0]) - np.arctan2(-left[0], left[1])
     c, s = np.cos(angle), np.sin(angle)
@@ -233,15 +236,17 @@ def _facing(axes: Array, head: Array) -> Array:
     return np.asarray(head @ neutral.T)
 
 
-def _along(trunk: Array, own: Array, to: Array) -> Array:
-    """(T, 3, 3) orientations of the trunk, turned the shortest way to point `own` along `to`."""
-    a, b = unit(trunk @ own), unit(to)
+def _along(trunk: Array, axis: Array, to: Array) -> Array:
+    """(T, 3, 3) orientations of the trunk with the least turn that points `axis` along `to`."""
+    a, b = unit(trunk @ axis), unit(to)
     return rotation.matrix(rotation.shortest(a, b)) @ trunk
 
 
 def _frame(turn: Array, origin: Array) -> Array:
+    """(T, 3, 4) orientation and origin."""
     return np.concatenate([turn, origin[:, :, None]], axis=2)
 
 
 def _length(x: Mapping[str, Array], a: str, b: str) -> Array:
+    """(T,) distances between two parts on the left [m]."""
     return np.asarray(np.linalg.norm(x[f"{a}_left"] - x[f"{b}_left"], axis=1))

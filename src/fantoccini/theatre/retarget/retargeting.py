@@ -1,4 +1,4 @@
-"""Retargeting: finds the hanging poses of a puppet that are nearest to captured motion.
+"""Retargeting: the hanging poses of a puppet that are nearest to captured motion.
 
     min  sum_i w_i |x_i(q_D, q_K) - x_i,clip|^2 + w_K |q_K - q_K,above|^2,   the puppet hangs by q_K
 
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, StateError, Times, check_not_negative
-from fantoccini.control.optimal import ReachedPoses, What, reach
+from fantoccini.control.optimal import ReachedPoses, TargetKey, reach
 from fantoccini.control.tasks import AnswerStatus
 from fantoccini.dynamics.compiled import refuse_contact
 from fantoccini.dynamics.marionette import Marionette
@@ -46,18 +46,18 @@ _POSE_TIME = 1.0
 _TOLERANCE = 3e-4
 """Distance from the nearest pose at which a search ends [m]."""
 ITERATIONS = 10
-"""Number of iterations for each later pose, which starts from the previous pose."""
+"""Largest number of iterations for a pose after the first, which starts from the previous pose."""
 _FIRST_ITERATIONS = 100
-"""Number of iterations for the first pose."""
+"""Largest number of iterations for the first pose."""
 LEANS = 1.8, 2.6
-"""Factors by which the strings' lean at rest is multiplied, tried in turn while strings cross."""
+"""Factors of the strings' lean at rest, tried in turn while strings cross."""
 _MIN_UPWARD = 0.5
-"""A person lies or crawls if the vertical component of the trunk's direction is below this."""
+"""Vertical component of the trunk's unit direction below which a person lies or crawls."""
 
 
 @dataclass(frozen=True, eq=False)
 class Retargeted:
-    """A clip, and the hanging poses of a puppet that are nearest to it.
+    """Clip with the hanging poses of a puppet that are nearest to it.
 
     Attributes:
         marionette: puppet.
@@ -86,11 +86,11 @@ class Retargeted:
     @property
     def settled(self) -> int:
         """Number of poses that no small change improves; for others the search ended too early."""
-        sure = (AnswerStatus.REACHED, AnswerStatus.OUT_OF_REACH)
-        return sum(status in sure for status in self.reach.status)
+        are_minima = (AnswerStatus.REACHED, AnswerStatus.OUT_OF_REACH)
+        return sum(status in are_minima for status in self.reach.status)
 
     @cached_property
-    def hung(self) -> dict[str, Array]:
+    def hanging_positions(self) -> dict[str, Array]:
         """Part -> (T, 3) position in the hanging poses."""
         poses = self.marionette.poses(self.reach.q_D, self.reach.q_K)
         return places_in(self.figure, poses)
@@ -99,7 +99,7 @@ class Retargeted:
     def errors(self) -> dict[str, Array]:
         """Part -> (T,) distance [m] of the pose from the clip; a local minimum if settled."""
         return {
-            part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
+            part: np.linalg.norm(self.hanging_positions[part] - self.places.parts[part], axis=1)
             for part in WEIGHTS
         }
 
@@ -113,8 +113,8 @@ class Retargeted:
         angle = np.degrees(np.arccos(max(upward, -1.0)))
         return (
             f"the trunk is {angle:.0f} degrees off the vertical in half of "
-            "the frames; if nobody lies or crawls in the clip, say which of the file's axes is up: "
-            "`y` or `z`",
+            "the frames; if nobody lies or crawls in the clip, give the axis of the file that is "
+            "up: `y` or `z`",
         )
 
     @property
@@ -125,7 +125,7 @@ class Retargeted:
 
 @dataclass(frozen=True, eq=False)
 class PlacedClip:
-    """A clip, with the targets of a puppet's parts.
+    """Clip with the targets of a puppet's parts.
 
     Attributes:
         figure: puppet as a person.
@@ -156,7 +156,7 @@ def place_clip(
 ) -> PlacedClip:
     """Targets of a puppet's parts in captured motion, or in a part of it.
 
-    It does not search, so mistakes in a clip are reported at once.
+    There is no search, so that mistakes in a clip are reported at once.
 
     Args:
         marionette, clip, mapping, start, travel, up, turning, of: see :func:`retarget_clip`.
@@ -167,7 +167,7 @@ def place_clip(
     refuse_contact(marionette, "follow")
     check_not_negative(travel=travel, turning=turning)
     name = clip.name or "clip"
-    clip = clip.held(_POSE_TIME).without_calibration()
+    clip = clip.holding_single_pose(_POSE_TIME).without_calibration()
     if mapping is None:
         recognised = recognise(clip.skeleton, name, clip.positions)
         mapping = recognised.mapping
@@ -203,10 +203,10 @@ def retarget_clip(
         start: state at rest from which the search for the first pose begins.
         travel: share of the horizontal motion that is kept; with 0 the puppet stays on the spot.
         up: vertical axis of the file, ``y`` or ``z``; by default that of the rest pose or, if it is
-            not clear, the main direction of the trunks.
+            not clear, the main direction of the trunk.
         turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
             keeps its heading.
-        of: name of the puppet in a scene that follows the clip; by default the only one with the
+        of: name of the scene's puppet that follows the clip; by default the only one with the
             parts of a person.
 
     Raises:
@@ -218,13 +218,13 @@ def retarget_clip(
     if not isinstance(clip, PlacedClip):
         clip = place_clip(marionette, clip, mapping, start, travel, up, turning, of)
     figure, start, placing = clip.figure, clip.start, clip.places
-    targets: dict[What, Any] = {figure.points[part]: placing.parts[part] for part in WEIGHTS}
-    weights: dict[What, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
-    above = straight_up(figure, placing.frames, start, clip.lean)
-    for coordinate, values in above.items():
+    targets: dict[TargetKey, Any] = {figure.points[part]: placing.parts[part] for part in WEIGHTS}
+    weights: dict[TargetKey, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
+    coordinates = vertical_strings(figure, placing.frames, start, clip.lean)
+    for coordinate, values in coordinates.items():
         targets[coordinate] = values
         weights[coordinate] = _VERTICAL_WEIGHT
-    first = {what: values[:1] for what, values in targets.items()}
+    first = {target: values[:1] for target, values in targets.items()}
     options: dict[str, Any] = {
         "slack": True,
         "tolerance": _TOLERANCE,
@@ -236,14 +236,14 @@ def retarget_clip(
     )
     try:
         reached_poses = reach(marionette, targets, first_state, iterations=ITERATIONS, **options)
-    except StateError:  # from the first pose, a small change would make the puppet tip over
+    except StateError:  # a small change of the first pose would make the puppet tip over
         reached_poses = reach(marionette, targets, start, iterations=ITERATIONS, **options)
     t = clip.clip.t - clip.clip.t[0]
     return Retargeted(marionette, figure, clip.clip, t, placing, reached_poses)
 
 
 def _up(clip: Capture, joints: Mapping[str, int]) -> str | None:
-    """Vertical axis: the main direction of the trunks; None if the rest pose has a vertical."""
+    """Main direction of the trunk as the vertical axis; None if the rest pose determines it."""
     if clip.skeleton.up(clip.body) is not None:
         return None
     x = {part: clip.positions[:, i] for part, i in joints.items()}
@@ -253,7 +253,7 @@ def _up(clip: Capture, joints: Mapping[str, int]) -> str | None:
     if axis == 0 or trunk[axis] < 0.0:
         raise StateError(
             f"{clip.name or 'clip'}: trunks point along {'-' if trunk[axis] < 0.0 else ''}"
-            f"{'xyz'[axis]}; needed: along y or z; say which axis is up, `y` or `z`"
+            f"{'xyz'[axis]}; needed: along y or z; give the axis that is up: `y` or `z`"
         )
     return "xyz"[axis]
 
@@ -268,8 +268,8 @@ def places_in(figure: Figure, poses: Array) -> dict[str, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class Hanger:
-    """A string that is tied to a part of the figure, and its upper end.
+class TiedString:
+    """String that is tied to a part of the figure, and its upper end.
 
     Attributes:
         name: name of the string.
@@ -288,8 +288,8 @@ class Hanger:
     length: str
 
 
-def hangers(figure: Figure, start: State) -> list[Hanger]:
-    """The strings tied to parts of a figure, with the positions of their upper ends in a state."""
+def tied_strings(figure: Figure, start: State) -> list[TiedString]:
+    """Strings tied to parts of a figure, with the positions of their upper ends in a state."""
     marionette = figure.marionette
     tree, table = marionette.tree, marionette.coordinates
     parts = {marionette.link_index(body): part for part, body in figure.bodies.items()}
@@ -308,11 +308,11 @@ def hangers(figure: Figure, start: State) -> list[Hanger]:
         axes = dict(zip(names, (pose[:, :3] @ link.axes).T, strict=True)) if moves else {}
         length = table.q_K[string.driven_length[0]] if string.driven_length else ""
         at = _numbers(marionette, low.at)
-        strings.append(Hanger(string.name, parts[low.link], at, top, axes, length))
+        strings.append(TiedString(string.name, parts[low.link], at, top, axes, length))
     return strings
 
 
-def straight_up(
+def vertical_strings(
     figure: Figure, frames: Mapping[str, Array], start: State, lean: float = 0.0
 ) -> dict[str, Array]:
     """Driven scalar -> (T,) values that make the strings vertical.
@@ -329,19 +329,19 @@ def straight_up(
     table, n = figure.marionette.coordinates, len(frames["trunk"])
     values = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}
     poses = figure.marionette.poses(start.q_D[None], start.q_K[None])[0]
-    for string in hangers(figure, start):
+    for string in tied_strings(figure, start):
         frame = frames[string.part]
         tie = frame[:, :, :3] @ string.at + frame[:, :, 3]
-        off = np.zeros(3)
+        offset = np.zeros(3)
         if lean and string.part != "head":
-            hung = poses[figure.marionette.link_index(figure.bodies[string.part])]
-            off = lean * (string.top - hung[:, :3] @ string.at - hung[:, 3]) * [1.0, 1.0, 0.0]
-            off = _heading(figure, frames["trunk"]) @ off
+            pose = poses[figure.marionette.link_index(figure.bodies[string.part])]
+            offset = lean * (string.top - pose[:, :3] @ string.at - pose[:, 3]) * [1.0, 1.0, 0.0]
+            offset = _heading(figure, frames["trunk"]) @ offset
         for name, axis in string.ends.items():
-            values[name] = values[name] + (tie + off - string.top) @ axis
+            values[name] = values[name] + (tie + offset - string.top) @ axis
         if string.length:
-            up = np.maximum(string.top[2] - tie[:, 2], 0.01)
-            values[string.length] = np.hypot(up, np.linalg.norm(off, axis=-1))
+            height = np.maximum(string.top[2] - tie[:, 2], 0.01)
+            values[string.length] = np.hypot(height, np.linalg.norm(offset, axis=-1))
     return values
 
 

@@ -36,16 +36,16 @@ from fantoccini.theatre.script.reading import (
 from fantoccini.theatre.script.score_file import ScoreFile, SoundFile
 from fantoccini.theatre.script.timeline import Cue, Moments, Timeline, make_timeline
 from fantoccini.theatre.script.times import Ref, Reference
-from fantoccini.theatre.script.values import DIRECTIONS, END, HOW, START, Spot, Time
+from fantoccini.theatre.script.values import DIRECTIONS, END, START, STYLE_WORDS, Spot, Time
 from fantoccini.theatre.script.verbs import ARRIVES, VERBS, MeetingKind, walks
 
 __all__ = [
     "ARRIVES",
     "DIRECTIONS",
     "END",
-    "HOW",
     "LATE",
     "START",
+    "STYLE_WORDS",
     "VERBS",
     "Cue",
     "CueFile",

@@ -34,7 +34,7 @@ class CueFile(Model):
     Attributes:
         verb: key that names the action; "" in cues without a verb.
         keys_rule: sentence about the cues that have the keys that the class declares.
-        other_keys_rule: sentence about the keys that a cue does not have, instead of that.
+        other_keys_rule: sentence about all keys of the class, instead of ``keys_rule``.
         timing_keys: keys that exclude `on`.
     """
 
@@ -79,7 +79,7 @@ class MarkedCue(CueFile):
     keys_rule: ClassVar[str] = "needed: `when`"
 
     on: dict[Mark, Time] | None = None
-    """A mark of the gesture -> its time; of a walk: `arrives`."""
+    """Mark -> its time: a mark of the gesture, or `arrives` of a walk."""
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuses contradictory keys."""
@@ -198,18 +198,18 @@ class PlayCue(CueFile):
     who: Names
     """A player, several, or `all`."""
     when: When | None = None
-    """Time at which it begins: a beat of the act, a time of the play by name, a moment of a cue
-    (`bow.low`), `NAME arrives` or `NAME is done`, with an offset in beats; of several the last."""
+    """Time at which it begins: a beat of the act, a named time of the play, a moment of a cue
+    (`bow.low`), `NAME arrives` or `NAME is done`, with an offset in beats; or the latest of such."""
     after: NotNegative = 0.0
     """Delay after that time [beats]."""
     may_wait: NotNegative | None = Field(None, alias="may wait")
-    """Delay up to which it may begin later, so that swing has settled or a way is free [beats]."""
+    """Longest further delay, until swing has decayed or a way is free [beats]."""
     optional: bool = False
     """Whether it is left out if it cannot be done."""
     go: bool = False
     """Whether a live show waits for GO before it, once all players stand still."""
     says: Annotated[str, Field(min_length=1)] | None = None
-    """A caption that is shown while it lasts."""
+    """Caption shown during the cue."""
 
     @property
     def start_times(self) -> list[tuple[Spot, Time]]:
@@ -358,7 +358,7 @@ class GivesCue(PropCue):
     keys_rule: ClassVar[str] = "`gives` has `to`, and only it"
 
     gives: Name
-    """A prop that hangs on its arm; the player `to` comes up and takes it."""
+    """A prop that hangs on its arm; the player `to` steps up and takes it."""
     to: Name
     """Player that takes the prop."""
 

@@ -14,7 +14,7 @@ FileT = TypeVar("FileT", ScoreFile, PlayFile)
 
 
 def read_script(kind: type[FileT], path: str | os.PathLike[str]) -> tuple[FileT, ScriptLog]:
-    """Script of a file, and its log, which knows the file and the beat.
+    """Script of a file, and its log, which has the file and the beat.
 
     Args:
         kind: class of the script.

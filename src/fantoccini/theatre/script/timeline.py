@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 from fantoccini.base import nearest
 from fantoccini.theatre.script.cues import CueFile
 from fantoccini.theatre.script.log import ScriptLog
-from fantoccini.theatre.script.times import Ref, Reference, Times, circle
+from fantoccini.theatre.script.times import Ref, Reference, Times, circular_wait
 from fantoccini.theatre.script.values import END, START, Spot, Time
 
 CueT = TypeVar("CueT", bound=CueFile)
@@ -20,10 +20,10 @@ Moments = Mapping[str, float]
 
 @dataclass(frozen=True, eq=False)
 class Cue(Generic[CueT]):
-    """A cue of a file, with its references.
+    """Cue of a file, with its references.
 
     Attributes:
-        spot: keys that lead to it in the file.
+        spot: keys of its place in the file.
         index: index in the file's order.
         act: number of its act; 0 in a score.
         given: entry of the file.
@@ -55,13 +55,13 @@ class Cue(Generic[CueT]):
 
 @dataclass(frozen=True, eq=False)
 class Timeline(Generic[CueT]):
-    """All cues of a script, and the meaning of its times.
+    """Cues of a script, with their references in time.
 
     Attributes:
         cues: cues in the file's order.
         acts: (n,) indices of the first cues of the acts, and the number of cues.
         marks: keys of the file's own marks.
-        names: meaning of names in times.
+        names: reads times, which may contain names.
         refs: keys of a time -> a number of beats, or a reference.
         gos: keys of a cue -> the cue before it in its act that waits for GO.
         beat: duration of a beat [s].
@@ -144,7 +144,7 @@ class Timeline(Generic[CueT]):
             perform: places a cue with its wanted time [s], and returns its moments.
             mark: returns the time of a mark of the file, from its written time [s].
         """
-        graph, of_spot = self.graph(act), {cue.spot: cue for cue in self.of_act(act)}
+        graph, cue_at = self.graph(act), {cue.spot: cue for cue in self.of_act(act)}
         waiting = {
             spot: {need for need in needs if need not in placed}
             for spot, needs in graph.items()
@@ -158,8 +158,8 @@ class Timeline(Generic[CueT]):
         free = [spot for spot, needs in waiting.items() if not needs]
         while free or marks or cues:
             for spot in free:
-                if spot in of_spot:
-                    cue = of_spot[spot]
+                if spot in cue_at:
+                    cue = cue_at[spot]
                     heappush(cues, (self.wanted(cue, start, placed), cue.index, spot))
                 else:
                     marks.append(spot)
@@ -168,7 +168,7 @@ class Timeline(Generic[CueT]):
                 placed[done] = {"": mark(done, self.time(self.refs[done], 0.0, placed))}
             else:
                 t, _, done = heappop(cues)
-                placed[done] = perform(of_spot[done], t)
+                placed[done] = perform(cue_at[done], t)
             free = []
             for follower in followers.get(done, ()):
                 waiting[follower].discard(done)
@@ -211,7 +211,7 @@ def make_timeline(
     for act in acts:
         firsts.append(firsts[-1] + len([*act]))
     timeline = Timeline(cues, tuple(firsts), tuple(marks), times, refs, gos, log.beat)
-    mistake = circle(timeline.graph(), log.located)
+    mistake = circular_wait(timeline.graph(), log.located)
     if mistake is not None:
         log.mistakes.add(*mistake)
     return timeline

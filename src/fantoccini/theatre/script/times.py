@@ -94,7 +94,7 @@ class Times:
             return given
         matches = [match for form in _FORMS if (match := form.fullmatch(given.strip()))]
         if not matches:
-            self._miss(spot, given, "")
+            self._record_unknown(spot, given, "")
             return 0.0
         names = {*self._marks, *self._own, *self._cues}
         match = next((form for form in matches if form[1] in names), matches[-1])
@@ -114,9 +114,9 @@ class Times:
         if moment is None and name in self._marks:
             return Reference(self._marks[name], "", offset)
         if name not in self._own and name not in self._cues:
-            self._miss(spot, given, name if moment is None else f"{name}.{moment}")
+            self._record_unknown(spot, given, name if moment is None else f"{name}.{moment}")
             return 0.0
-        cue = self._the(name, spot)
+        cue = self._unique_cue(name, spot)
         if cue is None:
             return 0.0
         if moment is None:
@@ -129,7 +129,7 @@ class Times:
             return Reference(cue.spot, moment, offset)
         return 0.0
 
-    def _the(self, name: str, spot: Spot) -> Timed | None:
+    def _unique_cue(self, name: str, spot: Spot) -> Timed | None:
         """The only cue of a name; None after a mistake."""
         if name in self._own:
             return self._own[name]
@@ -141,7 +141,7 @@ class Times:
         self._log.mistakes.add(spot, text + "name: and use that")
         return None
 
-    def _miss(self, spot: Spot, given: str, name: str) -> None:
+    def _record_unknown(self, spot: Spot, given: str, name: str) -> None:
         moments = [
             f"{cue.name}.{moment}"
             for cue in (*self._own.values(), *(cue for same in self._cues.values() for cue in same))
@@ -151,8 +151,8 @@ class Times:
         self._log.mistakes.add(spot, text + nearest(name or given, [*self._marks, *moments]))
 
 
-def circle(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[Spot, str] | None:
-    """A mistake if cues and marks wait for each other in a circle; None if there is an order.
+def circular_wait(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[Spot, str] | None:
+    """Mistake of cues and marks that wait for each other in a circle; None if there is an order.
 
     Args:
         needs: keys of a cue or mark -> keys of those before it.

@@ -22,7 +22,7 @@ from fantoccini.theatre.script.cues import (
 from fantoccini.theatre.script.verbs import VERBS
 
 _VERBLESS = "<none>"
-"""Name of no class: hints for unknown keys are then those of the whole union."""
+"""Tag without a class: hints for unknown keys are then those of the whole union."""
 
 
 def _keys(cue: type[CueFile]) -> dict[str, str]:
@@ -41,18 +41,20 @@ class _ByVerb:
     """Chooses a cue's class by its verb, and refuses keys of other verbs.
 
     Args:
-        kind: class of the cues: those of scores, or of plays.
-        verbless: class of such a cue without a verb.
-        none: phrase for the message about a cue without a verb.
+        kind: base class of the cues: those of scores, or of plays.
+        verbless: class of a cue without a verb.
+        no_verb: phrase for the message about a cue without a verb.
         needed: verbs in words; a list of all by default.
     """
 
-    def __init__(self, kind: type[CueFile], verbless: type[CueFile], none: str, needed: str = ""):
-        own = [verb.cue for verb in VERBS.values() if issubclass(verb.cue, kind)]
-        self._cues = {spelled(cue.verb): cue for cue in own}
-        self._keys = {cue: _keys(cue) for cue in own}
+    def __init__(
+        self, kind: type[CueFile], verbless: type[CueFile], no_verb: str, needed: str = ""
+    ):
+        classes = [verb.cue for verb in VERBS.values() if issubclass(verb.cue, kind)]
+        self._cues = {spelled(cue.verb): cue for cue in classes}
+        self._keys = {cue: _keys(cue) for cue in classes}
         self._needed = needed or ", ".join(f"`{verb}`" for verb in self._cues)
-        self._none, self._verbless = none, verbless
+        self._no_verb, self._verbless = no_verb, verbless
 
     @property
     def union(self) -> Any:
@@ -81,20 +83,22 @@ class _ByVerb:
             raise mistake(f"found both {both}; needed: one of {self._needed}")
         if not verbs:
             if keys_present <= known:
-                raise mistake(f"found {self._none}; needed: one of {self._needed}")
+                raise mistake(f"found {self._no_verb}; needed: one of {self._needed}")
             return {key: value for key, value in data.items() if spelled(str(key)) not in known}
         cue = self._cues[verbs[0]]
-        own = self._keys[cue]
-        strange = {key: value for key, value in data.items() if spelled(str(key)) in known - {*own}}
-        for key in sorted(spelled(key) for key, value in strange.items() if value is not None):
+        allowed = self._keys[cue]
+        foreign = {
+            key: value for key, value in data.items() if spelled(str(key)) in known - {*allowed}
+        }
+        for key in sorted(spelled(key) for key, value in foreign.items() if value is not None):
             keys_rule = next(keys[key] for keys in self._keys.values() if key in keys)
             sentence = cue.other_keys_rule or keys_rule.format(key=key)
             raise mistake(f"found `{verbs[0]}` with `{key}`; {sentence}")
-        for key, sentence in own.items():
+        for key, sentence in allowed.items():
             needed = cue.model_fields[key.replace(" ", "_")].is_required()
             if needed and sentence and key not in keys_present | {*verbs}:
                 raise mistake(f"found no `{key}`; {sentence}")
-        return {key: value for key, value in data.items() if key not in strange}
+        return {key: value for key, value in data.items() if key not in foreign}
 
     def _verbs(self, data: dict[Any, Any]) -> list[str]:
         keys_present = {spelled(str(key)) for key, value in data.items() if value is not None}

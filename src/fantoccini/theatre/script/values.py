@@ -31,7 +31,7 @@ START, END = "start", "end"
 DIRECTIONS = {"audience": 0.0, "left": 90.0, "back": 180.0, "right": -90.0}
 """Direction on the stage -> angle from the audience, which is along x [deg]."""
 
-HOW: dict[str, dict[str, Any]] = {
+STYLE_WORDS: dict[str, dict[str, Any]] = {
     "timidly": {"larger": 0.6, "faster": 0.8},
     "boldly": {"larger": 1.25},
     "slowly": {"faster": 0.7},
@@ -42,15 +42,15 @@ HOW: dict[str, dict[str, Any]] = {
     "twice": {"repeat": 2},
     "thrice": {"repeat": 3},
 }
-"""Word -> variation of a gesture; factors multiply."""
+"""Word -> variation of a gesture; factors of several words are multiplied."""
 
-_FACTORS = (1e-3, 1e3)
+_FACTOR_RANGE = (1e-3, 1e3)
 """Least and largest factor of sizes, speeds and durations."""
 _MARK = rf"{NAME}( \d+)?"
 
 
 def _factor(number: float) -> float:
-    low, high = _FACTORS
+    low, high = _FACTOR_RANGE
     if not low <= number <= high:
         raise mistake(f"found {number:g}; needed: a number from {low:g} to {high:g}")
     return number
@@ -115,8 +115,10 @@ def _where(value: Any) -> Any:
 
 
 def _style_word(value: str) -> str:
-    if value not in HOW:
-        raise mistake(f"found {shown(value)}; allowed: {', '.join(HOW)}{nearest(value, HOW)}")
+    if value not in STYLE_WORDS:
+        raise mistake(
+            f"found {shown(value)}; allowed: {', '.join(STYLE_WORDS)}{nearest(value, STYLE_WORDS)}"
+        )
     return value
 
 
@@ -163,7 +165,7 @@ Names = Annotated[
     Field(min_length=1),
 ]
 _StyleWord = Annotated[
-    str, AfterValidator(_style_word), WithJsonSchema({"type": "string", "enum": list(HOW)})
+    str, AfterValidator(_style_word), WithJsonSchema({"type": "string", "enum": list(STYLE_WORDS)})
 ]
 How = Annotated[
     tuple[_StyleWord, ...], BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...])

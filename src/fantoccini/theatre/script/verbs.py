@@ -1,4 +1,4 @@
-"""Verbs of scores and plays: the kinds of names they take, and the marks of their gestures."""
+"""Verbs of scores and plays: the kinds of names in their keys, and the marks of their gestures."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class Verb:
 
     Attributes:
         cue: class of its cues.
-        called: name by which times refer to its cues; "" if that is the gesture's.
+        called: name by which times refer to its cues; "" if it is that of the gesture.
         moves: scope of the motion: ``strings``, the ``player``, or a ``thing`` as well.
         names: key -> kind of the name in it: ``place``, ``direction``, ``player``, ``prop``,
             ``seat`` or ``table``.
         marks: marks of its gesture.
         meets: kind of the meeting in which players and props touch, which is then verified.
         located: property of a prop that is measured in the previous run: the ``place`` where it
-            stands, or the ``handle`` on a forearm.
+            stands, or its ``handle`` on a forearm.
     """
 
     cue: type[CueFile]

@@ -16,15 +16,18 @@ from fantoccini.base import Array, Mask
 from fantoccini.theatre.gestures import Complex
 
 _CORNERS = np.array([1 + 1j, -1 + 1j, -1 - 1j, 1 - 1j])
-_CHAMFER_SLOPE = float(np.tan(np.pi / 8.0))
-"""Distance between a side's end and the tangent half way round its corner, over the radius."""
-_DISK_CORNERS = 8
-_ROUNDING = 1e-9
+"""Corners of a square."""
+_CHAMFER_RATIO = float(np.tan(np.pi / 8.0))
+"""Distance between the end of a side and the tangent at the middle of a rounded corner, relative to
+the corner's radius."""
+_N_DISK_CORNERS = 8
+"""Number of corners of the polygon around a disk."""
+_TOLERANCE = 1e-9
 """Distance outside of a rectangle up to which a place counts as inside [m]."""
 
 
 class Region(Protocol):
-    """A convex part of the stage from which puppets keep clear."""
+    """Convex part of the stage from which puppets keep clear."""
 
     @property
     def name(self) -> str:
@@ -51,12 +54,12 @@ class Region(Protocol):
 
 @dataclass(frozen=True)
 class Box:
-    """A rectangle in any direction: a table, a wall.
+    """Rectangle in any direction, such as a table or a wall.
 
     Attributes:
         name: name of the obstacle.
         centre: (x, y) [m].
-        half: half its size along its own axes [m].
+        half: half its lengths along its own axes [m].
         yaw: angle of its first axis from x, to the left [rad].
     """
 
@@ -67,11 +70,11 @@ class Box:
 
     def distance(self, points: Complex) -> Array:
         """(...) distances of points (...) from its border; 0 inside [m]."""
-        return np.abs(_outside(self._own(points), complex(*self.half)))
+        return np.abs(_outside(self._local(points), complex(*self.half)))
 
     def distance_of_legs(self, first: Complex, last: Complex) -> Array:
         """(...) least distances of straight legs (...) [m]."""
-        a, b, half = self._own(first), self._own(last), complex(*self.half)
+        a, b, half = self._local(first), self._local(last), complex(*self.half)
         distance = np.minimum(np.abs(_outside(a, half)), np.abs(_outside(b, half)))
         for corner in _CORNERS.real * half.real + 1j * _CORNERS.imag * half.imag:
             distance = np.minimum(distance, _from_leg(corner, a, b))
@@ -79,22 +82,23 @@ class Box:
 
     def corners(self, clearance: float) -> Complex:
         """(8,) corners of a polygon around all points nearer than the clearance [m]."""
-        # The outline at the clearance has rounded corners; tangents cut them.
-        out = np.array([1.0 + 1j * _CHAMFER_SLOPE, _CHAMFER_SLOPE + 1j]) * clearance
-        own = [
+        # The outline at the clearance has rounded corners; the polygon has tangents there.
+        offsets = np.array([1.0 + 1j * _CHAMFER_RATIO, _CHAMFER_RATIO + 1j]) * clearance
+        corners = [
             complex(sign.real * (self.half[0] + x.real), sign.imag * (self.half[1] + x.imag))
             for sign in _CORNERS
-            for x in out
+            for x in offsets
         ]
-        return np.array(own) * np.exp(1j * self.yaw) + complex(*self.centre)
+        return np.array(corners) * np.exp(1j * self.yaw) + complex(*self.centre)
 
-    def _own(self, points: Complex) -> Complex:
+    def _local(self, points: Complex) -> Complex:
+        """(...) points in the axes of the box, from its centre."""
         return (np.asarray(points) - complex(*self.centre)) * np.exp(-1j * self.yaw)
 
 
 @dataclass(frozen=True)
 class Disk:
-    """A round part of the stage: a pillar, a well.
+    """Round part of the stage, such as a pillar or a well.
 
     Attributes:
         name: name of the obstacle.
@@ -116,9 +120,9 @@ class Disk:
 
     def corners(self, clearance: float) -> Complex:
         """(8,) corners of a polygon around all points nearer than the clearance [m]."""
-        angles = 2.0 * np.pi / _DISK_CORNERS * np.arange(_DISK_CORNERS)
-        out = (self.radius + clearance) / np.cos(np.pi / _DISK_CORNERS)
-        return complex(*self.centre) + out * np.exp(1j * angles)
+        angles = 2.0 * np.pi / _N_DISK_CORNERS * np.arange(_N_DISK_CORNERS)
+        radius = (self.radius + clearance) / np.cos(np.pi / _N_DISK_CORNERS)
+        return complex(*self.centre) + radius * np.exp(1j * angles)
 
 
 @dataclass(frozen=True)
@@ -132,10 +136,10 @@ class Rectangle:
         """(...) whether points (...) are inside."""
         p = np.asarray(points)
         return (
-            (p.real >= self.low[0] - _ROUNDING)
-            & (p.real <= self.high[0] + _ROUNDING)
-            & (p.imag >= self.low[1] - _ROUNDING)
-            & (p.imag <= self.high[1] + _ROUNDING)
+            (p.real >= self.low[0] - _TOLERANCE)
+            & (p.real <= self.high[0] + _TOLERANCE)
+            & (p.imag >= self.low[1] - _TOLERANCE)
+            & (p.imag <= self.high[1] + _TOLERANCE)
         )
 
     def nearest(self, point: complex) -> complex:
@@ -144,32 +148,31 @@ class Rectangle:
         return complex(x, y)
 
 
-def _outside(own: Complex, half: complex) -> Complex:
+def _outside(points: Complex, half: complex) -> Complex:
     """(...) offsets of points in a box's axes from the box, along each axis."""
-    return np.maximum(np.abs(own.real) - half.real, 0.0) + 1j * np.maximum(
-        np.abs(own.imag) - half.imag, 0.0
-    )
+    x, y = np.abs(points.real) - half.real, np.abs(points.imag) - half.imag
+    return np.maximum(x, 0.0) + 1j * np.maximum(y, 0.0)
 
 
 def _from_leg(point: complex, first: Complex, last: Complex) -> Array:
     """(...) distances of a point from straight legs."""
-    way, to = np.asarray(last) - first, point - np.asarray(first)
-    square = np.maximum(np.abs(way) ** 2, np.finfo(float).tiny)
-    s = np.clip((way.conj() * to).real / square, 0.0, 1.0)
-    return np.abs(to - s * way)
+    leg, offset = np.asarray(last) - first, point - np.asarray(first)
+    square = np.maximum(np.abs(leg) ** 2, np.finfo(float).tiny)
+    s = np.clip((leg.conj() * offset).real / square, 0.0, 1.0)
+    return np.abs(offset - s * leg)
 
 
 def _crosses(a: Complex, b: Complex, half: complex) -> Mask:
-    """(...) whether legs meet a box: their parts between its two pairs of sides overlap."""
+    """(...) bool, whether legs meet a box: their parts between its two pairs of sides overlap."""
     begin, end = np.zeros(np.shape(a)), np.ones(np.shape(a))
     inside = np.ones(np.shape(a), dtype=bool)
-    for start, way, h in (
+    for start, length, h in (
         (a.real, b.real - a.real, half.real),
         (a.imag, b.imag - a.imag, half.imag),
     ):
-        moves = way != 0.0
-        safe = np.where(moves, way, 1.0)
-        first, second = (-h - start) / safe, (h - start) / safe
+        moves = length != 0.0
+        divisor = np.where(moves, length, 1.0)
+        first, second = (-h - start) / divisor, (h - start) / divisor
         begin = np.where(moves, np.maximum(begin, np.minimum(first, second)), begin)
         end = np.where(moves, np.minimum(end, np.maximum(first, second)), end)
         inside &= moves | (np.abs(start) <= h)

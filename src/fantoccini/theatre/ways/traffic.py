@@ -1,4 +1,4 @@
-"""Other players on the stage over time: free places, and departures of legs that meet nobody.
+"""Other players on the stage over time: free places, and free departures of legs.
 
     free(p, t):  |p - o(t)| >= r + r_o   for every other, at samples at most 20 ms apart
 
@@ -22,21 +22,21 @@ SAMPLE = 0.02
 _MARGIN = 1e-3
 """Extra distance from moving players, for the time between two samples [m]."""
 _MIN_MOTION = 1e-9
-"""Smaller displacements count as standing [m]."""
-_COARSE = 8
-"""The first of every so many samples is checked before the others."""
+"""Displacement up to which a player counts as standing [m]."""
+_COARSE_STRIDE = 8
+"""Stride of the samples that are checked before all others."""
 NEVER = 1 << 40
-"""Step index that stands for no step."""
+"""Step index that means no step."""
 
 
 @dataclass(frozen=True, eq=False)
 class Other:
-    """Another player on the stage: a disk that stands before its first time and after its last.
+    """Other player on the stage: a disk that stands before its first time and after its last.
 
     Attributes:
         name: name of the player.
         times: (T,) increasing times [s].
-        xy: (T, 2) places of the middle, in the scene's frame; straight between them [m].
+        xy: (T, 2) places of the middle in the scene's frame, interpolated linearly [m].
         radius: radius of the player [m].
 
     Raises:
@@ -64,7 +64,7 @@ class Other:
         return np.asarray(x + 1j * y)
 
     def last_motion(self) -> float:
-        """Time from which it stands for good [s]."""
+        """End of its last motion [s]; minus infinity if it always stands."""
         moving = np.flatnonzero(np.any(np.abs(self.xy - self.xy[-1]) > _MIN_MOTION, axis=1))
         return float(self.times[moving[-1] + 1]) if len(moving) else -np.inf
 
@@ -79,10 +79,10 @@ class Traffic:
 
     Attributes:
         others: players that move after the beginning.
-        begin: [s].
+        begin: time of step 0 [s].
         step_time: duration of a step [s].
         radius: radius of the puppet [m].
-        ends: start and goal of the puppet; there others may be as near as their radii allow.
+        ends: start and goal of the puppet, where others may be as near as their radii allow.
     """
 
     others: Sequence[Other]
@@ -92,21 +92,21 @@ class Traffic:
     ends: tuple[complex, complex]
 
     @cached_property
-    def parts(self) -> int:
+    def samples_per_step(self) -> int:
         """Number of samples of a step."""
         return int(np.ceil(self.step_time / SAMPLE - 1e-9))
 
     @cached_property
-    def still_from(self) -> int:
-        """First step from whose start on all players stand."""
+    def first_still_step(self) -> int:
+        """First step at whose start all players stand, and do not move afterwards."""
         last = max((other.last_motion() for other in self.others), default=self.begin)
         return max(0, int(np.ceil((last - self.begin) / self.step_time - 1e-9)))
 
     @cached_property
     def _places(self) -> Complex:
         """(others, n) places at the samples until all players stand."""
-        n = self.still_from * self.parts
-        t = np.linspace(self.begin, self.begin + self.still_from * self.step_time, n + 1)
+        n = self.first_still_step * self.samples_per_step
+        t = np.linspace(self.begin, self.begin + self.first_still_step * self.step_time, n + 1)
         return np.array([other.at(t) for other in self.others]).reshape(-1, n + 1)
 
     @cached_property
@@ -120,39 +120,47 @@ class Traffic:
         return np.array(distances) ** 2
 
     def stays(self, point: complex) -> Indices:
-        """(still_from + 1,) first step at or after each one in which a place is not free."""
+        """(first_still_step + 1,) first step at or after each one in which a place is not free."""
         free = self._free(self._places - point)
-        until = np.full(self.still_from + 1, NEVER)
+        until = np.full(self.first_still_step + 1, NEVER)
         if not free[-1]:
-            until[-1] = self.still_from
-        inner = free[:-1].reshape(-1, self.parts).all(axis=1) & free[self.parts :: self.parts]
-        for k in range(self.still_from - 1, -1, -1):
+            until[-1] = self.first_still_step
+        inner = (
+            free[:-1].reshape(-1, self.samples_per_step).all(axis=1)
+            & free[self.samples_per_step :: self.samples_per_step]
+        )
+        for k in range(self.first_still_step - 1, -1, -1):
             until[k] = until[k + 1] if inner[k] else k
         return until
 
     def departures(self, first: complex, last: complex, n: int, since: int, until: int) -> int:
-        """First step at which n steps from one place to another begin and meet nobody.
+        """First step at which a leg can begin and meets nobody; NEVER if there is none.
 
-        Returns:
-            The step, or NEVER.
+        Args:
+            first, last: places at its ends.
+            n: number of its steps.
+            since, until: range of the step.
         """
-        way = np.asarray(first + (last - first) * _phase(n, self.parts), dtype=complex)
-        # Later departures are all alike: everybody stands.
-        final = min(until, max(since, self.still_from))
+        way = np.asarray(first + (last - first) * _phase(n, self.samples_per_step), dtype=complex)
+        # All later departures are equal, since everybody stands.
+        final = min(until, max(since, self.first_still_step))
         if since > final:
             return NEVER
         if self._meets_nobody(way, np.array([since]), 1)[0]:
             return since
         later = np.arange(since + 1, final + 1)
-        for k in later[self._meets_nobody(way, later, _COARSE)]:
+        for k in later[self._meets_nobody(way, later, _COARSE_STRIDE)]:
             if self._meets_nobody(way, k[None], 1)[0]:
                 return int(k)
         return NEVER
 
-    def _meets_nobody(self, way: Complex, since: Indices, every: int) -> Mask:
-        """(n,) whether a way that begins at steps (n,) is free at every ``every``-th sample."""
-        k = np.arange(0, len(way), every)
-        index = np.minimum(since[:, None] * self.parts + k, self.still_from * self.parts)
+    def _meets_nobody(self, way: Complex, since: Indices, stride: int) -> Mask:
+        """(n,) bool, whether a way that begins at steps (n,) is free, checked with a stride."""
+        k = np.arange(0, len(way), stride)
+        index = np.minimum(
+            since[:, None] * self.samples_per_step + k,
+            self.first_still_step * self.samples_per_step,
+        )
         return np.asarray(self._free(self._places[:, index] - way[k]).all(axis=1))
 
     def _free(self, gaps: Complex) -> Mask:
@@ -162,8 +170,8 @@ class Traffic:
 
 
 @cache
-def _phase(n: int, parts: int) -> Array:
+def _phase(n: int, samples_per_step: int) -> Array:
     """(n parts + 1,) share of a leg of n steps that is completed at its samples."""
-    s = np.arange(parts) / parts
-    ways = stepping.leg(n)
-    return np.append(polynomial.evaluate(ways[:, None], s[None])[0].ravel(), 1.0)
+    s = np.arange(samples_per_step) / samples_per_step
+    coef = stepping.leg_progress(n)
+    return np.append(polynomial.evaluate(coef[:, None], s[None])[0].ravel(), 1.0)

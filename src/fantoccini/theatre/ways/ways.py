@@ -2,9 +2,9 @@
 
     |p(t) - o(t)| >= r + r_o,   distance(p(t), region) >= r,   p(t) within the hands' space
 
-p is the middle of the puppet, r its radius, o those of others. A puppet turns on the spot, walks
-straight, and so on; to let others pass it begins later, or stands. It stays at its goal, which must
-be free from then on.
+p is the middle of the puppet and r its radius, o and r_o are those of others. A puppet turns on the
+spot and walks straight, in turn; to let others pass it begins later, or stands. It stays at its
+goal, which must be free from then on.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from fantoccini.theatre.ways.roadmap import GOAL, START, Roadmap
 from fantoccini.theatre.ways.stage import HORIZON, Stage
 from fantoccini.theatre.ways.traffic import Other
 
-_RINGS, _DIRECTIONS = np.arange(1, 101) * 0.02, 24
-"""Alternative goals around one that cannot be reached: distances [m], number of directions."""
+_RING_RADII, _N_DIRECTIONS = np.arange(1, 101) * 0.02, 24
+"""Distances of alternative goals from one that cannot be reached [m], and number of directions."""
 _MAX_TRIES, _MIN_SPACING = 3, 0.2
-"""Number of alternative goals that are tried, and least distance between them [m]."""
-_BATCH = 64
+"""Number of alternative goals to try, and least distance between them [m]."""
+_BATCH_SIZE = 64
 """Number of alternative goals that are checked together."""
 
 
@@ -58,8 +58,8 @@ def find_way(
         blocked: convex parts of the stage to keep clear of.
         others: other players on the stage, at all times.
         space: bounds of the puppet's middle; none by default.
-        latest_begin: time until which it waits before its first step; later it waits in steps that
-            do not move; ``begin`` by default [s].
+        latest_begin: latest time of the first step; longer waits are steps that do not move;
+            ``begin`` by default [s].
 
     Returns:
         The way, or the reason why there is none.
@@ -69,21 +69,22 @@ def find_way(
     """
     check_positive(step_time=step_time, longest_step=longest_step, radius=radius)
     stage = Stage(start, begin, step_time, longest_step, radius, blocked, others, space)
-    trouble = _at_the_start(stage)
-    if trouble is not None:
-        return trouble
-    trouble = _at_the_goal(stage, goal)
-    if trouble is None:
+    failure = _check_start(stage)
+    if failure is not None:
+        return failure
+    failure = _check_goal(stage, goal)
+    if failure is None:
         way = stage.way(goal, begin if latest_begin is None else latest_begin)
         if way is not None and stage.waits(way) <= HORIZON:
             return way
-        trouble = _between(stage, goal, way)
+        failure = _obstruction(stage, goal, way)
         if way is not None:
-            return trouble
-    return replace(trouble, nearest=_nearest(stage, goal))
+            return failure
+    return replace(failure, nearest=_nearest(stage, goal))
 
 
-def _at_the_start(stage: Stage) -> NoWay | None:
+def _check_start(stage: Stage) -> NoWay | None:
+    """Reason why the puppet cannot leave its start; None if it can."""
     place = stage.start.place
     if not stage.space.holds(np.array(place)):
         text = "it is outside of the hands' space at the start"
@@ -98,7 +99,8 @@ def _at_the_start(stage: Stage) -> NoWay | None:
     return NoWay(Hindrance.START_BLOCKED, text, (near.name,))
 
 
-def _at_the_goal(stage: Stage, goal: Footing) -> NoWay | None:
+def _check_goal(stage: Stage, goal: Footing) -> NoWay | None:
+    """Reason why the puppet cannot stay at a goal; None if it can."""
     outside = abs(stage.space.nearest(goal.place) - goal.place)
     if not stage.space.holds(np.array(goal.place)):
         text = f"the place is {outside:.2f} m outside of the hands' space"
@@ -112,10 +114,11 @@ def _at_the_goal(stage: Stage, goal: Footing) -> NoWay | None:
     return NoWay(Hindrance.GOAL_OCCUPIED, f"{name} stands there when it would arrive", (name,))
 
 
-def _between(stage: Stage, goal: Footing, late: Way | None) -> NoWay:
+def _obstruction(stage: Stage, goal: Footing, late: Way | None) -> NoWay:
+    """Reason why no way leads to a goal in time; ``late`` is a way that takes too long."""
     movers = tuple(mover.name for mover in stage.movers)
     roadmap = stage.roadmap(goal)
-    if not np.any(np.isfinite(roadmap.rest[START])):
+    if not np.any(np.isfinite(roadmap.cost_to_goal[START])):
         names = _walls(stage, roadmap)
         return NoWay(Hindrance.NO_WAY_ROUND, f"no way leads round {_listed(names)}", names)
     if late is None:
@@ -131,7 +134,7 @@ def _walls(stage: Stage, roadmap: Roadmap) -> tuple[str, ...]:
     for k, region in enumerate(roadmap.standing):
         if roadmap.reached(roadmap.open[:k] + roadmap.open[k + 1 :])[GOAL]:
             names.append(region.name)
-    # Players are more easily sent away than walls.
+    # Players can be moved, obstacles cannot.
     fixed = {region.name for region in stage.blocked}
     movable = [name for name in names if name not in fixed]
     return tuple(dict.fromkeys(movable or names or [region.name for region in roadmap.standing]))
@@ -154,22 +157,22 @@ def _nearest(stage: Stage, goal: Footing) -> Footing | None:
 
 
 def _free_places(stage: Stage, goal: Footing) -> Iterator[complex]:
-    """Places that are free at the end and reached past everything that stands."""
+    """Places that are free at the end, and reached past everything that stands."""
     roadmap = stage.roadmap(stage.start)
-    # Players that come later count too, unless they shut the puppet in: it can leave before.
-    standing = stage.at_last if stage.is_free(roadmap.points[:1])[0] else stage.standing
+    # Players that arrive later count too, unless they shut the puppet in: it can leave before.
+    standing = stage.final_regions if stage.is_free(roadmap.points[:1])[0] else stage.standing
     first, last = np.broadcast_arrays(roadmap.points[:, None], roadmap.points)
-    known = roadmap.points[roadmap.reached([stage.are_open(standing, first, last)])]
-    around = np.exp(2j * np.pi / _DIRECTIONS * np.arange(_DIRECTIONS))
-    rings = goal.place + (_RINGS[:, None] * around).ravel()
-    places = np.concatenate([[stage.space.nearest(goal.place)], rings, known])
+    reached = roadmap.points[roadmap.reached([stage.are_open(standing, first, last)])]
+    directions = np.exp(2j * np.pi / _N_DIRECTIONS * np.arange(_N_DIRECTIONS))
+    rings = goal.place + (_RING_RADII[:, None] * directions).ravel()
+    places = np.concatenate([[stage.space.nearest(goal.place)], rings, reached])
     places = places[stage.is_free(places)]
     places = places[np.argsort(np.round(np.abs(places - goal.place), 9), kind="stable")]
-    for k in range(0, len(places), _BATCH):
-        batch: Complex = places[k : k + _BATCH]
-        first, last = np.broadcast_arrays(known[:, None], batch)
-        seen = np.any(stage.are_open(standing, first, last), axis=0)
-        yield from (complex(place) for place in batch[seen])
+    for k in range(0, len(places), _BATCH_SIZE):
+        batch: Complex = places[k : k + _BATCH_SIZE]
+        first, last = np.broadcast_arrays(reached[:, None], batch)
+        is_open = np.any(stage.are_open(standing, first, last), axis=0)
+        yield from (complex(place) for place in batch[is_open])
 
 
 def _listed(names: Sequence[str]) -> str:

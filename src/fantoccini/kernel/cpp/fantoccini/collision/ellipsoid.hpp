@@ -8,7 +8,7 @@
 // minus the least depth. h(n) = sqrt(n . M n) for an ellipsoid and sum_k half_k |n_k| for a box, of
 // which points and segments are special cases. g is smooth except on the folds n_k = 0 of the box.
 // Newton's method on the unit sphere maximises g; components on a fold are held at 0 until g
-// rises beside it, where the touching point leaves the box's face or edge. For solids
+// increases away from it, where the touching point leaves the box's face or edge. For solids
 // apart, g has one maximum; for overlapping solids, the ascent starts at the best of a guess and
 // the box's faces.
 #pragma once
@@ -138,7 +138,7 @@ class GapClimb {
     return true;
   }
 
-  // Sets the gradient of the gap, and holds components on folds beside which it does not rise.
+  // Sets the gradient of the gap, and holds components on folds away from which it does not grow.
   FAN_FN void find_slope() {
     for (int k = 0; k < 3; ++k) {
       const double r = centre_[k] - at_.p[0][k] - at_.p[1][k];

@@ -13,7 +13,7 @@ from fantoccini.base.errors import FileError, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
 from fantoccini.theatre import load_gesture
-from fantoccini.theatre.gestures import Ends, Roles, Step, steps
+from fantoccini.theatre.gestures import BodyParts, Ends, Step, steps
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
@@ -102,7 +102,7 @@ def test_all_legs_jump(dachshund, heron):
     assert legs < set(load_gesture(heron, "jump").uses)
 
 
-def test_a_missing_part_is_told_in_one_sentence(dachshund):
+def test_a_missing_part_is_named_in_one_sentence(dachshund):
     with pytest.raises(FileError) as error:
         load_gesture(dachshund, "wave")
     assert str(error.value) == (
@@ -188,14 +188,16 @@ def test_a_dog_walks_on_diagonal_pairs_of_legs(dachshund):
 
 
 def test_puppets_without_pairs_of_legs_do_not_walk(dachshund):
-    ends = Ends(Roles.of(dachshund), dachshund.rest())
-    body = ends.roles.body_map
+    ends = Ends(BodyParts.of(dachshund), dachshund.rest())
+    body = ends.body_parts.body_map
     arms = tuple(dataclasses.replace(x, kind="arm") for x in body.limbs if x.kind == "leg")
-    roles = dataclasses.replace(ends.roles, body_map=dataclasses.replace(body, limbs=arms))
+    body_parts = dataclasses.replace(
+        ends.body_parts, body_map=dataclasses.replace(body, limbs=arms)
+    )
     with pytest.raises(
         StateError, match="it walks on pairs of legs, left and right; the puppet has arm_front"
     ):
-        steps(Ends(roles, dachshund.rest()), [Step(0.01)])
+        steps(Ends(body_parts, dachshund.rest()), [Step(0.01)])
 
 
 def test_a_larger_puppet_points_and_looks(hans):
@@ -229,7 +231,7 @@ def test_a_dog_looks_aside(dachshund):
     assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(135.0, abs=15.0)
 
 
-def test_a_score_says_where_a_part_is_missing(dachshund, tmp_path):
+def test_a_score_gives_the_line_of_a_missing_part(dachshund, tmp_path):
     path = tmp_path / "number.yaml"
     path.write_text(
         "score: number\nlanes:\n  a:\n  - {gesture: clap}\n  - {gesture: wave}\n", encoding="utf-8"

@@ -1,4 +1,4 @@
-"""Parts of a body, such as a hand or the head, as strings of a puppet and directions of their ends.
+"""Parts of a body, such as a hand or the head, and the strings and bars that move them.
 
 A puppet on a control has bars as parts, too: the control, and for each kind of limb the bar to
 which all its strings are tied. A gesture moves parts by offsets for a body of certain sizes; for
@@ -25,7 +25,15 @@ import numpy as np
 from fantoccini.base import Array, Indices, StateError, rotation
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap
-from fantoccini.model.tree import COMMAND, WORLD, CoordinateTable, Role, Tree, measure, place
+from fantoccini.model.tree import (
+    COMMAND,
+    WORLD,
+    CoordinateTable,
+    Role,
+    Tree,
+    measure,
+    point_position,
+)
 from fantoccini.motion import pieces
 from fantoccini.theatre.gestures.joining import Motion
 
@@ -37,8 +45,8 @@ TRUNK_ENDS = ("trunk_front", "trunk_hind")
 """Ends of the trunk of an animal, each with the carrying strings that are tied there."""
 _MIN_TRUNK_SPAN = 0.1
 """Smallest distance between carrying strings along a trunk with two ends, relative to the size."""
-_TURN_DIGITS = 9
-"""Decimals of the heading of a puppet [rad]."""
+_HEADING_DECIMALS = 9
+"""Decimals to which the heading of a puppet is rounded [rad]."""
 _AXES = "xyz"
 _ROUNDING = 1e-12
 """Smaller entries of a matrix of axes are 0."""
@@ -49,11 +57,11 @@ _NOT_DRIVEN = -1
 
 @dataclass(frozen=True)
 class Move:
-    """A string or a bar, and a direction, that a part's name means.
+    """Motion of a string or a bar in a direction.
 
     Attributes:
         string: name of the string, or of the bar's joint.
-        way: direction, in which the puppet looks along x.
+        way: direction such as ``up``, for a puppet that looks along x.
         kind: kind of limb, or ``whole``.
         size: length of the limb, or size of the body [m].
     """
@@ -65,8 +73,8 @@ class Move:
 
 
 @dataclass(frozen=True, eq=False)
-class Roles:
-    """Body map of a puppet or of a scene's member, for gestures.
+class BodyParts:
+    """Puppet or scene's member with its body map, for gestures.
 
     Attributes:
         marionette: puppet or scene.
@@ -79,8 +87,8 @@ class Roles:
     body_map: BodyMap
 
     @classmethod
-    def of(cls, marionette: Marionette, member: str = "") -> Roles:
-        """Roles of a puppet.
+    def of(cls, marionette: Marionette, member: str = "") -> BodyParts:
+        """Parts of a puppet, or of a scene's member.
 
         Raises:
             StateError: it has no body map.
@@ -92,7 +100,7 @@ class Roles:
     def heading(self) -> float:
         """Angle from x to the puppet's forward direction, in the frame of its file [rad]."""
         x, y, _ = self.own_axes(self.body_map.trunk[0]) @ np.array(self.body_map.facing)
-        return round(float(np.arctan2(y, x)), _TURN_DIGITS) + 0.0
+        return round(float(np.arctan2(y, x)), _HEADING_DECIMALS) + 0.0
 
     def own_axes(self, body: str) -> Array:
         """(3, 3) axes of a body in the pose of its file, as columns in the frame of that file."""
@@ -112,10 +120,10 @@ class Roles:
 
     @property
     def on_control(self) -> bool:
-        """Whether it hangs from its control on strings that keep their lengths."""
-        known = {*self.marionette.coordinates.q_K, *self.marionette.coordinates.q_D}
-        winds = any(f"{string}.length" in known for string in self.body_map.carrying)
-        return bool(self.body_map.control) and not winds
+        """Whether it hangs from its control on strings of fixed lengths."""
+        names = {*self.marionette.coordinates.q_K, *self.marionette.coordinates.q_D}
+        has_winches = any(f"{string}.length" in names for string in self.body_map.carrying)
+        return bool(self.body_map.control) and not has_winches
 
     @cached_property
     def bars(self) -> dict[str, str]:
@@ -129,12 +137,12 @@ class Roles:
         bars = {"control": links[index(self.body_map.control)].joint}
         for kind in KINDS:
             limbs = [limb for limb in self.body_map.limbs if limb.kind == kind]
-            joints = {self._holding(string) for limb in limbs for string in limb.strings}
+            joints = {self._driven_joint(string) for limb in limbs for string in limb.strings}
             if len(joints) == 1 and not joints & {"", bars["control"]}:
                 bars[f"{kind}_bar"] = joints.pop()
         return bars
 
-    def _holding(self, string: str) -> str:
+    def _driven_joint(self, string: str) -> str:
         """Joint of the driven body to which a string is tied; "" if there is none."""
         tree = self.marionette.tree
         (row,) = (row for row in (*tree.strings, *tree.chains) if row.name == string)
@@ -183,7 +191,7 @@ class Roles:
         trunk = self.marionette.link_index(self.body_map.trunk[0])
         forward = poses[trunk, :, :3] @ np.array(self.body_map.facing)
         ahead = {
-            row.name: float(place(poses[None], point, number)[0] @ forward)
+            row.name: float(point_position(poses[None], point, number)[0] @ forward)
             for row in (*tree.strings, *tree.chains)
             for point in (row.points[0], row.points[-1])
             if row.name in self.body_map.carrying and trunk in tree.ancestors(point.link)
@@ -211,9 +219,9 @@ class Roles:
             lengths = {f"{limb.kind}_bar": (limb.kind, limb.length) for limb in body.limbs}
             return [Move(self.bars[part], way, *lengths.get(part, ("whole", body.size)))]
         parts: list[tuple[str, SizeKind, float, str]] = [
-            (own, limb.kind, limb.length, limb.side)
-            for own, limb in body.parts.items()
-            if part in (own, f"{limb.kind}s")
+            (limb_name, limb.kind, limb.length, limb.side)
+            for limb_name, limb in body.parts.items()
+            if part in (limb_name, f"{limb.kind}s")
         ]
         if part in ("trunk", *TRUNK_ENDS, "head"):
             parts = [(part, "whole", body.size, "middle")]
@@ -221,20 +229,21 @@ class Roles:
         if (not parts and not is_plural) or (part == "head" and body.head is None):
             raise self.lacks(part)
         moves = []
-        for own, kind, size, side in parts:
-            strings = self.trunk_ends[own] if own in TRUNK_ENDS else body.strings_of(own)
+        for part_name, kind, size, side in parts:
+            is_end = part_name in TRUNK_ENDS
+            strings = self.trunk_ends[part_name] if is_end else body.strings_of(part_name)
             if not (strings or is_plural):
-                raise StateError(f"it moves {own}, which no string of {self._name} moves")
-            turned = self._sideways(way, side)
-            moves += [Move(string, turned, kind, size) for string in strings]
+                raise StateError(f"it moves {part_name}, which no string of {self._name} moves")
+            direction = self._left_or_right(way, side)
+            moves += [Move(string, direction, kind, size) for string in strings]
         return moves
 
     @property
     def _name(self) -> str:
         return self.member or self.marionette.name
 
-    def _sideways(self, way: str, side: str) -> str:
-        """The direction, with left or right in place of in and out."""
+    def _left_or_right(self, way: str, side: str) -> str:
+        """The direction, with left or right instead of ``in`` and ``out``."""
         if way not in ("in", "out"):
             return way
         if side not in ("left", "right"):
@@ -244,36 +253,36 @@ class Roles:
 
 
 def moves_of(
-    roles: Roles, names: Iterable[str], scaled_by: Mapping[str, SizeKind] | None = None
+    body_parts: BodyParts, names: Iterable[str], scaled_by: Mapping[str, SizeKind] | None = None
 ) -> dict[str, tuple[str, Move]]:
-    """Strings and directions that names of parts and directions mean.
+    """Moves of strings for names of parts and directions, such as ``arm_right.up``.
 
     Args:
-        roles: parts of the puppet's body.
+        body_parts: parts of the puppet's body.
         names: parts and directions, such as ``trunk.down``.
         scaled_by: part -> kind of limb whose size scales its moves, in place of its own.
 
     Returns:
-        String and direction, such as ``hand_right.up`` -> the name, and its move.
+        String and direction, such as ``hand_right.up`` -> the part's name, and the move.
 
     Raises:
         StateError: the puppet lacks a part, none of the names moves a string, or two parts move a
             string in one direction.
     """
-    sizes = {part: (kind, roles.size_of(kind)) for part, kind in (scaled_by or {}).items()}
+    sizes = {part: (kind, body_parts.size_of(kind)) for part, kind in (scaled_by or {}).items()}
     moves: dict[str, tuple[str, Move]] = {}
     parts: dict[str, None] = {}
     for name in names:
         part = name.rpartition(".")[0]
         parts[part] = None
-        for move in roles.moves(name):
+        for move in body_parts.moves(name):
             key = f"{move.string}.{move.way}"
             if key in moves:
                 raise StateError(f"it moves {name} and {moves[key][0]}, which both move {key}")
             kind, size = sizes.get(part, (move.kind, move.size))
             moves[key] = name, replace(move, kind=kind, size=size)
     if not moves:
-        raise roles.lacks(" and ".join(parts))
+        raise body_parts.lacks(" and ".join(parts))
     return moves
 
 
@@ -307,12 +316,12 @@ class OwnAxes:
     triples: tuple[_Triple, ...]
 
     @classmethod
-    def of(cls, puppet: Marionette, roles: Iterable[Roles]) -> OwnAxes:
+    def of(cls, puppet: Marionette, body_parts: Iterable[BodyParts]) -> OwnAxes:
         """Axes of one or several members of a scene, or of a single puppet."""
         table = puppet.coordinates
         triples: list[_Triple] = []
         axes = dict(table.axes)
-        for own in roles:
+        for own in body_parts:
             frames = _Frames.of(own)
             triples += frames.triples()
             axes |= frames.joint_axes()
@@ -322,15 +331,15 @@ class OwnAxes:
     def moved_by(cls, uses: Iterable[str], puppet: Marionette) -> OwnAxes:
         """Axes of the members whose strings are moved; those without a body map keep theirs."""
         moving = {name.partition(".")[0] for name in uses}
-        roles = []
+        moving_parts = []
         for member in puppet.puppet.members or ("",):
             if member and member not in moving:
                 continue
             try:
-                roles.append(Roles.of(puppet, member))
+                moving_parts.append(BodyParts.of(puppet, member))
             except StateError:
                 continue
-        return cls.of(puppet, roles)
+        return cls.of(puppet, moving_parts)
 
     def placed(self, motion: Motion) -> Motion:
         """Motion of the puppet, from offsets along its own axes.
@@ -372,21 +381,21 @@ class _Frames:
     """Axes of the joints of one member.
 
     Attributes:
-        roles: parts of the member.
+        body_parts: parts of the member.
         turn: (3, 3) R_h.
         links: (n_links, 3, 3) axes of links in the member's file, as columns.
         world: (3, 3) axes of the world in that file.
     """
 
-    roles: Roles
+    body_parts: BodyParts
     turn: Array
     links: Array
     world: Array
 
     @classmethod
-    def of(cls, roles: Roles) -> _Frames:
-        turn = rotation.matrix(rotation.exp(np.array([0.0, 0.0, roles.heading])))
-        return cls(roles, turn, *roles.axes_in_file())
+    def of(cls, body_parts: BodyParts) -> _Frames:
+        turn = rotation.matrix(rotation.exp(np.array([0.0, 0.0, body_parts.heading])))
+        return cls(body_parts, turn, *body_parts.axes_in_file())
 
     def joint(self, name: str, *, first: bool) -> int:
         """Index of the first or last link that a joint, a string's end or a drive moves."""
@@ -396,16 +405,16 @@ class _Frames:
 
     def triples(self) -> list[_Triple]:
         """Offsets and rotation vectors along other axes than the puppet's own."""
-        table = self.roles.marionette.coordinates
+        table = self.body_parts.marionette.coordinates
         places: dict[str, Indices] = {}
         for name, (_, v) in pieces.channel_names(table).items():
             owner, _, part = name.rpartition(".")
-            if name.startswith(self.roles.prefix) and owner and part in _AXES:
+            if name.startswith(self.body_parts.prefix) and owner and part in _AXES:
                 own = places.setdefault(owner, np.full(3, _NOT_DRIVEN))
                 own[_AXES.index(part)] = v.start
         triples = [_Triple(name, v, self._carrying(name)) for name, v in places.items()]
         for name, (_, first) in table.rotations.items():
-            if name.startswith(self.roles.prefix):
+            if name.startswith(self.body_parts.prefix):
                 owner = name.rpartition(".")[0]
                 body = self.links[self.joint(owner, first=False)]
                 triples.append(_Triple(owner, np.arange(first, first + 3), self._seen(body)))
@@ -414,8 +423,8 @@ class _Frames:
     def joint_axes(self) -> dict[str, tuple[float, ...]]:
         """Driven joint -> its axis, in the puppet's own axes."""
         axes = {}
-        for name, axis in self.roles.marionette.coordinates.axes.items():
-            if name.startswith(self.roles.prefix):
+        for name, axis in self.body_parts.marionette.coordinates.axes.items():
+            if name.startswith(self.body_parts.prefix):
                 carrier = self._tree.links[self.joint(name, first=True)].parent
                 axes[name] = tuple((self._seen(self._axes(carrier)) @ axis).tolist())
         return axes
@@ -435,4 +444,4 @@ class _Frames:
 
     @property
     def _tree(self) -> Tree:
-        return self.roles.marionette.tree
+        return self.body_parts.marionette.tree
