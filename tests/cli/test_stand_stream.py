@@ -349,12 +349,8 @@ def test_a_dry_run_sends_nothing(files):
     [
         ("osc", ("--port", "a"), "applies to G-code, and the controller is osc"),
         ("osc", ("--from-line", "3"), "applies to G-code"),
-        (
-            "grbl",
-            ("--to", "127.0.0.1:9000"),
-            "applies to osc and artnet, and the controller is grbl",
-        ),
-        ("grbl", ("--from-time", "1"), "applies to osc and artnet"),
+        ("grbl", ("--to", "127.0.0.1:9000"), "applies to osc and artnet, but this stand has grbl"),
+        ("grbl", ("--from-time", "1"), "applies to osc, artnet or several controllers"),
         ("artnet", ("--to", "nowhere"), "needed: HOST:PORT"),
         ("artnet", ("--to", "nowhere", "--dry-run"), "needed: HOST:PORT"),
         ("artnet", ("--to", "127.0.0.1:0"), "found port 0"),

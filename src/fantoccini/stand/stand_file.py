@@ -286,7 +286,7 @@ def _sharing_mistakes(stand: Stand) -> Iterator[Finding]:
             elif owners[axis] > 1:
                 yield (*at, "axes", i), f"found {axis!r} twice; needed: one controller for it"
         if part.port is not None and ports[part.port] > 1:
-            text = f"found {part.port!r} twice; needed: a port of its own"
+            text = f"found {part.port!r} twice; needed: one port for each controller"
             yield (*at, "port"), text
     for axis in stand.axes:
         if not owners[axis]:

@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from fantoccini.app.cli_support import (
-    PICTURES,
-    Steps,
+    PICTURE_SUFFIXES,
+    ProgressDisplay,
     check_output,
     fail,
     number,
+    output_errors,
+    print_message,
+    print_output,
+    print_table,
     puppet_path,
-    say,
-    table,
-    write,
-    writing,
 )
 from fantoccini.base import StateError, replacing
 from fantoccini.base.documents import has_key, with_section
@@ -43,21 +43,21 @@ def write_rig(file: str, out: Path | None, force: bool, quiet: bool) -> None:
     if has_key(path, "rig") and not force:
         fail(f"{file} has a rig already; use --force to replace it by the guess", _OPTION)
     picture = path.with_name(f"{path.stem}_rig.png") if out is None else out
-    check_output(picture, PICTURES, "--out")
-    with Steps(quiet) as steps:
+    check_output(picture, PICTURE_SUFFIXES, "--out")
+    with ProgressDisplay(quiet) as display:
         described = load(path)
-        puppet = Marionette(described.model_copy(update={"rig": None}), steps.named)
-        steps.step("searching trunk, head and limbs")
+        puppet = Marionette(described.model_copy(update={"rig": None}), display.update)
+        display.stage("searching trunk, head and limbs")
         body_map = puppet.body_map
         section = dump.to_yaml({"rig": dump.plain(rig_of(body_map, described.mirror))})
         text = with_section(path.read_bytes().decode("utf-8-sig"), "rig", section)
-        steps.step(f"drawing {picture}")
+        display.stage(f"drawing {picture}")
         _draw(puppet, body_map, picture)
-    with writing(path), replacing(path) as temporary:
+    with output_errors(path), replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
     if not quiet:
         print_body_map(body_map)
-        say(f"fantoccini: {file}: rig written; {picture} shows it")
+        print_message(f"fantoccini: {file}: rig written; {picture} shows it")
 
 
 def print_body_map(body_map: BodyMap, member: str = "") -> None:
@@ -72,7 +72,7 @@ def print_body_map(body_map: BodyMap, member: str = "") -> None:
     if head is not None:
         lines.append(("head", (head.body,), _point(head.end)))
     lines += [(name, limb.bodies, _point(limb.end)) for name, limb in body_map.parts.items()]
-    table(
+    print_table(
         f"Body map of {member}" if member else "Body map",
         ("part", "bodies", "end [m]", "strings", "doubt"),
         [
@@ -87,12 +87,14 @@ def print_body_map(body_map: BodyMap, member: str = "") -> None:
         ],
     )
     control = f"; the strings hang from {body_map.control}" if body_map.control else ""
-    write(f"it looks along {_point(body_map.facing)} in the frame of {body_map.trunk[0]}{control}")
+    print_output(
+        f"it looks along {_point(body_map.facing)} in the frame of {body_map.trunk[0]}{control}"
+    )
     named = {part for part, *_ in lines}
     for doubt in body_map.doubts:
         if doubt.part not in named:
-            write(f"{doubt.part}: {doubt.reason}")
-    write()
+            print_output(f"{doubt.part}: {doubt.reason}")
+    print_output()
 
 
 def _point(point: tuple[float, float, float]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fantoccini.app.cli_support.terminal import number, say
+from fantoccini.app.cli_support.terminal import number, print_message
 from fantoccini.base import npz
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import RECORDING_FORMATS, State
@@ -32,7 +32,7 @@ def with_recorded_winches(marionette: Marionette, recording: Recording, quiet: b
     """
     if not quiet:
         for line in _differences(marionette, recording.marionette):
-            say(f"the recording is of another puppet: {line}")
+            print_message(f"the recording is of another puppet: {line}")
     names = [[s.name for s in m.tree.strings] for m in (recording.marionette, marionette)]
     if names[0] != names[1]:
         return marionette

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from fantoccini.app.cli_support.files import fail
-from fantoccini.app.cli_support.terminal import number, say
+from fantoccini.app.cli_support.terminal import number, print_message
 from fantoccini.base.documents import Angle
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.sweeps import trial
@@ -68,7 +68,7 @@ def start_state(
         displacement = np.abs(x.q_D - marionette.state(values).q_D)
         if np.max(displacement, initial=0.0) > _MAX_SILENT_MOVE:
             k = int(np.argmax(displacement))
-            say(
+            print_message(
                 "moved the start to the nearest state that strings and limits allow: "
                 f"{table.q_D[k]} is {number(float(x.q_D[k]))}"
             )

@@ -21,9 +21,9 @@ from fantoccini.base import Array, OnProgress, SimulationError, StateError
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.hybrid import HybridRuns
 from fantoccini.control.optimal.iterations import (
-    GOOD_DECREASE,
-    POOR_DECREASE,
-    SUFFICIENT_DECREASE,
+    GOOD_DECREASE_RATIO,
+    MIN_DECREASE_RATIO,
+    POOR_DECREASE_RATIO,
     Limits,
     SmallSteps,
     hessian_product,
@@ -223,10 +223,10 @@ class TrustRegionSearch:
             if not decrease_ratio > best_ratio:
                 break
             best_ratio, best_motion, best_cost = decrease_ratio, nodes_and_ends, cost
-            if best_ratio >= GOOD_DECREASE or objective.task.end is None:
+            if best_ratio >= GOOD_DECREASE_RATIO or objective.task.end is None:
                 break
         self._decrease_ratio = best_ratio
-        if best_motion is None or best_ratio <= SUFFICIENT_DECREASE:
+        if best_motion is None or best_ratio <= MIN_DECREASE_RATIO:
             return None
         limits = self._limits
         is_small = best_ratio * step.phi_decrease <= limits.cost_tolerance * abs(merit_before)
@@ -247,9 +247,9 @@ class TrustRegionSearch:
         unit, price = self._free.unit, self._free.price
         if is_inside and step.remaining_violation > 0.1 * self._limits.tolerance:
             price = min(price * SETTINGS.price_factor, SETTINGS.max_price * unit)
-        if decrease_ratio < POOR_DECREASE:
+        if decrease_ratio < POOR_DECREASE_RATIO:
             self._radius = SETTINGS.radius_decrease * min(step.size, self._radius)
-        elif decrease_ratio > GOOD_DECREASE and not is_inside:
+        elif decrease_ratio > GOOD_DECREASE_RATIO and not is_inside:
             self._radius *= SETTINGS.radius_increase
         is_near = (
             float(np.max(np.abs(self._gap(self.best.nodes)), initial=0.0))

@@ -323,8 +323,8 @@ class Marionette(CompiledPuppet):
             dt: length of the step [s].
 
         Raises:
-            StateError: violation is so large that the step was cut short, or the step's contacts
-                have no derivative; contacts between two modes are in ``edges`` instead.
+            StateError: violations are so large that the velocities were scaled down, or a contact
+                has no derivative. Contacts between two modes are in ``edges`` instead.
         """
         return linearise_step(self, x, acc_K, u_D, dt)
 
@@ -345,7 +345,7 @@ class Marionette(CompiledPuppet):
 
         The steps are those of ``fan.TimeStepping(dt, extrapolate=False)``, and the derivatives
         those of :meth:`linearise_step`. A step is not ``settled`` if that method would raise, and
-        not ``sharp`` if its result would have ``edges``.
+        not ``differentiable`` if its result would have ``edges``.
 
         Args:
             q_D, v_D, q_K, v_K: (n, ...) or (...,) states.

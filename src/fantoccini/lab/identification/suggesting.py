@@ -28,7 +28,7 @@ from fantoccini.base import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import checked_integer
 from fantoccini.lab.identification.cost import Cost
-from fantoccini.lab.identification.estimating import DRIFT, NoiseLevels, fit_of, one_blas_thread
+from fantoccini.lab.identification.estimating import DRIFT, NoiseLevels, make_fit, one_blas_thread
 from fantoccini.lab.identification.fit import continuous_point
 from fantoccini.lab.identification.record import Record
 from fantoccini.lab.identification.result import Combination, determined
@@ -157,7 +157,7 @@ def _candidate(
     columns = {column: np.zeros(len(t)) for column in record.channels.names}
     try:
         planned = replace(record, inputs=inputs, t=t + record.delay, columns=columns)
-        fit = fit_of(planned, segment, dt, threads)
+        fit = make_fit(planned, segment, dt, threads)
         point = continuous_point(fit, planned.start_state(fit.inputs, float(fit.starts[0])))
         noise = NoiseLevels.of(planned)
         levels = np.where(np.isfinite(noise.given), noise.given, noise.guess)
