@@ -1,4 +1,4 @@
-"""A compiled play: its cues with their times, and one motion of all hands."""
+"""A compiled play: its cues with their times, and one motion of the hands of all players."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ class CueOfPlay:
     """A compiled cue.
 
     Attributes:
-        number: number in the play, from 1: ``/cue/N/start``.
+        number: number in the play, from 1; the N of OSC messages such as ``/cue/N/start``.
         act: name of its act.
         who: players of the cue.
         what: description: ``pierrot: walks to centre``.
-        name: name by which times refer to it.
+        name: its name in the times of other cues, as in ``wave.end``.
         line: line of the file.
-        wanted: wanted time of the cue, or of the mark in ``on`` [s].
+        wanted: time in the file at which the cue, or its ``mark``, should be [s].
         give: allowed delay [s].
         start, end: beginning and end of all its motion [s].
-        mark: mark in ``on``; "" if the beginning counts.
+        mark: mark of the cue's gesture (key ``on``) that should be at ``wanted``; "" for its
+            beginning.
         go: whether a live show waits for GO before it.
         says: its caption.
         refused: reason why it cannot be done; "" if it can.
-        passes: notes on players that it passes, and who gives way; else "".
+        passes: who gives way, if the player passes others on this walk; else "".
         optional: whether it may be left out.
         with_prop: whether a prop or a seat is handled.
-        marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; for its actual
-            players.
+        marks: times of the hands [s], by player and by moment: a mark, ``start`` or ``end``.
     """
 
     number: int
@@ -85,11 +85,11 @@ class Play:
 
     Attributes:
         name: name of the play.
-        located: lines of the file.
-        cast: players, alone and together.
-        score: the whole as a score: one motion of all hands, a lane or more for each player,
+        located: finder of keys' lines in the file.
+        cast: puppets of the players: one for each, and the scene of all.
+        score: the play as a score: one motion of all hands with a lane or more for each player,
             captions, sounds and waits.
-        parts: number of the play's cue and player, for each cue of the score.
+        parts: for each cue of the score, the number of the play's cue and the player.
         cues: cues in the file's order.
         changes: cues that cannot be done, with reasons, and other deviations from the file.
         acts: name -> beginning [s].
@@ -97,10 +97,10 @@ class Play:
         starts: player -> times at which its cues begin [s].
         meetings: players and props that may touch, with times.
         ways: player -> its walks.
-        settled: number of a cue -> its pause [s], and the trunk's speeds after it without the pause
-            and with it [m/s].
+        settled: number of a cue -> pause after it [s], and speeds of the trunk then, without and
+            with the pause [m/s].
         rounds: number of rounds in which cues were placed.
-        cache: cached runs and ways, for the next version.
+        cache: cached runs and walks, for the next version of the play.
     """
 
     name: str
@@ -142,11 +142,12 @@ class Play:
         return self.score.inputs(self.x0)
 
     def runs(self, *, exact: bool = False) -> Runs:
-        """Runs of all companies; their parts are cached.
+        """Runs of the play, one for each company; cached.
+
+        A company is a group of players and props that touch, so that they are simulated together.
 
         Args:
-            exact: whether companies that touch are simulated event-driven, instead of in time
-                steps.
+            exact: whether to simulate companies with method ``event`` instead of in time steps.
         """
         return runs_of(self.cast, self.motions, self.starts, self.meetings, self.cache, exact=exact)
 
@@ -162,7 +163,7 @@ class Play:
 
     @property
     def lacking(self) -> tuple[Mistake, ...]:
-        """Changes that count: all except those of optional cues."""
+        """Changes, without those of optional cues."""
         left_out = {(cue.line, cue.change) for cue in self.cues if cue.refused and cue.optional}
         return tuple(
             change for change in self.changes if (change.line, change.message) not in left_out
@@ -170,7 +171,7 @@ class Play:
 
     @property
     def remarks(self) -> tuple[Mistake, ...]:
-        """Changes that do not refuse a cue: touches, or work not finished in time."""
+        """Changes other than refused cues, such as touches."""
         refusals = {(cue.line, cue.change) for cue in self.cues if cue.refused}
         return tuple(
             change for change in self.changes if (change.line, change.message) not in refusals
