@@ -33,7 +33,7 @@ class CueOfPlay:
         go: whether a live show waits for GO before it.
         says: its caption.
         refused: reason why it cannot be done; "" if it can.
-        passes: who gives way, if the player passes others on this walk; else "".
+        passes: note on players that it passes on this walk, and on who gives way; else "".
         optional: whether it may be left out.
         with_prop: whether a prop or a seat is handled.
         marks: times of the hands [s], by player and by moment: a mark, ``start`` or ``end``.
