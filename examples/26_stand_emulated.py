@@ -37,7 +37,7 @@ def on_grbl(points):
     """Times [s] and positions [m] of the motors of an emulated GRBL."""
     machine = GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
     for line in gcode(points).splitlines():
-        assert machine.line(line) == "ok"
+        assert machine.answer(line) == "ok"
     t = np.append(np.arange(0.0, points.motion.t[-1], 1.0 / RATE), points.motion.t[-1])
     return t, 1e-3 * machine.positions(machine.dwell_ends[0] + t)
 

@@ -96,7 +96,7 @@ def test_a_link_does_not_lead_out(tmp_path):
         (lambda c: c["asset"].update(version="1.0"), "glTF 1.0; allowed: 2.0"),
         (
             lambda c: c.update(extensionsRequired=["KHR_draco_mesh_compression"]),
-            "needs KHR_draco_mesh_compression: export it without compression",
+            "needs the extensions KHR_draco_mesh_compression; export it without them",
         ),
         (lambda c: c["meshes"][0]["primitives"][0].update(mode=1), "no triangles"),
         (lambda c: c["meshes"][0]["primitives"][0].update(mode=9), "mode 9"),

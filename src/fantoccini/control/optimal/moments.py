@@ -31,7 +31,7 @@ class Window:
     in_turn: bool
 
 
-def nearest(off: OffsetFunction, windows: Sequence[Window], step: float) -> Times:
+def nearest_times(off: OffsetFunction, windows: Sequence[Window], step: float) -> Times:
     """The moments of least distance.
 
     Touches of a point at rest, for which all moments are equally near, are spread evenly in their

@@ -224,7 +224,7 @@ def carried(marionette: Marionette, run: Trajectory) -> float:
     gravity_norm = float(np.linalg.norm(gravity))
     bodies = {body.name for body in puppet.expanded().bodies} - set(puppet.props)
     mass = sum(
-        sum(marionette.number(lump.amount) * lump.volume for lump in link.lumps)
+        sum(marionette.number(share.amount) * share.volume for share in link.mass_shares)
         if link.mass is None
         else marionette.number(link.mass)
         for link in marionette.tree.links

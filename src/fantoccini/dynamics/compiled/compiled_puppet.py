@@ -234,8 +234,8 @@ class CompiledPuppet:
         total = 0.0
         for i, link in enumerate(self.tree.links):
             if any(self.tree.links[j].role == "dynamic" for j in self.tree.ancestors(i)):
-                lumps = sum(self.number(lump.amount) * lump.volume for lump in link.lumps)
-                total += lumps if link.mass is None else self.number(link.mass)
+                of_shapes = sum(self.number(s.amount) * s.volume for s in link.mass_shares)
+                total += of_shapes if link.mass is None else self.number(link.mass)
         return total
 
     @cached_property

@@ -215,8 +215,8 @@ class _Document:
 
     def _mass(self, link: Link) -> tuple[float, Array, Array]:
         """Mass, centre of mass and inertia about it: the link's own values, or its shapes'."""
-        masses = [self.number(lump.amount) * lump.volume for lump in link.lumps]
-        units = [lump.unit for lump in link.lumps]
+        masses = [self.number(share.amount) * share.volume for share in link.mass_shares]
+        units = [share.unit for share in link.mass_shares]
         m = sum(masses)
         c = sum((a * np.array(u.com) for a, u in zip(masses, units, strict=True)), np.zeros(3))
         c = c / m if m else c

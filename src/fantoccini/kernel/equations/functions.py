@@ -123,7 +123,7 @@ class Equations:
         """
         results = self._with_factor(self.factor, self.system.symbols.dt, self.system.step_loads)
         results = {name: x for name, x in results.items() if name not in ("gamma", "gamma_limit")}
-        motors, places = drives.forces(self.system, self.system.symbols.dt), self.tree.motor_places
+        motors, places = drives.forces(self.system, self.system.symbols.dt), self.tree.driven_v_D
         return results | {
             "f_M": column(motors.f_D[places]),
             "y_M": column(motors.velocity_slopes[places]),
