@@ -424,7 +424,7 @@ def test_a_delay_is_found_near_its_guess_and_its_bound_is_reported(case):
     estimate = fan.identify(replace(data, t=data.t + 0.4))
     assert estimate.at_bound and not estimate.converged
     assert abs(estimate["delay"] - 0.25) < 1e-3
-    assert "begin nearer" in estimate.summary()
+    assert "better initial value" in estimate.summary()
 
 
 def test_columns_without_samples_are_left_out(case, recwarn):

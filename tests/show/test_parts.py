@@ -253,7 +253,7 @@ def test_objects_that_cannot_be_shown_are_refused():
     with pytest.raises(ValueError, match="found int; expected a puppet"):
         fan.show(3)
     with pytest.raises(ValueError, match="live puppet cannot be written as a file"):
-        page.write(page.Subject(fan.puppets.string_pendulum()), "x.html", "light")
+        page.write_page(page.Subject(fan.puppets.string_pendulum()), "x.html", "light")
     with pytest.raises(fan.errors.UnknownNameError, match="no theme is called 'green'"):
         fan.show("string_pendulum", theme="green", port=0, wait=False)
     with pytest.raises(fan.FantocciniError, match="there is no such folder"):

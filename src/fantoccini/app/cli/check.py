@@ -131,7 +131,7 @@ def _check_moves(axis_map: AxisMap, puppet: Marionette, path: Path) -> bool:
     times = np.linspace(inputs.start, inputs.end, max(2, round(_RATE * inputs.duration)))
     q_K = np.nan_to_num(inputs.evaluate(times)[0])
     try:
-        axis_map.refuse_held(times, q_K)
+        axis_map.check_held(times, q_K)
     except FileError as error:
         _print_problems(error.mistakes)
         return False

@@ -32,7 +32,7 @@ from fantoccini.theatre.retarget import (
     place_clip,
 )
 
-_STEP = 0.004
+_TIME_STEP = 0.004
 """Time step of the saved recording [s]."""
 
 
@@ -119,11 +119,11 @@ def _remarks(followed: Followed) -> Iterator[str]:
     if followed.losses:
         longest = max(followed.losses, key=lambda loss: loss.end - loss.begin)
         count = len(followed.losses)
-        yield f"{longest}" if count == 1 else f"{longest}; parts are lost {count} times"
+        yield f"{longest}" if count == 1 else f"{longest}; {count} such times in all"
     if followed.share < 1.0:
         yield (
-            "with the full bounds of speed and acceleration the puppet does not follow; the hands "
-            f"use {100 * followed.share:.0f} % of them"
+            "the puppet cannot follow with the full speed and acceleration of the hands; they use "
+            f"{100 * followed.share:.0f} % of them"
         )
     if followed.crossings:
         first = followed.crossings[0]
@@ -139,7 +139,7 @@ def _recording(followed: Followed) -> Recording:
         followed.run.state(0),
         followed.acc_K,
         followed.interval,
-        round(followed.interval / _STEP),
+        round(followed.interval / _TIME_STEP),
     )
 
 

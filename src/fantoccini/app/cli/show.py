@@ -36,7 +36,7 @@ def show_file(arguments: ShowArguments) -> None:
         name = str(puppet_path(name))
         if arguments.html is not None:
             fail("applies to runs (.npz) only; a live puppet cannot be written to a file", "--html")
-    from fantoccini.app.web import open_page, subject_of, write as write_motion
+    from fantoccini.app.web import open_page, subject_of, write_page
 
     with ProgressDisplay(arguments.quiet) as display:
         subject = subject_of(name, arguments.problem, display.update)
@@ -44,7 +44,7 @@ def show_file(arguments: ShowArguments) -> None:
             if arguments.forces and subject.run is not None and subject.run.contact is None:
                 fail("this motion has no contacts, so there are no forces to draw", "--forces")
             progress = display.bar(f"writing {arguments.html}")
-            write_motion(subject, arguments.html, arguments.theme.value, progress, arguments.forces)
+            write_page(subject, arguments.html, arguments.theme.value, progress, arguments.forces)
             return
         if arguments.balance and subject.run is not None:
             fail("applies to a live puppet, not to a motion", "--balance")

@@ -26,10 +26,10 @@ from fantoccini.stand import (
     SlowedRun,
     StandCheck,
     check_stand,
+    find_slower_tempo,
     load_stand,
     lost_lines,
     remedies,
-    slower as find_slower,
 )
 
 _MAX_NAMED = 12
@@ -56,7 +56,7 @@ def check_run(
         tempo: tuple[SlowedRun | None, str] | None = None
         if slower and not result.ok:
             display.stage("simulating slower tempos")
-            tempo = find_slower(result)
+            tempo = find_slower_tempo(result)
         if report is not None:
             from fantoccini.output import reports
 

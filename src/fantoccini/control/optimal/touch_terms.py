@@ -19,7 +19,7 @@ L decreases towards its inside. Moments are searched for near those of the previ
 they do not jump to another passage of a place.
 
 Distances are those of the simulated run. For the derivatives, coordinates between nodes are cubic
-in time, through the positions and velocities there. With z_i the state before the moment's interval,
+in time, through the positions and velocities there. With z_i the state before a moment,
 
     r + J_0 z_i + J_1 z_{i+1} = r + J_1 e_i + (J_0 + J_1 A_i) z_i + J_1 B_i u_i
 """
