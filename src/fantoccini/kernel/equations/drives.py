@@ -1,8 +1,8 @@
 """Drives: reflected inertia, friction, and the forces of motors.
 
 n is the rotor angle per unit of the coordinate q, for example g / r for a gear ratio g and a drum
-of radius r. A rotor of inertia J and a carriage of mass m add m + n^2 J to the diagonal of M_DD. For
-the command r, with the error e = r - q, edot = rdot - v, the force f is
+of radius r. A rotor of inertia J and a carriage of mass m add m + n^2 J to the diagonal of M_DD.
+For the command r, with the error e = r - q, edot = rdot - v, the force f is
 
     PD               f = k e + d edot
     computed torque  f = [M_MM a + c] + friction,  a = rddot + 2 zeta w edot + w^2 e

@@ -23,7 +23,7 @@ from fantoccini.base.documents import (
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Marker
-from fantoccini.lab.identification.marking import Mark, find_number, puppet_with_parameters
+from fantoccini.lab.identification.marking import FileNumber, find_number, puppet_with_parameters
 from fantoccini.lab.identification.record import Record, Unknown, check_overlap, driven_scalars
 from fantoccini.lab.identification.schema import ColumnEntry, DelayEntry, RecordFile
 from fantoccini.model.puppet import named_file
@@ -53,7 +53,7 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
         text = f"found {shown(file.puppet)}, which is a scene; needed: the file of a puppet"
         raise located.error([(("puppet",), text)], FileError)
     puppet = read_file(puppet_path)
-    marks: dict[Mark, float] = {}
+    marks: dict[FileNumber, float] = {}
     unknown = []
     for label, entry in file.unknown.items():
         spot = ("unknown", label)
