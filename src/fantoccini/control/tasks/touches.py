@@ -148,7 +148,7 @@ class Touches:
         """(..., n_required) gaps of the required touches; negative where parts overlap [m].
 
         Args:
-            q_D, q_K: (..., n_qD), (..., n_qK) configurations.
+            q_D, q_K: (..., n_qD) dynamic and (..., n_qK) driven (kinematic) configurations.
         """
         shape = q_D.shape[:-1]
         touch_gaps = np.full((*shape, len(self.required)), _MAX_GAP)

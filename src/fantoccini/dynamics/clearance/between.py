@@ -36,7 +36,7 @@ class Places(NamedTuple):
         piece: (m,) pieces of the path.
         s: (m,) times since the beginnings of the pieces [s].
         t: (m,) times [s].
-        q_D, q_K: (m, n_qD), (m, n_qK) configurations.
+        q_D, q_K: (m, n_qD) dynamic and (m, n_qK) driven (kinematic) configurations.
     """
 
     piece: Indices

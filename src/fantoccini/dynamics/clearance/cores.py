@@ -65,7 +65,7 @@ class Cores:
             marionette: a puppet or a scene.
             bodies: (n_bodies,) ``SOLID``; a mesh is the box around it.
             links: n_bodies links that carry them.
-            q_D, q_K: (T, n_qD), (T, n_qK) configurations.
+            q_D, q_K: (T, n_qD) dynamic and (T, n_qK) driven (kinematic) configurations.
         """
         pieces, lengths = _pieces(marionette, q_D, q_K)
         curves, curve, stray = _curves(pieces, lengths)

@@ -42,7 +42,7 @@ class Path:
     Attributes:
         marionette: the puppet or scene.
         t: (T,) times [s].
-        q_D, q_K: (T, n_qD), (T, n_qK) configurations.
+        q_D, q_K: (T, n_qD) dynamic and (T, n_qK) driven (kinematic) configurations.
         h: (T - 1,) durations of the pieces [s]; 0 at an impact.
 
     Args:

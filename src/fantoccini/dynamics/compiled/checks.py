@@ -47,7 +47,7 @@ def check_step(marionette: CompiledPuppet, method: str, q_D: Array, q_K: Array, 
     Args:
         marionette: the puppet.
         method: method of the run; only ``timestepping`` evaluates forces at the step's start.
-        q_D, q_K: (..., n_qD), (..., n_qK) configurations at the start.
+        q_D, q_K: (..., n_qD) dynamic, (..., n_qK) kinematic (driven) configurations at the start.
         dt: length of the steps [s].
     """
     if method != "timestepping":

@@ -49,7 +49,8 @@ class StepLinearisations(ShortRepr):
     """n time steps and their derivatives, as in :class:`StepLinearisation`.
 
     Attributes:
-        q_D, v_D, q_K, v_K: (n, ...) states after the steps.
+        q_D, v_D, q_K, v_K: (n, ...) dynamic (D) and driven (kinematic, K) configurations and
+            velocities after the steps.
         tension: (n, n_rows) impulses over dt [N or N m].
         held: (n, n_rows) bool, strings and limits held in the steps.
         motion: (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the step by q_D, v_D, q_K, v_K,

@@ -348,7 +348,8 @@ class Marionette(CompiledPuppet):
         not ``differentiable`` if its result would have ``edges``.
 
         Args:
-            q_D, v_D, q_K, v_K: (n, ...) or (...,) states.
+            q_D, v_D, q_K, v_K: (n, ...) or (...,) states: dynamic (D) and driven (kinematic, K)
+                configurations and velocities.
             acc_K: (n, n_vK) or (n_vK,) driven accelerations; 0 by default.
             u_D: (n, n_vD) or (n_vD,) user forces; 0 by default.
             p: (n, n_p) or (n_p,) parameters; by default the marionette's own.

@@ -112,7 +112,7 @@ class Library(Functions):
 
         Args:
             contacts: the m pairs.
-            q_D, q_K: (..., n_qD), (..., n_qK) configurations.
+            q_D, q_K: (..., n_qD) dynamic and (..., n_qK) driven (kinematic) configurations.
             p: (n_p,) parameters.
             margin: pairs farther apart have an infinite distance [m].
         """

@@ -48,7 +48,7 @@ def joint_inertias(
 
     Args:
         tree: the tree.
-        q_D, q_K: (n_qD,), (n_qK,) configuration, all finite.
+        q_D, q_K: (n_qD,) dynamic and (n_qK,) driven (kinematic) configuration, all finite.
         number: value of a number of the puppet.
 
     Yields:

@@ -124,7 +124,7 @@ class WithLength:
 
         Args:
             span: length of the path [m].
-            q_D, q_K: (n_qD,), (n_qK,) configuration, changed in place.
+            q_D, q_K: (n_qD,) dynamic, (n_qK,) kinematic (driven) configuration, changed in place.
         """
         for indices, q in ((self.driven_length, q_K), (self.wound_length, q_D)):
             if indices is not None and np.isnan(q[indices[0]]):
