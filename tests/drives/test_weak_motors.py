@@ -208,7 +208,7 @@ def test_a_stepper_continues_and_reports_lost_steps(stepped):
     stepper.advance(0.01)
     assert stepper.status is Status.LOST_STEPS and stepper.arrived
     assert stepper.state.t == pytest.approx(0.02)
-    with pytest.raises(SimulationError, match="dragged"):
+    with pytest.raises(SimulationError, match="moved a drive"):
         stepper.advance(2.0)
 
 

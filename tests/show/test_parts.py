@@ -250,7 +250,7 @@ def test_an_unreadable_file_is_reported(tmp_path, monkeypatch):
 
 
 def test_objects_that_cannot_be_shown_are_refused():
-    with pytest.raises(ValueError, match="found int; expected a puppet"):
+    with pytest.raises(ValueError, match="found int; needed: a puppet"):
         fan.show(3)
     with pytest.raises(ValueError, match="live puppet cannot be written as a file"):
         page.write_page(page.Subject(fan.puppets.string_pendulum()), "x.html", "light")
