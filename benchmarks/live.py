@@ -143,7 +143,7 @@ def page_cost(name: str) -> tuple[float, float, float]:
             clock, used = time.perf_counter() - begun[0], time.process_time() - begun[1]
             shares.append(used / clock)
         time.sleep(2.0)
-        performance = page.show.performance
+        performance = page.view.performance
         for _ in range(MOVES):
             time.sleep(0.3)
             before = performance.target(performance.handles[0].name)[0]

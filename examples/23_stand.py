@@ -9,7 +9,7 @@ from pathlib import Path
 
 import fantoccini as fan
 from fantoccini.output import reports
-from fantoccini.stand import loads_stand, lost_lines, remedies, slower
+from fantoccini.stand import find_slower_tempo, loads_stand, lost_lines, remedies
 from fantoccini.stand.stand_file import STANDS
 
 out = Path("out")
@@ -33,6 +33,6 @@ weak = fan.stand.check_stand(loads_stand(text), run, puppet)
 print(weak.summary())
 for line in (*lost_lines(weak), *remedies(weak)):
     print(line)
-slower_run = slower(weak)
+slower_run = find_slower_tempo(weak)
 print("slower:", slower_run[1])
 reports.stand_report(weak, out / "weak.html", slower_run)

@@ -37,7 +37,7 @@ def on_grbl(points):
     """Times [s] and positions [m] of the motors of an emulated GRBL."""
     machine = GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
     for line in gcode(points).splitlines():
-        assert machine.line(line) == "ok"
+        assert machine.answer(line) == "ok"
     t = np.append(np.arange(0.0, points.motion.t[-1], 1.0 / RATE), points.motion.t[-1])
     return t, 1e-3 * machine.positions(machine.dwell_ends[0] + t)
 
@@ -50,7 +50,7 @@ def over_a_network(points):
         time.sleep(0.1)
     print(f"  {done.sent} packets, the latest {1e3 * done.max_delay:.1f} ms late")
     t, k = np.unique(np.round(done.times, 9), return_index=True)
-    return t, motors.steps[k] / [axis.counts for axis in points.axes]
+    return t, motors.steps[k] / [axis.counts_per_unit for axis in points.axes]
 
 
 def again(puppet, run, points, t, p):
@@ -87,7 +87,7 @@ for stand, puppet, inputs, duration, kind, ending in (
     points = fan.stand.set_points(stand, run, puppet, controller=kind)
     t, p = over_a_network(points) if kind == "osc" else on_grbl(points)
     planned = points.map.motion_of(run, t)
-    counts = np.array([axis.counts for axis in points.axes])
+    counts = np.array([axis.counts_per_unit for axis in points.axes])
     steps = np.abs(np.rint(p * counts) - np.rint(planned.position * counts)).max()
     away = again(puppet, run, points, t, p)
     print(

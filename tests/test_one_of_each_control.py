@@ -158,7 +158,7 @@ def test_one_outer_loop_iterates_quadratic_programs():
 
 def test_steps_are_judged_by_one_set_of_ratios():
     """The least decrease of a step that is taken, and those that change damping and radius."""
-    ratios = {"SUFFICIENT_DECREASE", "POOR_DECREASE", "GOOD_DECREASE"}
+    ratios = {"MIN_DECREASE_RATIO", "POOR_DECREASE_RATIO", "GOOD_DECREASE_RATIO"}
     assigned = {
         str(file.relative_to(PACKAGE))
         for file in (PACKAGE / "control").rglob("*.py")

@@ -63,7 +63,7 @@ def measure(play: fan.theatre.Play, folder: Path) -> None:
     ) as page:
         assert page.osc is not None
         for _ in range(TRIES):
-            page.show.later(None, page.show.reset)
+            page.view.later(None, page.view.reset)
             until(lambda: show.voice is None, "it is at the start")
             time.sleep(0.2)
             begun.clear()

@@ -79,7 +79,7 @@ WRONG = {
         "sheet.yaml:10: rig.limbs[0].kind: found 'fin'; allowed: arm, leg, wing, tail, neck"
     ),
     "{trunk: [trunk], facing: [1, 0, 0], limbs: [{kind: leg, bodies: [a, b], end: [0, 0, 1]}]}": (
-        "sheet.yaml:10: rig.limbs[0].bodies[1]: 'b' is not carried by 'a', the body before it"
+        "sheet.yaml:10: rig.limbs[0].bodies[1]: 'b' does not hang on 'a', the body before it"
     ),
     "{trunk: [trunk], facing: [1, 0, 0], limbs: [{kind: leg, bodies: [trunk], end: [0, 0, 1]}]}": (
         "sheet.yaml:10: rig.limbs[0].bodies[0]: the body 'trunk' belongs to the trunk already"

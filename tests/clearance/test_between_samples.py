@@ -100,7 +100,7 @@ def test_moves_about_a_configuration_bound_every_distance():
     for part in clear.parts().values():
         for share in (1.0, 0.1, 0.01):
             start, end = np.zeros(len(pieces)), np.full(len(pieces), 0.1 * share)
-            moves = path.moves(pieces, start, end)
+            moves = path.move_bounds(pieces, start, end)
             _, lower = part.bounded(*path.at(pieces, start), moves)
             for s in np.linspace(0.0, 0.1 * share, 21):
                 distance = part.at(*path.at(pieces, np.full(len(pieces), s)))

@@ -13,10 +13,10 @@ import fantoccini as fan
 from clearance.balls import balls, carried, smooth
 from fantoccini.dynamics.clearance import Approach, StringsApart
 from fantoccini.dynamics.clearance.segments import (
-    between_segments,
-    from_box,
-    from_ellipsoid,
-    hanging,
+    distance_bound_from_ellipsoid,
+    distance_from_box,
+    segment_distance,
+    slack_curves,
 )
 from fantoccini.dynamics.clearance.string_pairs import string_pairs
 from fantoccini.output.view import rope
@@ -262,8 +262,8 @@ def test_segments_against_minimisation():
     d[:10] = c[:10] + (b - a)[:10]  # parallel
     d[10:20] = c[10:20]  # points
     half = rng.uniform(0.2, 1.0, (60, 3))
-    of_segments, s = between_segments(a, b, c, d)
-    of_boxes, _ = from_box(a, b, half)
+    of_segments, s = segment_distance(a, b, c, d)
+    of_boxes, _ = distance_from_box(a, b, half)
     for n in range(60):
         line = a[n] + steps * (b - a)[n]
         out = np.linalg.norm(line - np.clip(line, -half[n], half[n]), axis=1)
@@ -286,7 +286,7 @@ def test_bounds_of_ellipsoids_hold_and_are_sharp_where_strings_touch():
     middle, along = rng.normal(size=(2, 40, 3))
     middle *= 0.1 / np.linalg.norm(middle, axis=1, keepdims=True)
     a, b = middle - along, middle + along
-    bound, t = from_ellipsoid(a, b, half)
+    bound, t = distance_bound_from_ellipsoid(a, b, half)
     u = rng.normal(size=(20_000, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     for n in range(40):
@@ -307,9 +307,9 @@ def test_slack_strings_hang_as_in_pictures():
     end[0, :2] = start[0, :2]  # a fold
     span = np.linalg.norm(end - start, axis=1)
     length = span * (1.0 + 10.0 ** rng.uniform(-5, 0, 30))
-    for n, points in enumerate(hanging(start, end, length)):
+    for n, points in enumerate(slack_curves(start, end, length)):
         drawn = rope.hanging(start[n], end[n], length[n], 2000)
-        gaps = between_segments(
+        gaps = segment_distance(
             *(np.repeat(x, 1999, axis=0) for x in (points, points)),
             *(np.tile(x, (len(points), 1)) for x in (drawn[:-1], drawn[1:])),
         )[0].reshape(len(points), -1)

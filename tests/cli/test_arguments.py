@@ -15,7 +15,7 @@ from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
 from fantoccini.app.cli import doctor
-from fantoccini.app.cli_support.terminal import plain
+from fantoccini.app.cli_support.terminal import printable
 from fantoccini.base.errors import BuildError
 
 pytestmark = pytest.mark.medium
@@ -173,7 +173,7 @@ def test_an_impossible_start_is_a_mistake(start, message) -> None:
 
 def test_names_are_neither_markup_nor_control_characters(tmp_path) -> None:
     path = tmp_path / "[red]x[red]\x1b[31m.yaml"
-    assert mistake("check", path).startswith(plain(path))
+    assert mistake("check", path).startswith(printable(path))
     path.write_text("puppet: '[bold]\\x1b'\n")
     text = mistake("check", path)
     assert "[red]x[red]\\x1b[31m.yaml:1: puppet: found '[bold]" in text
@@ -181,8 +181,8 @@ def test_names_are_neither_markup_nor_control_characters(tmp_path) -> None:
 
 
 def test_plain_text_keeps_letters_and_line_breaks() -> None:
-    assert plain("héllo\n\N{GREEK SMALL LETTER THETA}") == "héllo\n\N{GREEK SMALL LETTER THETA}"
-    assert plain("a\x1b\x07\u202e\udcff") == "a\\x1b\\x07\\u202e\\udcff"
+    assert printable("héllo\n\N{GREEK SMALL LETTER THETA}") == "héllo\n\N{GREEK SMALL LETTER THETA}"
+    assert printable("a\x1b\x07\u202e\udcff") == "a\\x1b\\x07\\u202e\\udcff"
 
 
 @pytest.mark.parametrize("of", ["puppet", "scene", "inputs", "play", "problem", "task"])
@@ -228,7 +228,7 @@ def test_an_internal_error_is_one_line(monkeypatch) -> None:
     def broken(*_):
         raise ZeroDivisionError("[bold]\x1b")
 
-    monkeypatch.setattr("fantoccini.app.cli.check.marionette", broken)
+    monkeypatch.setattr("fantoccini.app.cli.check.load_marionette", broken)
     result = fantoccini("check", "arm2d")
     assert result.exit_code == 1
     assert "internal error: ZeroDivisionError: [bold]\\x1b" in result.stderr
@@ -240,7 +240,7 @@ def test_a_build_that_fails_ends_with_1(monkeypatch) -> None:
     def fails(*_):
         raise BuildError("the compiler failed")
 
-    monkeypatch.setattr("fantoccini.app.cli.simulate.marionette", fails)
+    monkeypatch.setattr("fantoccini.app.cli.simulate.load_marionette", fails)
     result = fantoccini("simulate", "arm2d")
     assert (result.exit_code, result.stderr.splitlines()[-1]) == (
         1,

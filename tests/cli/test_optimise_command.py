@@ -7,7 +7,7 @@ import pytest
 from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
-from fantoccini.app.cli_support.terminal import Steps
+from fantoccini.app.cli_support.terminal import ProgressDisplay
 
 pytestmark = pytest.mark.medium
 
@@ -130,7 +130,7 @@ def test_a_motion_beyond_its_bounds_is_exit_code_one(tmp_path) -> None:
 
 
 def test_ctrl_c_keeps_the_best_motion(task, monkeypatch) -> None:
-    begin = Steps.bar
+    begin = ProgressDisplay.bar
 
     def interrupted(self, text):
         done = begin(self, text)
@@ -142,7 +142,7 @@ def test_ctrl_c_keeps_the_best_motion(task, monkeypatch) -> None:
 
         return update
 
-    monkeypatch.setattr(Steps, "bar", interrupted)
+    monkeypatch.setattr(ProgressDisplay, "bar", interrupted)
     result = fantoccini("optimise", task, "--save", "best.npz")
     assert result.exit_code == 130
     assert "stopped" in result.stdout

@@ -30,7 +30,7 @@ def test_it_writes_the_guess_and_leaves_the_rest_as_it_was(copy):
     assert fan.load(copy).body_map == fan.load(fan.puppets.path("marionette")).body_map
     assert copy.with_name("own_rig.png").read_bytes()[:4] == b"\x89PNG"
     assert "arm_left" in done.stdout
-    assert "it looks along 1, 0, 0 in the frame of torso" in done.stdout
+    assert "the puppet looks along 1, 0, 0 in the frame of torso" in done.stdout
 
 
 def test_it_replaces_a_rig_only_if_asked(copy):

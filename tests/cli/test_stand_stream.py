@@ -214,7 +214,7 @@ def test_enter_resumes_without_loss(files):
 @pytest.mark.parametrize("kind", ["osc", pytest.param("artnet", marks=pytest.mark.slow)])
 def test_two_ctrl_c_hold_the_last_position_and_packets_resume_from_the_time(files, kind):
     points = points_of(files, kind)
-    unit = points.axes[0].counts
+    unit = points.axes[0].counts_per_unit
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
         options = ("--controller", kind, "--to", "{}:{}".format(*stand.address))
         with streaming(files, *options) as process:
@@ -261,8 +261,10 @@ def test_enter_resumes_over_the_network(files):
             code, _, stderr = process.end("\n")
         assert code == 0, stderr
         time.sleep(0.1)
-    p = stand.steps[:, 0] / points.axes[0].counts
-    assert p[-1] == pytest.approx(points.motion.position[-1, 0], abs=1.0 / points.axes[0].counts)
+    p = stand.steps[:, 0] / points.axes[0].counts_per_unit
+    assert p[-1] == pytest.approx(
+        points.motion.position[-1, 0], abs=1.0 / points.axes[0].counts_per_unit
+    )
     assert np.min(p) == pytest.approx(np.min(points.motion.position), abs=2e-3)
 
 
@@ -349,12 +351,8 @@ def test_a_dry_run_sends_nothing(files):
     [
         ("osc", ("--port", "a"), "applies to G-code, and the controller is osc"),
         ("osc", ("--from-line", "3"), "applies to G-code"),
-        (
-            "grbl",
-            ("--to", "127.0.0.1:9000"),
-            "applies to osc and artnet, and the controller is grbl",
-        ),
-        ("grbl", ("--from-time", "1"), "applies to osc and artnet"),
+        ("grbl", ("--to", "127.0.0.1:9000"), "applies to osc and artnet, but this stand has grbl"),
+        ("grbl", ("--from-time", "1"), "applies to osc, artnet or several controllers"),
         ("artnet", ("--to", "nowhere"), "needed: HOST:PORT"),
         ("artnet", ("--to", "nowhere", "--dry-run"), "needed: HOST:PORT"),
         ("artnet", ("--to", "127.0.0.1:0"), "found port 0"),

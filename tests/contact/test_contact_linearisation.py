@@ -19,7 +19,7 @@ def check(puppet: fan.Marionette, x: fan.State, modes: list[str], bound: float) 
     t = puppet.coordinates
     acc_K, u_D = np.zeros(t.n_vK), np.zeros(t.n_vD)
     lin = puppet.linearise(x)
-    assert [point.mode for point in lin.contacts] == modes and lin.sharp
+    assert [point.mode for point in lin.contacts] == modes and lin.differentiable
     run = resting(puppet, x, acc_K, u_D)
     forces = [point.force for point in run.contacts.points]
     assert worst(lin.acc_D, run.acc_D) < 1e-8
@@ -91,13 +91,13 @@ def test_a_hanging_puppet_s_modes_are_named():
     lin = puppet.linearise(puppet.rest())
     assert {point.mode for point in lin.contacts} == {"stick"} and len(lin.contacts) in (4, 8)
     assert {point.name for point in lin.contacts} == {"shin_left|floor", "shin_right|floor"}
-    assert lin.sharp and "head" in lin.rows
+    assert lin.differentiable and "head" in lin.rows
     assert np.max(np.abs(lin.acc_D)) < 1e-5  # to the accuracy of rest()
 
 
 def test_states_without_a_derivative_are_refused():
     box = fan.loads(BOX)
-    assert box.linearise(box.state({"body.z": 0.05})).sharp
+    assert box.linearise(box.state({"body.z": 0.05})).differentiable
     with pytest.raises(fan.errors.StateError, match="share force among"):
         box.linearise(thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.5}))
     ball = fan.loads(BALL)

@@ -41,7 +41,7 @@ class Case:
     def rollout(self, extrapolate: bool = True) -> fan.dynamics.Rollout:
         run = self.puppet.rollout(self.x, self.acc, self.force, dt=DT, extrapolate=extrapolate)
         assert run.status is fan.Status.DONE
-        assert run.sharp.all()
+        assert run.differentiable.all()
         return run
 
 
@@ -268,6 +268,6 @@ def test_steps_on_an_edge_are_named():
     lift = np.zeros(6)
     lift[2] = G
     run = ball.rollout(ball.state({"body.z": 0.07}), np.zeros((2, 0)), lift)
-    assert not run.sharp[0]
+    assert not run.differentiable[0]
     assert run.edges_of(0) == ("a point touches without force",)
     run.gradient()

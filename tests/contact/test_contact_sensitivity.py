@@ -81,11 +81,11 @@ def check(
     """The last x0 agrees with a difference of runs, except along the directions `drop`."""
     result = fan.dynamics.sensitivity(puppet, x, t_end=t_end)
     assert [event.kind for event in result.run.events] == events
-    assert result.sharp
+    assert result.differentiable
     directions_kept = np.setdiff1d(np.arange(2 * puppet.coordinates.n_vD), drop)
     directions = np.eye(2 * puppet.coordinates.n_vD)[:, directions_kept]
     expected = differences_by_start(puppet, x, t_end, directions, step)
-    assert worst(result.x0[-1] @ directions, expected) < bound
+    assert worst(result.by_x0[-1] @ directions, expected) < bound
     return result
 
 
@@ -104,11 +104,11 @@ def test_a_bouncing_ball_agrees_with_complex_steps_through_its_closed_form():
     puppet = fan.loads(BOUNCE)
     x = thrown(puppet, {"ball": 0.6}, {"ball": 0.2})
     result = fan.dynamics.sensitivity(puppet, x, t_end=0.9)
-    assert len(result.passages) == 2 and result.sharp
+    assert len(result.passages) == 2 and result.differentiable
     expected = np.array(
         [bounced(0.6 + 1e-30j * a, 0.2 + 1e-30j * b, 0.9, 0.6).imag / 1e-30 for a, b in np.eye(2)]
     ).T
-    assert worst(result.x0[-1], expected) < 1e-8
+    assert worst(result.by_x0[-1], expected) < 1e-8
     first = result.passages[0]
     assert first.rows == ("ball|floor",)
     by_hand = np.array([[-0.6, 0.0], [1.6 * G / first.speed, -0.6]])
@@ -123,7 +123,7 @@ def test_a_sled_that_slides_to_a_stop():
         puppet, thrown(puppet, {"sled.z": 0.05}, {"sled.x": 1.0}), 0.6, ["slide", "stick"], (2, 5)
     )
     a = mu * normal - gravity
-    assert straight.x0[-1][0, 3] == pytest.approx(1.0 / a, rel=1e-8)
+    assert straight.by_x0[-1][0, 3] == pytest.approx(1.0 / a, rel=1e-8)
     assert straight.passages[-1].rows == ("sled|floor",)
     puppet = fan.loads(SLED % (gravity, mu, RUNNER))
     askew = thrown(puppet, {"sled.z": 0.05}, {"sled.x": 1.0, "sled.y": 0.5})
@@ -138,7 +138,7 @@ def test_a_sled_pushed_up_a_steep_slope_turns_back():
     assert len(result.passages) == 1
     up, down = 6.0 + 0.3 * 9.6, 6.0 - 0.3 * 9.6
     # v = down (t - 1/up v0) from the turn on.
-    assert result.x0[-1][3, 3] == pytest.approx(down / up, rel=1e-7)
+    assert result.by_x0[-1][3, 3] == pytest.approx(down / up, rel=1e-7)
 
 
 def test_a_ball_thrown_sliding_comes_to_roll():
@@ -146,7 +146,7 @@ def test_a_ball_thrown_sliding_comes_to_roll():
     puppet = on_slope(0.0, 0.3, "sphere")
     x = thrown(puppet, {"body.z": 0.1}, {"body.x": 1.0})
     result = fan.dynamics.sensitivity(puppet, x, t_end=0.2)
-    assert result.x0[-1][6, 6] == pytest.approx(5 / 7, rel=1e-8)
+    assert result.by_x0[-1][6, 6] == pytest.approx(5 / 7, rel=1e-8)
     curved = {"body.x": 1.0, "body.y": 0.3, "body.wx": 5.0, "body.wz": 2.0}
     check(puppet, thrown(puppet, {"body.z": 0.1}, curved), 0.3, ["slide", "stick"], (2, 8))
 
@@ -182,12 +182,12 @@ bodies: [{name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mas
     x = thrown(puppet, {"b.x": 0.6 * s, "b.z": 0.6 * c}, speed)
     result = fan.dynamics.sensitivity(puppet, x, t_end=0.45)
     assert [event.kind for event in result.run.events] == ["slide", "lift"]
-    assert result.sharp and not result.passages
+    assert result.differentiable and not result.passages
     directions = np.zeros((12, 4))
     directions[9:12, :3] = np.eye(3)
     directions[[6, 8], 3] = c, -s
     expected = differences_by_start(puppet, x, 0.45, directions, 1e-4)
-    assert worst(result.x0[-1] @ directions, expected) < 1e-7
+    assert worst(result.by_x0[-1] @ directions, expected) < 1e-7
 
 
 def test_a_ladder_leaves_its_wall():
@@ -209,7 +209,7 @@ def test_a_ladder_leaves_its_wall():
 
     directions = np.zeros((12, 2))
     directions[:6, 0] = directions[6:, 1] = along(1.0)
-    assert worst(result.x0[-1] @ directions, difference(end, 2, 1e-4)) < 1e-7
+    assert worst(result.by_x0[-1] @ directions, difference(end, 2, 1e-4)) < 1e-7
 
 
 def test_impacts_with_friction():
@@ -241,9 +241,9 @@ def test_a_puppet_lands_slides_and_is_caught(acrobat):
     along = fan.motion.InputDerivative.of_waypoints(puppet, points)
     result = fan.dynamics.sensitivity(puppet, x, inputs, 0.25, along=along)
     kinds = [event.kind for event in result.run.events]
-    assert {"touch", "slide", "catch"} <= set(kinds) and result.sharp
+    assert {"touch", "slide", "catch"} <= set(kinds) and result.differentiable
     assert (
-        worst(result.x0[-1], differences_by_start(puppet, x, 0.25, np.eye(2 * n), 1e-5, inputs))
+        worst(result.by_x0[-1], differences_by_start(puppet, x, 0.25, np.eye(2 * n), 1e-5, inputs))
         < 1e-7
     )
     base = end_state(puppet, x, 0.25, inputs)
@@ -253,7 +253,7 @@ def test_a_puppet_lands_slides_and_is_caught(acrobat):
         other = puppet.with_parameters({name: value + more for (name, value), more in values})
         return tangent(puppet, base, end_state(other, x, 0.25, inputs))
 
-    assert worst(result.p[-1], difference(by_parameters, len(puppet.p), 1e-5)) < 1e-7
+    assert worst(result.by_p[-1], difference(by_parameters, len(puppet.p), 1e-5)) < 1e-7
 
     def by_points(d: np.ndarray) -> np.ndarray:
         more = iter(d)
@@ -284,7 +284,7 @@ def test_the_bundled_marionette_lifts_a_hand_while_it_stands():
     points = {"hand_left.length": [(0.0, length), (0.2, length - 0.05)]}
     along = fan.motion.InputDerivative.of_waypoints(puppet, points)
     result = fan.dynamics.sensitivity(puppet, x, lift(0.0), 0.1, along=along[1:])
-    assert result.sharp and result.run.contact is not None and len(result.run.contact)
+    assert result.differentiable and result.run.contact is not None and len(result.run.contact)
     base = end_state(puppet, x, 0.1, lift(0.0))
     expected = difference(
         lambda d: tangent(puppet, base, end_state(puppet, x, 0.1, lift(d[0]))), 1, 1e-5
@@ -296,8 +296,8 @@ def test_runs_without_a_derivative_are_not_sharp():
     """Four corners strike at once; bounces accumulate; a box slides aside."""
     box = fan.loads(BOX)
     result = fan.dynamics.sensitivity(box, box.state({"body.z": 0.2}), t_end=0.2)
-    assert not result.sharp
-    assert [(p.rows, p.sharp) for p in result.passages] == [(("body|floor",), False)]
+    assert not result.differentiable
+    assert [(p.rows, p.differentiable) for p in result.passages] == [(("body|floor",), False)]
     ball = fan.loads(BOUNCE)
     with pytest.raises(fan.errors.StateError, match=r"bounces accumulate at t = 1\.2"):
         fan.dynamics.sensitivity(ball, ball.state({"ball": 0.6}), t_end=1.5)

@@ -55,7 +55,7 @@ def check_step(
         acc_K, u_D = rng.normal(size=k), 0.1 * rng.normal(size=n)
     lin = puppet.linearise_step(x, acc_K, u_D, dt)
     assert [point.mode for point in lin.contacts] == modes
-    assert lin.sharp
+    assert lin.differentiable
     check_compiled(puppet, lin, acc_K, u_D)
     end = lin.x_next
     widths = {"q_D": n, "v_D": n, "q_K": k, "v_K": k, "acc_K": k, "u_D": n, "p": n_p}
@@ -111,7 +111,7 @@ def check_compiled(
     )
     assert steps.settled.all()
     assert steps.n_contacts.tolist() == [len(lin.contacts)]
-    assert steps.sharp.tolist() == [lin.sharp]
+    assert steps.differentiable.tolist() == [lin.differentiable]
     assert np.allclose(steps.q_D[0], lin.x_next.q_D, rtol=0, atol=1e-12)
     assert np.allclose(steps.v_D[0], lin.x_next.v_D, rtol=0, atol=1e-12)
     n, k = t.n_vD, t.n_vK
@@ -192,7 +192,7 @@ def test_a_box_that_slides_aside_has_no_derivative(box):
     ):
         box.linearise_step(x)
     steps = box.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
-    assert not steps.settled.any() and not steps.sharp.any()
+    assert not steps.settled.any() and not steps.differentiable.any()
     assert steps.edges_of(0) == ("solids slide on so many points that their forces are not unique",)
 
 
@@ -291,15 +291,15 @@ def test_edges_are_named(ball, box, balls):
     lift = np.zeros(6)
     lift[2] = 9.81
     lin = ball.linearise_step(ball.state({"body.z": 0.07}), u_D=lift)
-    assert not lin.sharp
+    assert not lin.differentiable
     assert lin.edges == ("body|floor: touches without force",)
     pull = np.zeros(6)
     pull[0], pull[4] = 0.3 * 9.81, -0.3 * 9.81 * 0.07
     lin = ball.linearise_step(ball.state({"body.z": 0.07}), u_D=pull)
-    assert not lin.sharp
+    assert not lin.differentiable
     x = ball.state({"body.z": 0.07})
     steps = ball.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K, u_D=np.array([lift, pull, 0 * pull]))
-    assert steps.sharp.tolist() == [False, False, True] and steps.settled.all()
+    assert steps.differentiable.tolist() == [False, False, True] and steps.settled.all()
     assert steps.edges_of(0) == ("a point touches without force",)
     assert steps.edges_of(1) == ("a point sticks at the edge of its cone",)
     assert steps.edges_of(2) == ()
@@ -312,7 +312,7 @@ def test_edges_are_named(ball, box, balls):
     assert steps.edges_of(0) == (
         "a point would rebound if faster, or is not the only one that touches first",
     )
-    assert box.linearise_step(box.state({"body.z": 0.05})).sharp
+    assert box.linearise_step(box.state({"body.z": 0.05})).differentiable
 
 
 def test_a_decelerated_landing_closes_its_gap():

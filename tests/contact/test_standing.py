@@ -128,9 +128,9 @@ def test_derivatives_of_a_step_flat_on_both_feet_hold_for_consistent_changes(sto
     """The hips' distance couples both feet: they tilt together or not at all."""
     x, dt, n = stool.state(), 0.002, stool.coordinates.n_vD
     lin = stool.linearise_step(x, dt=dt)
-    assert lin.sharp and [point.mode for point in lin.contacts] == ["stick"] * 8
+    assert lin.differentiable and [point.mode for point in lin.contacts] == ["stick"] * 8
     steps = stool.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K, dt=dt, forces=True)
-    assert steps.sharp.all() and steps.settled.all()
+    assert steps.differentiable.all() and steps.settled.all()
     assert np.allclose(steps.A[0], lin.A, rtol=0, atol=1e-9 * np.max(np.abs(lin.A)))
     by = np.concatenate([lin.A, lin.B, lin.B_u], axis=1)
     names = stool.coordinates.v_D
@@ -148,7 +148,7 @@ def test_continuous_and_discrete_time_agree_on_a_puppet_that_stands(promenade):
     """A dt + 1 equals the step's A, to its order, along motions allowed by the soles."""
     x, n, dt = promenade.rest(), promenade.coordinates.n_vD, 1e-4
     flow, step = promenade.linearise(x), promenade.linearise_step(x, dt=dt)
-    assert step.sharp and step.rows == flow.rows
+    assert step.differentiable and step.rows == flow.rows
     values, modes = scipy.linalg.eig(flow.A[: 2 * n, : 2 * n])
     slow = [i for i in range(2 * n) if 1.0 < abs(values[i]) < 300.0]
     assert len(slow) > 10
@@ -175,7 +175,7 @@ def gradient_of_last(puppet: fan.Marionette, x: fan.State, n: int, more: dict[st
     own = np.zeros((2, n + 1, t.n_vD))
     own[0, -1], own[1, -1] = by_q, by_v
     gradient = run.gradient(q_D=own[0], v_D=own[1])
-    assert run.sharp.all()
+    assert run.differentiable.all()
 
     def cost(change: dict[str, np.ndarray]) -> float:
         at = made(change)

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 import fantoccini as fan
-from fantoccini.lab.identification.estimating import fit_of
+from fantoccini.lab.identification.estimating import make_fit
 from fantoccini.lab.identification.fit import continuous_point
 
 pytestmark = pytest.mark.slow
@@ -65,7 +65,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     first order, so the fit uses small ones (0.5 ms).
     """
     data = record(case, 3.0, 1)
-    fit = fit_of(data, 0.25, 0.0005, 1)
+    fit = make_fit(data, 0.25, 0.0005, 1)
     point = continuous_point(fit, data.start_state(fit.inputs, float(fit.starts[0])))
     J = fit.jacobians(point).samples
     s, m = 4, 2 * data.marionette.coordinates.n_vD
@@ -116,7 +116,7 @@ def test_derivatives_of_the_steps_are_exact(case):
     states, whose smaller steps have more rounding.
     """
     data = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
-    fit = fit_of(data, 0.25, 0.005, 1)
+    fit = make_fit(data, 0.25, 0.005, 1)
     point = continuous_point(fit, data.start_state(fit.inputs, float(fit.starts[0])))
     jacobians = fit.jacobians(point)
     J = jacobians.samples
@@ -424,7 +424,7 @@ def test_a_delay_is_found_near_its_guess_and_its_bound_is_reported(case):
     estimate = fan.identify(replace(data, t=data.t + 0.4))
     assert estimate.at_bound and not estimate.converged
     assert abs(estimate["delay"] - 0.25) < 1e-3
-    assert "begin nearer" in estimate.summary()
+    assert "better initial value" in estimate.summary()
 
 
 def test_columns_without_samples_are_left_out(case, recwarn):

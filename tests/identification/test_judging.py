@@ -10,7 +10,7 @@ from benchmarks.identify.cases import arm, record
 from benchmarks.identify.turned import turned
 
 import fantoccini as fan
-from fantoccini.lab.identification.judging import columns, doubts, from_before, leaning
+from fantoccini.lab.identification.judging import biased_jumps, column_fits, doubts, prior_shares
 from fantoccini.lab.identification.unit_names import parameter_units
 
 pytestmark = pytest.mark.medium
@@ -26,7 +26,7 @@ def test_noise_alone_is_not_doubted(seed):
     estimate = fan.identify(record(arm(), 12.0, seed, gaps=0.1))
     assert doubts(estimate) == ()
     assert all(
-        abs(column.within - 0.954) < 0.03 for column in columns(estimate)
+        abs(column.within_two - 0.954) < 0.03 for column in column_fits(estimate)
     )  # 4 deviations of 700
 
 
@@ -36,7 +36,7 @@ def test_a_turned_camera_is_doubted(good):
     assert estimate.chi2 < 1.15 and estimate.drift < 0.5
     text = " ".join(doubts(estimate))
     assert "are correlated" in text and "tip.z" in text
-    assert "go mostly to one side" in text and leaning(estimate)
+    assert "go mostly to one side" in text and biased_jumps(estimate)
 
 
 def test_a_noise_level_that_is_wrong_is_doubted(good):
@@ -48,7 +48,9 @@ def test_a_noise_level_that_is_wrong_is_doubted(good):
     assert any(
         "wrist.x, wrist.y, wrist.z are less than the noise" in doubt for doubt in doubts(high)
     )
-    assert [column.doubtful for column in columns(low)] == [False] * 3 + [True] * 3 + [False] * 3
+    assert [column.doubtful for column in column_fits(low)] == [False] * 3 + [True] * 3 + [
+        False
+    ] * 3
 
 
 def test_neighbours_are_samples_of_a_column(good):
@@ -71,7 +73,7 @@ def test_a_wrong_known_value_is_doubted(good):
         "upper_mass" in doubt and "the value known beforehand" in doubt
         for doubt in doubts(estimate)
     )
-    assert 0.0 < from_before(estimate)["upper_mass"] <= 1.0
+    assert 0.0 < prior_shares(estimate)["upper_mass"] <= 1.0
 
 
 CART = """
@@ -95,7 +97,7 @@ def test_a_missing_acceleration_is_estimated():
     x = 0.5 * 0.05 * t**2 + 1e-4 * rng.standard_normal(len(t))
     known = fan.lab.Unknown("d", about=1e-6, known=1e-6)
     data = fan.lab.Record(cart, fan.Input.hold(cart, 8.0), t, {"rail": x}, unknown=[known])
-    first = leaning(fan.identify(data))[0]
+    first = biased_jumps(fan.identify(data))[0]
     assert first.name == "velocity of rail" and first.unit == "m/s²"
     assert abs(first.acceleration - 0.05) < 0.2 * 0.05
     assert "m/s² were missing" in str(first)

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.identify.cases import arm, record
 
 from fantoccini.lab.identification.cost import Cost
-from fantoccini.lab.identification.estimating import fit_of
+from fantoccini.lab.identification.estimating import make_fit
 from fantoccini.lab.identification.fit import continuous_point
 from fantoccini.lab.identification.reattaching import reattach
 from fantoccini.lab.identification.search_point import Weights
@@ -22,7 +22,7 @@ def setting():
     """A fit of a record without noise, begun at the truth, and its point."""
     case = arm()
     data = record(case, 4.0, 3, noise=0.0)
-    fit = fit_of(data, 0.25, 0.005, 1)
+    fit = make_fit(data, 0.25, 0.005, 1)
     fit = replace(fit, theta_0=np.array([case.truth[name] for name in data.labels]))
     return fit, continuous_point(fit, data.start_state(fit.inputs, float(fit.starts[0])))
 

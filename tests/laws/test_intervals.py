@@ -51,7 +51,7 @@ def test_intervals_with_catches_agree_with_differences(caught):
     inputs = fan.Input.segments(arm, TIMES, x0.q_K, x0.v_K, acc)
     run = fan.simulate(arm, x0, inputs, TIMES[-1], **FINE)
     derivatives = interval_derivatives(arm, run, inputs)
-    assert sum(map(len, derivatives.passages)) >= 2 and derivatives.sharp
+    assert sum(map(len, derivatives.passages)) >= 2 and derivatives.differentiable
     names = list(arm.tree.parameters)
     at = np.searchsorted(run.t, TIMES + 1e-9, side="right") - 1
     for i, T in enumerate(np.diff(TIMES)):
@@ -92,11 +92,11 @@ def test_intervals_make_up_the_run(caught):
     z = np.eye(len(derivatives.A[0]))
     for A in derivatives.A:
         z = A @ z
-    assert worst(z[: 2 * n, : 2 * n], whole.x0[-1]) < 1e-8
+    assert worst(z[: 2 * n, : 2 * n], whole.by_x0[-1]) < 1e-8
     by_p = np.zeros_like(derivatives.C[0])
     for A, C in zip(derivatives.A, derivatives.C, strict=True):
         by_p = A @ by_p + C
-    assert worst(by_p[: 2 * n], whole.p[-1]) < 1e-8
+    assert worst(by_p[: 2 * n], whole.by_p[-1]) < 1e-8
 
 
 def test_runs_without_intervals_are_refused(caught):

@@ -55,9 +55,9 @@ def test_a_bob_that_bounces_on_its_string():
         wanted[:, i] = end.imag / 1e-30
     assert bounces == 3
     result = fan.dynamics.sensitivity(drop, x0, t_end=0.9)
-    assert len(result.passages) == 3 and result.sharp
-    assert worst(result.x0[-1], wanted[:, :2]) < 1e-9
-    assert worst(result.p[-1][:, order], wanted[:, 2:]) < 1e-9
+    assert len(result.passages) == 3 and result.differentiable
+    assert worst(result.by_x0[-1], wanted[:, :2]) < 1e-9
+    assert worst(result.by_p[-1][:, order], wanted[:, 2:]) < 1e-9
     first = result.passages[0]
     impact = np.sqrt(0.2**2 + 2 * 9.81 * 0.4)
     # dz+ = -e dz-, dv+ = -e dv- - (1 + e) g dz- / speed: the ball on a table.
@@ -90,7 +90,7 @@ def test_a_run_through_catches_and_releases(swing):
     )
     result = fan.dynamics.sensitivity(arm, x0, lift, 0.6, toward=[other], save_at=[0.05, 0.3])
     assert [event.kind for event in result.run.events] == ["catch", "release"] * 2
-    assert len(result.passages) == 2 and result.sharp
+    assert len(result.passages) == 2 and result.differentiable
     assert {0.05, 0.3} <= set(result.t) and result.t[0] == 0.0 and result.t[-1] == 0.6
 
     def by_start(d: np.ndarray, t_end: float = 0.6) -> np.ndarray:
@@ -113,10 +113,10 @@ def test_a_run_through_catches_and_releases(swing):
         inputs = dataclasses.replace(ours, **mix)
         return end(arm, x0.replace(q_K=inputs.evaluate(0.0)[0]), inputs, 0.6)
 
-    assert worst(result.x0[-1], difference(by_start, 4, 1e-4)) < 1e-8
+    assert worst(result.by_x0[-1], difference(by_start, 4, 1e-4)) < 1e-8
     at = int(np.flatnonzero(result.t == 0.3)[0])
-    assert worst(result.x0[at], difference(lambda d: by_start(d, 0.3), 4, 1e-4)) < 1e-8
-    assert worst(result.p[-1], difference(by_parameters, 2, 1e-4)) < 1e-8
+    assert worst(result.by_x0[at], difference(lambda d: by_start(d, 0.3), 4, 1e-4)) < 1e-8
+    assert worst(result.by_p[-1], difference(by_parameters, 2, 1e-4)) < 1e-8
     assert worst(result.toward[-1], difference(by_inputs, 1, 1e-4)) < 1e-8
 
 
@@ -129,7 +129,7 @@ def test_a_run_by_the_values_of_its_waypoints(swing):
     by = fan.motion.InputDerivative.of_waypoints(arm, points)
     inputs = fan.Input.waypoints(arm, points)
     result = fan.dynamics.sensitivity(arm, x0, inputs, 0.6, along=by, save_at=[0.3])
-    assert result.sharp and len(result.passages) >= 2
+    assert result.differentiable and len(result.passages) >= 2
     assert result.toward.shape[-1] == 0 and result.along.shape[1:] == (4, len(by))
 
     def by_values(d: np.ndarray) -> np.ndarray:
@@ -166,7 +166,7 @@ def test_a_start_on_a_taut_string(swing):
     result = fan.dynamics.sensitivity(arm, x0, lift, 0.25, toward=[slower])
     A, M = arm.A_D(x0), arm.mass_matrix(x0)
     P = np.eye(2) - np.linalg.solve(M, A.T) @ np.linalg.solve(A @ np.linalg.solve(M, A.T), A)
-    assert worst(result.x0[0][:2, :2], P) < 1e-12 and worst(result.x0[0][2:, 2:], P) < 1e-12
+    assert worst(result.by_x0[0][:2, :2], P) < 1e-12 and worst(result.by_x0[0][2:, 2:], P) < 1e-12
     free = np.linalg.svd(A)[2][1]
 
     def along(s: np.ndarray) -> np.ndarray:
@@ -181,7 +181,7 @@ def test_a_start_on_a_taut_string(swing):
         return end(arm, x.replace(v_D=v_D), lift, 0.25)
 
     wanted = difference(along, 2, 1e-3)
-    mine = result.x0[-1] @ np.kron(np.eye(2), free[:, None])
+    mine = result.by_x0[-1] @ np.kron(np.eye(2), free[:, None])
     assert worst(mine, wanted) < 1e-8
     # The start on a longer string is the nearest one.
     assert abs(A[0] @ result.toward[0][:2, 0] - 0.01) < 1e-12
@@ -213,7 +213,9 @@ def test_a_tumbling_box(bounce, t_end, catches):
     x0 = box.state({"box.z": 0.3, "v:box.wx": 2.0, "v:box.wy": 1.0, "v:box.x": 0.5, "v:box.z": 1.0})
     result = fan.dynamics.sensitivity(box, x0, t_end=t_end)
     caught = [passage.rows for passage in result.passages]
-    assert set(caught) == {("left",), ("right",)} and len(caught) == catches and result.sharp
+    assert (
+        set(caught) == {("left",), ("right",)} and len(caught) == catches and result.differentiable
+    )
 
     def by_start(d: np.ndarray) -> np.ndarray:
         q_D = moved(x0.q_D, d[:6], t.scalars_D, t.quaternions_D)
@@ -232,13 +234,13 @@ def test_a_tumbling_box(bounce, t_end, catches):
         6,
         1e-3,
     )
-    mine = np.concatenate([to_pose @ result.x0[-1][:6], result.x0[-1][6:]])
+    mine = np.concatenate([to_pose @ result.by_x0[-1][:6], result.by_x0[-1][6:]])
     assert worst(mine, wanted) < 1e-7
     if bounce:
         wanted = difference(
             lambda d: outcome(box.with_parameters({"bounce": bounce + d[0]}), x0), 1, 1e-5
         )
-        mine = np.concatenate([to_pose @ result.p[-1][:6], result.p[-1][6:]])
+        mine = np.concatenate([to_pose @ result.by_p[-1][:6], result.by_p[-1][6:]])
         assert worst(mine, wanted) < 1e-7
 
 
@@ -250,7 +252,7 @@ def test_the_marionettes_catches():
     t, taut, t_end = puppet.coordinates, np.flatnonzero(x0.taut), 3.7655
     result = fan.dynamics.sensitivity(puppet, x0, inputs, t_end)
     assert len(result.passages) == 5 and result.passages[0].rows == ("knee_left",)
-    change = result.x0[0] @ np.random.default_rng(1).normal(size=2 * t.n_vD)
+    change = result.by_x0[0] @ np.random.default_rng(1).normal(size=2 * t.n_vD)
 
     def ended(s: np.ndarray) -> np.ndarray:
         """v_D at the end after a start moved along the change, and back onto its strings."""
@@ -272,7 +274,7 @@ def test_the_marionettes_catches():
         return run.v_D[-1]
 
     wanted = difference(ended, 1, 1e-6)
-    assert worst(result.x0[-1][t.n_vD :] @ change[:, None], wanted) < 1e-6
+    assert worst(result.by_x0[-1][t.n_vD :] @ change[:, None], wanted) < 1e-6
 
 
 def test_slipping_runs_have_no_sensitivity():
@@ -298,9 +300,13 @@ strings:
     longer_left = fan.Input.waypoints(twins, longer)
     two = fan.Input.waypoints(twins, longer | {"right.length": longer["left.length"]})
 
-    def sharp(other: fan.Input | None) -> list[bool]:
+    def differentiable(other: fan.Input | None) -> list[bool]:
         toward = [] if other is None else [other]
         answer = fan.dynamics.sensitivity(twins, x0, both, 0.5, toward=toward)
-        return [passage.sharp for passage in answer.passages if "left" in passage.rows]
+        return [passage.differentiable for passage in answer.passages if "left" in passage.rows]
 
-    assert sharp(None) == [True] and sharp(two) == [True] and sharp(longer_left) == [False]
+    assert (
+        differentiable(None) == [True]
+        and differentiable(two) == [True]
+        and differentiable(longer_left) == [False]
+    )

@@ -24,7 +24,7 @@ def motion(arm: fan.Marionette, task: fan.Task, acc_K: np.ndarray | None = None)
     """The prediction from the task's start."""
     if acc_K is None:
         acc_K = np.zeros((N, arm.coordinates.n_vK))
-    prediction = Predictions(arm, 0.01, 1).predicted(task.x0, 0.0, INTERVAL, acc_K[None])[0]
+    prediction = Predictions(arm, 0.01, 1).predict(task.x0, 0.0, INTERVAL, acc_K[None])[0]
     assert prediction is not None
     return prediction[0]
 

@@ -87,7 +87,7 @@ def test_limits_of_a_bob_are_named():
         0
     ]
     assert held.distance == pytest.approx(0.4, abs=1e-6)
-    assert held.limits == ("nothing that is driven moves bob any further along (1.00, 0.00, 0.00)",)
+    assert held.limits == ("no driven coordinate moves bob any further along (1.00, 0.00, 0.00)",)
 
 
 def test_a_free_direction_does_not_count():
@@ -180,7 +180,7 @@ def test_an_arm_reaches_up_to_its_length():
         assert pose.distance == pytest.approx(abs(size - 1.0), abs=1e-6)
         tip = rod.pose(pose.state, "rod")[:3, 2] * -1.0
         np.testing.assert_allclose(tip, np.array(place) / size, atol=1e-4)
-        assert pose.limits[0].startswith("nothing that is driven moves rod any further")
+        assert pose.limits[0].startswith("no driven coordinate moves rod any further")
 
 
 def test_poses_hang_and_inputs_move_them_by_their_derivatives(marionette):

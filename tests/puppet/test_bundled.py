@@ -78,7 +78,7 @@ def test_the_marionette_has_the_size_of_a_wooden_one() -> None:
     puppet, tree = bundled("marionette")
     mass = 0.0
     for link in tree.links:
-        mass += sum(value_of(lump.amount) * lump.volume for lump in link.lumps)
+        mass += sum(value_of(share.amount) * share.volume for share in link.mass_shares)
     assert 0.5 < mass < 1.2
     assert list(tree.parameters) == ["neck_stiffness", "foot_density"]
     strings = {s.name for s in puppet.expanded().strings}

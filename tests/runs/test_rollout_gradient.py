@@ -125,7 +125,7 @@ def test_a_missing_gradient_has_a_reason():
     arm = fan.puppets.arm2d()
     x, acc = arm.rest(), np.zeros((3, arm.coordinates.n_vK))
     run = arm.rollout(x.replace(v_D=np.array([3000.0, -3000.0])), acc)
-    with pytest.raises(fan.errors.StateError, match="step 0 was cut short"):
+    with pytest.raises(fan.errors.StateError, match="velocities of step 0 down"):
         run.gradient()
     with pytest.raises(fan.errors.StateError, match="v_D has the shape"):
         arm.rollout(x, acc).gradient(v_D=np.zeros((3, 2)))
@@ -150,7 +150,7 @@ def test_a_rollout_that_stopped_raises_or_is_cut_at_the_stop():
     whole = arm.rollout(x, acc[:2])
     for name in ("q_D", "v_D", "q_K", "v_K", "tension", "held", "n_contacts", "edges"):
         assert np.array_equal(getattr(run, name), getattr(whole, name)), name
-    assert len(run.q_D) == 3 and len(run.tension) == len(run.sharp) == 2
+    assert len(run.q_D) == 3 and len(run.tension) == len(run.differentiable) == 2
 
 
 def test_accelerations_of_a_rollout_have_a_row_for_each_step():

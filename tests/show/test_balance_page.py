@@ -31,7 +31,7 @@ def tip(performance) -> np.ndarray:
 
 
 def test_a_body_is_pulled_at_and_let_go_while_the_hands_balance_it(page):
-    live = page.show
+    live = page.view
     performance = live.performance
     with Viewer(page.url) as viewer:
         viewer.wait_for_text("updates,", 120.0)  # compiling takes its time
@@ -51,7 +51,7 @@ def test_a_body_is_pulled_at_and_let_go_while_the_hands_balance_it(page):
 
 
 def test_the_box_gives_the_hands_back_and_a_reset_keeps_them_balancing(page):
-    live = page.show
+    live = page.view
     with Viewer(page.url) as viewer:
         live.later(None, live.reset)
         until(lambda: live.balance is not None, "hands that still balance", 120.0)
@@ -62,7 +62,7 @@ def test_the_box_gives_the_hands_back_and_a_reset_keeps_them_balancing(page):
 
 
 def test_a_second_click_during_the_first_is_not_lost(page):
-    live = page.show
+    live = page.view
     with Viewer(page.url) as viewer:
         for on in (False, True) * 20:
             viewer.tick("Let the hands balance it", on)
@@ -77,7 +77,7 @@ def test_a_puppet_with_a_slipping_winch_names_the_reason(tmp_path):
     with page, Viewer(page.url) as viewer:
         viewer.tick("Let the hands balance it", True)
         viewer.wait_for_text("may slip")
-        assert page.show.balance is None
+        assert page.view.balance is None
 
 
 def test_a_motion_is_not_balanced(tmp_path):
@@ -89,7 +89,7 @@ def test_a_motion_is_not_balanced(tmp_path):
 
 def test_the_page_reports_the_balance(page):
     with chrome() as browser:
-        page.show.panel.views.shadows_box.value = False
+        page.view.panel.views.shadows_box.value = False
         browser.get(page.url)
         until(lambda: "updates" in words(browser), "the page tells of updates", 120.0)
         picture(browser, "balance")

@@ -62,7 +62,7 @@ def test_a_performance_names_contacts(block):
 
 def test_a_live_page_draws_them(block):
     with fan.show(block, port=0, browser=False, wait=False) as page:
-        live = page.show
+        live = page.view
         live.performance.advance(0.1)
         until(lambda: not node_of(live).visible, "hidden at first")
         assert live.panel.views.forces_box.visible
@@ -80,14 +80,14 @@ def test_a_live_page_draws_them(block):
 
 def test_a_page_without_contact_has_no_box():
     with fan.show(fan.puppets.arm2d(), port=0, browser=False, wait=False) as page:
-        assert not page.show.panel.views.forces_box.visible
-        ticked(page.show, True)
-        assert not page.show.panel.forces
+        assert not page.view.panel.views.forces_box.visible
+        ticked(page.view, True)
+        assert not page.view.panel.forces
 
 
 def test_a_replay_draws_them_as_pictures_do(run):
     with fan.show(run, port=0, browser=False, wait=False) as page:
-        replay = page.show
+        replay = page.view
         replay.playing = False
         replay.seek(0.4)
         ticked(replay, True)
@@ -102,16 +102,16 @@ def test_a_replay_draws_them_as_pictures_do(run):
 
 def test_a_browser_shows_them(run):
     with chrome() as browser, fan.show(run, port=0, browser=False, wait=False) as page:
-        page.show.nodes.show_shadows(False)
-        page.show.playing = False
-        page.show.seek(0.4)
+        page.view.nodes.show_shadows(False)
+        page.view.playing = False
+        page.view.seek(0.4)
         browser.get(page.url)
         until(lambda: like(picture(browser), (192, 32, 32)) > 200, "the block is seen")
         without = picture(browser).astype(int)
-        ticked(page.show, True)
+        ticked(page.view, True)
         until(lambda: changed(browser, without) > 150, "the arrows are seen")
         picture(browser, "forces")
-        ticked(page.show, False)
+        ticked(page.view, False)
         until(lambda: changed(browser, without) < 75, "they are gone")
 
 

@@ -22,16 +22,16 @@ def scene(browser, tmp_path_factory):
     """A live page in the browser."""
     folder = tmp_path_factory.mktemp("page")
     page = fan.show(toy(folder), port=0, browser=False, wait=False, record_to=folder)
-    page.show.panel.views.shadows_box.value = False  # software draws them slowly
+    page.view.panel.views.shadows_box.value = False  # software draws them slowly
     browser.get(page.url)
     clients = page.server.viser.get_clients
     until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
-    page.show.pause()  # targets still count, and nothing has to be drawn
+    page.view.pause()  # targets still count, and nothing has to be drawn
     yield SimpleNamespace(
         browser=browser,
         page=page,
-        live=page.show,
-        performance=page.show.performance,
+        live=page.view,
+        performance=page.view.performance,
         client=next(iter(clients().values())),
     )
     page.close()
@@ -129,10 +129,10 @@ def test_strings_are_wound_without_scrolling(browser, tmp_path):
         ) as page,
         window(browser, 1280, 720),
     ):
-        page.show.nodes.show_shadows(False)
-        page.show.pause()
+        page.view.nodes.show_shadows(False)
+        page.view.pause()
         browser.get(page.url)
-        n = len(page.show.performance.lengths)
+        n = len(page.view.performance.lengths)
 
         def lie_above_the_fold() -> bool:
             sliders = rectangles(browser, "[role=slider]")
@@ -148,8 +148,8 @@ def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):
         fan.show(toy(tmp_path), port=0, browser=False, wait=False, record_to=tmp_path) as page,
         window(browser, 390, 844, mobile=True),
     ):
-        page.show.nodes.show_shadows(False)
-        page.show.pause()
+        page.view.nodes.show_shadows(False)
+        page.view.pause()
         browser.get(page.url)
         bar = 'div[style*="fixed"][style*="max-height: 60%"]'
         until(lambda: rectangles(browser, bar), "the panel")
@@ -158,7 +158,7 @@ def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):
         clients = page.server.viser.get_clients
         client = until(lambda: next(iter(clients().values()), None), "it is connected")
         rectangle = canvas(browser)
-        for place in (page.show.performance.place("line")[0], [0.0, 0.0, 0.33]):
+        for place in (page.view.performance.place("line")[0], [0.0, 0.0, 0.33]):
             x, y = pixel(client, np.array(place), rectangle)
             assert 0 < x < 390 and 0 < y < rectangles(browser, bar)[0]["y"]
         browser.find_element("css selector", f'{bar} div[style*="cursor: pointer"]').click()

@@ -42,17 +42,17 @@ def swing(tmp_path_factory):
 
 def test_a_replay_plays_the_motion(browser, swing):
     with fan.show(swing, port=0, browser=False, wait=False) as page:
-        page.show.nodes.show_shadows(False)
+        page.view.nodes.show_shadows(False)
         browser.get(page.url)
         until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
-        first = page.show.t
-        until(lambda: page.show.t != first, "it plays")
+        first = page.view.t
+        until(lambda: page.view.t != first, "it plays")
         press(browser, "Pause")
-        until(lambda: not page.show.playing, "a pause")
-        page.show.seek(0.0)
+        until(lambda: not page.view.playing, "a pause")
+        page.view.seek(0.0)
         until(lambda: "0.000" in browser.page_source, "the slider follows")
         early = picture(browser, "replay")
-        page.show.seek(0.9)
+        page.view.seek(0.9)
         until(lambda: np.abs(picture(browser).astype(int) - early).max() > 60, "another time")
         assert "kinetic" in words(browser)
 

@@ -27,15 +27,15 @@ def scene(browser, tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
     file = toy(folder)
     page = fan.show(file, port=0, browser=False, wait=False, record_to=folder)
-    page.show.panel.views.shadows_box.value = False  # software draws them slowly
+    page.view.panel.views.shadows_box.value = False  # software draws them slowly
     browser.get(page.url)
     clients = page.server.viser.get_clients
     until(clients, "the page connects")
     scene_parts = SimpleNamespace(
         browser=browser,
         page=page,
-        live=page.show,
-        performance=page.show.performance,
+        live=page.view,
+        performance=page.view.performance,
         folder=folder,
         file=file,
         client=next(iter(clients().values())),
@@ -306,14 +306,14 @@ def test_rings_turn_a_bar(browser, tmp_path):
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
     page = fan.show(fan.loads(BAR), port=0, browser=False, wait=False, record_to=tmp_path)
-    page.show.nodes.show_shadows(False)
+    page.view.nodes.show_shadows(False)
     with page:
         browser.get(page.url)
-        performance, clients = page.show.performance, page.server.viser.get_clients
+        performance, clients = page.view.performance, page.server.viser.get_clients
         until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
         client = next(iter(clients().values()))
         home, _ = performance.place("bar")
-        radius, rectangle = 0.65 * page.show.controls.rings["bar"].scale, canvas(browser)
+        radius, rectangle = 0.65 * page.view.controls.rings["bar"].scale, canvas(browser)
 
         def seen(angle: float) -> tuple[int, int]:
             """A place on the ring about x, in the quarter from y to z."""
@@ -328,11 +328,11 @@ def test_rings_turn_a_bar(browser, tmp_path):
         mouse.perform()
         until(lambda: performance.place("bar")[1][1] > 0.1, "the bar rolls")
         picture(browser, "rings")
-        assert page.show.holder.viewer == client.client_id
+        assert page.view.holder.viewer == client.client_id
         mouse = ActionBuilder(browser)
         mouse.pointer_action.pointer_up()
         mouse.perform()
-        until(lambda: page.show.holder.viewer is None, "the strings are free")
+        until(lambda: page.view.holder.viewer is None, "the strings are free")
         # Half an angle of 0.5, only about x.
         assert performance.target("bar")[1] == pytest.approx(
             [np.cos(0.25), np.sin(0.25), 0.0, 0.0], abs=0.05

@@ -164,19 +164,19 @@ def test_text_of_a_puppet_is_never_markup(name):
 
 @given(st.binary(max_size=300) | st.text(max_size=300))
 def test_invalid_messages_of_gamepads_are_ignored(message):
-    sticks = pad.read(message)
+    sticks = pad.read_message(message)
     assert sticks is None or max(map(abs, (sticks.right, sticks.away, sticks.up))) <= 1.0
 
 
 def test_sticks_rest_in_the_middle_and_are_bounded():
-    assert pad.read('{"axes": [0.1, -0.1, 0, 0.14], "buttons": []}') == pad.Sticks()
-    sticks = pad.read('{"axes": [1, -7, 0, 0.575], "buttons": [0, 1, 0, 1]}')
+    assert pad.read_message('{"axes": [0.1, -0.1, 0, 0.14], "buttons": []}') == pad.Sticks()
+    sticks = pad.read_message('{"axes": [1, -7, 0, 0.575], "buttons": [0, 1, 0, 1]}')
     assert (sticks.right, sticks.away) == (1.0, 1.0)
     assert sticks.up == pytest.approx(-0.5)
     assert sticks.buttons == {1, 3}
     for wrong in ("{}", "[]", '{"axes": ["x"], "buttons": []}', '{"axes": [NaN], "buttons": []}'):
-        assert pad.read(wrong) is None
-    assert pad.read('{"axes": [' + "0," * 2000 + '0], "buttons": []}') is None
+        assert pad.read_message(wrong) is None
+    assert pad.read_message('{"axes": [' + "0," * 2000 + '0], "buttons": []}') is None
 
 
 def test_recordings_have_names_of_their_own(tmp_path):
@@ -250,10 +250,10 @@ def test_an_unreadable_file_is_reported(tmp_path, monkeypatch):
 
 
 def test_objects_that_cannot_be_shown_are_refused():
-    with pytest.raises(ValueError, match="found int; expected a puppet"):
+    with pytest.raises(ValueError, match="found int; needed: a puppet"):
         fan.show(3)
     with pytest.raises(ValueError, match="live puppet cannot be written as a file"):
-        page.write(page.Subject(fan.puppets.string_pendulum()), "x.html", "light")
+        page.write_page(page.Subject(fan.puppets.string_pendulum()), "x.html", "light")
     with pytest.raises(fan.errors.UnknownNameError, match="no theme is called 'green'"):
         fan.show("string_pendulum", theme="green", port=0, wait=False)
     with pytest.raises(fan.FantocciniError, match="there is no such folder"):

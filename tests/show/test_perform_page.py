@@ -63,14 +63,14 @@ def scene(folder):
         score=folder / "number.yaml",
     )
     with page, Viewer(page.url) as viewer:
-        assert page.show.stage.gesture_player.tempo.bpm == 120.0
+        assert page.view.stage.gesture_player.tempo.bpm == 120.0
         yield SimpleNamespace(
             page=page,
-            live=page.show,
-            stage=page.show.stage,
+            live=page.view,
+            stage=page.view.stage,
             viewer=viewer,
             folder=folder,
-            performance=page.show.performance,
+            performance=page.view.performance,
         )
 
 
@@ -348,7 +348,7 @@ def test_a_puppet_without_these_strings_has_no_buttons(tmp_path):
         ) as page,
         Viewer(page.url) as viewer,
     ):
-        assert page.show.stage.gesture_player.gestures == {}
+        assert page.view.stage.gesture_player.gestures == {}
         viewer.wait_for_text("No bundled gesture fits these strings")
         viewer.press("Play (L)")
         viewer.wait_for_text("there is no take yet")

@@ -30,7 +30,7 @@ def scene(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def begun(scene):
     """Every test begins before the first GO."""
-    scene.page.show.later(None, scene.page.show.reset)
+    scene.page.view.later(None, scene.page.view.reset)
     until(lambda: scene.show.voice is None, "it is at the start")
 
 
@@ -123,7 +123,7 @@ def test_the_panel_does_not_cover_the_stage(scene):
 
 
 def test_a_flood_of_jobs_does_not_hold_the_puppet(scene):
-    live, performance, ended = scene.page.show, scene.show.performance, Event()
+    live, performance, ended = scene.page.view, scene.show.performance, Event()
 
     def again() -> None:
         if not ended.is_set():

@@ -33,17 +33,17 @@ def scene(browser, tmp_path, monkeypatch):
     """A live page in the browser, and strings that stay in this viewer's hands."""
     page = fan.show(toy(tmp_path), port=0, browser=False, wait=False, record_to=tmp_path)
     with page:
-        monkeypatch.setattr(page.show.holder, "idle", 60.0)
-        page.show.panel.views.shadows_box.value = False  # software draws them slowly
+        monkeypatch.setattr(page.view.holder, "idle", 60.0)
+        page.view.panel.views.shadows_box.value = False  # software draws them slowly
         browser.get(page.url)
         clients = page.server.viser.get_clients
         until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
         yield SimpleNamespace(
             browser=browser,
-            live=page.show,
-            stage=page.show.stage,
+            live=page.view,
+            stage=page.view.stage,
             folder=tmp_path,
-            performance=page.show.performance,
+            performance=page.view.performance,
             client=next(iter(clients().values())),
         )
 

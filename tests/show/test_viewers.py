@@ -28,8 +28,8 @@ def open_page(marionette, folder):
     page = fan.show(marionette, port=0, browser=False, wait=False, record_to=folder)
     return SimpleNamespace(
         page=page,
-        live=page.show,
-        performance=page.show.performance,
+        live=page.view,
+        performance=page.view.performance,
         url=page.url,
         clients=page.server.viser.get_clients,
     )

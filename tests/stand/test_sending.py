@@ -88,7 +88,7 @@ def test_an_osc_server_receives_every_set_point(conduct):
     indices = np.rint(np.array(done.times) * points.rate).astype(int)
     assert len(set(indices)) == len(points) - done.dropped and done.t == points.motion.t[-1]
     for k, axis in enumerate(points.axes):
-        steps = np.rint(np.array(values[f"/{axis.name}"]) * axis.counts)
+        steps = np.rint(np.array(values[f"/{axis.name}"]) * axis.counts_per_unit)
         assert np.max(np.abs(steps - points.counts[indices, k])) <= 1.0
 
 
@@ -147,12 +147,12 @@ def test_a_puppet_on_the_received_set_points_moves_as_in_its_run(hoist, kind):
     # Before, during and after the motion.
     t = np.array(done.times)
     counts = np.rint(
-        np.interp(t, points.motion.t, points.motion.position[:, 0]) * points.axes[0].counts
+        np.interp(t, points.motion.t, points.motion.position[:, 0]) * points.axes[0].counts_per_unit
     )
-    within = 1.0 if kind == "osc" else 1.0 + 0.7 / 65535 / 2 * points.axes[0].counts
+    within = 1.0 if kind == "osc" else 1.0 + 0.7 / 65535 / 2 * points.axes[0].counts_per_unit
     assert np.max(np.abs(stand.steps[:, 0] - counts)) <= within
     in_motion = np.append(np.diff(t) > 0.0, False)
-    p = stand.steps[in_motion, 0] / points.axes[0].counts
+    p = stand.steps[in_motion, 0] / points.axes[0].counts_per_unit
     inputs = fan.Input.samples(hoist, t[in_motion], {"line.length": p})
     again = fan.simulate(hoist, hoist.rest({"line.length": p[0]}), inputs, 2.9, save_at=save_at)
     poses = [hoist.poses(r.resample(save_at).q_D, r.resample(save_at).q_K) for r in (first, again)]
@@ -361,7 +361,7 @@ def test_the_emulated_stand_refuses_other_packets(lifted, hoist):
         ],
     )
     assert len(stand) == 1 and stand.wrong == 3
-    assert stand.steps[0, 0] == np.rint(0.5 * points.axes[0].counts)
+    assert stand.steps[0, 0] == np.rint(0.5 * points.axes[0].counts_per_unit)
 
 
 def test_a_port_in_use_is_reported(lifted, hoist):

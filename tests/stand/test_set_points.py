@@ -26,7 +26,7 @@ def replayed(points, inverse=True):
     """The machine after all lines, and its settings."""
     machine = GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
     for line in gcode(points, inverse).splitlines():
-        assert machine.line(line) == "ok", line
+        assert machine.answer(line) == "ok", line
     return machine
 
 
@@ -210,8 +210,8 @@ def test_the_machine_answers_with_grbls_numbers(lifted, hoist):
         "G1X1F10Q2": 36,
     }
     for line, number in wrong.items():
-        assert machine.line(line) == f"error:{number}", line
-    machine.line("G1X10F600")
+        assert machine.answer(line) == f"error:{number}", line
+    machine.answer("G1X10F600")
     machine.finish()
     assert machine.position[0] == pytest.approx(10.0, abs=0.02)
     assert machine.time >= 1.0

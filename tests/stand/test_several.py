@@ -150,7 +150,7 @@ def test_programs_of_all_controllers_keep_the_same_time(points, slack):
     for part in points.parts.values():
         machine = machine_of(part)
         for line in gcode_program(part).text.splitlines():
-            assert machine.line(line) == "ok", line
+            assert machine.answer(line) == "ok", line
         machines.append(machine)
     begin = max(machine.dwell_ends[0] for machine in machines)
     at = positions_together(machines, begin + points.motion.t)
@@ -257,7 +257,7 @@ def test_after_a_failure_of_one_both_continue_together_from_a_time(points, event
         machine.dwell_ends.clear()
         own = gcode_program(part)
         for line in own.text.splitlines():
-            assert machine.line(line) == "ok", line
+            assert machine.answer(line) == "ok", line
         at = machine.positions(machine.dwell_ends[0] + part.motion.t) * machine.settings.steps
         np.testing.assert_allclose(np.rint(at), part.counts, atol=1.0)
         np.testing.assert_array_equal(

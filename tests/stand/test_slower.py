@@ -9,9 +9,9 @@ import pytest
 from tests.stand.hoist import HOIST, lift, stand
 
 import fantoccini as fan
-from fantoccini.stand import check_stand, inputs_of, loads_stand, slowed, slower
+from fantoccini.stand import check_stand, find_slower_tempo, inputs_of, loads_stand, slow_down
 from fantoccini.stand.stand_file import STANDS
-from fantoccini.stand.tempo import distances
+from fantoccini.stand.tempo import body_distances
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_the_inputs_of_a_run_are_those_it_had(conducted, factor):
 
 def test_the_same_tempo_is_the_same_motion(conducted):
     puppet, _, run = conducted
-    again = slowed(check_stand("six_winches", run, puppet), 1.0)
+    again = slow_down(check_stand("six_winches", run, puppet), 1.0)
     assert again.deviation < 1e-3 and again.rms < 1e-4
 
 
@@ -47,7 +47,7 @@ def test_a_slower_run_is_simulated_and_differs(conducted):
     check = check_stand(tight, run, puppet)
     assert not check.ok and check.first.quantity == "speed"
     need = max(limit.value / limit.bound for limit in check.broken)
-    best, words = slower(check)
+    best, words = find_slower_tempo(check)
     assert best is not None and best.check.ok
     assert need < best.factor < 1.1 * need and f"{best.factor:.3g} times as long" in words
     assert best.run.duration == pytest.approx(5.0 * best.factor)
@@ -60,20 +60,20 @@ def test_a_slower_run_is_simulated_and_differs(conducted):
     rates = {name: getattr(run, name) / f for name in ("v_D", "v_K")}
     rates |= {name: getattr(run, name) / f**2 for name in ("acc_D", "acc_K")}
     stretched = replace(run, t=run.t * f, events=(), **rates)
-    assert distances(puppet, run, stretched, best.factor)[0] < 1e-9
+    assert body_distances(puppet, run, stretched, best.factor)[0] < 1e-9
 
 
 def test_no_tempo_makes_a_travel_longer():
     hoist = fan.loads(HOIST)
     check = check_stand(stand(**{"[0.2, 0.9]": "[0.5, 0.9]"}), lift(hoist), hoist)
     assert check.of("winch")["travel"].broken is not None
-    best, words = slower(check)
+    best, words = find_slower_tempo(check)
     assert best is None and "the travel is too short at any tempo" in words
 
 
 def test_no_tempo_holds_too_heavy_a_load_at_rest():
     hoist = fan.loads(HOIST)
     check = check_stand(stand("0.02"), lift(hoist), hoist)
-    best, words = slower(check)
-    assert best is None and "the torque of winch is still not enough" in words
+    best, words = find_slower_tempo(check)
+    assert best is None and "the torque of winch is still insufficient" in words
     assert check.lost["winch"].since == 0.0

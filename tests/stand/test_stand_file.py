@@ -54,11 +54,11 @@ def test_transmissions_and_counts():
         )
         (axis,) = axes_of(loads_stand(text_of_stand.replace("TORQUE", "1")))
         assert axis.ratio == pytest.approx(3 * 2 * np.pi / travel)
-        assert axis.counts == pytest.approx(3 * 3200 / travel)
+        assert axis.counts_per_unit == pytest.approx(3 * 3200 / travel)
         assert axis.inertia == pytest.approx(1e-5 + 0.2 / axis.ratio**2)
-        assert axis.count(np.array([travel])) == 9600
+        assert axis.counts_at(np.array([travel])) == 9600
     (axis,) = axes_of(stand(acceleration="reversed: true\n    acceleration"))
-    assert axis.count(np.array([0.5])) == -np.rint(0.5 * axis.counts)
+    assert axis.counts_at(np.array([0.5])) == -np.rint(0.5 * axis.counts_per_unit)
 
 
 def test_torques_of_motors():
@@ -96,7 +96,7 @@ WRONG = {
     ),
     "an unknown key": ("    speed: 1\n", "    sped: 1\n    speed: 1\n", 9, "did you mean 'speed'"),
     "like an unknown axis": ("    speed: 1\n", "    like: wich\n", 9, "there is no axis 'wich'"),
-    "like itself": ("    speed: 1\n", "    like: winch\n", 9, "would be `like` itself"),
+    "like itself": ("    speed: 1\n", "    like: winch\n", 9, "would inherit from itself"),
     "zero of a coordinate without an axis": (
         "axes:",
         "zero: {line.lenght: 1}\naxes:",

@@ -122,10 +122,10 @@ def test_a_stream_resumes_from_a_line(points):
     lines = lines_of(text)
     machine = machine_of(points)
     for line in lines[:40]:
-        assert machine.line(line.text) == "ok"
+        assert machine.answer(line.text) == "ok"
     machine.reset()  # waiting moves are lost
     for line in resumed(text, lines[40].number):
-        assert machine.line(line.text) == "ok", line
+        assert machine.answer(line.text) == "ok", line
     t0 = points.motion.t[-1] - points.motion.t
     at = machine.positions(machine.time - t0) * machine.settings.steps
     # The first moves are late after a stop; the end is the same.
@@ -142,7 +142,7 @@ def test_lines_that_a_reset_may_have_lost(points):
     for taken in (8, 20, 40, 50, 60):
         machine = machine_of(points)
         for line in lines[:taken]:
-            machine.line(line.text)
+            machine.answer(line.text)
         machine.reset()
         first = first_lost(text, lines[taken - 1].number, points.controller.planner)
         begin = resumed(text, first, 6000.0)
@@ -151,7 +151,7 @@ def test_lines_that_a_reset_may_have_lost(points):
         go_back = float(begin[3].text.split("X")[1].split("F")[0])
         assert begin[3].text.endswith("F6000") and go_back == pytest.approx(at, abs=31.0)
         for line in begin:
-            assert machine.line(line.text) == "ok"
+            assert machine.answer(line.text) == "ok"
         machine.finish()
         assert machine.position[0] == pytest.approx(1e3 * points.motion.position[-1, 0], abs=0.02)
 

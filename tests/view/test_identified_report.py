@@ -15,7 +15,7 @@ from PIL import Image
 
 import fantoccini as fan
 from fantoccini.base.errors import PictureError
-from fantoccini.lab.identification.judging import columns, doubts
+from fantoccini.lab.identification.judging import column_fits, doubts
 from fantoccini.lab.identification.unit_names import channel_units, units
 from fantoccini.output import reports
 from fantoccini.output.reports import identified_plots
@@ -199,7 +199,7 @@ def test_doubts_are_on_the_page(identified, tmp_path):
     """Slowly varying prediction errors are not noise."""
     wave = 3e-3 * np.sin(2.0 * identified.t)[:, None]
     bent = replace(identified, residuals=identified.residuals + wave)
-    assert doubts(bent) and all(column.alike for column in columns(bent))
+    assert doubts(bent) and all(column.is_correlated for column in column_fits(bent))
     page = Page(reports.identified_report(bent, tmp_path / "x.html").read_text(encoding="utf-8"))
     for doubt in doubts(bent):
         assert doubt in page.words

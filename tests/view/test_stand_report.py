@@ -8,7 +8,7 @@ from tests.stand.hoist import HOIST, STAND, lift
 import fantoccini as fan
 from fantoccini.base.errors import PictureError
 from fantoccini.output import reports
-from fantoccini.stand import check_stand, loads_stand, slower
+from fantoccini.stand import check_stand, find_slower_tempo, loads_stand
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def checked():
 
 
 def test_the_page_has_the_results_of_the_check(checked, tmp_path):
-    path = reports.stand_report(checked, tmp_path / "page.html", slower(checked))
+    path = reports.stand_report(checked, tmp_path / "page.html", find_slower_tempo(checked))
     text = path.read_text(encoding="utf-8")
     for words in (
         "verdict fails",

@@ -1,7 +1,7 @@
 """All exceptions, and the statuses with which a run ends.
 
-An error takes facts and writes the sentence: subject, place, value found, values allowed, remedy.
-A run that stops early returns a result with a :class:`Status`, or raises a
+Errors compose their message from their arguments: subject, place, value found, values allowed, what
+to do. A run that stops early returns a result with a :class:`Status`, or raises a
 :class:`SimulationError`, which carries the trajectory up to the last accepted step.
 """
 
@@ -18,18 +18,18 @@ class FantocciniError(Exception):
     """Base of all exceptions of fantoccini. Copies and pickles keep all attributes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Exception.__reduce__ calls the class with `args`, the sentence; subclasses take facts.
+        # Exception.__reduce__ calls the class with its message; subclasses have other arguments.
         return _restored, (type(self), self.args, dict(self.__dict__))
 
 
 def _restored(
-    cls: type[FantocciniError], args: tuple[object, ...], facts: dict[str, Any]
+    cls: type[FantocciniError], args: tuple[object, ...], attributes: dict[str, Any]
 ) -> FantocciniError:
     """Rebuilds an error from the result of :meth:`FantocciniError.__reduce__`."""
     error = cls.__new__(cls, *args)
     built_in = next(base for base in cls.__mro__ if base.__module__ == "builtins")
     built_in.__init__(error, *args)  # type: ignore[misc]  # the class is known at run time only
-    error.__dict__.update(facts)
+    error.__dict__.update(attributes)
     return error
 
 
@@ -41,7 +41,7 @@ class Mistake:
         file: name of the file as the user gave it.
         line: 1-based line; None for a mistake of the whole file.
         key: path of the key, for example ``bodies[2].joint.axis``.
-        message: value found, values allowed.
+        message: value found and values allowed.
     """
 
     file: str
@@ -62,7 +62,7 @@ class FileError(FantocciniError):
         super().__init__(self.mistakes)
 
     def __str__(self) -> str:
-        return "\n".join(str(p) for p in self.mistakes)
+        return "\n".join(str(mistake) for mistake in self.mistakes)
 
 
 class PuppetError(FileError):
@@ -81,14 +81,14 @@ class MissingLibraryError(FantocciniError, ImportError):
     """An optional library is needed and not installed.
 
     Args:
-        what: feature that needs it.
+        feature: feature that needs it.
         library: name of the library.
         extra: extra of fantoccini that installs it.
     """
 
-    def __init__(self, what: str, library: str, extra: str):
+    def __init__(self, feature: str, library: str, extra: str):
         super().__init__(
-            f"{what} needs {library}, which is not installed: pip install 'fantoccini[{extra}]'"
+            f"{feature} needs {library}, which is not installed: pip install 'fantoccini[{extra}]'"
         )
 
 
@@ -96,14 +96,14 @@ class UnknownNameError(FantocciniError, KeyError):
     """A name that does not exist in the puppet.
 
     Args:
-        what: kind of thing that was looked up ("coordinate", "string", "body").
+        kind: kind of thing that was looked up ("coordinate", "string", "body").
         found: the name that was given.
         allowed: the names that exist.
     """
 
-    def __init__(self, what: str, found: object, allowed: Iterable[str]):
+    def __init__(self, kind: str, found: object, allowed: Iterable[str]):
         self.allowed = tuple(allowed)
-        self.message = f"no {what} is called {found!r}{nearest(str(found), self.allowed)}"
+        self.message = f"no {kind} is called {found!r}{nearest(str(found), self.allowed)}"
         super().__init__(self.message)
 
     def __str__(self) -> str:
@@ -111,7 +111,7 @@ class UnknownNameError(FantocciniError, KeyError):
 
 
 class StateError(FantocciniError, ValueError):
-    """A state or value that the puppet cannot have, such as a string longer than its length."""
+    """A state or value that the puppet cannot have, such as an overstretched string."""
 
 
 class BuildError(FantocciniError):
@@ -119,17 +119,17 @@ class BuildError(FantocciniError):
 
 
 class StandError(FantocciniError):
-    """A stand or its controller cannot execute a request."""
+    """A stand (motors and motion controllers that move the strings) cannot execute a request."""
 
 
 class StreamError(StandError):
-    """A controller refused a line, restarted, does not answer, or is no longer connected.
+    """A controller refused a line of G-code, restarted, stopped answering, or was disconnected.
 
     Args:
-        line: number of the line in the file, from 1.
+        line: number of the line in the program, from 1.
         text: text of the line.
         reason: answer of the controller, or cause.
-        controller: name of the controller among several.
+        controller: name of the controller, if the stand has several.
     """
 
     def __init__(self, line: int, text: str, reason: str, controller: str = ""):
@@ -169,8 +169,8 @@ class Status(enum.IntEnum):
     RUNNING = 1, "the run has not reached its end yet"
     IMPOSSIBLE_INPUT = 2, "the inputs ask for a motion that no puppet on these strings can follow"
     TENSION_CAP = 3, "a tension exceeded the largest one that a string may have"
-    STEP_TOO_SMALL = 4, "the step size fell below what the clock can resolve"
-    TOO_MANY_EVENTS = 5, "strings caught and released more often than the bound on events"
+    STEP_TOO_SMALL = 4, "the step size fell below the rounding error of the time"
+    TOO_MANY_EVENTS = 5, "strings came taut and slack more often than the limit on events"
     TOO_MANY_STEPS = 6, "the bound on the number of steps was reached"
     NOT_FINITE = 7, "a state or a force is no longer a finite number"
     COLLAPSED = 8, "two neighbouring points of a taut string came together"
@@ -178,22 +178,22 @@ class Status(enum.IntEnum):
     PROJECTION_FAILED = 10, "the strings could not be brought back to their lengths"
     STOPPED = 11, "the run was stopped from outside"
     SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
-    NOT_SETTLED = 13, "the equations of a step could not be solved"
-    LOST_STEPS = 14, "a stepper lost steps on the way; the run went on to its end"
+    NOT_SETTLED = 13, "the solution of a step's equations did not converge"
+    LOST_STEPS = 14, "a stepper motor lost steps; the run continued to its end"
     RUNAWAY = (
         15,
         (
-            "a load dragged a drive away although its motor or controller gave all it can; the run "
-            "ends early where it is gone too far"
+            "a load moved a drive against the full torque of its motor or controller; the run ends "
+            "early if the drive moved too far"
         ),
     )
     TOO_MANY_SAMPLES = 16, "the samples of the run reached the bound on memory"
-    REDUNDANT_STRINGS = 17, "redundant strings contradict one another"
-    OVERSTEPPED = 18, "the run went on, but strings, limits or contacts were overstepped"
+    REDUNDANT_STRINGS = 17, "the lengths of redundant strings are inconsistent"
+    OVERSTEPPED = 18, "the run went on, but strings, limits or contacts were violated"
     GAINED_ENERGY = 19, "the run went on, but the fixed step made energy out of nothing"
     TOO_MANY_CONTACTS = 20, "more points touched at once than a step has room for"
-    NO_UNIQUE_MOTION = 21, "friction jams what slides (Painlevé): no finite force, or several"
-    UNBALANCED = 22, "the run went on, but the ledger of the fixed steps does not balance"
+    NO_UNIQUE_MOTION = 21, "friction jams (Painlevé): no finite contact force, or several"
+    UNBALANCED = 22, "the run went on, but the energy balance of the fixed steps has a residual"
     OUT_OF_TIME = 23, "the time limit on computing ended the run"
 
 
@@ -207,7 +207,7 @@ class Outcome(enum.Enum):
 
 
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)
-"""Statuses of compiled runs that may have reached their end; ``RUNAWAY`` may end early.
+"""Statuses of compiled runs that reached their end; with ``RUNAWAY`` some end early.
 
 Only ``DONE`` means success.
 """
@@ -224,8 +224,8 @@ class SimulationError(FantocciniError):
 
     Attributes:
         status: reason.
-        trajectory: run up to the last accepted step; None if no step was accepted, and for
-            steppers, whose ``state`` is the last one.
+        trajectory: run up to the last accepted step; None if no step was accepted. None also for a
+            :class:`Stepper`, which keeps the last state itself.
     """
 
     def __init__(self, status: Status, detail: str = "", trajectory: Any = None):
@@ -239,7 +239,7 @@ class PictureError(FantocciniError):
 
 
 class StoreError(FantocciniError):
-    """A folder that cannot store a sweep's cases: another sweep's, another user's, or full."""
+    """A sweep's cases cannot be stored: the folder is another sweep's or user's, or is full."""
 
 
 class SweepStopped(FantocciniError):
@@ -255,16 +255,16 @@ class SweepStopped(FantocciniError):
 
 
 def nearest(found: str, allowed: Iterable[str]) -> str:
-    """The end of a message: the most similar valid name, or a list of the valid names.
+    """Clause that ends a message about a wrong name: "; did you mean 'x'?", or the valid names.
 
     Args:
         found: invalid name.
         allowed: valid names.
     """
     names = sorted(set(allowed))
-    close = difflib.get_close_matches(found, names, n=1)
-    if close:
-        return f"; did you mean {close[0]!r}?"
+    most_similar = difflib.get_close_matches(found, names, n=1)
+    if most_similar:
+        return f"; did you mean {most_similar[0]!r}?"
     if not names:
         return "; there are none"
     shown = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")

@@ -37,7 +37,7 @@ from fantoccini.stand.streaming import (
     stream_together,
 )
 from fantoccini.stand.suggestions import lost_lines, remedies
-from fantoccini.stand.tempo import SlowedRun, inputs_of, slowed, slower
+from fantoccini.stand.tempo import SlowedRun, find_slower_tempo, inputs_of, slow_down
 
 __all__ = [
     "ENDINGS",
@@ -67,6 +67,7 @@ __all__ = [
     "check_first",
     "check_stand",
     "controlled",
+    "find_slower_tempo",
     "first_lost",
     "gcode",
     "gcode_program",
@@ -87,9 +88,8 @@ __all__ = [
     "send_points",
     "serial_port",
     "set_points",
+    "slow_down",
     "slow_feed",
-    "slowed",
-    "slower",
     "stand_names",
     "stand_schema",
     "start_waits",

@@ -2,9 +2,10 @@
 
     q_K = zero + J p,   v_K = J pdot,   acc_K = J pddot,   F = J^T f_K
 
-p are the positions of the axes, J their factors, f_K the forces on the driven coordinates (virtual
-work). J has full column rank, so that p follows from q_K. With more coordinates than axes, a motion
-that the stand cannot do leaves a residual q_K - zero - J p.
+p are the positions of the axes, J the factors under `moves` in the file, f_K the forces on the
+driven coordinates (virtual work). J has full column rank, so that p follows from q_K. If axes are
+coupled, with more coordinates than axes, the residual q_K - zero - J p of a motion shows whether
+the stand can do it.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ from fantoccini.stand.axis_rank import factors, listed
 from fantoccini.stand.motors import Motor, Shaft, Transmission
 from fantoccini.stand.stand_file import AxisFile, Stand
 
-MAX_COUPLED = 1e-4
-"""Largest residual of coordinates that coupled axes move [m or rad]."""
+MAX_RESIDUAL = 1e-4
+"""Largest residual q_K - zero - J p of a motion that the stand can do [m or rad]."""
 _PIECE = 50_000
 """Number of times at which axes are interpolated together."""
-MAX_HELD = 1e-6
-"""Largest change of a coordinate that no axis moves [m or rad]."""
+MAX_HELD_CHANGE = 1e-6
+"""Largest change of a coordinate that counts as held [m or rad]."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,8 @@ class Axis:
 
     Attributes:
         name: name of the axis.
-        motor, transmission: entries of the file.
-        file: its entry in the file.
+        motor, transmission: its motor and transmission.
+        file: its entry in the stand file.
     """
 
     name: str
@@ -58,14 +59,14 @@ class Axis:
 
     @property
     def ratio(self) -> float:
-        """Motor angle per unit of position, n > 0 [rad/m or 1]."""
-        return 2.0 * math.pi * self.file.gear / self.transmission.way
+        """Motor angle n > 0 per unit of the axis' position [rad/m or 1]."""
+        return 2.0 * math.pi * self.file.gear / self.transmission.travel_per_turn
 
     @property
     def inertia(self) -> float:
         """Inertia of rotor, transmission and carried mass, at the motor [kg m^2]."""
-        shared = self.transmission.inertia / self.file.gear**2 + self.file.mass / self.ratio**2
-        return self.motor.inertia + shared
+        load = self.transmission.inertia / self.file.gear**2 + self.file.mass / self.ratio**2
+        return self.motor.inertia + load
 
     @property
     def travel(self) -> tuple[float, float]:
@@ -74,13 +75,13 @@ class Axis:
         return self.file.travel
 
     @property
-    def counts(self) -> float:
+    def counts_per_unit(self) -> float:
         """Microsteps, or counts of the encoder, per unit of position [1/m or 1/rad]."""
         return self.motor.counts * self.ratio / (2.0 * math.pi)
 
-    def count(self, position: Array) -> Array:
-        """(...) whole microsteps or counts at positions (...), with the motor's direction."""
-        return np.asarray(self.direction * np.rint(position * self.counts))
+    def counts_at(self, position: Array) -> Array:
+        """(...) microsteps or counts of the motor at positions (...), rounded."""
+        return np.asarray(self.direction * np.rint(position * self.counts_per_unit))
 
     @property
     def direction(self) -> int:
@@ -117,9 +118,9 @@ class AxisMotion(ShortRepr):
         return self.position[:, k], self.velocity[:, k], self.acceleration[:, k]
 
     def between(self, k: int, times: Times) -> Series:
-        """(m,) position, velocity and acceleration of axis number ``k`` between the samples.
+        """(m,) position, velocity and acceleration of axis ``k`` at times, interpolated.
 
-        At an impact, which is two samples at one time, they are those after it.
+        At the time of an impact they are those after it.
         """
         samples = (
             self.position[:, k : k + 1],
@@ -149,12 +150,12 @@ class AxisMap(ShortRepr):
     Attributes:
         stand: the stand.
         axes: n axes, in the file's order.
-        names: m driven coordinates that they move.
-        held: driven coordinates that nothing moves.
-        q, v: (m,) places of the moved ones in q_K and v_K.
-        held_q: places of the held ones in q_K.
-        J: (m, n) factors.
-        zero: (m,) values where all axes are at 0 [m or rad].
+        names: names of the m driven coordinates that they move.
+        held: names of the driven coordinates that nothing moves.
+        q, v: (m,) indices of the moved coordinates in q_K and v_K.
+        held_q: indices of the held coordinates in q_K.
+        J: (m, n) changes of the coordinates per unit of the axes' positions.
+        zero: (m,) values of the coordinates when all axes are at 0 [m or rad].
     """
 
     stand: Stand
@@ -172,18 +173,18 @@ class AxisMap(ShortRepr):
         """Binds a stand to the driven coordinates of a puppet.
 
         Raises:
-            FileError: a coordinate is not driven, or axes are not determined by coordinates.
+            FileError: a coordinate is not driven, or the coordinates do not determine the axes.
         """
-        places = {table.v_K[v]: (q, v) for q, v in table.scalars_K}
+        indices = {table.v_K[v]: (q, v) for q, v in table.scalars_K}
         mistakes: list[tuple[tuple[str | int, ...], str]] = []
         for axis, file in stand.axes.items():
             for name in file.moves:
-                if name not in places:
-                    text = _not_driven(name, table, places)
+                if name not in indices:
+                    text = _not_driven(name, table, indices)
                     mistakes.append((("axes", axis, "moves", name), text))
         for i, name in enumerate(stand.elsewhere):
             if name not in table.q_K:
-                mistakes.append((("elsewhere", i), _not_driven(name, table, places)))
+                mistakes.append((("elsewhere", i), _not_driven(name, table, indices)))
         stand.refuse(mistakes)
         names, J = factors({name: axis.moves for name, axis in stand.axes.items()})
         held = [name for name in table.q_K if name not in {*names, *stand.elsewhere}]
@@ -192,8 +193,8 @@ class AxisMap(ShortRepr):
             axes_of(stand),
             names,
             tuple(held),
-            np.array([places[n][0] for n in names], dtype=np.intp),
-            np.array([places[n][1] for n in names], dtype=np.intp),
+            np.array([indices[n][0] for n in names], dtype=np.intp),
+            np.array([indices[n][1] for n in names], dtype=np.intp),
             np.array([table.q_K.index(n) for n in held], dtype=np.intp),
             J,
             np.array([stand.zero.get(name, 0.0) for name in names]),
@@ -201,45 +202,44 @@ class AxisMap(ShortRepr):
 
     @cached_property
     def inverse(self) -> Array:
-        """(n, m) p = inverse (q_K - zero)."""
+        """(n, m) pseudoinverse of J: p = inverse (q_K - zero)."""
         return np.asarray(np.linalg.pinv(self.J))
 
     def motion(self, t: Times, q_K: Array, v_K: Array, acc_K: Array) -> AxisMotion:
-        """The axes' motion for a driven motion: q_K (T, n_qK), v_K and acc_K (T, n_vK).
+        """Motion of the axes that gives q_K (T, n_qK), v_K and acc_K (T, n_vK).
 
         Raises:
-            FileError: the motion needs coordinates that no axis moves, or moves that coupled axes
-                cannot do.
+            FileError: the motion moves a coordinate without an axis, or coupled axes cannot do it.
         """
         q, v, acc = q_K[:, self.q] - self.zero, v_K[:, self.v], acc_K[:, self.v]
-        mistakes = [*self._moved_held(t, q_K), *self._beyond_coupled(t, q)]
+        mistakes = [*self._held_mistakes(t, q_K), *self._coupling_mistakes(t, q)]
         self.stand.refuse(mistakes)
         p, pdot, pddot = (x @ self.inverse.T for x in (q, v, acc))
         return AxisMotion(self.axes, t, p, pdot, pddot)
 
-    def motion_of(self, moved: Trajectory | Input, times: Times | None = None) -> AxisMotion:
-        """The motion of a run or an input at times [s]; at a run's samples by default."""
-        if isinstance(moved, Input):
+    def motion_of(self, source: Trajectory | Input, times: Times | None = None) -> AxisMotion:
+        """The axes' motion for a run or an input, at times [s]; at a run's samples by default."""
+        if isinstance(source, Input):
             if times is None:
                 raise ValueError("an input has no samples; needed: times")
-            return self.motion(times, *moved.evaluate(times))
-        sampled = self.motion(moved.t, moved.q_K, moved.v_K, moved.acc_K)
+            return self.motion(times, *source.evaluate(times))
+        sampled = self.motion(source.t, source.q_K, source.v_K, source.acc_K)
         if times is None:
             return sampled
         columns = [sampled.between(k, times) for k in range(len(self.axes))]
         p, v, acc = (np.stack(series, axis=1) for series in zip(*columns, strict=True))
         return AxisMotion(self.axes, times, p, v, acc)
 
-    def refuse_held(self, t: Times, q_K: Array) -> None:
+    def check_held(self, t: Times, q_K: Array) -> None:
         """Raises a FileError if a motion (T, n_qK) moves a coordinate that no axis moves."""
-        self.stand.refuse(self._moved_held(t, q_K))
+        self.stand.refuse(self._held_mistakes(t, q_K))
 
     def coordinates_of(self, position: Array) -> Array:
         """(..., m) driven coordinates [m or rad] at axis positions (..., n)."""
         return self.zero + position @ self.J.T
 
     def part(self, stand: Stand) -> AxisMap:
-        """The map of the axes of a part of the stand; their forces, not their motion, follow."""
+        """The map for a part of the stand, for :meth:`forces` only: not for motions."""
         names = [axis.name for axis in self.axes]
         J = self.J[:, [names.index(axis) for axis in stand.axes]]
         return dataclasses.replace(self, stand=stand, axes=axes_of(stand), J=J)
@@ -248,23 +248,25 @@ class AxisMap(ShortRepr):
         """(..., n) forces F = J^T f_K of the axes on their loads, for efforts f_K (..., n_vK)."""
         return effort[..., self.v] @ self.J
 
-    def _moved_held(self, t: Times, q_K: Array) -> list[tuple[tuple[str | int, ...], str]]:
+    def _held_mistakes(self, t: Times, q_K: Array) -> list[tuple[tuple[str | int, ...], str]]:
+        """Mistakes of a motion that moves coordinates without an axis."""
         mistakes: list[tuple[tuple[str | int, ...], str]] = []
         for name, index in zip(self.held, self.held_q, strict=True):
             change = np.abs(q_K[:, index] - q_K[0, index])
-            if np.max(change) > MAX_HELD:
-                first = t[np.argmax(change > MAX_HELD)]
+            if np.max(change) > MAX_HELD_CHANGE:
+                first = t[np.argmax(change > MAX_HELD_CHANGE)]
                 text = (
-                    f"no axis moves {name}, and the motion moves it from t = {first:.4g} s on, by "
+                    f"no axis moves {name}, but the motion moves it from t = {first:.4g} s on, by "
                     f"up to {np.max(change):.4g}; hold it still, let an axis move it, or list it "
                     "under `elsewhere` if another stand or a hand moves it"
                 )
                 mistakes.append((("axes",), text))
         return mistakes
 
-    def _beyond_coupled(self, t: Times, q: Array) -> list[tuple[tuple[str | int, ...], str]]:
+    def _coupling_mistakes(self, t: Times, q: Array) -> list[tuple[tuple[str | int, ...], str]]:
+        """The mistake of a motion that coupled axes cannot do."""
         residual = np.abs(q - q @ self.inverse.T @ self.J.T)
-        if not residual.size or np.max(residual) <= MAX_COUPLED:
+        if not residual.size or np.max(residual) <= MAX_RESIDUAL:
             return []
         sample, k = np.unravel_index(np.argmax(residual), residual.shape)
         axes = [axis.name for axis, factor in zip(self.axes, self.J[k], strict=True) if factor]
@@ -290,12 +292,13 @@ def with_axis(axis: Axis, **changes: object) -> Axis:
     return dataclasses.replace(axis, file=axis.file.model_copy(update=changes))
 
 
-def _not_driven(name: str, table: CoordinateTable, places: dict[str, tuple[int, int]]) -> str:
-    wound = name in table.q_D and name.endswith(".length")
-    if wound or name in table.commands or name in table.commands.values():
+def _not_driven(name: str, table: CoordinateTable, indices: dict[str, tuple[int, int]]) -> str:
+    """Reason why an axis cannot move a coordinate."""
+    is_winch = name in table.q_D and name.endswith(".length")
+    if is_winch or name in table.commands or name in table.commands.values():
         return (
             f"{name} has a drive of its own in the puppet's file; a stand moves coordinates that "
-            "follow their inputs exactly: take the drive out"
+            "follow their inputs exactly: remove the drive"
         )
     if name in table.q_D:
         return f"{name} moves by forces, not by inputs; a stand moves driven coordinates"
@@ -304,4 +307,4 @@ def _not_driven(name: str, table: CoordinateTable, places: dict[str, tuple[int, 
         name in table.q_K or name in table.v_K or name in table.rotations
     ):
         return f"{name} is part of an orientation, which no axis moves; hold it still"
-    return f"{name} is not a driven coordinate{nearest(name, places)}"
+    return f"{name} is not a driven coordinate{nearest(name, indices)}"

@@ -1,13 +1,13 @@
-"""Catches of strings: impulses on the axes, and the largest that a stepper withstands.
+"""Impulses on the axes when strings snap taut, and the largest that a stepper withstands.
 
-Where strings snap taut while the driven coordinates move on (Eqs. 13-15), an axis receives
+At such a catch, with the driven coordinates moving as commanded (Eqs. 13-15), an axis receives
 
     P = J^T (M_KD dv_D + A_K^T Lambda)
 
-if its motor does not yield, as in the run. A motor that yields moves on together with the
-bodies that the string caught, whose mass at the axis is m_e = P^2 / sum(Lambda hdot). A stepper
-stays in step if this energy does not carry it past the maximum of its torque T sin(steps/4 angle)
-while it holds the load M:
+In the run, the motor does not yield. A real motor yields and moves together with the bodies on the
+string, whose mass at the axis is m_e = P^2 / sum(Lambda hdot). A stepper loses no steps if the
+kinetic energy does not carry it past the maximum of its torque T sin(steps/4 angle), with the load
+M:
 
     1/2 (P/n)^2 / (J_m + m_e / n^2) <= (4/steps) (2 T cos a - M (pi - 2 a)),   sin a = M / T
 """
@@ -27,7 +27,7 @@ from fantoccini.stand.motors import Stepper
 MIN_IMPULSE = 1e-9
 """Smallest impulse at the motor that counts as a catch [N m s]."""
 MAX_IMPULSE_RATIO = 10.0
-"""Largest reported ratio of impulse to bound; the bound of a motor at its largest torque is 0."""
+"""Largest ratio of impulse to bound in reports; the bound can be 0, at a motor's largest torque."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class CatchImpulse:
         axis: name of the axis.
         t: time [s].
         strings: the strings that snapped taut.
-        impulse: at the motor [N m s].
+        impulse: impulse at the motor [N m s].
         bound: largest impulse that the stepper withstands without losing steps [N m s].
         margin: margin of the impulse below the bound [%].
     """
@@ -57,8 +57,8 @@ class Impacts:
 
     Attributes:
         t: (I,) times [s].
-        impulse: (I, n) P of the axes on their loads [N s or N m s].
-        lost_energy: (I,) sum(Lambda hdot) of the strings that snapped taut [J].
+        impulse: (I, n) impulses P of the axes on their loads [N s or N m s].
+        lost_energy: (I,) energy lost, sum(Lambda hdot) of the strings that snapped taut [J].
         strings: for every impact, the strings that snapped taut.
     """
 
@@ -69,7 +69,7 @@ class Impacts:
 
 
 def impacts_of(axis_map: AxisMap, marionette: Marionette, run: Trajectory) -> Impacts | None:
-    """The impacts of an event-driven run with catches; None for other runs.
+    """The impacts of a run with method ``event`` that has catches; None for other runs.
 
     Args:
         axis_map: map from the axes of the stand to driven coordinates.
@@ -98,34 +98,36 @@ def catch_impulses(
     torque: Array,
     unknown: Mask,
 ) -> list[CatchImpulse]:
-    """The catches that hit a stepper, in order; other motors have none.
+    """The catches that act on a stepper, in order; none for other motors.
 
     Args:
         impacts: impacts of the run.
         axis: the axis.
-        k: its number.
+        k: index of the axis.
         t: (T,) times [s].
-        velocity: (T,) of the axis [m/s or rad/s].
-        torque: (T,) of its motor [N m].
-        unknown: (T,) times at which the motion does not determine the torque; catches there are
-            left out.
+        velocity: (T,) velocities of the axis [m/s or rad/s].
+        torque: (T,) torques of its motor [N m].
+        unknown: (T,) bool, times at which the motion does not determine the torque; catches there
+            are left out.
     """
     if impacts is None or not isinstance(axis.motor, Stepper):
         return []
     index = np.minimum(np.searchsorted(t, impacts.t), len(t) - 1)
     impulses = np.abs(impacts.impulse[:, k]) / axis.ratio
-    hit = np.flatnonzero((impulses > MIN_IMPULSE) & (impacts.lost_energy > 0.0) & ~unknown[index])
-    samples, impulse = index[hit], impulses[hit]
+    chosen = np.flatnonzero(
+        (impulses > MIN_IMPULSE) & (impacts.lost_energy > 0.0) & ~unknown[index]
+    )
+    samples, impulse = index[chosen], impulses[chosen]
     speed = velocity[samples] * axis.ratio
     largest = max_impulse(
-        axis, np.abs(torque[samples]), speed, impulse**2 / impacts.lost_energy[hit]
+        axis, np.abs(torque[samples]), speed, impulse**2 / impacts.lost_energy[chosen]
     )
     margin = 100.0 * (1.0 - impulse / np.maximum(largest, impulse / MAX_IMPULSE_RATIO))
     return [
         CatchImpulse(
-            axis.name, float(impacts.t[i]), impacts.strings[i], float(p), float(m), float(rest)
+            axis.name, float(impacts.t[i]), impacts.strings[i], float(p), float(bound), float(share)
         )
-        for i, p, m, rest in zip(hit, impulse, largest, margin, strict=True)
+        for i, p, bound, share in zip(chosen, impulse, largest, margin, strict=True)
     ]
 
 
@@ -133,9 +135,8 @@ def impulses_of(run: Trajectory, marionette: Marionette) -> tuple[Array, Array]:
     """Times (I,) of a run's impacts, and their impulses on the driven coordinates (I, n_vK)."""
     table = run.coordinates
     names = run.tension.names
-    first = np.flatnonzero(np.diff(run.t) == 0.0)
     # An impact is several samples at one time: before is the first of them, after the last.
-    times = np.unique(run.t[first])
+    times = np.unique(run.t[np.flatnonzero(np.diff(run.t) == 0.0)])
     before = np.searchsorted(run.t, times, side="left")
     after = np.searchsorted(run.t, times, side="right") - 1
     dv_D = run.v_D[after] - run.v_D[before]
@@ -148,8 +149,8 @@ def impulses_of(run: Trajectory, marionette: Marionette) -> tuple[Array, Array]:
     driven = np.zeros((len(times), table.n_vK))
     state = q_D, zero, run.q_K[after], driven
     with_impulse = marionette.effort(*state, dv_D, driven, tension)
-    without = marionette.effort(*state, zero, driven, np.zeros_like(tension))
-    return times, np.asarray(with_impulse - without)
+    without_impulse = marionette.effort(*state, zero, driven, np.zeros_like(tension))
+    return times, np.asarray(with_impulse - without_impulse)
 
 
 def max_impulse(axis: Axis, load: Array, speed: Array, load_inertia: Array) -> Array:
@@ -157,9 +158,9 @@ def max_impulse(axis: Axis, load: Array, speed: Array, load_inertia: Array) -> A
 
     Args:
         axis: the stepper's axis.
-        load: (...) torque of its motor [N m].
-        speed: (...) of its motor [rad/s].
-        load_inertia: (...) of the bodies that the string caught, at the motor [kg m^2].
+        load: (...) torques that the motor holds [N m].
+        speed: (...) speeds of the motor [rad/s].
+        load_inertia: (...) inertia at the motor of the bodies on the string [kg m^2].
     """
     motor = axis.motor
     assert isinstance(motor, Stepper)

@@ -8,7 +8,7 @@ that turns with it, and needs
 
 f_K = M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda is the run's effort: strings, weight and inertia
 of driven bodies. e = 1 / efficiency where the motor drives its load, efficiency where the load
-drives it. The check assumes winches that follow exactly; one that slips changes the motion.
+drives it. The check assumes that winches follow exactly; a slipping one would change the motion.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from fantoccini.stand.step_loss import LostSteps, lost_steps
 CHECK_RATE = 1000.0
 """Rate of the times at which a run is checked, in addition to its own samples [1/s]."""
 COARSE_SAMPLES = 0.02, 0.2
-"""Time between samples [s], and change of a force between them relative to its largest value. Where
-a run exceeds both, peaks may be missed."""
+"""Time between samples [s], and change of a force between them relative to its largest value. If a
+run exceeds both somewhere, peaks there may be missed."""
 
-SAME_TIME = 1e-9
-"""Times that differ by less count as the same [s]."""
+MAX_TIME_ROUNDING = 1e-9
+"""Largest difference of times that count as equal [s]."""
 INTERPOLATION_REACH = 3
 """Number of samples on either side on which an interpolated value depends."""
 MIN_SMOOTH_SAMPLES = 3
@@ -61,8 +61,8 @@ class StandCheck:
         impacts: impacts of the run; None if it has none.
         catches: impulses of catches on axes.
         lost: axis -> steps that it loses, for steppers that lose some.
-        unknown: (T, n) true where the motion does not determine the force of an axis; its torque
-            and catches are not judged there.
+        unknown: (T, n) bool, when the motion does not determine the force of an axis; its torque
+            and catches are not checked then.
         notes: remarks on the check itself.
     """
 
@@ -94,7 +94,7 @@ class StandCheck:
 
     @cached_property
     def torque(self) -> Array:
-        """(T, n) of the motors, positive where it acts along growing position [N m]."""
+        """(T, n) torques of the motors, positive towards growing positions [N m]."""
         return np.stack([load.torque for load in self._loads], axis=1)
 
     @cached_property
@@ -138,7 +138,7 @@ class StandCheck:
 
     @property
     def judged(self) -> Array:
-        """(T, n) magnitude of the torques that are judged; 0 where not determined [N m]."""
+        """(T, n) magnitude of the torques that are checked; 0 where not determined [N m]."""
         return np.where(self.unknown, 0.0, np.abs(self.torque))
 
     @property
@@ -151,14 +151,14 @@ class StandCheck:
         return {limit.quantity: limit for limit in self.limits if limit.axis == axis}
 
     def margin_text(self, axis: str, quantity: str) -> str:
-        """The margin of an axis and quantity [%], with ``?`` where not all forces are known."""
+        """The margin of an axis and quantity [%], with ``?`` if forces of the axis are unknown."""
         limit = self.of(axis).get(quantity)
         text = "" if limit is None else f"{limit.margin:.0f}"
         is_force = quantity in ("torque", "catch") and axis in self.undetermined
         return f"{text}?" if is_force else text
 
     def limits_with(self, k: int, axis: Axis) -> tuple[Limit, ...]:
-        """The limits of axis number ``k`` with another motor or transmission, for this motion."""
+        """The limits of axis ``k``, with another motor or transmission, for this motion."""
         series = self.motion.of(axis.name)
         return tuple(limits_of(self.map.stand, axis, self.times, series, self._load(axis, k)))
 
@@ -177,7 +177,7 @@ class StandCheck:
         if first is None and self.undetermined:
             since, axes = min(self.undetermined.values()), ", ".join(self.undetermined)
             return (
-                f"whether {name} can do it is not determined: from t = {since:.3f} s on other "
+                f"whether {name} can do it is not determined: from t = {since:.3f} s on, different "
                 f"torques of {axes} give the same motion"
             )
         if first is None:
@@ -188,7 +188,7 @@ class StandCheck:
             )
         return (
             f"{name} cannot do it: at t = {first.broken:.3f} s the {first.quantity} of "
-            f"{first.axis} is not enough; at worst, at t = {first.t:.3f} s, {first} "
+            f"{first.axis} is insufficient; at worst, at t = {first.t:.3f} s, {first} "
             f"({first.over} too much)"
         )
 
@@ -205,20 +205,20 @@ def check_stand(
 
     Raises:
         FileError: the stand does not fit the puppet, or its axes cannot make this motion.
-        ValueError: the run does not describe its puppet and none is given, or the given one has
-            other coordinates.
+        ValueError: the run does not contain its puppet and no marionette is given, or the given one
+            has other coordinates.
     """
     if not isinstance(stand, Stand):
         stand = load_stand(stand)
     if marionette is None:
         if run.puppet is None:
-            raise ValueError("the run does not describe its puppet; needed: its marionette")
+            raise ValueError("the run does not contain its puppet; needed: its marionette")
         marionette = Marionette(run.puppet)
     elif (marionette.coordinates.q_D, marionette.coordinates.v_K) != (
         run.coordinates.q_D,
         run.coordinates.v_K,
     ):
-        raise ValueError(f"the run is not one of {marionette.name}: it has other coordinates")
+        raise ValueError(f"the run is not of {marionette.name}: it has other coordinates")
     axis_map = AxisMap.of(stand, run.coordinates)
     sampled = axis_map.motion_of(run)
     if run.effort is None:
@@ -260,21 +260,21 @@ def _forces(axis_map: AxisMap, run: Trajectory) -> Array:
 
 
 def _unknown(axis_map: AxisMap, marionette: Marionette, run: Trajectory, times: Array) -> Mask:
-    """(len(times), n) true where the motion does not determine the force of an axis."""
+    """(len(times), n) bool, when the motion does not determine the force of an axis."""
     flags = run.undetermined
     if flags is None:
         flags = undetermined(marionette, run)
     flags_of_axes = flags.values[:, len(run.tension.names) :][:, axis_map.v]
     unknown = np.any(flags_of_axes[:, :, None] & (axis_map.J != 0.0), axis=1)
-    nearby = np.array(unknown)
+    near_unknown = np.array(unknown)
     for shift in range(1, INTERPOLATION_REACH + 1):
-        nearby[shift:] |= unknown[:-shift]
-        nearby[:-shift] |= unknown[shift:]
+        near_unknown[shift:] |= unknown[:-shift]
+        near_unknown[:-shift] |= unknown[shift:]
     repeated = run.t[1:] == run.t[:-1]
     unknown[1:][repeated] |= unknown[:-1][repeated]
     index = np.searchsorted(run.t, times, side="right") - 1
-    exact = run.t[index] == times
-    return np.where(exact[:, None], unknown[index], nearby[index])
+    is_sample = run.t[index] == times
+    return np.where(is_sample[:, None], unknown[index], near_unknown[index])
 
 
 def between(t: Array, values: Array, times: Array) -> Array:
@@ -298,7 +298,7 @@ def between(t: Array, values: Array, times: Array) -> Array:
 
 
 def with_effort(run: Trajectory, marionette: Marionette) -> Trajectory:
-    """The run, completed by its effort: the force on every driven coordinate."""
+    """The run with its effort, the force on every driven coordinate."""
     force = marionette.effort(
         run.q_D, run.v_D, run.q_K, run.v_K, run.acc_D, run.acc_K, run.tension.values
     )
@@ -314,7 +314,7 @@ def _check_times(run: Trajectory) -> Times:
     even = np.linspace(run.t[0], run.t[-1], n)
     right = np.clip(np.searchsorted(run.t, even), 1, len(run.t) - 1)
     distance = np.minimum(np.abs(run.t[right] - even), np.abs(even - run.t[right - 1]))
-    return np.union1d(run.t, even[distance > SAME_TIME])
+    return np.union1d(run.t, even[distance > MAX_TIME_ROUNDING])
 
 
 def _steps_lost_by(
@@ -330,7 +330,7 @@ def _steps_lost_by(
         np.where(load.known, np.abs(load.torque), 0.0),
         load.available,
         axis.inertia + puppet_inertia,
-        [hit.t for hit in load.catches if hit.margin < 0.0],
+        [catch.t for catch in load.catches if catch.margin < 0.0],
     )
 
 
@@ -344,7 +344,7 @@ def _notes(
         notes.append(
             f"the motion does not determine the forces of {', '.join(axes)} in up to {share:.3g} % "
             "of the run, because other tensions give the same motion: torques and catches are not "
-            "judged there. Strings that stretch (--string-model chain), or fewer strings, have "
+            "checked there. Strings that stretch (--string-model chain), or fewer strings, have "
             "tensions that the motion determines"
         )
     assert run.effort is not None
@@ -358,14 +358,14 @@ def _notes(
         )
     if run.contact is None and marionette.contacts is not None:
         notes.append(
-            "the run has no contact points, as runs of a batch: forces of contact on driven bodies "
-            "are left out, and those that contact shares with strings are taken as determined; "
-            "check a run of `simulate`"
+            "the run has no contact points, like all runs of a batch: contact forces on driven "
+            "bodies are left out, and forces shared by contacts and strings count as determined; "
+            "check a run of `simulate` instead"
         )
     if run.status is not Status.DONE:
-        notes.append(f"the run itself did not end well: {run.status.message}")
+        notes.append(f"the run itself was not successful: {run.status.message}")
     if run.method != "event":
         notes.append(
-            f"method {run.method}: a catch is a force over one step, not a separate impulse"
+            f"method {run.method}: catches are forces over one step, not separate impulses"
         )
     return tuple(notes)

@@ -1,12 +1,13 @@
 """An emulated GRBL on a pseudo-terminal: answers lines of G-code and counts steps.
 
 It supports the G-code that :func:`gcode` writes, ``$H`` and feed hold. Moves are straight with
-trapezoidal speed profiles. Look-ahead planning continues until the planner is full or a line stops
-the machine:
+trapezoidal speed profiles. The planner raises the start speeds of waiting moves as far as later
+moves (or a stop) and the corner between two moves allow:
 
-    entry^2 <= next entry^2 + 2 a d,   junction^2 = a deviation s / (1 - s),   s = sin(angle / 2)
+    start^2 <= next start^2 + 2 a d,   corner^2 = a deviation s / (1 - s),   s = sin(angle / 2)
 
-Its simulated time includes only moves and dwells. It shares no code with GRBL.
+A move is executed when the planner is full or a line stops the machine. Simulated time passes in
+moves and dwells only. The code is independent of GRBL's.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ from fantoccini.stand.streaming import HOLD, RESET, RESUME
 from fantoccini.stand.timed_moves import DWELL
 
 GREETING = b"\r\nGrbl 1.1h ['$' for help]\r\n"
-MIN_RATE = 1.0 / 60.0
+MIN_SPEED = 1.0 / 60.0
 """Speed of the slowest move [units/s]."""
 
 WORD_PATTERN = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
 IGNORED_TEXT = re.compile(r"\([^)]*\)|;.*|\s")
 SUPPORTED_COMMANDS = {"G1", "G4", "G10", "G21", "G90", "G92", "G93", "G94", "M2"}
 STRAIGHT_COSINE = 0.999999
-"""|cos| of a corner above which the path counts as straight on, or as reversed."""
+"""|cos| of the angle of a corner above which the path counts as straight, or as reversed."""
 POLL_TIMEOUT = 0.02
 """Timeout of a wait for characters, after which the stop flag is checked [s]."""
 
@@ -48,35 +49,35 @@ class LineRefusedError(Exception):
 
 
 @dataclass(eq=False)
-class Block:
+class PlannedMove:
     """A straight move.
 
     Attributes:
         begin: (n,) start position [steps].
         delta: (n,) displacement [steps].
         length: path length [units].
-        rate: programmed speed [units/s].
-        acceleration: along the path [units/s^2].
-        junction: upper bound of the start speed [units/s].
-        entry: start speed [units/s].
+        speed: programmed speed [units/s].
+        acceleration: acceleration along the path [units/s^2].
+        corner_speed: upper bound of the start speed [units/s].
+        start_speed: start speed [units/s].
         t: start time [s]; set when the move is executed.
-        exit: end speed [units/s]; set when the move is executed.
+        end_speed: end speed [units/s]; set when the move is executed.
     """
 
     begin: Indices
     delta: Indices
     length: float
-    rate: float
+    speed: float
     acceleration: float
-    junction: float
-    entry: float = 0.0
+    corner_speed: float
+    start_speed: float = 0.0
     t: float = 0.0
-    exit: float = 0.0
+    end_speed: float = 0.0
 
     def phases(self) -> tuple[float, float, float, float]:
         """Peak speed [units/s]; durations of acceleration, cruise and deceleration [s]."""
-        a, d, v0, v1 = self.acceleration, self.length, self.entry, self.exit
-        peak = min(self.rate, math.sqrt(max(a * d + (v0 * v0 + v1 * v1) / 2.0, 0.0)))
+        a, d, v0, v1 = self.acceleration, self.length, self.start_speed, self.end_speed
+        peak = min(self.speed, math.sqrt(max(a * d + (v0 * v0 + v1 * v1) / 2.0, 0.0)))
         peak = max(peak, v0, v1)
         rise, fall = (peak - v0) / a, (peak - v1) / a
         cruise = (d - (peak + v0) / 2.0 * rise - (peak + v1) / 2.0 * fall) / peak
@@ -87,14 +88,14 @@ class Block:
         return math.sqrt(speed * speed + 2.0 * self.acceleration * self.length)
 
     def fraction_done(self, t: Times) -> Array:
-        """(T,) fraction of the path covered, at times since its start."""
+        """(T,) fraction of the path covered, at times since the start of the move [s]."""
         peak, rise, cruise, fall = self.phases()
         a = self.acceleration
-        first = np.clip(t, 0.0, rise)
-        second = np.clip(t - rise, 0.0, cruise)
-        third = np.clip(t - rise - cruise, 0.0, fall)
-        s = self.entry * first + a * first**2 / 2.0 + peak * second
-        return np.minimum((s + peak * third - a * third**2 / 2.0) / self.length, 1.0)
+        t_rise = np.clip(t, 0.0, rise)
+        t_cruise = np.clip(t - rise, 0.0, cruise)
+        t_fall = np.clip(t - rise - cruise, 0.0, fall)
+        s = self.start_speed * t_rise + a * t_rise**2 / 2.0 + peak * t_cruise
+        return np.minimum((s + peak * t_fall - a * t_fall**2 / 2.0) / self.length, 1.0)
 
 
 @dataclass(eq=False)
@@ -106,47 +107,48 @@ class GrblMachine:
         planned: planned moves, whose speeds may still change.
         executed: the moves made so far, in order.
         time: end time of the last executed move [s].
-        steps: (n,) end of the last planned move [steps].
+        end_steps: (n,) end position of the last planned move [steps].
         dwell_ends: end times of dwells [s].
     """
 
     settings: GrblSettings
-    planned: deque[Block] = field(default_factory=deque)
-    executed: list[Block] = field(default_factory=list)
+    planned: deque[PlannedMove] = field(default_factory=deque)
+    executed: list[PlannedMove] = field(default_factory=list)
     time: float = 0.0
-    steps: Indices = field(init=False)
+    end_steps: Indices = field(init=False)
     dwell_ends: list[float] = field(default_factory=list)
     _offset: Array = field(init=False)
-    _inverse: bool = False
+    _inverse_time: bool = False  # whether F is moves per minute (G93)
     _feed: float = 0.0
-    _direction: Array | None = None
-    _rate: float = 0.0
+    _last_direction: Array | None = None
+    _last_speed: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.settings.letters)
-        self.steps, self._offset = np.zeros(n, dtype=np.int64), np.zeros(n)
+        self.end_steps, self._offset = np.zeros(n, dtype=np.int64), np.zeros(n)
 
     @property
     def position(self) -> Array:
         """(n,) end of the last planned move, in the axes' positions [units]."""
-        return self.steps / self.settings.steps - self._offset
+        return self.end_steps / self.settings.steps - self._offset
 
     def positions(self, times: Times) -> Array:
         """(T, n) positions of the motors at times [units]."""
         positions = np.zeros((len(times), len(self.settings.letters)), dtype=np.int64)
-        begins = np.array([block.t for block in self.executed])
+        begins = np.array([move.t for move in self.executed])
         indices = np.searchsorted(begins, times, side="right") - 1
         for k in np.unique(indices[indices >= 0]):
-            block, during = self.executed[k], indices == k
-            events = int(np.max(np.abs(block.delta)))
-            step_events = np.floor(block.fraction_done(times[during] - block.t) * events + 1e-6)
-            ratio = np.abs(block.delta) / events
-            steps = np.floor(step_events[:, None] * ratio + 0.5).astype(np.int64)
-            positions[during] = block.begin + np.sign(block.delta) * steps
+            move, in_move = self.executed[k], indices == k
+            # Bresenham's algorithm: the axis with the most steps makes one at every event.
+            n_events = int(np.max(np.abs(move.delta)))
+            events = np.floor(move.fraction_done(times[in_move] - move.t) * n_events + 1e-6)
+            ratio = np.abs(move.delta) / n_events
+            steps = np.floor(events[:, None] * ratio + 0.5).astype(np.int64)
+            positions[in_move] = move.begin + np.sign(move.delta) * steps
         return positions / self.settings.steps - self._offset
 
-    def line(self, text: str) -> str:
-        """The answer to a line."""
+    def answer(self, text: str) -> str:
+        """Executes or plans a line of G-code; returns the controller's answer."""
         try:
             text = IGNORED_TEXT.sub("", text).upper()
             if len(text) > MAX_LINE_LENGTH:
@@ -165,15 +167,15 @@ class GrblMachine:
         """Executes all planned moves; the machine is then at rest."""
         while self.planned:
             self._execute_next()
-        self._direction, self._rate = None, 0.0
+        self._last_direction, self._last_speed = None, 0.0
 
     def reset(self) -> None:
-        """Drops the waiting moves and all modes; the machine stays where its last move ended."""
+        """Drops the waiting moves and resets all modes; the machine stays where it is."""
         if self.planned:
-            self.steps = self.planned[0].begin
+            self.end_steps = self.planned[0].begin
         self.planned.clear()
         self.finish()
-        self._inverse, self._feed = False, 0.0
+        self._inverse_time, self._feed = False, 0.0
 
     def _interpret(self, text: str) -> None:
         """Executes or plans a line of G-code words."""
@@ -187,12 +189,12 @@ class GrblMachine:
         if len(commands) + len(values) < len(words):
             raise LineRefusedError(25)
         if commands & {"G93", "G94"}:
-            self._inverse = "G93" in commands
+            self._inverse_time = "G93" in commands
         letters = enumerate(self.settings.letters)
         target = {k: values.pop(a) for k, a in letters if a in values}
-        # In G93 a feed counts for its own line only.
-        feed = values.pop("F", 0.0 if self._inverse else self._feed)
-        self._feed = self._feed if self._inverse else feed
+        # In G93, F applies to its own line only.
+        feed = values.pop("F", 0.0 if self._inverse_time else self._feed)
+        self._feed = self._feed if self._inverse_time else feed
         if "G4" in commands:
             if "P" not in values:
                 raise LineRefusedError(2)
@@ -206,7 +208,7 @@ class GrblMachine:
                 raise LineRefusedError(26)
             self.finish()
             for k, value in target.items():  # the present position gets this value
-                self._offset[k] = self.steps[k] / self.settings.steps[k] - value
+                self._offset[k] = self.end_steps[k] / self.settings.steps[k] - value
         elif target:
             self._move(target, feed / 60.0)
         if values:
@@ -222,70 +224,72 @@ class GrblMachine:
         position = self.position
         position[list(target)] = list(target.values())
         steps = np.rint((position + self._offset) * settings.steps).astype(np.int64)
-        delta = steps - self.steps
+        delta = steps - self.end_steps
         if not np.any(delta):
             return  # shorter than a step
         length = float(np.linalg.norm(delta / settings.steps))
         direction = delta / settings.steps / length
         moving = direction != 0.0
         components = np.abs(direction[moving])
-        rate = min(
-            rate * length if self._inverse else rate,
+        speed = min(
+            rate * length if self._inverse_time else rate,
             float(np.min(settings.rate[moving] / components)),
         )
-        rate = max(rate, MIN_RATE)
-        junction = min(self._junction(direction), self._rate, rate)
+        speed = max(speed, MIN_SPEED)
+        corner_speed = min(self._corner_speed(direction), self._last_speed, speed)
         acceleration = float(np.min(settings.acceleration[moving] / components))
-        self.planned.append(Block(self.steps, delta, length, rate, acceleration, junction))
-        self.steps, self._direction, self._rate = steps, direction, rate
-        self._plan()
+        move = PlannedMove(self.end_steps, delta, length, speed, acceleration, corner_speed)
+        self.planned.append(move)
+        self.end_steps, self._last_direction, self._last_speed = steps, direction, speed
+        self._set_start_speeds()
         while len(self.planned) >= settings.planner:
             self._execute_next()
 
-    def _junction(self, direction: Array) -> float:
-        """Largest speed at the junction with a move in this direction [units/s]."""
-        if self._direction is None:
+    def _corner_speed(self, direction: Array) -> float:
+        """Largest speed at the corner between the last move and this direction [units/s]."""
+        if self._last_direction is None:
             return 0.0
-        cosine = -float(np.dot(self._direction, direction))
+        cosine = -float(np.dot(self._last_direction, direction))
         if cosine > STRAIGHT_COSINE:
             return 0.0
         if cosine < -STRAIGHT_COSINE:
             return math.inf
-        change = direction - self._direction
+        change = direction - self._last_direction
         components = np.abs(change / np.linalg.norm(change))
-        used = components > 0.0
-        a = float(np.min(self.settings.acceleration[used] / components[used]))
+        moving = components > 0.0
+        a = float(np.min(self.settings.acceleration[moving] / components[moving]))
         s = math.sqrt((1.0 - cosine) / 2.0)
         return math.sqrt(a * self.settings.junction * s / (1.0 - s))
 
-    def _plan(self) -> None:
-        """Sets the entry speeds of the waiting moves, except that of the first."""
-        blocks, after = list(self.planned), 0.0
-        for block in blocks[:0:-1]:
-            block.entry = after = min(block.junction, block.max_speed_from(after))
-        for before, block in pairwise(blocks):
-            block.entry = min(block.entry, before.max_speed_from(before.entry))
+    def _set_start_speeds(self) -> None:
+        """Sets the start speeds of the waiting moves, except that of the first."""
+        moves, end_speed = list(self.planned), 0.0
+        for move in moves[:0:-1]:
+            end_speed = min(move.corner_speed, move.max_speed_from(end_speed))
+            move.start_speed = end_speed
+        for previous, move in pairwise(moves):
+            move.start_speed = min(move.start_speed, previous.max_speed_from(previous.start_speed))
 
     def _execute_next(self) -> None:
-        block = self.planned.popleft()
-        block.t, block.exit = self.time, self.planned[0].entry if self.planned else 0.0
-        self.time += sum(block.phases()[1:])
-        self.executed.append(block)
+        move = self.planned.popleft()
+        move.t, move.end_speed = self.time, self.planned[0].start_speed if self.planned else 0.0
+        self.time += sum(move.phases()[1:])
+        self.executed.append(move)
 
 
 def start_waits(machines: Sequence[GrblMachine]) -> list[float]:
-    """Times for which machines that start together wait after their first dwells [s]."""
+    """Time that each machine waits for a common start, after its first dwell [s]."""
     begins = [machine.dwell_ends[0] if machine.dwell_ends else 0.0 for machine in machines]
     return [max(begins) - begin for begin in begins]
 
 
 def positions_together(machines: Sequence[GrblMachine], times: Times) -> Array:
-    """(T, n) positions of the motors of machines that start together, in their order [units]."""
+    """(T, n) positions of the motors of all machines, after a common start [units]."""
     series = []
     for machine, wait in zip(machines, start_waits(machines), strict=True):
         begin = machine.dwell_ends[0] if machine.dwell_ends else 0.0
-        own = np.where(times < begin + wait, np.minimum(times, begin), times - wait)
-        series.append(machine.positions(own))
+        own_times = np.where(times < begin + wait, np.minimum(times, begin), times - wait)
+        series.append(machine.positions(own_times))
     return np.concatenate(series, axis=1)
 
 
@@ -387,7 +391,7 @@ class Emulator:
         end = self._received.index(b"\n")
         text = self._received[:end].decode("ascii", "replace").strip("\r")
         time.sleep(self.pace)
-        answer = self.machine.line(text)
+        answer = self.machine.answer(text)
         del self._received[: end + 1]
         self.lines.append(text)
         os.write(self._master, f"{answer}\r\n".encode())

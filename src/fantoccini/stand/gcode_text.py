@@ -81,7 +81,7 @@ def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
     )
     junction = float(np.max(acceleration)) / rate**2 / 4.0
     return GrblSettings(
-        np.array([axis.counts for axis in axes]) / scale,
+        np.array([axis.counts_per_unit for axis in axes]) / scale,
         SPEED_RESERVE * scale * np.array([axis.file.speed for axis in axes]),
         acceleration,
         max(MIN_JUNCTION_DEVIATION, junction),

@@ -137,7 +137,7 @@ def limits_of(stand: Stand, axis: Axis, t: Times, series: Series, load: Load) ->
     ]
     pulses = getattr(stand.controller_of(axis.name), "step_rate", None)
     if isinstance(axis.motor, Stepper) and pulses is not None:
-        rate = np.abs(v) * axis.counts
+        rate = np.abs(v) * axis.counts_per_unit
         rates.append(("step rate", "steps/s", rate, np.full(len(t), pulses)))
     if np.any(load.known):
         torque = np.where(load.known, np.abs(load.torque), 0.0)

@@ -155,7 +155,7 @@ class Drum(Model):
             raise mistake("needed: either radius or diameter")
 
     @property
-    def way(self) -> float:
+    def travel_per_turn(self) -> float:
         """Travel per turn [m]."""
         return TURN * self.radius if self.radius is not None else math.pi * (self.diameter or 0.0)
 
@@ -173,7 +173,7 @@ class Belt(Model):
     """Moment of inertia of all pulleys, at the driven one [kg m^2]."""
 
     @property
-    def way(self) -> float:
+    def travel_per_turn(self) -> float:
         """Travel per turn [m]."""
         return self.pitch * self.teeth
 
@@ -189,7 +189,7 @@ class Screw(Model):
     """Moment of inertia of the screw [kg m^2]."""
 
     @property
-    def way(self) -> float:
+    def travel_per_turn(self) -> float:
         """Travel per turn [m]."""
         return self.lead
 
@@ -203,7 +203,7 @@ class Shaft(Model):
     """Moment of inertia that turns with the joint and is not in the puppet's file [kg m^2]."""
 
     @property
-    def way(self) -> float:
+    def travel_per_turn(self) -> float:
         """Travel per turn [rad]."""
         return TURN
 

@@ -130,7 +130,9 @@ class SetPoints:
     @property
     def counts(self) -> Indices:
         """(T, n) whole microsteps or counts, without the motors' directions."""
-        return np.rint(self.motion.position * [axis.counts for axis in self.axes]).astype(np.int64)
+        return np.rint(self.motion.position * [axis.counts_per_unit for axis in self.axes]).astype(
+            np.int64
+        )
 
     def home_position(self) -> Array:
         """(n,) positions after homing; an axis without `home` stays where the motion ends."""

@@ -55,7 +55,7 @@ class Receiver:
     ):
         self._read = _reader(stand, controller)
         axes = axes_of(stand)
-        self._counts, self._scale = np.array([a.counts for a in axes]), gcode_units(axes)
+        self._counts, self._scale = np.array([a.counts_per_unit for a in axes]), gcode_units(axes)
         endpoint = (host or controller.host, controller.port if port is None else port)
         try:
             self._socket = socket_at(*endpoint, many=True)

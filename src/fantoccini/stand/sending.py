@@ -46,14 +46,14 @@ class Sending:
         dropped: number of set points left out because they were too late.
         times: times of the set points sent, in order [s].
         delays: their delays [s].
-        lost: set if the receiver disappears while the motion is held.
+        connection_lost: set if the receiver disappears while the motion is held.
     """
 
     sent: int = 0
     dropped: int = 0
     times: list[float] = field(default_factory=list)
     delays: list[float] = field(default_factory=list)
-    lost: threading.Event = field(default_factory=threading.Event)
+    connection_lost: threading.Event = field(default_factory=threading.Event)
 
     @property
     def t(self) -> float:
@@ -92,7 +92,8 @@ def send_points(
             after a hold: the first packet sends them there at their full speed.
         hold: event that another thread sets to hold all motion, smoothly.
         should_resume: callback that decides, during a hold, whether to resume; meanwhile the held
-            position is repeated. If ``lost`` is set it should return, and its answer is ignored.
+            position is repeated. It should return when ``connection_lost`` is set; its answer is
+            then ignored.
         counts: object that is updated, so that it is available after an exception.
         max_delay: largest delay of a packet [s]; ``MAX_DELAY`` by default.
 
@@ -209,7 +210,7 @@ class Sender:
                     self._send(position, time.monotonic())
                 except PacketError as error:
                     errors.append(error)
-                    self.counts.lost.set()
+                    self.counts.connection_lost.set()
                     return
 
         thread = threading.Thread(target=repeat_position, name="held", daemon=True)

@@ -1,4 +1,4 @@
-"""Stand files: the axes of a stand, their motors, what each moves, and the controller."""
+"""Stand files: the axes of a stand with their motors and coordinates, and the controllers."""
 
 from __future__ import annotations
 
@@ -117,17 +117,18 @@ class AxisFile(Model):
     """An axis: a motor, its transmission, and the driven coordinates that it moves."""
 
     like: Name | None = None
-    """Another axis, which supplies missing keys, except `moves`, `home` and `reversed`."""
+    """Another axis, whose keys are used where this one lacks them, except `moves`, `home` and
+    `reversed`."""
     motor: Motor | None = None
-    """Its motor."""
+    """Motor of the axis."""
     gear: Size = 1.0
     """Turns of the motor per turn of the drum, pulley, screw or joint."""
     transmission: Transmission | None = None
     """Drum, belt, screw or shaft that turns the motor's rotation into motion."""
     efficiency: Efficiency = 1.0
-    """Efficiency of gear and transmission: output power over the motor's power."""
+    """Efficiency of gear and transmission: output power, relative to the motor's."""
     mass: NotNegative = 0.0
-    """Carried mass that is not in the puppet's file; it has inertia but no weight here [kg]."""
+    """Mass that the axis moves and the puppet's file lacks; only its inertia is considered [kg]."""
     friction: AxisFriction | None = None
     """Friction at the motor."""
     moves: Moves
@@ -152,13 +153,13 @@ class Stand(Document):
     stand: Name
     """The stand's name."""
     about: str = ""
-    """A sentence about it."""
+    """Description of the stand, in one sentence."""
     puppet: str | None = None
-    """The puppet that it moves: a file beside this one, or the name of a bundled one."""
+    """Puppet on the stand: a file beside this one, or the name of a bundled puppet."""
     axes: Annotated[dict[Name, AxisFile], Field(min_length=1)]
     """Name -> axis, in the controller's order."""
     zero: dict[Coordinate, Angle] = Field(default_factory=dict)
-    """Driven coordinate -> its value where all axes are at 0; 0 by default."""
+    """Driven coordinate -> its value when all axes are at 0; 0 by default."""
     elsewhere: tuple[Coordinate, ...] = ()
     """Driven coordinates that something else moves: another stand, or a hand."""
     controller: Controller | None = None
@@ -169,7 +170,7 @@ class Stand(Document):
     @field_validator("axes")
     @classmethod
     def _complete_axes(cls, axes: dict[str, AxisFile]) -> dict[str, AxisFile]:
-        """Completes every axis by the keys of its `like`."""
+        """Adds to every axis the keys that it inherits through `like`."""
         mistakes: list[Finding] = []
         complete = {name: _inherit(axes, name, mistakes) for name in axes}
         refuse(mistakes)
@@ -215,12 +216,12 @@ class Stand(Document):
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """Name of the stand."""
         return self.stand
 
     @property
     def puppet_path(self) -> Path | None:
-        """The file of its puppet: beside its own, or a bundled one; None if it names none.
+        """File of the puppet, beside the stand's or bundled; None if the stand names no puppet.
 
         Raises:
             FileError: there is no such file.
@@ -229,7 +230,10 @@ class Stand(Document):
 
     @property
     def parts(self) -> dict[str, Stand]:
-        """Name of a controller -> the stand with only its axes; {"": self} with one controller."""
+        """Name of a controller -> the stand with only the axes of this controller.
+
+        A stand with one controller is {"": self}.
+        """
         return {
             name: self.model_copy(
                 update={
@@ -243,12 +247,12 @@ class Stand(Document):
 
     def controller_of(self, axis: str) -> ControllerBase | None:
         """The controller that moves an axis; None if the file names none."""
-        parts = self.controllers.values()
-        return next((part for part in parts if axis in part.axes), self.controller)
+        controllers = self.controllers.values()
+        return next((c for c in controllers if axis in c.axes), self.controller)
 
 
 def _inherit(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -> AxisFile:
-    """An axis completed by the keys of its `like`; mistakes are appended to the list."""
+    """An axis with the keys that it inherits through `like`; appends mistakes to the list."""
     axis, inherited, seen = axes[name], dict[str, Any](), [name]
     other = axis
     while other.like is not None:
@@ -258,7 +262,7 @@ def _inherit(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -
             mistakes.append(((name, "like"), f"there is no axis {like!r}{nearest(like, others)}"))
             break
         if like in seen or len(seen) > MAX_LIKE_CHAIN:
-            mistakes.append(((name, "like"), f"{shown(name)} would be `like` itself"))
+            mistakes.append(((name, "like"), f"{shown(name)} would inherit from itself"))
             break
         seen.append(like)
         other = axes[like]
@@ -286,7 +290,7 @@ def _sharing_mistakes(stand: Stand) -> Iterator[Finding]:
             elif owners[axis] > 1:
                 yield (*at, "axes", i), f"found {axis!r} twice; needed: one controller for it"
         if part.port is not None and ports[part.port] > 1:
-            text = f"found {part.port!r} twice; needed: a port of its own"
+            text = f"found {part.port!r} twice; needed: one port for each controller"
             yield (*at, "port"), text
     for axis in stand.axes:
         if not owners[axis]:

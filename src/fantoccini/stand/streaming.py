@@ -1,7 +1,8 @@
-"""Streaming of G-code to controllers, with no more unanswered characters than their buffers hold.
+"""Streaming of G-code to controllers, without overfilling their buffers.
 
-Several controllers begin their motions together, when all have made the moves before them. Their
-clocks are then independent.
+The characters of unanswered lines never exceed the size of a controller's buffer. Several
+controllers begin their motions together, after the moves that precede these; then each runs by its
+own clock.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from fantoccini.base import MissingLibraryError, OnProgress, Progress, StandErro
 HOLD, RESUME, RESET = b"!", b"~", b"\x18"
 """GRBL's one-character commands."""
 SILENCE = 30.0
-"""Time without an answer after which a stream gives up [s]; dwells and homing last long."""
+"""Longest wait for an answer [s]; dwells and homing take long."""
 STOPPED = "stopped here"
-"""Reason of a stream that was held and not resumed."""
+"""Reason of the error when a hold is not followed by a resume."""
 ERRORS = {
     1: "a word does not begin with a letter",
     2: "a number is missing or wrong",
@@ -41,17 +42,17 @@ ERRORS = {
 _COMMENT = re.compile(r"\([^)]*\)|;.*")
 _ERROR = re.compile(r"(error|alarm):\s*(\d+)?", re.IGNORECASE)
 _RESTART = re.compile(r"grbl\w* |\[MSG:INFO: FluidNC|marlin |start$|rst:0x|ets ", re.IGNORECASE)
-"""First words of GRBL, FluidNC, Marlin and the loader of an ESP32 after a reset."""
+"""Beginnings of the greetings of GRBL, FluidNC, Marlin and the loader of an ESP32 after a reset."""
 POLL_INTERVAL = 1e-3
 """Interval at which silent controllers are checked for answers [s]."""
 HOLD_TIME = 0.5
-"""Time within which a feed hold comes to rest [s]."""
+"""Time in which the axes come to rest after a feed hold [s]."""
 GREETING_TIME = 2.0
 """Longest wait for a controller's greeting after its port was opened [s]."""
 
 
 class Port(Protocol):
-    """The methods of a serial port that a stream uses; they raise an OSError when it is lost."""
+    """Methods of a serial port that a stream uses; a lost connection raises an OSError."""
 
     def write(self, data: bytes) -> Any:
         """Sends data."""
@@ -70,7 +71,7 @@ class Line:
 
     Attributes:
         number: line number in the file, from 1.
-        text: its text, without comments and surrounding blanks.
+        text: text of the line, without comments and surrounding spaces.
     """
 
     number: int
@@ -104,16 +105,17 @@ def lines_of(text: str) -> list[Line]:
 
 
 class Channel:
-    """A controller, and the lines for it.
+    """Connection to a controller, with the lines to send to it.
 
     Args:
         port: port of the controller.
         lines: the lines.
-        buffer: size of the controller's buffer, of which one stays free [characters].
-        counting: whether to fill the buffer by counting characters; otherwise every line waits for
-            the ``ok`` of the previous one.
-        name: name of the controller among several.
-        start: number of the first line that waits until all controllers are ready; none by default.
+        buffer: size of the controller's buffer [characters]; one character stays free.
+        counting: whether to send lines ahead, counting the characters in the buffer; otherwise
+            every line waits for the ``ok`` of the previous one.
+        name: name of the controller, if there are several.
+        start: number of the first line that waits until all controllers have reached theirs; None
+            if no line waits.
 
     Attributes:
         counts: lines sent and acknowledged.
@@ -151,7 +153,7 @@ class Channel:
 
     @property
     def waits(self) -> bool:
-        """Whether only lines that wait for the other controllers are left."""
+        """Whether the next line waits for the other controllers."""
         if self._start is None or self._unanswered:
             return False
         return bool(self._unsent) and self._unsent[0].number >= self._start
@@ -220,7 +222,7 @@ class Channel:
         error = _ERROR.match(answer)
         if error:
             raise self.error(_reason(answer, error))
-        # A greeting that comes late, before the first answer, is no restart.
+        # A late greeting, before the first answer, does not mean a restart.
         if self.counts.acknowledged and _RESTART.match(answer):
             raise self.error(f"the controller restarted and dropped its lines ({answer})")
         if self._unanswered and (answer.lower() == "ok" or answer.lower().startswith("ok ")):
@@ -256,8 +258,8 @@ def stream(
             lost, or it was held and reset.
     """
     channel = Channel(port, lines, buffer, counting, counts=counts)
-    ask = None if should_resume is None else lambda: should_resume(channel.counts)
-    stream_together([channel], progress=progress, silence=silence, hold=hold, should_resume=ask)
+    resumes = None if should_resume is None else lambda: should_resume(channel.counts)
+    stream_together([channel], progress=progress, silence=silence, hold=hold, should_resume=resumes)
     return channel.counts
 
 
@@ -271,7 +273,7 @@ def stream_together(
 ) -> None:
     """Sends lines to several controllers, and returns when they have acknowledged them all.
 
-    After an error of one, all are stopped.
+    After an error of one controller, all are stopped.
 
     Args:
         channels: the controllers with their lines.
@@ -304,9 +306,9 @@ def _send_all(
             hold.clear()
             _hold(channels, should_resume)
         started = started or all(channel.waits or channel.ended for channel in channels)
-        busy = [channel.send(started) for channel in channels]
-        busy += [channel.read_answers() for channel in channels]
-        if not any(busy):
+        did_something = [channel.send(started) for channel in channels]
+        did_something += [channel.read_answers() for channel in channels]
+        if not any(did_something):
             time.sleep(POLL_INTERVAL)
         for channel in channels:
             channel.check_silence(silence)

@@ -256,7 +256,7 @@ def _changed_number(axis: Axis) -> float:
     """The number of a transmission that is varied."""
     part = axis.transmission
     if isinstance(part, Drum):
-        return part.way / (2.0 * math.pi)
+        return part.travel_per_turn / (2.0 * math.pi)
     if isinstance(part, Belt):
         return float(part.teeth)
     return part.lead if isinstance(part, Screw) else axis.file.gear

@@ -1,4 +1,4 @@
-"""Runs at a slower tempo, simulated again: an underactuated puppet then moves differently."""
+"""Runs at a slower tempo. They are simulated again, as the puppet swings differently then."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from fantoccini.stand.check import StandCheck, check_stand
 MAX_FACTOR = 4.0
 """Largest factor of the duration that is tried."""
 FACTOR_GROWTH = 1.2
-"""Ratio of one tried factor to the previous one."""
+"""Ratio of successive factors."""
 FACTOR_RESERVE = 1.02
-"""First tried factor over the factor that speed and acceleration alone require."""
+"""First factor tried, relative to the one that speeds and accelerations alone require."""
 MIN_SAMPLE_INTERVAL = 1e-3
-"""Samples closer than this to the last used one are skipped [s]."""
+"""Smallest interval between samples of a run that are used for its slower inputs [s]."""
 COMPARISON_RATE = 120.0
 """Rate at which two motions are compared [1/s]."""
 SAVE_RATE = 500.0
 """Samples per second of a slower run."""
-UNDETERMINED = "slower does not help: the motion does not determine all torques"
+UNDETERMINED_TEXT = "slower does not help: the motion does not determine all torques"
 MIN_TIME_STEP = 1e-4
 """Smallest step of a run with a fixed step [s]."""
 
@@ -63,7 +63,7 @@ class SlowedRun:
 
 
 def inputs_of(run: Trajectory, factor: float = 1.0) -> Input:
-    """The driven motion of a run, ``factor`` times as long; orientations hold still.
+    """The driven motion of a run, ``factor`` times as long; driven orientations stay constant.
 
     Pieces are quintics through positions, velocities and accelerations at the run's samples. The
     run's user forces u_D are left out.
@@ -78,18 +78,18 @@ def inputs_of(run: Trajectory, factor: float = 1.0) -> Input:
     k = np.array(chosen)
     breaks = run.t[0] + factor * (t[k] - run.t[0])
     q, v = table.places_K
-    ends = (run.q_K[k][:, q], run.v_K[k][:, v] / factor, run.acc_K[k][:, v] / factor**2)
+    samples = (run.q_K[k][:, q], run.v_K[k][:, v] / factor, run.acc_K[k][:, v] / factor**2)
     coef = np.zeros((len(k) - 1, table.n_vK, polynomial.N_COEF))
-    first, last = ((q[s], v[s], a[s]) for q, v, a in [ends] for s in (slice(-1), slice(1, None)))
-    coef[:, v] = polynomial.hermite(np.diff(breaks)[:, None], first, last)
+    starts, ends = (tuple(x[part] for x in samples) for part in (slice(-1), slice(1, None)))
+    coef[:, v] = polynomial.hermite(np.diff(breaks)[:, None], starts, ends)
     base = np.array(run.q_K[k[:-1]])
     rotations = [i for place, _ in table.quaternions_K for i in range(place, place + 4)]
     base[:, rotations] = run.q_K[0, rotations]
     return Input(table, breaks, coef, base, np.ones(table.n_vK, dtype=bool))
 
 
-def slowed(check: StandCheck, factor: float) -> SlowedRun:
-    """The run of a check ``factor`` times as long, simulated and checked again.
+def slow_down(check: StandCheck, factor: float) -> SlowedRun:
+    """Simulates and checks a stand's run again, ``factor`` times as long.
 
     Raises:
         SimulationError: the slower run stops before its end.
@@ -107,27 +107,31 @@ def slowed(check: StandCheck, factor: float) -> SlowedRun:
         method=method,
         save_at=np.linspace(run.t[0], t_end, n) if method == "event" else None,
     )
-    deviation, body, t, rms = distances(marionette, run, slow_run, factor)
+    deviation, body, t, rms = body_distances(marionette, run, slow_run, factor)
     slow_check = check_stand(check.map.stand, slow_run, marionette)
     return SlowedRun(factor, slow_run, slow_check, deviation, body, t, rms)
 
 
-def slower(check: StandCheck) -> tuple[SlowedRun | None, str]:
-    """The fastest tried tempo that a stand can follow (None if none), and the outcome in words."""
+def find_slower_tempo(check: StandCheck) -> tuple[SlowedRun | None, str]:
+    """Searches for a slower tempo that a stand can follow.
+
+    Returns:
+        The run with the smallest factor tried that works, or None; and the outcome in words.
+    """
     if any(limit.quantity == "travel" for limit in check.broken):
         return None, "slower does not help: the travel is too short at any tempo"
     if check.undetermined:
-        return None, UNDETERMINED
+        return None, UNDETERMINED_TEXT
     factor, last = _first_factor(check), None
     while factor <= MAX_FACTOR:
         try:
-            last = slowed(check, factor)
+            last = slow_down(check, factor)
         except (SimulationError, StateError) as reason:
             return None, f"{factor:.3g} times as long, the simulation stops: {reason}"
         if last.check.ok:
             return last, str(last)
         if last.check.undetermined:
-            return None, f"{UNDETERMINED}, at {factor:.3g} times as long"
+            return None, f"{UNDETERMINED_TEXT}, at {factor:.3g} times as long"
         factor *= FACTOR_GROWTH
     if last is None:
         return None, f"slower does not help within {MAX_FACTOR:g} times as long"
@@ -135,16 +139,16 @@ def slower(check: StandCheck) -> tuple[SlowedRun | None, str]:
     assert first is not None
     return None, (
         f"slower does not help: {last.factor:.3g} times as long, the {first.quantity} of "
-        f"{first.axis} is still not enough"
+        f"{first.axis} is still insufficient"
     )
 
 
-def distances(
+def body_distances(
     marionette: Marionette, run: Trajectory, slow_run: Trajectory, factor: float
 ) -> tuple[float, str, float, float]:
-    """Largest distance of a body between two runs, its name and time, and the rms over all.
+    """Largest distance of a body between two runs, its name, the time, and the rms of all bodies.
 
-    Times correspond by the factor. Distances are between the origins of the bodies' frames.
+    Distances are those of the frames' origins, at times that correspond by the factor.
     """
     n = max(2, round(COMPARISON_RATE * run.duration))
     t = np.linspace(run.t[0], run.t[-1], n)

@@ -1,4 +1,4 @@
-"""The commands with their arguments and help; the other modules here implement them."""
+"""Declarations of the commands, with arguments and help; the other modules implement them."""
 
 from __future__ import annotations
 
@@ -187,7 +187,7 @@ def rest(
 ) -> None:
     """Find the state in which a puppet hangs still: lengths, tensions, slack strings, contacts.
 
-    Exits with 2 if there is none. The last lines are the first ones of a CSV of inputs.
+    Exits with 2 if there is none. The last lines printed can begin a CSV of inputs.
     """
     from fantoccini.app.cli.rest import describe_rest
 
@@ -295,7 +295,7 @@ def identify(arguments: IdentifyArguments) -> None:
 def follow(arguments: FollowArguments) -> None:
     """Make a puppet follow captured motion.
 
-    Reports the error of the poses that the strings allow, and the error that swing adds.
+    Reports the smallest error that the strings allow, and the error added by swinging.
     """
     from fantoccini.app.cli.follow import follow_file
 
@@ -376,7 +376,8 @@ def take(
         float | None, typer.Option(metavar="F", help="Make it F times as long.")
     ] = None,
     loop: Annotated[
-        int | None, typer.Option(metavar="N", help="Repeat it N times, joined C^1.")
+        int | None,
+        typer.Option(metavar="N", help="Repeat it N times, without jumps of position or velocity."),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -393,9 +394,9 @@ def take(
 def validate_reduction(file: File, quiet: Quiet = False) -> None:
     """Check the mixed-model reduction of the paper's Section VI on a puppet.
 
-    Tests whether driven coordinates can be inputs: blocks of the kinetic energy, symmetric products
-    with slack and taut strings, and strings that couple drives, at random configurations. Every
-    driven coordinate gets a drive as heavy as the puppet; the drives of FILE are ignored.
+    Tests at random configurations whether driven coordinates can serve as inputs: blocks of the
+    kinetic energy, symmetric products with slack and taut strings, and strings that couple drives.
+    Every driven coordinate gets a drive as heavy as the puppet; the drives of FILE are ignored.
     """
     from fantoccini.app.cli.reduction import validate_file
 
@@ -422,7 +423,7 @@ def demo(
 @app.command()
 def cache(
     clear: Annotated[
-        bool, typer.Option("--clear", help="Remove all; they are made again when needed.")
+        bool, typer.Option("--clear", help="Remove all; they are created again when needed.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fantoccini.app.cli_support import say, table, write
+from fantoccini.app.cli_support import print_message, print_output, print_table
 from fantoccini.kernel import build
 
 
@@ -18,9 +18,9 @@ def describe_cache(clear: bool, quiet: bool) -> None:
         build.clear()
         if not quiet:
             size = sum(size for _, size in before.values())
-            say(f"removed {size / 1e6:.1f} MB")
-    write(build.cache_folder())
-    table(
+            print_message(f"removed {size / 1e6:.1f} MB")
+    print_output(build.cache_folder())
+    print_table(
         "Contents",
         ("", "number>", "MB>"),
         [(kind, n, f"{size / 1e6:.1f}") for kind, (n, size) in build.contents().items()],

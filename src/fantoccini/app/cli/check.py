@@ -14,12 +14,12 @@ from fantoccini.app.cli_support import (
     MISTAKE,
     fail,
     inputs_warnings,
-    marionette,
-    motion,
+    load_marionette,
+    load_motion,
+    print_message,
+    print_output,
     puppet_warnings,
-    say,
     score_lines,
-    write,
 )
 from fantoccini.base import FileError, Mistake
 from fantoccini.dynamics.compiled import check_mass_matrix
@@ -57,11 +57,11 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
         _print_problems(problems)
         if not quiet:
             table = puppet.coordinates
-            write(
+            print_output(
                 f"{file}: no mistakes{_warning_count(problems)}; {table.n_vD} DOF, "
                 f"{len(puppet.tree.strings)} strings, {table.n_vK} driven"
             )
-            write(f"{file}: {_size_text(puppet)}")
+            print_output(f"{file}: {_size_text(puppet)}")
         for path in inputs:
             all_correct &= _check_inputs(puppet, path, quiet)
     if not all_correct:
@@ -70,7 +70,7 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
 
 def _load_puppet(file: str) -> Marionette | None:
     try:
-        puppet = marionette(file)
+        puppet = load_marionette(file)
         check_mass_matrix(puppet.puppet, puppet.tree)
     except FileError as error:
         _print_problems(error.mistakes)
@@ -87,7 +87,9 @@ def _check_play(file: str, inputs: list[Path], quiet: bool) -> bool:
         _print_problems(error.mistakes)
         return False
     if not quiet:
-        write(f"{file}: no mistakes; {contents}; `fantoccini play` checks whether it can be done")
+        print_output(
+            f"{file}: no mistakes; {contents}; `fantoccini play` checks whether it can be done"
+        )
     return True
 
 
@@ -96,7 +98,7 @@ def _check_stand(file: str, inputs: list[Path], quiet: bool) -> bool:
     try:
         stand = load_stand(file)
         path = stand.puppet_path
-        puppet = None if path is None else marionette(str(path))
+        puppet = None if path is None else load_marionette(str(path))
         axis_map = None if puppet is None else AxisMap.of(stand, puppet.coordinates)
     except FileError as error:
         _print_problems(error.mistakes)
@@ -110,7 +112,9 @@ def _check_stand(file: str, inputs: list[Path], quiet: bool) -> bool:
         )
         n_controllers = len(stand.controllers)
         controllers = f" on {n_controllers} controllers" if n_controllers else ""
-        write(f"{file}: no mistakes; {len(stand.axes)} axes{controllers}, {moves}{held_text}")
+        print_output(
+            f"{file}: no mistakes; {len(stand.axes)} axes{controllers}, {moves}{held_text}"
+        )
     all_correct = True
     for inputs_file in inputs:
         if puppet is None or axis_map is None:
@@ -123,11 +127,11 @@ def _check_stand(file: str, inputs: list[Path], quiet: bool) -> bool:
 
 def _check_moves(axis_map: AxisMap, puppet: Marionette, path: Path) -> bool:
     """Whether a stand can move everything that the inputs move."""
-    inputs = motion(puppet, path).inputs
+    inputs = load_motion(puppet, path).inputs
     times = np.linspace(inputs.start, inputs.end, max(2, round(_RATE * inputs.duration)))
     q_K = np.nan_to_num(inputs.evaluate(times)[0])
     try:
-        axis_map.refuse_held(times, q_K)
+        axis_map.check_held(times, q_K)
     except FileError as error:
         _print_problems(error.mistakes)
         return False
@@ -136,7 +140,7 @@ def _check_moves(axis_map: AxisMap, puppet: Marionette, path: Path) -> bool:
 
 def _check_inputs(puppet: Marionette, path: Path, quiet: bool) -> bool:
     try:
-        file_motion = motion(puppet, path)
+        file_motion = load_motion(puppet, path)
     except FileError as error:
         _print_problems(error.mistakes)
         return False
@@ -144,18 +148,18 @@ def _check_inputs(puppet: Marionette, path: Path, quiet: bool) -> bool:
     problems = [*file_motion.changes, *inputs_warnings(puppet, inputs, path)]
     _print_problems(problems)
     if not quiet:
-        write(
+        print_output(
             f"{path}: no mistakes{_warning_count(problems)}; "
             f"drives {puppet.name} for {inputs.duration:g} s"
         )
         for line in score_lines(file_motion.score) if file_motion.score is not None else ():
-            write(f"{path}: {line}")
+            print_output(f"{path}: {line}")
     return True
 
 
 def _print_problems(problems: Iterable[Mistake]) -> None:
     for problem in problems:
-        say(str(problem))
+        print_message(str(problem))
 
 
 def _warning_count(problems: list[Mistake]) -> str:

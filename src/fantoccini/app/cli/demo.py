@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fantoccini.app.cli.simulate import end_with, timed
+from fantoccini.app.cli.simulate import exit_if_stopped, simulate_with_progress
 from fantoccini.app.cli_support import (
-    Steps,
+    ProgressDisplay,
     check_new_folder,
     check_outputs,
-    marionette,
-    report,
-    write,
+    load_marionette,
+    output_errors,
+    print_output,
+    report_run,
     write_outputs,
-    writing,
 )
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.theatre.perform import WALK_POSES, walk
@@ -30,19 +30,19 @@ def show_demo(folder: Path, quiet: bool) -> None:
         quiet: print no progress and no summary.
     """
     check_new_folder(folder, "--out")
-    with writing(folder):
+    with output_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     out = [folder / f"{_NAME}{ending}" for ending in (".npz", ".png", ".mp4")]
     check_outputs(out, None)
-    with Steps(quiet) as steps:
-        puppet = marionette(_STAGE, steps.named)
-        steps.step("finding the rest pose")
+    with ProgressDisplay(quiet) as display:
+        puppet = load_marionette(_STAGE, display.update)
+        display.stage("finding the rest pose")
         x0, inputs, duration = walk(puppet)
-        run, seconds, reason = timed(
-            steps, puppet, x0, inputs, duration, _METHOD, save_every=_SAVE_EVERY
+        run, seconds, reason = simulate_with_progress(
+            display, puppet, x0, inputs, duration, _METHOD, save_every=_SAVE_EVERY
         )
-        write_outputs(puppet, run, out, None, steps, WALK_POSES)
+        write_outputs(puppet, run, out, None, display, WALK_POSES)
     if not quiet:
-        report(run, seconds)
-        write("wrote " + ", ".join(map(str, out)))
-    end_with(run, reason)
+        report_run(run, seconds)
+        print_output("wrote " + ", ".join(map(str, out)))
+    exit_if_stopped(run, reason)

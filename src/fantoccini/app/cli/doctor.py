@@ -8,7 +8,7 @@ from importlib import metadata
 import typer
 from packaging.requirements import Requirement
 
-from fantoccini.app.cli_support import FAILED, say, version, write
+from fantoccini.app.cli_support import FAILED, print_message, print_output, version
 from fantoccini.kernel.build import describe
 
 
@@ -34,9 +34,9 @@ def examine() -> None:
         problems.append(problem_text)
     widest = max(map(len, facts))
     for label, text in facts.items():
-        write(f"{label:{widest}}  {text}")
+        print_output(f"{label:{widest}}  {text}")
     for problem in problems:
-        say(f"fantoccini: {problem}")
+        print_message(f"fantoccini: {problem}")
     if problems:
         raise typer.Exit(FAILED)
 

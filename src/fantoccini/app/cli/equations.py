@@ -11,7 +11,14 @@ from sympy.printing.pretty.pretty import PrettyPrinter
 from sympy.printing.pretty.pretty_symbology import pretty_symbol
 from sympy.printing.str import StrPrinter
 
-from fantoccini.app.cli_support import marionette, number, say, table, width, write
+from fantoccini.app.cli_support import (
+    load_marionette,
+    number,
+    print_message,
+    print_output,
+    print_table,
+    width,
+)
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.compiled import check_mass_matrix
 from fantoccini.dynamics.marionette import Marionette
@@ -35,14 +42,14 @@ def print_equations(file: str, latex: bool) -> None:
         file: FILE argument.
         latex: print LaTeX instead of text.
     """
-    puppet = marionette(file)
+    puppet = load_marionette(file)
     check_mass_matrix(puppet.puppet, puppet.tree)
     try:
         page = printing.printable(puppet.equations)
     except printing.TooLargeError:
         for symbol, count in printing.operation_counts(puppet.equations).items():
-            say(f"  {symbol}: {count} operations")
-        say(
+            print_message(f"  {symbol}: {count} operations")
+        print_message(
             f"the equations of {puppet.name} are too large to print; `fantoccini export {file} "
             "DIR` writes them as C99, and marionette.equations has them as CasADi functions"
         )
@@ -54,24 +61,26 @@ def print_equations(file: str, latex: bool) -> None:
 
 
 def _print_latex(puppet: Marionette, page: printing.Printable) -> None:
-    write("% " + puppet.name)
+    print_output("% " + puppet.name)
     for symbol, name in page.notation.names.items():
-        write(f"% ${sp.latex(symbol)}$: {name}")
+        print_output(f"% ${sp.latex(symbol)}$: {name}")
     for symbol, name, law in _motor_laws(puppet, page, sp.latex):
-        write(f"% motor of ${symbol}$, {name}: {law}")
+        print_output(f"% motor of ${symbol}$, {name}: {law}")
     lines = [
         f"  {sp.latex(sp.Symbol(left))} &= {sp.latex(printing.decimal(right))}"
         for left, right in [*energies(page), *matrices(puppet, page), *square_roots(page)]
     ]
-    write("\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}")
+    print_output("\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}")
 
 
 def _print_text(puppet: Marionette, page: printing.Printable) -> None:
     layout = Layout(width(), _stdout_has_unicode())
-    table("Symbols", ("symbol", "name", "role", "value>"), list(_symbols(puppet, page, layout)))
-    write("Lagrangian T - V (Eqs. 5-7)\n")
+    print_table(
+        "Symbols", ("symbol", "name", "role", "value>"), list(_symbols(puppet, page, layout))
+    )
+    print_output("Lagrangian T - V (Eqs. 5-7)\n")
     for left, right in energies(page):
-        write(layout.equation(left, right) + "\n")
+        print_output(layout.equation(left, right) + "\n")
     names = [left for left, _ in matrices(puppet, page)]
     driven_mass = " + M_DK acc_K" if "M_DK" in names else ""
     driven_bias = " + C_DK v_K" if "C_DK" in names else ""
@@ -79,18 +88,18 @@ def _print_text(puppet: Marionette, page: printing.Printable) -> None:
     string_forces = " + A_D^T lambda, tension = -lambda >= 0" if "A_D" in names else ""
     motors = list(_motor_laws(puppet, page, layout.text))
     motor_forces = " + f_M" if motors else ""
-    write(
+    print_output(
         f"Motion (Eqs. 8-10): M acc_D{driven_mass} + C v_D{driven_bias} + g{damping} "
         f"= u{motor_forces}{string_forces}\n"
     )
     for left, right in matrices(puppet, page):
-        write(layout.matrix(left, right) + "\n")
+        print_output(layout.matrix(left, right) + "\n")
     if motors:
-        table("f_M: forces of motors", ("symbol", "name", "law"), motors)
-        write(textwrap.fill(_MOTOR_SYMBOLS, layout.columns) + "\n")
+        print_table("f_M: forces of motors", ("symbol", "name", "law"), motors)
+        print_output(textwrap.fill(_MOTOR_SYMBOLS, layout.columns) + "\n")
     for left, right in square_roots(page):
-        write("with\n" + layout.root(left, right) + "\n")
-    write("Numbers have six digits. h <= 0; strings come first, then limits.")
+        print_output("with\n" + layout.root(left, right) + "\n")
+    print_output("Numbers have six digits. h <= 0; strings come first, then limits.")
 
 
 def _symbols(

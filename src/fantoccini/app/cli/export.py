@@ -10,21 +10,22 @@ from pathlib import Path
 from fantoccini.app.cli_support import (
     ExportArguments,
     OutputOptions,
-    Steps,
+    ProgressDisplay,
     check_folder,
     check_outputs,
     fail,
-    marionette,
-    say,
-    write,
+    load_marionette,
+    output_errors,
+    print_message,
+    print_output,
     write_outputs,
-    writing,
 )
 from fantoccini.base import Status
 from fantoccini.dynamics.compiled import check_mass_matrix
 from fantoccini.kernel import codegen
 
-_OPTION = "OUT"
+_OUT = "OUT"
+"""Name of the argument for the output file or folder, in messages."""
 
 
 def export_file(arguments: ExportArguments) -> None:
@@ -36,27 +37,27 @@ def export_file(arguments: ExportArguments) -> None:
 
 
 def _export_motion(arguments: ExportArguments) -> None:
-    """Writes a saved motion; the ending of ``out`` selects the format."""
+    """Writes a saved motion; the suffix of ``out`` selects the format."""
     if arguments.force:
         fail("applies to puppets; a file is replaced in any case", "--force")
     output_options = OutputOptions.of(
         None, None, None, None, arguments.fps, bodies=arguments.bodies
     ).of_part(arguments.begin, arguments.end)
     out = [arguments.out]
-    check_outputs(out, None, _OPTION)
+    check_outputs(out, None, _OUT)
     output_options.check(out)
     from fantoccini.app.web import subject_of
 
-    with Steps(arguments.quiet) as steps:
-        subject = subject_of(arguments.file, arguments.problem, steps.named)
+    with ProgressDisplay(arguments.quiet) as display:
+        subject = subject_of(arguments.file, arguments.problem, display.update)
         assert subject.run is not None
-        output_options.part(subject.run)  # a mistake in the times before anything is written
+        output_options.part(subject.run)  # reports wrong times before anything is written
         write_outputs(
-            subject.marionette, subject.run, out, None, steps, output_options=output_options
+            subject.marionette, subject.run, out, None, display, output_options=output_options
         )
     run = subject.run
     if run.status is not Status.DONE and not arguments.quiet:
-        say(f"fantoccini: the run ended at t = {run.t[-1]:g} s: {run.status.message}")
+        print_message(f"fantoccini: the run ended at t = {run.t[-1]:g} s: {run.status.message}")
 
 
 def _export_c99(arguments: ExportArguments) -> None:
@@ -71,36 +72,37 @@ def _export_c99(arguments: ExportArguments) -> None:
         if value is not None:
             fail("applies to motions (.npz)", option)
     folder = arguments.out
-    _check(folder, arguments.force)
-    puppet = marionette(arguments.file)
-    with Steps(arguments.quiet) as steps:
-        steps.step("deriving the equations of motion")
-        check_mass_matrix(puppet.puppet, puppet.tree)
-        files = codegen.c99_files(puppet.equations)
-    with writing(folder):
-        _write(files, folder)
+    _check_folder(folder, arguments.force)
+    marionette = load_marionette(arguments.file)
+    with ProgressDisplay(arguments.quiet) as display:
+        display.stage("deriving the equations of motion")
+        check_mass_matrix(marionette.puppet, marionette.tree)
+        files = codegen.c99_files(marionette.equations)
+    with output_errors(folder):
+        _write_files(files, folder)
     if not arguments.quiet:
         for name in files:
-            write(folder / name)
+            print_output(folder / name)
 
 
-def _check(folder: Path, force: bool) -> None:
+def _check_folder(folder: Path, force: bool) -> None:
+    """Raises a usage error if the files cannot be written, or the folder has some already."""
     try:
         exists = folder.exists()
-        full = folder.is_dir() and any(folder.iterdir())
+        has_files = folder.is_dir() and any(folder.iterdir())
     except OSError as error:
-        fail(f"cannot read {folder}: {error.strerror}", _OPTION)
+        fail(f"cannot read {folder}: {error.strerror}", _OUT)
     if exists and not folder.is_dir():
-        fail(f"{folder} is a file, not a folder", _OPTION)
-    if full and not force:
-        fail(f"{folder} is not empty; use --force to write into it", _OPTION)
-    check_folder(folder if exists else folder.absolute().parent, _OPTION)
+        fail(f"{folder} is a file, not a folder", _OUT)
+    if has_files and not force:
+        fail(f"{folder} is not empty; use --force to write into it", _OUT)
+    check_folder(folder if exists else folder.absolute().parent, _OUT)
 
 
-def _write(files: dict[str, str], folder: Path) -> None:
+def _write_files(files: dict[str, str], folder: Path) -> None:
     """Writes into a temporary folder, then renames the folder or moves the files."""
-    parent = folder if folder.exists() else folder.absolute().parent
-    temporary = Path(tempfile.mkdtemp(prefix=".fantoccini-", dir=parent))
+    beside = folder if folder.exists() else folder.absolute().parent
+    temporary = Path(tempfile.mkdtemp(prefix=".fantoccini-", dir=beside))
     try:
         for name, text in files.items():
             (temporary / name).write_text(text, encoding="utf-8")
@@ -115,7 +117,7 @@ def _write(files: dict[str, str], folder: Path) -> None:
 
 
 def _umask() -> int:
-    """Permissions that new files lack; reading them requires setting them."""
+    """Permission bits that new files lack; they can only be read by setting them."""
     mask = os.umask(0o022)
     os.umask(mask)
     return mask

@@ -10,15 +10,15 @@ from fantoccini.app.cli.show import show_run
 from fantoccini.app.cli_support import (
     FAILED,
     FollowArguments,
-    Steps,
+    ProgressDisplay,
     check_output,
     check_outputs,
-    check_part,
-    marionette,
-    say,
-    table,
+    check_time_range,
+    load_marionette,
+    output_errors,
+    print_message,
+    print_table,
     write_outputs,
-    writing,
 )
 from fantoccini.theatre.capture import load_bvh
 from fantoccini.theatre.perform import Recording
@@ -32,7 +32,7 @@ from fantoccini.theatre.retarget import (
     place_clip,
 )
 
-_STEP = 0.004
+_TIME_STEP = 0.004
 """Time step of the saved recording [s]."""
 
 
@@ -46,13 +46,13 @@ def follow_file(arguments: FollowArguments) -> None:
     arguments.output_options.check(out, None)
     if arguments.save is not None:
         check_output(arguments.save, (".npz",), "--save")
-    with Steps(arguments.quiet) as steps:
-        steps.step(f"reading {arguments.clip}")
+    with ProgressDisplay(arguments.quiet) as display:
+        display.stage(f"reading {arguments.clip}")
         clip = load_bvh(arguments.clip)
         for note in clip.notes:
-            say(note)
-        check_part(arguments.begin, arguments.end, float(clip.t[0]), float(clip.t[-1]))
-        puppet = marionette(arguments.file, steps.named)
+            print_message(note)
+        check_time_range(arguments.begin, arguments.end, float(clip.t[0]), float(clip.t[-1]))
+        puppet = load_marionette(arguments.file, display.update)
         placed = place_clip(
             puppet,
             clip,
@@ -64,17 +64,17 @@ def follow_file(arguments: FollowArguments) -> None:
             end=arguments.end,
         )
         for note in placed.clip.notes[len(clip.notes) :]:
-            say(note)
+            print_message(note)
         followed = follow_clip(
             puppet,
             placed,
             speed=arguments.speed or SPEED,
             acceleration=arguments.acceleration or ACCELERATION,
-            progress=steps.bar("following"),
+            progress=display.bar("following"),
         )
         if arguments.save is not None:
-            steps.step(f"writing {arguments.save}")
-            with writing(arguments.save):
+            display.stage(f"writing {arguments.save}")
+            with output_errors(arguments.save):
                 _recording(followed).save(arguments.save)
         guides = followed.guides if arguments.guides else None
         write_outputs(
@@ -82,7 +82,7 @@ def follow_file(arguments: FollowArguments) -> None:
             followed.run,
             out,
             None,
-            steps,
+            display,
             output_options=arguments.output_options,
             guides=guides,
         )
@@ -91,9 +91,9 @@ def follow_file(arguments: FollowArguments) -> None:
     if arguments.show:
         show_run(puppet, followed.run, arguments.quiet)
     for remark in _remarks(followed):
-        say(f"fantoccini: {remark}")
+        print_message(f"fantoccini: {remark}")
     if followed.status is FollowStatus.STOPPED:
-        say(f"fantoccini: {followed.status.message}: {followed.run.status}")
+        print_message(f"fantoccini: {followed.status.message}: {followed.run.status}")
     if not followed:
         raise typer.Exit(FAILED)
 
@@ -119,11 +119,11 @@ def _remarks(followed: Followed) -> Iterator[str]:
     if followed.losses:
         longest = max(followed.losses, key=lambda loss: loss.end - loss.begin)
         count = len(followed.losses)
-        yield f"{longest}" if count == 1 else f"{longest}; parts are lost {count} times"
+        yield f"{longest}" if count == 1 else f"{longest}; {count} such times in all"
     if followed.share < 1.0:
         yield (
-            "with the full bounds of speed and acceleration the puppet does not follow; the hands "
-            f"use {100 * followed.share:.0f} % of them"
+            "the puppet cannot follow with the full speed and acceleration of the hands; they use "
+            f"{100 * followed.share:.0f} % of them"
         )
     if followed.crossings:
         first = followed.crossings[0]
@@ -139,14 +139,14 @@ def _recording(followed: Followed) -> Recording:
         followed.run.state(0),
         followed.acc_K,
         followed.interval,
-        round(followed.interval / _STEP),
+        round(followed.interval / _TIME_STEP),
     )
 
 
 def _report(followed: Followed) -> None:
     retargeted = followed.retargeted
     speed, acceleration = abs(followed.run.v_K).max(), abs(followed.acc_K).max()
-    table(
+    print_table(
         "Clip",
         ("", ">"),
         [
@@ -158,7 +158,7 @@ def _report(followed: Followed) -> None:
             ("time [s]", f"{followed.seconds:.3g}"),
         ],
     )
-    table(
+    print_table(
         "Distance from the clip, root mean squares [mm]",
         ("", "hanging>", "in motion>", "largest>", "added by motion, of the height>"),
         [

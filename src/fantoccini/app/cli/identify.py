@@ -13,12 +13,12 @@ import typer
 from fantoccini.app.cli_support import (
     FAILED,
     IdentifyArguments,
-    Steps,
+    ProgressDisplay,
     check_output,
     fail,
-    table,
-    write,
-    writing,
+    output_errors,
+    print_output,
+    print_table,
 )
 from fantoccini.base import Progress, replacing
 from fantoccini.lab.identification import (
@@ -73,32 +73,32 @@ def identify_record(arguments: IdentifyArguments) -> None:
                 fail(f"{path} exists already; use --force to replace it", option)
     if force and out is None:
         fail("applies to --out PATH; other files are replaced in any case", "--force")
-    with Steps(quiet) as steps:
-        record = load_record(file, progress=steps.named)
+    with ProgressDisplay(quiet) as display:
+        record = load_record(file, progress=display.update)
         if out is not None:
             record.check_folder(out.parent)
         result = identify(
-            record, threads=threads, progress=lambda at: steps.step(_progress_text(at))
+            record, threads=threads, progress=lambda at: display.stage(_progress_text(at))
         )
     if not quiet:
         _print_result(result)
     if out is not None:
-        with writing(out):
+        with output_errors(out):
             result.save_puppet(out)
     if report is not None:
-        with writing(report):
+        with output_errors(report):
             _save_report(result, report, quiet)
     if suggest is not None:
-        with Steps(quiet) as steps:
+        with ProgressDisplay(quiet) as display:
             motions = suggest_motion(
                 record,
                 duration=_DEFAULT_DURATION if duration is None else duration,
                 reach=_DEFAULT_REACH if reach is None else reach,
                 seed=seed or 0,
                 threads=threads,
-                progress=lambda at: steps.step(f"evaluating the motion {at.what}"),
+                progress=lambda at: display.stage(f"evaluating the motion {at.what}"),
             )
-            with writing(suggest):
+            with output_errors(suggest):
                 motions[0].save(suggest)
         if not quiet:
             print_motions(motions)
@@ -118,38 +118,40 @@ def _print_result(result: Identified) -> None:
             rows.append((name, f"{value:.6g}", f"{deviation:.2g}", f"{low:.6g} to {high:.6g}"))
         else:
             rows.append((name, "undetermined", "", ""))
-    table("Identified", ("", "value>", "standard deviation>", "95 % interval>"), rows)
+    print_table("Identified", ("", "value>", "standard deviation>", "95 % interval>"), rows)
     if result.combinations:
-        write("Combinations that the record does not determine:")
+        print_output("Combinations that the record does not determine:")
         for combination in result.combinations:
-            write(f"  {combination}")
-    table(
+            print_output(f"  {combination}")
+    print_table(
         "Residuals (m, rad or N)",
         ("", "root mean square>", "noise>"),
         [(name, f"{rms:.3g}", f"{result.noise[name]:.3g}") for name, rms in result.rms().items()],
     )
     for outlier in result.outliers[:_MAX_LISTED]:
-        write(f"outlier: {outlier.column} at {outlier.t:.4g} s, {outlier.residual:+.1f} deviations")
+        print_output(
+            f"outlier: {outlier.column} at {outlier.t:.4g} s, {outlier.residual:+.1f} deviations"
+        )
     if len(result.outliers) > _MAX_LISTED:
-        write(f"and {len(result.outliers) - _MAX_LISTED} more outliers")
+        print_output(f"and {len(result.outliers) - _MAX_LISTED} more outliers")
     if result.record.constant_inputs:
-        write(f"the inputs do not move {', '.join(result.record.constant_inputs)}")
+        print_output(f"the inputs do not move {', '.join(result.record.constant_inputs)}")
     if result.rejected:
         times = [f"{t + result.delay:.4g} s" for t in result.rejected[:_MAX_LISTED]]
         n_more = len(result.rejected) - len(times)
-        write(
+        print_output(
             "rejected segments, from: "
             + ", ".join(times)
             + (f" and {n_more} more" if n_more else "")
         )
     for doubt in doubts(result):
-        write(f"doubt: {doubt}")
-    write(f"chi2 {result.chi2:.3f}, drift {result.drift:.2g}, {result.seconds:.1f} s")
+        print_output(f"doubt: {doubt}")
+    print_output(f"chi2 {result.chi2:.3f}, drift {result.drift:.2g}, {result.seconds:.1f} s")
 
 
 def print_motions(motions: tuple[Candidate, ...]) -> None:
     """Prints motions, the most informative first, or that none is informative."""
-    table(
+    print_table(
         "Motions",
         ("", "information [bits]>", "worst deviation>", "undetermined>"),
         [
@@ -164,7 +166,7 @@ def print_motions(motions: tuple[Candidate, ...]) -> None:
         ],
     )
     if motions[0].gain < _MIN_INFORMATION:
-        write(
+        print_output(
             "no motion gives information about these numbers; a larger --reach, or other columns, "
             "may help"
         )
@@ -175,8 +177,8 @@ def _save_report(result: Identified, path: Path, quiet: bool) -> None:
     if path.suffix.lower() == ".html":
         from fantoccini.output import reports
 
-        with Steps(quiet) as steps:
-            steps.step(f"drawing {path}")
+        with ProgressDisplay(quiet) as display:
+            display.stage(f"drawing {path}")
             reports.identified_report(result, path)
     else:
         _save_numbers(result, path)

@@ -5,7 +5,13 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from fantoccini.app.cli_support import check_output, fail, say, write, writing
+from fantoccini.app.cli_support import (
+    check_output,
+    fail,
+    output_errors,
+    print_message,
+    print_output,
+)
 from fantoccini.output.exchange import import_model
 
 _OPTION = "PUPPET"
@@ -28,15 +34,17 @@ def import_file(
     if os.path.exists(out) and not force:
         fail(f"{out} exists already; use --force to replace it", _OPTION)
     imported = import_model(model, keyframe, density)
-    with writing(out):
+    with output_errors(out):
         imported.save(out, force)
     if quiet:
         return
     for note in imported.report:
-        write(note)
+        print_output(note)
     n, k = len(imported.joints), len(imported.meshes)
     joints = f"{n} joint{'' if n == 1 else 's'}"
     meshes = f", {k} mesh{'' if k == 1 else 'es'} beside it" if k else ""
     n_notes = len(imported.report)
     summary = f"{n_notes} difference{'' if n_notes == 1 else 's'} from the model"
-    say(f"fantoccini: {out}: {joints}{meshes}; {summary if n_notes else 'no differences'}")
+    print_message(
+        f"fantoccini: {out}: {joints}{meshes}; {summary if n_notes else 'no differences'}"
+    )

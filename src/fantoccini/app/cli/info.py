@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from fantoccini.app.cli.rig import print_body_map
-from fantoccini.app.cli_support import marionette, number, table, warn, write
+from fantoccini.app.cli_support import (
+    load_marionette,
+    number,
+    print_output,
+    print_table,
+    warn_implausible,
+)
 from fantoccini.base import BuildError, Progress, StateError
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.compiled import check_mass_matrix
@@ -34,36 +40,36 @@ def list_bundled() -> None:
     for title, names in bundled.items():
         lines = []
         for name in names:
-            puppet = marionette(name)
+            puppet = load_marionette(name)
             counts = puppet.coordinates
             lines.append((name, counts.n_vD, len(puppet.tree.strings), counts.n_vK))
-        table(title, ("name", "DOF>", "strings>", "driven>"), lines)
+        print_table(title, ("name", "DOF>", "strings>", "driven>"), lines)
 
 
 def describe_puppet(file: str) -> None:
     """Prints tables of a puppet's parts."""
-    puppet = marionette(file)
+    puppet = load_marionette(file)
     check_mass_matrix(puppet.puppet, puppet.tree)
-    warn(puppet, file)
+    warn_implausible(puppet, file)
     tree, coordinates = puppet.tree, puppet.coordinates
-    write(
+    print_output(
         f"{puppet.name}: {coordinates.n_vD} degrees of freedom ({coordinates.n_qD} configuration "
         f"numbers), {coordinates.n_vK} driven ({coordinates.n_qK}), {len(tree.strings)} strings, "
         f"{len(tree.limits)} limits"
     )
     moving_mass = f"moving mass {number(puppet.mass)} kg"
-    write(f"{moving_mass}, weight {number(puppet.weight)} N; {_compilation_text(file)}")
+    print_output(f"{moving_mass}, weight {number(puppet.weight)} N; {_compilation_text(file)}")
     if (rules := puppet.puppet.touching) is not None:
-        write(
+        print_output(
             f"contact with {', '.join(rules.meets) or 'nothing'}: friction "
             f"{number(rules.friction)}, restitution {number(rules.restitution)}, "
             f"{len(rules.pairs)} pairs with their own"
         )
-    write()
+    print_output()
     names = [link.name for link in tree.links]
     rotors = [_value_text(link.armature) for link in tree.links]
     with_armature = any(rotor != "0" for rotor in rotors)
-    table(
+    print_table(
         "Bodies",
         ("name", "parent", "joint", "type", "role", *(["armature"] if with_armature else [])),
         [
@@ -80,7 +86,7 @@ def describe_puppet(file: str) -> None:
     )
     taut = Still(puppet.puppet, tree).start()
     starts = {"dynamic": (coordinates.start_D, taut.q_D), "driven": (coordinates.start_K, taut.q_K)}
-    table(
+    print_table(
         "Coordinates",
         ("name", "role", "unit", "start>"),
         [
@@ -98,7 +104,7 @@ def describe_puppet(file: str) -> None:
     winch_columns = [
         key for key in _OPTIONAL_COLUMNS if any(getattr(string, key) for string in tree.strings)
     ]
-    table(
+    print_table(
         "Strings",
         (
             "name",
@@ -114,17 +120,17 @@ def describe_puppet(file: str) -> None:
             for s in tree.strings
         ],
     )
-    table(
+    print_table(
         "Springs",
         ("name", "stiffness", "rest", "damping"),
         [(s.name, *map(_value_text, (s.stiffness, s.rest, s.damping))) for s in tree.springs],
     )
-    table(
+    print_table(
         "Drives",
         ("coordinate", "command", "ratio", "inertia>", "motor", "control"),
         [_drive_cells(puppet, row) for row in tree.drives],
     )
-    table(
+    print_table(
         "Chains",
         ("name", "pieces>", "length", "stiffness", "damping"),
         [
@@ -137,18 +143,22 @@ def describe_puppet(file: str) -> None:
             for c in tree.chains
         ],
     )
-    table(
+    print_table(
         "Limits",
         ("name", "bound>"),
         [(limit.name, _bound_text(puppet, limit)) for limit in tree.limits],
     )
     _print_body_maps(puppet)
-    table("Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()])
+    print_table(
+        "Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()]
+    )
     counts = operations(puppet.equations)
     lines = [(name, _PURPOSE.get(name, ""), n) for name, n in counts.items()]
-    table("Operations", ("function", "", "count>"), [*lines, ("all", "", sum(counts.values()))])
+    print_table(
+        "Operations", ("function", "", "count>"), [*lines, ("all", "", sum(counts.values()))]
+    )
     flags = describe().get("flags")
-    write("no compiler was found" if flags is None else f"compiled with {flags}")
+    print_output("no compiler was found" if flags is None else f"compiled with {flags}")
 
 
 def _print_body_maps(puppet: Marionette) -> None:
@@ -157,8 +167,8 @@ def _print_body_maps(puppet: Marionette) -> None:
         try:
             body_map = puppet.body_map_of(member)
         except (StateError, BuildError) as error:
-            write(f"no body map: {error}")
-            write()
+            print_output(f"no body map: {error}")
+            print_output()
         else:
             print_body_map(body_map, member)
 
@@ -170,7 +180,7 @@ def _compilation_text(file: str) -> str:
         raise _NotCachedError(at.what)
 
     try:
-        marionette(file, stop).compile()
+        load_marionette(file, stop).compile()
     except _NotCachedError:
         return "not compiled yet"
     except BuildError:

@@ -5,7 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from fantoccini.app.cli_support import Steps, check_output, fail, marionette, say, write, writing
+from fantoccini.app.cli_support import (
+    ProgressDisplay,
+    check_output,
+    fail,
+    load_marionette,
+    output_errors,
+    print_message,
+    print_output,
+)
 from fantoccini.theatre.capture import load_bvh
 from fantoccini.theatre.retarget import draft_mapping
 
@@ -23,15 +31,15 @@ def write_mapping(clip: Path, puppet: str | None, out: Path | None, quiet: bool)
         check_output(out, (".yaml", ".yml"), "--out")
         if os.path.exists(out):
             fail(f"{out} exists already; give another name", "--out")
-    with Steps(quiet) as steps:
-        steps.step(f"reading {clip}")
+    with ProgressDisplay(quiet) as display:
+        display.stage(f"reading {clip}")
         read = load_bvh(clip)
-        figure = None if puppet is None else marionette(puppet, steps.named)
+        figure = None if puppet is None else load_marionette(puppet, display.update)
     text = draft_mapping(read, figure)
     if out is None:
-        write(text.rstrip("\n"))
+        print_output(text.rstrip("\n"))
         return
-    with writing(out):
+    with output_errors(out):
         out.write_text(text, encoding="utf-8")
     if not quiet:
-        say(f"fantoccini: wrote {out}; check it, then: fantoccini follow --mapping {out}")
+        print_message(f"fantoccini: wrote {out}; check it, then: fantoccini follow --mapping {out}")

@@ -11,15 +11,15 @@ from fantoccini.app.cli_support import (
     FAILED,
     INTERRUPTED,
     OptimiseArguments,
-    Steps,
+    ProgressDisplay,
     check_extras,
     check_outputs,
     fail,
-    say,
-    table,
-    write,
+    output_errors,
+    print_message,
+    print_output,
+    print_table,
     write_outputs,
-    writing,
 )
 from fantoccini.control.optimal import Optimum, optimise, out_of_reach
 from fantoccini.control.tasks import AnswerStatus, load_task, task_names
@@ -34,18 +34,18 @@ def optimise_file(arguments: OptimiseArguments) -> None:
     """
     if arguments.file is None:
         for name in task_names():
-            write(name)
+            print_output(name)
         return
     _check_options(arguments)
-    with Steps(arguments.quiet) as steps:
-        task = load_task(arguments.file, progress=steps.named)
+    with ProgressDisplay(arguments.quiet) as display:
+        task = load_task(arguments.file, progress=display.update)
         if arguments.check:
             if not arguments.quiet:
-                write(f"{arguments.file}: no mistakes")
+                print_output(f"{arguments.file}: no mistakes")
             return
-        steps.step("checking whether poses reach the paths")
+        display.stage("checking whether poses reach the paths")
         for text in out_of_reach(task):
-            say(f"fantoccini: {text}")
+            print_message(f"fantoccini: {text}")
         optimum = optimise(
             task,
             tolerance=arguments.tolerance,
@@ -54,15 +54,15 @@ def optimise_file(arguments: OptimiseArguments) -> None:
             time_limit=arguments.time_limit,
             threads=arguments.threads,
             seed=arguments.seed,
-            progress=steps.bar("optimising"),
+            progress=display.bar("optimising"),
         )
-        _write_files(arguments, optimum, steps)
+        _write_files(arguments, optimum, display)
     if not arguments.quiet:
         _print_optimum(optimum)
     if arguments.show:
         show_run(task.marionette, optimum.run, arguments.quiet)
     if not optimum.holds:
-        say(f"fantoccini: {optimum.message}")
+        print_message(f"fantoccini: {optimum.message}")
         raise typer.Exit(FAILED)
     if optimum.status is AnswerStatus.STOPPED:
         raise typer.Exit(INTERRUPTED)
@@ -79,30 +79,30 @@ def _check_options(arguments: OptimiseArguments) -> None:
         fail("writes nothing; omit --out, --picture and --save", "--check")
 
 
-def _write_files(arguments: OptimiseArguments, optimum: Optimum, steps: Steps) -> None:
+def _write_files(arguments: OptimiseArguments, optimum: Optimum, display: ProgressDisplay) -> None:
     marionette = optimum.task.marionette
     if arguments.save is not None:
-        _save(arguments.save, optimum, steps)
+        _save(arguments.save, optimum, display)
     if arguments.picture is not None:
-        steps.step(f"drawing {arguments.picture}")
-        with writing(arguments.picture):
+        display.stage(f"drawing {arguments.picture}")
+        with output_errors(arguments.picture):
             optimum.plot(arguments.picture, **arguments.output_options.nondefault("theme"))
     write_outputs(
         marionette,
         optimum.run,
         arguments.out or [],
         None,
-        steps,
+        display,
         output_options=arguments.output_options,
     )
 
 
-def _save(path: Path, optimum: Optimum, steps: Steps) -> None:
+def _save(path: Path, optimum: Optimum, display: ProgressDisplay) -> None:
     """Writes the inputs as a recording: constant accelerations in every interval."""
-    steps.step(f"writing {path}")
+    display.stage(f"writing {path}")
     task, nodes = optimum.task, optimum.nodes
     n = max(1, round(nodes.interval / task.dt))
-    with writing(path):
+    with output_errors(path):
         start = optimum.run.state(0)
         Recording(optimum.marionette, start, nodes.acc_K, nodes.interval, n).save(path)
 
@@ -123,13 +123,13 @@ def _print_optimum(optimum: Optimum) -> None:
     if optimum.task.required_end is not None:
         lines.append(("distance from its end", f"{optimum.end_gap:.2g}"))
     lines += list(optimum.parameters.items())
-    table("Optimum", ("", ">"), lines)
-    table(
+    print_table("Optimum", ("", ">"), lines)
+    print_table(
         "Distance from the paths (m, rad or their rates)",
         ("", "root mean square>", "largest>"),
         [(name, optimum.rms()[name], float(e.max())) for name, e in optimum.errors().items()],
     )
-    table(
+    print_table(
         "Touches",
         ("", "place", "time [s]>", "distance [m]>"),
         [
@@ -142,11 +142,11 @@ def _print_optimum(optimum: Optimum) -> None:
             for contact in optimum.touched
         ],
     )
-    table(
+    print_table(
         "Strings",
         ("name", "min [N]>", "max [N]>"),
         [(name, float(T.min()), float(T.max())) for name, T in optimum.run.tension.items()],
     )
-    write(optimum.message)
+    print_output(optimum.message)
     for text in optimum.reservations:
-        write(text)
+        print_output(text)

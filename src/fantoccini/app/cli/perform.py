@@ -6,7 +6,13 @@ import os
 from typing import TYPE_CHECKING
 
 from fantoccini.app.cli.show import serve
-from fantoccini.app.cli_support import PerformArguments, Steps, check_folder, fail, say
+from fantoccini.app.cli_support import (
+    PerformArguments,
+    ProgressDisplay,
+    check_folder,
+    fail,
+    print_message,
+)
 from fantoccini.base import FileError, Mistake
 
 if TYPE_CHECKING:
@@ -28,10 +34,10 @@ def perform_play(arguments: PerformArguments) -> None:
     if os.path.isfile(arguments.file) and not is_play(arguments.file):
         message = "is not a play; needed: YAML with the key `play`"
         raise FileError([Mistake(str(arguments.file), None, "", message)])
-    with Steps(arguments.quiet) as steps:
-        steps.step(f"compiling {arguments.file}")
+    with ProgressDisplay(arguments.quiet) as display:
+        display.stage(f"compiling {arguments.file}")
         show = LivePlay(load_play(arguments.file, on_disk=True))
-        steps.step("opening the page")
+        display.stage("opening the page")
         page = open_show(
             show,
             arguments.theme.value,
@@ -44,14 +50,14 @@ def perform_play(arguments: PerformArguments) -> None:
     osc = page.osc
     if osc is not None and not arguments.quiet:
         if osc.heard_at is not None:
-            say(f"OSC messages are received at {osc.heard_at}")
+            print_message(f"OSC messages are received at {osc.heard_at}")
         if send_to is not None:
-            say(f"OSC messages are sent to {send_to}")
+            print_message(f"OSC messages are sent to {send_to}")
     try:
         serve(page, arguments)
     finally:
         if osc is not None and not arguments.quiet:
-            say(f"OSC messages: {osc.counts}")
+            print_message(f"OSC messages: {osc.counts}")
 
 
 def address_of(text: str | None, option: str) -> Address | None:

@@ -8,13 +8,13 @@ from fantoccini.app.cli.show import show_plan
 from fantoccini.app.cli_support import (
     FAILED,
     PlanArguments,
-    Steps,
+    ProgressDisplay,
     check_extras,
     check_outputs,
     fail,
-    say,
-    table,
-    write,
+    print_message,
+    print_output,
+    print_table,
     write_outputs,
 )
 from fantoccini.control.planning import Check, PlanResult, solve
@@ -27,7 +27,7 @@ def plan_file(arguments: PlanArguments) -> None:
     """Plans, verifies, prints a summary and writes the outputs; exits with 1 without a plan."""
     if arguments.file is None:
         for name in problem_names():
-            write(name)
+            print_output(name)
         return
     out = arguments.out or []
     check_outputs(out, None)
@@ -37,11 +37,11 @@ def plan_file(arguments: PlanArguments) -> None:
         fail(f"{arguments.seed} is negative", "--seed")
     options = {} if arguments.tolerance is None else {"tolerance": arguments.tolerance}
     objective = None if arguments.objective is None else arguments.objective.value
-    with Steps(arguments.quiet) as steps:
+    with ProgressDisplay(arguments.quiet) as display:
         problem = load_problem(
-            arguments.file, threads=arguments.threads, progress=steps.named, **options
+            arguments.file, threads=arguments.threads, progress=display.update, **options
         )
-        steps.step("planning")
+        display.stage("planning")
         result = solve(
             problem,
             planner=arguments.planner.value,
@@ -53,18 +53,18 @@ def plan_file(arguments: PlanArguments) -> None:
         )
         checks = {}
         if result and not arguments.quiet:
-            steps.step("verifying")
+            display.stage("verifying")
             checks = {"step halved": result.verify()}
             if problem.touches.expected:
                 checks["step quartered"] = result.verify(0.25)
             else:
                 checks["event-driven"] = result.verify(method=Event(rtol=1e-9, atol=1e-9))
         if not result.reason:
-            _write(arguments, result, steps)
+            _write(arguments, result, display)
     if not arguments.quiet:
         _report(result, checks)
     if not result:
-        say(f"fantoccini: {result.message}")
+        print_message(f"fantoccini: {result.message}")
         if arguments.show and not result.reason:
             show_plan(result, arguments.quiet)
         raise typer.Exit(FAILED)
@@ -72,11 +72,11 @@ def plan_file(arguments: PlanArguments) -> None:
         show_plan(result, arguments.quiet)
 
 
-def _write(arguments: PlanArguments, result: PlanResult, steps: Steps) -> None:
+def _write(arguments: PlanArguments, result: PlanResult, display: ProgressDisplay) -> None:
     if arguments.save is not None:
         result.save(arguments.save)
     if arguments.picture is not None:
-        steps.step(f"drawing {arguments.picture}")
+        display.stage(f"drawing {arguments.picture}")
         result.plot(arguments.picture, **arguments.output_options.nondefault("theme"))
     puppet = result.problem.drawn_marionette
     write_outputs(
@@ -84,13 +84,13 @@ def _write(arguments: PlanArguments, result: PlanResult, steps: Steps) -> None:
         result.trajectory,
         arguments.out or [],
         None,
-        steps,
+        display,
         output_options=arguments.output_options,
     )
 
 
 def _report(result: PlanResult, checks: dict[str, Check]) -> None:
-    table(
+    print_table(
         "Plan",
         ("", ">"),
         [
@@ -106,9 +106,9 @@ def _report(result: PlanResult, checks: dict[str, Check]) -> None:
         ],
     )
     if result.polished is not None:
-        write(f"polish: {result.polished}")
+        print_output(f"polish: {result.polished}")
     if checks:
-        table(
+        print_table(
             "Verification",
             ("", "reaches the goal>", "distance>", "clearance [mm]>"),
             [
@@ -123,7 +123,7 @@ def _report(result: PlanResult, checks: dict[str, Check]) -> None:
         )
     touches = next((c.touches for c in checks.values() if c.touches), ())
     if touches:
-        table(
+        print_table(
             "Touches",
             ("", "first [s]>", "speed [m/s]>", "force at the end [N]>", "allowed"),
             [
@@ -139,4 +139,4 @@ def _report(result: PlanResult, checks: dict[str, Check]) -> None:
         )
     if result.goal.share is not None and checks:
         share = next(iter(checks.values())).share
-        write(f"the puppet stands with {100.0 * share:.0f} % of its weight")
+        print_output(f"the puppet stands with {100.0 * share:.0f} % of its weight")

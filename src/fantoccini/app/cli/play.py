@@ -12,16 +12,16 @@ import typer
 from fantoccini.app.cli_support import (
     FAILED,
     PlayArguments,
-    Steps,
+    ProgressDisplay,
     check_captions,
     check_output,
     check_outputs,
-    check_part,
+    check_time_range,
     film_options,
+    print_message,
+    print_output,
+    print_table,
     report_score,
-    say,
-    table,
-    write,
     write_outputs,
 )
 from fantoccini.theatre.plays import check_play, load_play, verify_play
@@ -41,15 +41,15 @@ def play_file(arguments: PlayArguments) -> None:
     arguments.output_options.check(out)
     if report is not None:
         check_output(report, (".html",), "--report")
-    with Steps(arguments.quiet) as steps:
+    with ProgressDisplay(arguments.quiet) as display:
         began = time.perf_counter()
         play = load_play(
-            arguments.file, progress=steps.named, within=arguments.within, on_disk=True
+            arguments.file, progress=display.update, within=arguments.within, on_disk=True
         )
         compiled = time.perf_counter()
         check_captions(out, play.score.captions)
-        check_part(arguments.begin, arguments.end, 0.0, play.duration)
-        steps.step(f"simulating and measuring {play.duration:.1f} s")
+        check_time_range(arguments.begin, arguments.end, 0.0, play.duration)
+        display.stage(f"simulating and measuring {play.duration:.1f} s")
         within = arguments.within
         remaining = None if within is None else max(within - (compiled - began), 0.0)
         verification = verify_play(play, within=remaining)
@@ -60,9 +60,9 @@ def play_file(arguments: PlayArguments) -> None:
         report_score(play.score, out)
         _summary(verification, compiled - began, verified - compiled)
     for change in play.changes:
-        say(str(change))
+        print_message(str(change))
     for fault in verification.faults:
-        say(f"{arguments.file}: {fault}")
+        print_message(f"{arguments.file}: {fault}")
     _write(arguments, verification, out)
     if play.lacking or not verification:
         raise typer.Exit(FAILED)
@@ -71,11 +71,11 @@ def play_file(arguments: PlayArguments) -> None:
 def _write(arguments: PlayArguments, verification: Verification, out: list[Path]) -> None:
     """Writes the report and the outputs."""
     play, output_options = verification.play, arguments.output_options
-    with Steps(arguments.quiet) as steps:
+    with ProgressDisplay(arguments.quiet) as display:
         if arguments.report is not None:
             from fantoccini.output import reports
 
-            drawing = steps.bar(f"drawing {arguments.report}")
+            drawing = display.bar(f"drawing {arguments.report}")
             reports.play_report(verification, arguments.report, progress=drawing)
         if out:
             from fantoccini.output.view import AUDIENCE
@@ -86,7 +86,7 @@ def _write(arguments: PlayArguments, verification: Verification, out: list[Path]
                 films["shots"] = play.shots
             run = verification.run
             write_outputs(
-                play.marionette, run, out, None, steps, output_options=output_options, films=films
+                play.marionette, run, out, None, display, output_options=output_options, films=films
             )
 
 
@@ -138,13 +138,13 @@ def _print(verification: Verification) -> None:
             "observed [s]>",
             "late [ms]>",
         )
-        table(f"{name}, from {start:.2f} s", header, lines)
+        print_table(f"{name}, from {start:.2f} s", header, lines)
 
 
 def _summary(verification: Verification, compiling: float, verifying: float) -> None:
     play = verification.play
     marionette = play.marionette
-    write(
+    print_output(
         f"{play.duration:.1f} s, {_count(len(play.cast.players), 'player')}, "
         f"{marionette.coordinates.n_vD} degrees of freedom, "
         f"{_count(len(marionette.tree.strings), 'string')}, {marionette.coordinates.n_vK} driven "
@@ -154,9 +154,9 @@ def _summary(verification: Verification, compiling: float, verifying: float) -> 
     worst = f"no cue is off by more than {1e3 * verification.worst:.0f} ms"
     broken = len(verification.faults)
     verdict = _count(broken, "fault") if broken else "the run meets every requirement"
-    write(f"{play.counts}; {worst}; {verdict}")
+    print_output(f"{play.counts}; {worst}; {verdict}")
     for reason in dict.fromkeys(verification.stepped):
-        write(f"time steps of 0.25 ms were taken during contacts: {reason}")
+        print_output(f"time steps of 0.25 ms were taken during contacts: {reason}")
 
 
 def _count(n: int, noun: str) -> str:

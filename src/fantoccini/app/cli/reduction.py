@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fantoccini.app.cli_support import Steps, marionette, table, write
+from fantoccini.app.cli_support import ProgressDisplay, load_marionette, print_output, print_table
 from fantoccini.lab import validate_reduction
 
 _WORDS = {True: "holds", False: "fails", None: "-"}
@@ -15,10 +15,10 @@ def validate_file(file: str, quiet: bool) -> None:
         file: FILE argument.
         quiet: print no progress.
     """
-    with Steps(quiet) as steps:
-        puppet = marionette(file, steps.named)
-        steps.step("examining the kinetic energy and taut strings")
+    with ProgressDisplay(quiet) as display:
+        puppet = load_marionette(file, display.update)
+        display.stage("examining the kinetic energy and taut strings")
         report = validate_reduction(puppet)
     lines = [(claim.text, _WORDS[claim.holds], claim.evidence) for claim in report.claims]
-    table(f"Section VI for {report.name}", ("claim", "", "evidence"), lines)
-    write(report.conclusion)
+    print_table(f"Section VI for {report.name}", ("claim", "", "evidence"), lines)
+    print_output(report.conclusion)

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from fantoccini.app.cli_support import (
-    PICTURES,
-    Steps,
+    PICTURE_SUFFIXES,
+    ProgressDisplay,
     check_output,
     fail,
-    marionette,
+    load_marionette,
+    print_output,
+    print_table,
     read_values,
-    table,
-    write,
 )
 from fantoccini.base import StateError
 from fantoccini.dynamics.marionette import Marionette
@@ -36,11 +36,11 @@ def describe_rest(file: str, start: list[str], out: Path | None, quiet: bool) ->
         quiet: print no progress.
     """
     if out is not None:
-        check_output(out, PICTURES, "--out")
+        check_output(out, PICTURE_SUFFIXES, "--out")
     values = read_values(start)
-    with Steps(quiet) as steps:
-        puppet = marionette(file, steps.named)
-        steps.step("searching the state of rest")
+    with ProgressDisplay(quiet) as display:
+        puppet = load_marionette(file, display.update)
+        display.stage("searching the state of rest")
         try:
             x = puppet.rest(values)
         except StateError as error:
@@ -49,16 +49,16 @@ def describe_rest(file: str, start: list[str], out: Path | None, quiet: bool) ->
         if out is not None:
             from fantoccini.output import draw
 
-            steps.step(f"drawing {out}")
+            display.stage(f"drawing {out}")
             draw(puppet, x, out, tension=run.tension.values[0])
     _print_strings(puppet, x, run)
     _print_coordinates(puppet, x)
     _print_contacts(run)
     names, q_K = puppet.coordinates.q_K, x.q_K
     if names:
-        write("a CSV of inputs that begins here has these first lines:")
-        write(",".join(("t", *names)))
-        write(",".join(("0", *(f"{value:.9g}" for value in q_K))))
+        print_output("a CSV of inputs that begins here has these first lines:")
+        print_output(",".join(("t", *names)))
+        print_output(",".join(("0", *(f"{value:.9g}" for value in q_K))))
 
 
 def _print_strings(puppet: Marionette, x: State, run: Trajectory) -> None:
@@ -69,7 +69,7 @@ def _print_strings(puppet: Marionette, x: State, run: Trajectory) -> None:
         slack = 1e3 * max(0.0, float(lengths[i]) - span)
         state = "taut" if run.taut.values[0, i] else f"slack by {slack:.1f} mm"
         lines.append((name, f"{lengths[i]:.6f}", f"{run.tension.values[0, i]:.4f}", state))
-    table("Strings", ("name", "length [m]>", "tension [N]>", ""), lines)
+    print_table("Strings", ("name", "length [m]>", "tension [N]>", ""), lines)
 
 
 def _print_coordinates(puppet: Marionette, x: State) -> None:
@@ -80,7 +80,7 @@ def _print_coordinates(puppet: Marionette, x: State) -> None:
             value = float(values[row.role][row.index])
             degrees = f"{value * _RAD[row.unit]:.2f} deg" if row.unit in _RAD else ""
             lines.append((row.name, row.role, f"{value:z.6f}", row.unit, degrees))
-    table("Coordinates", ("name", "role", "value>", "unit", ""), lines)
+    print_table("Coordinates", ("name", "role", "value>", "unit", ""), lines)
 
 
 def _print_contacts(run: Trajectory) -> None:
@@ -93,4 +93,4 @@ def _print_contacts(run: Trajectory) -> None:
         if np.any(chosen):
             force = np.linalg.norm(points.force[chosen].sum(axis=0))
             lines.append((" on ".join(names), f"{force:.4f}", int(np.sum(chosen))))
-    table("Contacts", ("pair", "force [N]>", "points>"), lines)
+    print_table("Contacts", ("pair", "force [N]>", "points>"), lines)

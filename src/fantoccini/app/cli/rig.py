@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from fantoccini.app.cli_support import (
-    PICTURES,
-    Steps,
+    PICTURE_SUFFIXES,
+    ProgressDisplay,
     check_output,
     fail,
     number,
+    output_errors,
+    print_message,
+    print_output,
+    print_table,
     puppet_path,
-    say,
-    table,
-    write,
-    writing,
 )
 from fantoccini.base import StateError, replacing
 from fantoccini.base.documents import has_key, with_section
@@ -22,7 +22,8 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap, rig_of
 from fantoccini.model.puppet import bundled_files, dump, load
 
-_OPTION = "FILE"
+_FILE = "FILE"
+"""Name of the argument for the puppet file, in messages."""
 
 
 def write_rig(file: str, out: Path | None, force: bool, quiet: bool) -> None:
@@ -37,27 +38,27 @@ def write_rig(file: str, out: Path | None, force: bool, quiet: bool) -> None:
     path = puppet_path(file)
     bundled = map(bundled_files.path, (*bundled_files.names(), *bundled_files.scenes()))
     if path.resolve() in {file.resolve() for file in bundled}:
-        fail(f"{file} is a bundled puppet; copy {path} and name the copy", _OPTION)
+        fail(f"{file} is a bundled puppet; copy {path} and name the copy", _FILE)
     if has_key(path, "scene"):
-        fail(f"{file} is a scene; name the file of one of its puppets", _OPTION)
+        fail(f"{file} is a scene; name the file of one of its puppets", _FILE)
     if has_key(path, "rig") and not force:
-        fail(f"{file} has a rig already; use --force to replace it by the guess", _OPTION)
+        fail(f"{file} has a rig already; use --force to replace it by the one found", _FILE)
     picture = path.with_name(f"{path.stem}_rig.png") if out is None else out
-    check_output(picture, PICTURES, "--out")
-    with Steps(quiet) as steps:
-        described = load(path)
-        puppet = Marionette(described.model_copy(update={"rig": None}), steps.named)
-        steps.step("searching trunk, head and limbs")
+    check_output(picture, PICTURE_SUFFIXES, "--out")
+    with ProgressDisplay(quiet) as display:
+        puppet_file = load(path)
+        puppet = Marionette(puppet_file.model_copy(update={"rig": None}), display.update)
+        display.stage("finding trunk, head and limbs")
         body_map = puppet.body_map
-        section = dump.to_yaml({"rig": dump.plain(rig_of(body_map, described.mirror))})
+        section = dump.to_yaml({"rig": dump.plain(rig_of(body_map, puppet_file.mirror))})
         text = with_section(path.read_bytes().decode("utf-8-sig"), "rig", section)
-        steps.step(f"drawing {picture}")
+        display.stage(f"drawing {picture}")
         _draw(puppet, body_map, picture)
-    with writing(path), replacing(path) as temporary:
+    with output_errors(path), replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
     if not quiet:
         print_body_map(body_map)
-        say(f"fantoccini: {file}: rig written; {picture} shows it")
+        print_message(f"fantoccini: {file}: rig written; {picture} shows it")
 
 
 def print_body_map(body_map: BodyMap, member: str = "") -> None:
@@ -72,7 +73,7 @@ def print_body_map(body_map: BodyMap, member: str = "") -> None:
     if head is not None:
         lines.append(("head", (head.body,), _point(head.end)))
     lines += [(name, limb.bodies, _point(limb.end)) for name, limb in body_map.parts.items()]
-    table(
+    print_table(
         f"Body map of {member}" if member else "Body map",
         ("part", "bodies", "end [m]", "strings", "doubt"),
         [
@@ -86,13 +87,16 @@ def print_body_map(body_map: BodyMap, member: str = "") -> None:
             for part, bodies, end in lines
         ],
     )
-    control = f"; the strings hang from {body_map.control}" if body_map.control else ""
-    write(f"it looks along {_point(body_map.facing)} in the frame of {body_map.trunk[0]}{control}")
-    named = {part for part, *_ in lines}
+    control = f"; its strings hang from {body_map.control}" if body_map.control else ""
+    print_output(
+        f"the puppet looks along {_point(body_map.facing)} in the frame of "
+        f"{body_map.trunk[0]}{control}"
+    )
+    listed = {part for part, *_ in lines}
     for doubt in body_map.doubts:
-        if doubt.part not in named:
-            write(f"{doubt.part}: {doubt.reason}")
-    write()
+        if doubt.part not in listed:
+            print_output(f"{doubt.part}: {doubt.reason}")
+    print_output()
 
 
 def _point(point: tuple[float, float, float]) -> str:

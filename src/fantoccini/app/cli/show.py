@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 from fantoccini.app.cli_support import (
     PageOptions,
+    ProgressDisplay,
     ShowArguments,
-    Steps,
     check_folder,
     check_output,
     fail,
+    print_message,
+    print_output,
     puppet_path,
-    say,
-    write,
 )
 from fantoccini.control.planning import PlanResult
 from fantoccini.dynamics.marionette import Marionette
@@ -36,21 +36,21 @@ def show_file(arguments: ShowArguments) -> None:
         name = str(puppet_path(name))
         if arguments.html is not None:
             fail("applies to runs (.npz) only; a live puppet cannot be written to a file", "--html")
-    from fantoccini.app.web import open_page, subject_of, write as write_motion
+    from fantoccini.app.web import open_page, subject_of, write_page
 
-    with Steps(arguments.quiet) as steps:
-        subject = subject_of(name, arguments.problem, steps.named)
+    with ProgressDisplay(arguments.quiet) as display:
+        subject = subject_of(name, arguments.problem, display.update)
         if arguments.html is not None:
             if arguments.forces and subject.run is not None and subject.run.contact is None:
                 fail("this motion has no contacts, so there are no forces to draw", "--forces")
-            progress = steps.bar(f"writing {arguments.html}")
-            write_motion(subject, arguments.html, arguments.theme.value, progress, arguments.forces)
+            progress = display.bar(f"writing {arguments.html}")
+            write_page(subject, arguments.html, arguments.theme.value, progress, arguments.forces)
             return
         if arguments.balance and subject.run is not None:
             fail("applies to a live puppet, not to a motion", "--balance")
         if arguments.score is not None and subject.run is not None:
             fail("applies to a live puppet, not to a motion", "--score")
-        steps.step("opening the page")
+        display.stage("opening the page")
         theme, folder = arguments.theme.value, arguments.record_to
         page = open_page(
             subject,
@@ -105,21 +105,21 @@ def serve(page: Page, arguments: PageOptions) -> None:
             page.wait()
     finally:
         if page.recording_status and not arguments.quiet:
-            say(page.recording_status)
+            print_message(page.recording_status)
 
 
 def _announce(page: Page, arguments: PageOptions) -> None:
     server = page.server
     if server.port_changed:
-        say(f"port {arguments.port} is in use; the page is on port {server.port}")
+        print_message(f"port {arguments.port} is in use; the page is on port {server.port}")
     if server.exposed:
-        say(
+        print_message(
             f"--host {arguments.host}: anyone who can reach port {server.port} of this machine can "
             "see the page, move the puppet and write recordings to "
             f"{arguments.record_to.absolute()}; there is no password"
         )
     for change in page.changes:
-        say(change)
-    write(page.url)
+        print_message(change)
+    print_output(page.url)
     if not arguments.quiet:
-        say("press Ctrl-C to stop")
+        print_message("press Ctrl-C to stop")

@@ -13,27 +13,27 @@ import typer
 from fantoccini.app.cli_support import (
     FAILED,
     INTERRUPTED,
-    Motion,
+    FileMotion,
     OutputError,
+    ProgressDisplay,
     SimulateArguments,
-    Steps,
     StringModel,
     check_bodies,
     check_captions,
     check_outputs,
-    check_part,
+    check_time_range,
     fail,
+    load_marionette,
+    load_motion,
     load_recording,
-    marionette,
-    motion,
+    print_message,
     read_values,
     recorded_start,
-    report,
     report_lateness,
+    report_run,
     report_score,
-    say,
     start_state,
-    warn,
+    warn_implausible,
     with_recorded_winches,
     write_outputs,
 )
@@ -46,18 +46,19 @@ from fantoccini.motion import Input, State, Trajectory
 
 @dataclass(frozen=True)
 class _Bounds:
-    """Bounds on runs from the command line; Python has none.
+    """Bounds on runs from the command line; the Python functions have none.
 
     Attributes:
         duration: longest run [s].
-        steps: largest number of steps of a run with a fixed step.
-        samples: largest number of saved samples; longer runs with a fixed step save fewer.
+        n_steps: largest number of time steps of a method with a fixed step.
+        n_samples: largest number of saved samples; longer runs with a fixed step save fewer per
+            second.
         rtol: smallest and largest relative tolerance.
     """
 
     duration: float = 3600.0
-    steps: int = 10_000_000
-    samples: int = 500_000
+    n_steps: int = 10_000_000
+    n_samples: int = 500_000
     rtol: tuple[float, float] = (1e-13, 0.1)
 
 
@@ -78,31 +79,39 @@ def simulate_file(arguments: SimulateArguments) -> None:
     check_outputs(out, arguments.plot, captions=True)
     output_options.check(out, arguments.plot)
     start_values = read_values(arguments.start or [])
-    with Steps(arguments.quiet) as steps:
+    with ProgressDisplay(arguments.quiet) as display:
         chain = arguments.string_model is StringModel.CHAIN
-        puppet = marionette(arguments.file, steps.named, "chain" if chain else "constraint")
+        puppet = load_marionette(arguments.file, display.update, "chain" if chain else "constraint")
         check_bodies(puppet, output_options)
-        file_motion = _input_motion(puppet, arguments, steps)
+        file_motion = _input_motion(puppet, arguments, display)
         inputs = None if file_motion is None else file_motion.inputs
-        films = {} if file_motion is None else file_motion.film_options
-        check_captions(out, films.get("captions", ()))
+        film_options = {} if file_motion is None else file_motion.film_options
+        check_captions(out, film_options.get("captions", ()))
         recording = load_recording(arguments.inputs)
         if recording is not None:
             puppet = with_recorded_winches(puppet, recording, arguments.quiet)
         if not arguments.quiet:
-            warn(puppet, arguments.file, inputs, arguments.inputs)
+            warn_implausible(puppet, arguments.file, inputs, arguments.inputs)
         duration = _duration(arguments, inputs)
         x0 = None if recording is None or start_values else recorded_start(puppet, recording)
         if x0 is None:
             x0 = start_state(puppet, inputs, start_values, arguments.quiet)
-        check_part(arguments.begin, arguments.end, x0.t, x0.t + duration)
+        check_time_range(arguments.begin, arguments.end, x0.t, x0.t + duration)
         method, options = _method(arguments, x0.t, duration)
         options["time_limit"] = arguments.time_limit
-        run, seconds, reason = timed(steps, puppet, x0, inputs, duration, method, **options)
+        run, seconds, reason = simulate_with_progress(
+            display, puppet, x0, inputs, duration, method, **options
+        )
         not_written = None
         try:
             write_outputs(
-                puppet, run, out, arguments.plot, steps, output_options=output_options, films=films
+                puppet,
+                run,
+                out,
+                arguments.plot,
+                display,
+                output_options=output_options,
+                films=film_options,
             )
         except OutputError as error:
             not_written = error  # the summary of the run comes first
@@ -112,34 +121,36 @@ def simulate_file(arguments: SimulateArguments) -> None:
                 report_score(file_motion.score, out)
             if file_motion.rehearsal is not None:
                 report_lateness(file_motion.rehearsal)
-        report(run, seconds)
+        report_run(run, seconds)
         suggest_faster(arguments, run, seconds)
     if not_written is not None:
         raise not_written
-    end_with(run, reason)
+    exit_if_stopped(run, reason)
 
 
-def _input_motion(puppet: Marionette, arguments: SimulateArguments, steps: Steps) -> Motion | None:
-    """Motion of ``--inputs``, rehearsed if ``--on-beat`` is set."""
+def _input_motion(
+    puppet: Marionette, arguments: SimulateArguments, display: ProgressDisplay
+) -> FileMotion | None:
+    """Motion of ``--inputs``; ``--on-beat`` shifts its cues so that limbs arrive on time."""
     if arguments.inputs is None:
         if arguments.on_beat:
             fail("applies to a score, but no --inputs are given", "--on-beat")
         return None
-    file_motion = motion(puppet, arguments.inputs)
+    file_motion = load_motion(puppet, arguments.inputs)
     for change in file_motion.changes:
-        say(str(change))
+        print_message(str(change))
     if not arguments.on_beat:
         return file_motion
     if file_motion.score is None:
         fail(f"applies to a score, and {arguments.inputs} is not a score", "--on-beat")
     if arguments.start:
-        fail("applies to a puppet that hangs at rest, and --start is given", "--on-beat")
-    steps.step("rehearsing")
+        fail("applies to a puppet that starts at rest, but --start is given", "--on-beat")
+    display.stage("rehearsing")
     return file_motion.rehearsed()
 
 
-def timed(
-    steps: Steps,
+def simulate_with_progress(
+    display: ProgressDisplay,
     marionette: Marionette,
     x0: State,
     inputs: Input | None,
@@ -150,7 +161,7 @@ def timed(
     """Simulates with a progress bar.
 
     Returns:
-        The run, its computing time [s], and the reason why it stopped early, or "".
+        The run, its computing time [s], and the reason why it stopped early (else empty).
     """
     began, reason = time.perf_counter(), ""
     try:
@@ -160,7 +171,7 @@ def timed(
             inputs,
             x0.t + duration,
             method=method,
-            progress=steps.bar(f"simulating {duration:g} s"),
+            progress=display.bar(f"simulating {duration:g} s"),
             **options,
         )
     except SimulationError as error:
@@ -170,10 +181,10 @@ def timed(
     return run, time.perf_counter() - began, reason
 
 
-def end_with(run: Trajectory, reason: str) -> None:
-    """Exits with the reason and the code of its status, if a run stopped early."""
+def exit_if_stopped(run: Trajectory, reason: str) -> None:
+    """Prints the reason and exits with the code of the status, if a run stopped early."""
     if reason:
-        say(f"fantoccini: {reason}")
+        print_message(f"fantoccini: {reason}")
         raise typer.Exit(INTERRUPTED if run.status is Status.STOPPED else FAILED)
 
 
@@ -181,7 +192,7 @@ def suggest_faster(arguments: SimulateArguments, run: Trajectory, seconds: float
     """Suggests faster options after a run slower than real time."""
     if run.method == "event" and seconds > run.duration > 0.0:
         fewer = "" if arguments.rate else "; --rate 60 saves fewer samples"
-        say(
+        print_message(
             f"slower than real time: {seconds / run.duration:.3g} s per second of motion; "
             f"--method timestepping is faster and less accurate{fewer}"
         )
@@ -190,10 +201,10 @@ def suggest_faster(arguments: SimulateArguments, run: Trajectory, seconds: float
 def _method(
     arguments: SimulateArguments, start: float, duration: float
 ) -> tuple[Method, dict[str, Any]]:
-    """Method, and arguments of ``simulate`` that select the samples to save."""
+    """Method, and the arguments of :func:`simulate` that select the samples to save."""
     rate = arguments.rate
-    if rate is not None and rate * duration > _BOUNDS.samples:
-        fail(f"{rate * duration:.3g} samples exceed the limit of {_BOUNDS.samples:g}", "--rate")
+    if rate is not None and rate * duration > _BOUNDS.n_samples:
+        fail(f"{rate * duration:.3g} samples exceed the limit of {_BOUNDS.n_samples:g}", "--rate")
     if arguments.method == "event":
         tolerances = (
             {} if arguments.rtol is None else {"rtol": arguments.rtol, "atol": arguments.rtol}
@@ -205,13 +216,13 @@ def _method(
         return method, {"save_at": times[times <= start + duration]}
     dt = arguments.dt or _DT
     n = duration / dt
-    if n > _BOUNDS.steps:
-        fail(f"{n:.3g} steps exceed the limit of {_BOUNDS.steps:g}; increase the step", "--dt")
+    if n > _BOUNDS.n_steps:
+        fail(f"{n:.3g} steps exceed the limit of {_BOUNDS.n_steps:g}; increase the step", "--dt")
     if rate is not None and rate * dt > 1.0 + 1e-9:
         fail(f"steps of {dt:g} s give at most {1.0 / dt:g} samples per second", "--rate")
     # Rounded down, to save at least as many samples as requested.
     interval = 1 if rate is None else int(1.0 / (rate * dt) + 1e-9)
-    interval = max(interval, math.ceil(n / _BOUNDS.samples))
+    interval = max(interval, math.ceil(n / _BOUNDS.n_samples))
     fixed = TimeStepping(dt=dt) if arguments.method == "timestepping" else Variational(dt=dt)
     return fixed, {"save_every": interval}
 

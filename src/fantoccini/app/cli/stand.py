@@ -9,7 +9,15 @@ from typing import Any
 
 import typer
 
-from fantoccini.app.cli_support import FAILED, Steps, check_output, fail, marionette, table, write
+from fantoccini.app.cli_support import (
+    FAILED,
+    ProgressDisplay,
+    check_output,
+    fail,
+    load_marionette,
+    print_output,
+    print_table,
+)
 from fantoccini.base import FileError, Mistake
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
@@ -18,10 +26,10 @@ from fantoccini.stand import (
     SlowedRun,
     StandCheck,
     check_stand,
+    find_slower_tempo,
     load_stand,
     lost_lines,
     remedies,
-    slower as find_slower,
 )
 
 _MAX_NAMED = 12
@@ -41,28 +49,30 @@ def check_run(
     if report is not None:
         check_output(report, (".html",), "--report")
     loaded_stand = load_stand(stand)
-    with Steps(quiet or as_json) as steps:
-        marionette, trajectory = motion_of(run, puppet, steps)
-        steps.step("checking")
+    with ProgressDisplay(quiet or as_json) as display:
+        marionette, trajectory = motion_of(run, puppet, display)
+        display.stage("checking")
         result = check_stand(loaded_stand, trajectory, marionette)
         tempo: tuple[SlowedRun | None, str] | None = None
         if slower and not result.ok:
-            steps.step("simulating slower tempos")
-            tempo = find_slower(result)
+            display.stage("simulating slower tempos")
+            tempo = find_slower_tempo(result)
         if report is not None:
             from fantoccini.output import reports
 
-            steps.step(f"drawing {report}")
+            display.stage(f"drawing {report}")
             reports.stand_report(result, report, tempo)
     if as_json:
-        write(json.dumps(as_data(result, tempo), indent=2))
+        print_output(json.dumps(as_data(result, tempo), indent=2))
     elif not quiet:
         _print(result, tempo)
     if not result.ok:
         raise typer.Exit(FAILED)
 
 
-def motion_of(path: Path, puppet: str | None, steps: Steps) -> tuple[Marionette, Trajectory]:
+def motion_of(
+    path: Path, puppet: str | None, display: ProgressDisplay
+) -> tuple[Marionette, Trajectory]:
     """Puppet and motion of a run or a recording."""
     from fantoccini.app.cli_support import load_recording
 
@@ -71,14 +81,14 @@ def motion_of(path: Path, puppet: str | None, steps: Steps) -> tuple[Marionette,
         return recording.marionette, recording.trajectory
     run = Trajectory.load(path)
     if puppet is not None:
-        loaded, table = marionette(puppet, steps.named), run.coordinates
+        loaded, table = load_marionette(puppet, display.update), run.coordinates
         if (loaded.coordinates.q_D, loaded.coordinates.v_K) != (table.q_D, table.v_K):
             fail(f"{puppet} has other coordinates than the run", "--puppet")
         return loaded, run
     if run.puppet is None:
         text = "the run does not say what its puppet is; needed: --puppet FILE"
         raise FileError([Mistake(str(path), None, "", text)])
-    return Marionette(run.puppet, steps.named), run
+    return Marionette(run.puppet, display.update), run
 
 
 def _print(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> None:
@@ -87,20 +97,20 @@ def _print(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> Non
     for axis in check.axes:
         cells = [check.margin_text(axis.name, q) for q in quantities]
         lines.append((axis.name, axis.kind, *cells))
-    table("Margins [%]", ("axis", "motor", *(f"{q}>" for q in quantities)), lines)
+    print_table("Margins [%]", ("axis", "motor", *(f"{q}>" for q in quantities)), lines)
     for limit in check.broken[:_MAX_NAMED]:
-        write(f"from t = {limit.broken:.3f} s: {limit} (exceeded by {limit.over})")
+        print_output(f"from t = {limit.broken:.3f} s: {limit} (exceeded by {limit.over})")
     if len(check.broken) > _MAX_NAMED:
-        write(f"and {len(check.broken) - _MAX_NAMED} more")
+        print_output(f"and {len(check.broken) - _MAX_NAMED} more")
     for line in lost_lines(check):
-        write(line)
+        print_output(line)
     for line in remedies(check):
-        write(f"remedy: {line}")
+        print_output(f"remedy: {line}")
     if tempo is not None:
-        write(f"slower, simulated again: {tempo[1]}")
+        print_output(f"slower, simulated again: {tempo[1]}")
     for note in check.notes:
-        write(f"note: {note}")
-    write(check.summary())
+        print_output(f"note: {note}")
+    print_output(check.summary())
 
 
 def _columns(check: StandCheck) -> list[str]:

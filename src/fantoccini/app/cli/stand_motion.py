@@ -19,7 +19,14 @@ from fantoccini.app.cli.stand_arguments import (
     StandStreamArguments,
 )
 from fantoccini.app.cli.stand_sending import send_lines, send_packets
-from fantoccini.app.cli_support import Steps, check_output, fail, say, write, writing
+from fantoccini.app.cli_support import (
+    ProgressDisplay,
+    check_output,
+    fail,
+    output_errors,
+    print_message,
+    print_output,
+)
 from fantoccini.base import Array, StandError, Times, replacing
 from fantoccini.stand import (
     ENDINGS,
@@ -52,17 +59,17 @@ _SAMPLE_RATE = 100.0
 def export(arguments: StandExportArguments) -> None:
     """Writes the set points of a run to a file."""
     check_output(arguments.out, ENDINGS, "OUT")
-    with Steps(arguments.quiet) as steps:
-        points = _points(arguments, arguments.stand, arguments.run, steps)
+    with ProgressDisplay(arguments.quiet) as display:
+        points = _points(arguments, arguments.stand, arguments.run, display)
         parts = {_path_of(arguments.out, name): part for name, part in points.parts.items()}
         for path, part in parts.items():
-            steps.step(f"writing {path}")
-            with writing(path):
+            display.stage(f"writing {path}")
+            with output_errors(path):
                 save_points(part, path)
     if not arguments.quiet:
         for path, part in parts.items():
             seconds = part.motion.t[-1]
-            write(f"{path}: {len(part)} set points of {len(part.axes)} axes, {seconds:g} s")
+            print_output(f"{path}: {len(part)} set points of {len(part.axes)} axes, {seconds:g} s")
 
 
 def _path_of(out: Path, name: str) -> Path:
@@ -72,8 +79,8 @@ def _path_of(out: Path, name: str) -> Path:
 
 def stream_run(arguments: StandStreamArguments) -> None:
     """Sends the set points of a run: G-code to a serial port, or packets over a network."""
-    with Steps(arguments.quiet) as steps:
-        points = _points(arguments, arguments.stand, arguments.run, steps)
+    with ProgressDisplay(arguments.quiet) as display:
+        points = _points(arguments, arguments.stand, arguments.run, display)
     controllers = [part.controller for part in points.parts.values()]
     if isinstance(controllers[0], Osc | ArtNet):
         send_packets(points, arguments)
@@ -109,10 +116,10 @@ def emulate(
             csv_text = _positions_csv(receiver.t[-1], receiver.positions, list(whole.axes))
     else:
         if listen is not None:
-            fail(f"applies to osc and artnet, and the controller is {types}", "--listen")
+            fail(f"applies to osc and artnet, but this stand has {types}", "--listen")
         csv_text = _emulate_lines(whole, rate or _RATE, quiet)
     if out is not None and csv_text:
-        with writing(out), replacing(out) as temporary:
+        with output_errors(out), replacing(out) as temporary:
             temporary.write_text(csv_text, encoding="utf-8")
 
 
@@ -137,7 +144,7 @@ def _serve(settings: Mapping[str, GrblSettings], quiet: bool) -> list[GrblMachin
     with contextlib.ExitStack() as stack:
         for name, (emulator, _) in zip(settings, emulators, strict=True):
             stack.enter_context(emulator)
-            write(f"{name}={emulator.port}" if name else emulator.port)
+            print_output(f"{name}={emulator.port}" if name else emulator.port)
         sys.stdout.flush()
         with contextlib.suppress(KeyboardInterrupt):
             while not all(ended.wait(0.1) for _, ended in emulators):
@@ -148,7 +155,7 @@ def _serve(settings: Mapping[str, GrblSettings], quiet: bool) -> list[GrblMachin
         emulator.machine.finish()
         if not quiet:
             before = f"{name}: " if name else ""
-            say(
+            print_message(
                 f"{before}{len(emulator.lines)} lines, {emulator.machine.time:.3f} s of motion, at "
                 f"most {emulator.max_buffered} characters in the buffer, {emulator.overrun} lost"
             )
@@ -161,7 +168,7 @@ def _emulator(name: str, settings: GrblSettings, quiet: bool) -> tuple[Emulator,
 
     def log_line(text: str, answer: str) -> None:
         if not quiet and answer != "ok":
-            say(f"{name}: {text}: {answer}" if name else f"{text}: {answer}")
+            print_message(f"{name}: {text}: {answer}" if name else f"{text}: {answer}")
         if text == "M2":
             ended.set()
 
@@ -171,14 +178,14 @@ def _emulator(name: str, settings: GrblSettings, quiet: bool) -> tuple[Emulator,
 def _listen(stand: Stand, controller: Osc | ArtNet, listen: str | None, quiet: bool) -> Receiver:
     """Emulates motors that packets control."""
     with Receiver(stand, controller, *(address_of(listen, "--listen") or ())) as receiver:
-        write("{}:{}".format(*receiver.address))
+        print_output("{}:{}".format(*receiver.address))
         sys.stdout.flush()
         with contextlib.suppress(KeyboardInterrupt):
             while not receiver.silent:
                 time.sleep(0.1)
     if not quiet:
         seconds = receiver.t[-1] if len(receiver) else 0.0
-        say(f"{len(receiver)} packets in {seconds:.3f} s, {receiver.wrong} wrong")
+        print_message(f"{len(receiver)} packets in {seconds:.3f} s, {receiver.wrong} wrong")
     return receiver
 
 
@@ -190,18 +197,20 @@ def _positions_csv(end: float, positions: Callable[[Times], Array], names: list[
     return "\n".join([*lines, ""])
 
 
-def _points(options: StandMotionOptions, stand: str, run: Path, steps: Steps) -> SetPoints:
+def _points(
+    options: StandMotionOptions, stand: str, run: Path, display: ProgressDisplay
+) -> SetPoints:
     loaded_stand = load_stand(stand)
-    marionette, trajectory = motion_of(run, options.puppet, steps)
+    marionette, trajectory = motion_of(run, options.puppet, display)
     if not (options.force or options.anyway):
-        steps.step("checking")
+        display.stage("checking")
         check = check_stand(loaded_stand, trajectory, marionette)
         if not check.ok:
             raise StandError(
                 f"{check.summary()}; `fantoccini stand check` lists remedies; --force exports the "
                 "run nevertheless"
             )
-    steps.step("computing set points")
+    display.stage("computing set points")
     return set_points(
         loaded_stand,
         trajectory,

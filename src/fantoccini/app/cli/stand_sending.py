@@ -16,7 +16,14 @@ import typer
 
 from fantoccini.app.cli.perform import target_address
 from fantoccini.app.cli.stand_arguments import StandStreamArguments
-from fantoccini.app.cli_support import FAILED, INTERRUPTED, Steps, fail, say, write
+from fantoccini.app.cli_support import (
+    FAILED,
+    INTERRUPTED,
+    ProgressDisplay,
+    fail,
+    print_message,
+    print_output,
+)
 from fantoccini.base import PacketError, StreamError
 from fantoccini.stand import (
     STOPPED,
@@ -48,12 +55,12 @@ _POLL_INTERVAL = 0.1
 def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
     """Sends G-code to the serial port of every controller, or prints it with ``--dry-run``."""
     _check_line_options(points, arguments)
-    with Steps(arguments.quiet) as steps:
-        steps.step("timing the moves")
+    with ProgressDisplay(arguments.quiet) as display:
+        display.stage("timing the moves")
         if arguments.from_time is not None:
             points = resumed_points(points, arguments.from_time)
-        parts = points.parts
-        programs = {name: gcode_program(part) for name, part in parts.items()}
+        by_controller = points.parts
+        programs = {name: gcode_program(part) for name, part in by_controller.items()}
     lines = {name: lines_of(program.text) for name, program in programs.items()}
     if arguments.from_line is not None:
         (text,) = (program.text for program in programs.values())
@@ -61,39 +68,41 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
     if arguments.dry_run:
         for name, program_lines in lines.items():
             for line in program_lines:
-                write(f"{name}: {line.text}" if name else line.text)
+                print_output(f"{name}: {line.text}" if name else line.text)
         return
-    ports = _ports(parts, arguments.port or [])
-    counts = {name: Streamed() for name in parts}
+    ports = _ports(by_controller, arguments.port or [])
+    counts = {name: Streamed() for name in by_controller}
     try:
         with contextlib.ExitStack() as stack:
             hold = stack.enter_context(_hold_on_interrupt())
             channels = []
-            for name, part in parts.items():
+            for name, part in by_controller.items():
                 controller = part.controller
                 port = serial_port(ports[name], arguments.baud or controller.baud)
-                counting = isinstance(controller, Grbl)
+                counts_characters = isinstance(controller, Grbl)
                 channels.append(
                     Channel(
                         stack.enter_context(port),
                         lines[name],
-                        controller.buffer if counting else 4096,
-                        counting,
+                        controller.buffer if counts_characters else 4096,
+                        counts_characters,
                         name=name,
                         start=programs[name].first_line if name else None,
                         counts=counts[name],
                     )
                 )
-            stream_together(channels, hold=hold, should_resume=lambda: _ask(_lines_text(counts)))
+            stream_together(
+                channels, hold=hold, should_resume=lambda: _ask_to_continue(_lines_text(counts))
+            )
     except StreamError as error:
-        say(f"fantoccini: {error}")
-        _say_how_to_continue(parts, programs, counts)
+        print_message(f"fantoccini: {error}")
+        _print_how_to_continue(by_controller, programs, counts)
         raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
     if not arguments.quiet:
         for name, count in counts.items():
-            before = f"{name}: " if name else ""
-            write(
-                f"{before}{count.acknowledged} lines; "
+            prefix = f"{name}: " if name else ""
+            print_output(
+                f"{prefix}{count.acknowledged} lines; "
                 f"up to {count.max_unanswered} characters in transit"
             )
 
@@ -101,23 +110,23 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
 def _check_line_options(points: SetPoints, arguments: StandStreamArguments) -> None:
     """Raises a usage error for options that do not apply to the controllers."""
     kinds = ", ".join(part.controller.type for part in points.parts.values())
-    several = "" not in points.parts
+    are_several = "" not in points.parts
     if arguments.to is not None:
-        fail(f"applies to osc and artnet, and the controller is {kinds}", "--to")
-    if arguments.from_time is not None and not several:
-        text = f"applies to osc and artnet and to several controllers, here it is {kinds}"
+        fail(f"applies to osc and artnet, but this stand has {kinds}", "--to")
+    if arguments.from_time is not None and not are_several:
+        text = f"applies to osc, artnet or several controllers, but this stand has one, {kinds}"
         fail(f"{text}; needed: --from-line N", "--from-time")
-    if arguments.from_line is not None and several:
-        text = "applies to one controller; several continue together"
+    if arguments.from_line is not None and are_several:
+        text = "applies to stands with one controller; several continue at a common time"
         fail(f"{text}; needed: --from-time S", "--from-line")
 
 
 def _ports(parts: Mapping[str, SetPoints], given: list[str]) -> dict[str, str]:
     """Name of a controller -> its serial port: as given, otherwise that of the stand's file."""
     ports = {name: part.controller.port for name, part in parts.items()}
-    several = "" not in parts
+    are_several = "" not in parts
     for text in given:
-        name, _, port = text.partition("=") if several else ("", "", text)
+        name, _, port = text.partition("=") if are_several else ("", "", text)
         if name not in ports or not port:
             names = ", ".join(ports)
             fail(f"found {text!r}; needed: NAME=PORT, NAME one of {names}", "--port")
@@ -126,9 +135,9 @@ def _ports(parts: Mapping[str, SetPoints], given: list[str]) -> dict[str, str]:
         if port is None:
             text = f"the controller {name}" if name else "the stand's controller"
             fail(f"{text} names no port; needed: --port {f'{name}=' if name else ''}PORT", "--port")
-    for name, port in ports.items():
+    for port in ports.values():
         if list(ports.values()).count(port) > 1:
-            fail(f"found {port} twice, also for {name}; needed: a port of its own", "--port")
+            fail(f"found {port!r} for several controllers; needed: one port each", "--port")
     return ports
 
 
@@ -141,27 +150,27 @@ def _lines_text(counts: Mapping[str, Streamed]) -> str:
     return " and ".join(texts)
 
 
-def _say_how_to_continue(
+def _print_how_to_continue(
     parts: Mapping[str, SetPoints], programs: Mapping[str, Program], counts: Mapping[str, Streamed]
 ) -> None:
-    """Says from which line, or with several controllers from which time, a stream can continue."""
+    """Prints the line, or with several controllers the time, from which a stream can continue."""
     if not any(count.last_line for count in counts.values()):
         return
-    lost = {
+    first_lost_line = {
         name: first_lost(programs[name].text, count.last_line, parts[name].controller.planner)
         for name, count in counts.items()
     }
-    if "" in lost:
-        say(
+    if "" in first_lost_line:
+        print_message(
             f"the controller accepted all lines up to {counts[''].last_line}, and may have dropped "
             "lines in its buffer; if it still knows its position, continue with --from-line "
-            f"{lost['']}"
+            f"{first_lost_line['']}"
         )
         return
-    t = min(programs[name].time_of(line) for name, line in lost.items())
+    t = min(programs[name].time_of(line) for name, line in first_lost_line.items())
     if t > 0.0:
         # Rounded down, so that no move is skipped.
-        say(
+        print_message(
             f"the controllers accepted all lines up to {_lines_text(counts)}, and may have dropped "
             "lines in their buffers; if they still know their positions, continue with "
             f"--from-time {np.floor(1e3 * t) / 1e3:.3f}"
@@ -179,17 +188,17 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
         if value is not None:
             fail(f"applies to G-code, and the controller is {controller.type}", option)
     host, port = target_address(arguments.to, "--to") or (controller.host, controller.port)
-    first, motion = arguments.from_time or 0.0, points.whole()
-    check_first(first, float(motion.t[-1]))
+    start, motion = arguments.from_time or 0.0, points.whole()
+    check_first(start, float(motion.t[-1]))
     if arguments.dry_run:
         packets = packets_of(points.map.stand, controller, points.rate)
         for t, position in zip(motion.t, motion.position, strict=True):
-            if t >= first:
-                write(f"{t:.4f} {packets.describe(position)}")
+            if t >= start:
+                print_output(f"{t:.4f} {packets.describe(position)}")
         return
-    if first and not arguments.quiet:
-        say(
-            f"the first packet moves the axes to their positions at t = {first:g} s immediately; "
+    if start and not arguments.quiet:
+        print_message(
+            f"the first packet moves the axes to their positions at t = {start:g} s immediately; "
             "they must already be there"
         )
     broadcast = isinstance(controller, ArtNet) and controller.broadcast
@@ -199,22 +208,24 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
             send_points(
                 points,
                 send,
-                first=first,
+                first=start,
                 hold=hold,
                 counts=counts,
-                should_resume=lambda sent: _ask(f"t = {sent.t:.3f} s", sent.lost),
+                should_resume=lambda sent: _ask_to_continue(
+                    f"t = {sent.t:.3f} s", sent.connection_lost
+                ),
             )
     except PacketError as error:
-        say(f"fantoccini: {error}")
+        print_message(f"fantoccini: {error}")
         if counts.t > 0.0:
             # Rounded down, so that no set point is skipped.
-            say(
+            print_message(
                 f"if the axes have not moved since, continue with --from-time "
                 f"{np.floor(1e3 * error.t) / 1e3:.3f}"
             )
         raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
     if not arguments.quiet:
-        write(
+        print_output(
             f"{counts.sent} packets to {host}:{port}, {counts.dropped} set points left out; "
             f"at most {1e3 * counts.max_delay:.2f} ms late"
         )
@@ -231,12 +242,12 @@ def _hold_on_interrupt() -> Iterator[threading.Event]:
         signal.signal(signal.SIGINT, previous_handler)
 
 
-def _ask(where: str, lost: threading.Event | None = None) -> bool:
-    """Asks whether to continue a paused motion; no once the event is set."""
-    say(f"paused at {where}; Enter continues, Ctrl-C stops")
+def _ask_to_continue(where: str, connection_lost: threading.Event | None = None) -> bool:
+    """Asks whether to continue a paused motion; no as soon as ``connection_lost`` is set."""
+    print_message(f"paused at {where}; Enter continues, Ctrl-C stops")
     previous_handler = signal.signal(signal.SIGINT, _interrupt)
     try:
-        return _wait_for_enter(lost or threading.Event())
+        return _wait_for_enter(connection_lost or threading.Event())
     except KeyboardInterrupt:
         return False
     finally:

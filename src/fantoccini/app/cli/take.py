@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from fantoccini.app.cli_support import Steps, check_output, fail, say, table, write, writing
+from fantoccini.app.cli_support import (
+    ProgressDisplay,
+    check_output,
+    fail,
+    output_errors,
+    print_message,
+    print_output,
+    print_table,
+)
 from fantoccini.base import StateError
 from fantoccini.theatre.perform import Recording
 
@@ -35,8 +43,8 @@ def edit_take(
         fail("needed: a file for the edited recording", "--out")
     if out is not None:
         check_output(out, (".npz",), "--out")
-    with Steps(quiet) as steps:
-        steps.step(f"reading {file}")
+    with ProgressDisplay(quiet) as display:
+        display.stage(f"reading {file}")
         take = Recording.load(file)
         if trim is not None:
             take = _edited(
@@ -51,13 +59,13 @@ def edit_take(
         if loop is not None:
             take = _edited(take, "--loop", lambda recording: recording.looped(loop))
         if out is not None:
-            steps.step("simulating it again")
+            display.stage("simulating it again")
             take = take.with_output()
-            with writing(out):
+            with output_errors(out):
                 take.save(out)
     run = take.trajectory
     if not quiet:
-        table(
+        print_table(
             "Recording",
             ("", ">"),
             [
@@ -71,9 +79,11 @@ def edit_take(
         )
     if out is not None:
         if run.t[-1] < take.start.t + take.duration - 0.5 * take.tick:
-            say(f"fantoccini: the recording ends after {run.duration:g} s: {run.status.message}")
+            print_message(
+                f"fantoccini: the recording ends after {run.duration:g} s: {run.status.message}"
+            )
         if not quiet:
-            write(out)
+            print_output(out)
 
 
 def _edited(take: Recording, option: str, edit: Callable[[Recording], Recording]) -> Recording:

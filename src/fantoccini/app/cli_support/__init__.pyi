@@ -16,21 +16,21 @@ from .error_handling import (
     CommandGroup as CommandGroup,
 )
 from .files import (
-    PICTURES as PICTURES,
+    PICTURE_SUFFIXES as PICTURE_SUFFIXES,
     OutputError as OutputError,
     check_folder as check_folder,
     check_new_folder as check_new_folder,
     check_output as check_output,
     fail as fail,
-    marionette as marionette,
+    load_marionette as load_marionette,
+    output_errors as output_errors,
     puppet_path as puppet_path,
-    writing as writing,
 )
 from .identify_arguments import IdentifyArguments as IdentifyArguments
 from .motions import (
-    Motion as Motion,
+    FileMotion as FileMotion,
     film_options as film_options,
-    motion as motion,
+    load_motion as load_motion,
     report_lateness as report_lateness,
     report_score as report_score,
     score_lines as score_lines,
@@ -45,7 +45,7 @@ from .options import (
     positive as positive,
     resolve_bundled as resolve_bundled,
 )
-from .output_options import OutputOptions as OutputOptions, check_part as check_part
+from .output_options import OutputOptions as OutputOptions, check_time_range as check_time_range
 from .outputs import (
     check_bodies as check_bodies,
     check_captions as check_captions,
@@ -61,21 +61,21 @@ from .page_arguments import (
 from .plausibility import (
     inputs_warnings as inputs_warnings,
     puppet_warnings as puppet_warnings,
-    warn as warn,
+    warn_implausible as warn_implausible,
 )
 from .recording import (
     load_recording as load_recording,
     recorded_start as recorded_start,
     with_recorded_winches as with_recorded_winches,
 )
-from .reporting import report as report
+from .reporting import report_run as report_run
 from .start import read_values as read_values, start_state as start_state
 from .terminal import (
-    Steps as Steps,
+    ProgressDisplay as ProgressDisplay,
     number as number,
-    say as say,
-    table as table,
+    print_message as print_message,
+    print_output as print_output,
+    print_table as print_table,
     version as version,
     width as width,
-    write as write,
 )

@@ -13,7 +13,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from fantoccini.app.cli_support.terminal import say
+from fantoccini.app.cli_support.terminal import print_message
 from fantoccini.base import (
     FantocciniError,
     FileError,
@@ -50,26 +50,26 @@ def errors_as_messages() -> Iterator[None]:
         yield
     except FileError as error:
         for problem in error.mistakes:
-            say(str(problem))
+            print_message(str(problem))
         raise typer.Exit(MISTAKE) from None
     except (StateError, UnknownNameError) as error:
-        say(f"fantoccini: {error}")
+        print_message(f"fantoccini: {error}")
         raise typer.Exit(MISTAKE) from None
     except SimulationError as error:
-        say(f"fantoccini: {error}")
+        print_message(f"fantoccini: {error}")
         stopped = error.status is Status.STOPPED
         raise typer.Exit(INTERRUPTED if stopped else FAILED) from None
     except FantocciniError as error:
-        say(f"fantoccini: {error}")
+        print_message(f"fantoccini: {error}")
         raise typer.Exit(FAILED) from None
     except KeyboardInterrupt:
-        say("stopped")
+        print_message("stopped")
         raise typer.Exit(INTERRUPTED) from None
     except OSError as error:
         if isinstance(error, BrokenPipeError):
             raise  # typer exits silently
         name = f"{error.filename}: " if error.filename else ""
-        say(f"fantoccini: {name}{error.strerror or error}")
+        print_message(f"fantoccini: {name}{error.strerror or error}")
         raise typer.Exit(FAILED) from None
     except Exception as error:
         # Usage errors and exits of typer carry their exit code.
@@ -78,7 +78,7 @@ def errors_as_messages() -> Iterator[None]:
         if os.environ.get(_TRACEBACK):
             raise
         last = traceback.extract_tb(error.__traceback__)[-1]
-        say(
+        print_message(
             f"fantoccini: internal error: {type(error).__name__}: {error} "
             f"({Path(last.filename).name}, line {last.lineno}); {_TRACEBACK}=1 shows the traceback"
         )
@@ -88,5 +88,5 @@ def errors_as_messages() -> Iterator[None]:
 @contextlib.contextmanager
 def _warnings_as_messages() -> Iterator[None]:
     with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_, **__: say(f"warning: {message}")
+        warnings.showwarning = lambda message, *_, **__: print_message(f"warning: {message}")
         yield

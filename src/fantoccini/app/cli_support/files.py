@@ -1,4 +1,4 @@
-"""Files named on the command line: looked up before reading, checked before writing."""
+"""Checks of the files named on the command line, before they are read or written."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import NoReturn
 
 import typer
 
-from fantoccini.app.cli_support.terminal import plain
+from fantoccini.app.cli_support.terminal import printable
 from fantoccini.base import FantocciniError, InputError, Mistake, OnProgress, PuppetError, nearest
 from fantoccini.dynamics.marionette import Marionette, StringModel, load
 from fantoccini.model.puppet import bundled_files
 from fantoccini.output.animation import ENDINGS
 
-NUMBERS = (".npz", ".csv")
-PICTURES = (".png", ".svg", ".pdf")
-FILMS = (".mp4", ".gif")
-CAPTIONS = (".srt",)
-ANIMATIONS = tuple(ending for ending in ENDINGS if ending not in NUMBERS)
+DATA_SUFFIXES = (".npz", ".csv")
+PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
+FILM_SUFFIXES = (".mp4", ".gif")
+CAPTION_SUFFIXES = (".srt",)
+ANIMATION_SUFFIXES = tuple(suffix for suffix in ENDINGS if suffix not in DATA_SUFFIXES)
 
 
 class OutputError(FantocciniError):
@@ -28,8 +28,8 @@ class OutputError(FantocciniError):
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Context that turns an OSError into an OutputError with the path."""
+def output_errors(path: Path) -> Iterator[None]:
+    """Context in which an OSError becomes an OutputError with the path."""
     try:
         yield
     except OSError as error:
@@ -40,7 +40,7 @@ def puppet_path(name: str) -> Path:
     """Path of a FILE argument: a path, or the name of a bundled puppet or scene.
 
     Raises:
-        PuppetError: there is no such file or name, or the file is a motion.
+        PuppetError: there is no such file or name, or the file is a saved motion (.npz).
     """
     path = Path(name)
     try:
@@ -63,7 +63,7 @@ def puppet_path(name: str) -> Path:
 
 
 def inputs_path(path: Path) -> Path:
-    """Path of an ``--inputs`` option: a path, or the name of a bundled performance.
+    """Path of an ``--inputs`` option: a path, or the name of a bundled performance's inputs.
 
     Raises:
         InputError: there is no such file or name.
@@ -82,25 +82,25 @@ def inputs_path(path: Path) -> Path:
     raise InputError([Mistake(name, None, "", message)])
 
 
-def marionette(
+def load_marionette(
     name: str, progress: OnProgress | None = None, string_model: StringModel = "constraint"
 ) -> Marionette:
-    """Marionette of a FILE argument."""
+    """Compiled puppet of a FILE argument, which takes a file or a bundled name."""
     return load(puppet_path(name), progress, string_model=string_model)
 
 
-def check_output(path: Path, endings: Iterable[str], option: str) -> None:
+def check_output(path: Path, suffixes: Iterable[str], option: str) -> None:
     """Raises a usage error if no file can be written to a path.
 
     Args:
         path: path of the file.
-        endings: supported endings.
-        option: option with the path, for the message.
+        suffixes: supported suffixes.
+        option: name of the option that gave the path, for the message.
     """
-    endings = tuple(endings)
-    if path.suffix.lower() not in endings:
+    suffixes = tuple(suffixes)
+    if path.suffix.lower() not in suffixes:
         problem = f"ends in {path.suffix!r}" if path.suffix else "has no ending"
-        fail(f"{path} {problem}; allowed: {', '.join(endings)}", option)
+        fail(f"{path} {problem}; allowed: {', '.join(suffixes)}", option)
     check_folder(path.parent, option)
     try:
         if path.is_dir():
@@ -121,7 +121,7 @@ def check_folder(folder: Path, option: str) -> None:
 
 
 def check_new_folder(folder: Path, option: str) -> None:
-    """Raises a usage error if a folder cannot be written, nor created with its parents."""
+    """Raises a usage error unless files can be written into a folder, or it can be created."""
     try:
         if folder.exists() and not folder.is_dir():
             fail(f"{folder} is a file, not a folder", option)
@@ -134,5 +134,5 @@ def check_new_folder(folder: Path, option: str) -> None:
 
 
 def fail(message: str, option: str) -> NoReturn:
-    """Raises a usage error: exit code 2."""
-    raise typer.BadParameter(plain(message), param_hint=option)
+    """Raises a usage error about an option: exit code 2."""
+    raise typer.BadParameter(printable(message), param_hint=option)

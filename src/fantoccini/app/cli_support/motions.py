@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fantoccini.app.cli_support.terminal import say, table, write
+from fantoccini.app.cli_support.terminal import print_message, print_output, print_table
 from fantoccini.base import Mistake
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input
@@ -16,7 +16,7 @@ from fantoccini.theatre.script import is_score
 
 
 @dataclass(frozen=True)
-class Motion:
+class FileMotion:
     """Motion from a file.
 
     Attributes:
@@ -39,15 +39,15 @@ class Motion:
         """Captions and sounds, as arguments of :func:`fantoccini.output.film`."""
         return {} if self.score is None else film_options(self.score)
 
-    def rehearsed(self) -> Motion:
+    def rehearsed(self) -> FileMotion:
         """The motion, rehearsed until the limbs are on the beat."""
         if self.score is None:
             return self
         rehearsal = rehearse(self.score)
-        return Motion(rehearsal.inputs, self.score, rehearsal)
+        return FileMotion(rehearsal.inputs, self.score, rehearsal)
 
 
-def motion(marionette: Marionette, path: Path) -> Motion:
+def load_motion(marionette: Marionette, path: Path) -> FileMotion:
     """Reads the inputs of a file.
 
     Raises:
@@ -55,8 +55,8 @@ def motion(marionette: Marionette, path: Path) -> Motion:
     """
     if is_score(path):
         score = load_score(marionette, path)
-        return Motion(score.inputs(marionette.rest()), score)
-    return Motion(Input.load(marionette, path))
+        return FileMotion(score.inputs(marionette.rest()), score)
+    return FileMotion(Input.load(marionette, path))
 
 
 def film_options(score: Score) -> dict[str, Any]:
@@ -82,14 +82,14 @@ def score_lines(score: Score) -> list[str]:
 def report_score(score: Score, out: Sequence[Path]) -> None:
     """Prints waits, sounds and captions of a score, and whether an output is silent."""
     for line in score_lines(score):
-        write(line)
+        print_output(line)
     if score.sounds and any(path.suffix.lower() == ".gif" for path in out):
-        say("a .gif is silent; an .mp4 has the score's sound")
+        print_message("a .gif is silent; an .mp4 has the score's sound")
 
 
 def report_lateness(rehearsal: Rehearsal) -> None:
     """Prints the delays of limbs at their marks, as written and as rehearsed."""
-    table(
+    print_table(
         f"Delays at the marks, after {rehearsal.rounds} rounds [ms]",
         ("lane", "gesture", "mark", "string", "at [s]>", "as written>", "rehearsed>"),
         [

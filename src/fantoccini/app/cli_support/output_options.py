@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fantoccini.app.cli_support.files import FILMS, PICTURES, OutputError, fail
+from fantoccini.app.cli_support.files import FILM_SUFFIXES, PICTURE_SUFFIXES, OutputError, fail
 from fantoccini.app.cli_support.options import Focus, Look, Theme
 from fantoccini.base import ARRIVED
 from fantoccini.output.animation import ENDINGS
@@ -93,7 +93,7 @@ class OutputOptions:
         Raises:
             BadParameter: the times are not numbers, or not in order.
         """
-        check_part(begin, end)
+        check_time_range(begin, end)
         return replace(self, begin=begin, end=end)
 
     def part(self, run: Trajectory) -> Trajectory:
@@ -113,15 +113,15 @@ class OutputOptions:
                 raise OutputError(
                     f"nothing is written from {begin:g} s on: the run stopped at {last:g} s"
                 )
-        check_part(begin, end, first, last)
+        check_time_range(begin, end, first, last)
         begin, end = (first if begin is None else begin), (last if end is None else end)
         return run.between(max(begin, first), min(end, last))
 
     def check(self, out: Sequence[Path], plot: Path | None = None) -> None:
         """Raises a usage error if an option applies to none of the output files."""
-        endings = {path.suffix.lower() for path in out}
-        film, strip = bool(endings & {*FILMS}), bool(endings & {*PICTURES})
-        moving = bool(endings & {*ENDINGS})
+        suffixes = {path.suffix.lower() for path in out}
+        film, strip = bool(suffixes & {*FILM_SUFFIXES}), bool(suffixes & {*PICTURE_SUFFIXES})
+        animation = bool(suffixes & {*ENDINGS})
         for option, value, applies, outputs in (
             ("--view", self.view, film or strip, "a strip or a film"),
             ("--focus", self.focus, film or strip, "a strip or a film"),
@@ -129,9 +129,9 @@ class OutputOptions:
             ("--look", self.look, film or strip, "a strip or a film"),
             ("--captions", self.captions, film, "a film"),
             ("--size", self.size, film or strip, "a strip or a film"),
-            ("--fps", self.fps, film or moving, "a film, an animation or a table (.csv)"),
+            ("--fps", self.fps, film or animation, "a film, an animation or a table (.csv)"),
             ("--forces", self.forces, film or strip, "a strip or a film"),
-            ("--bodies", self.bodies, moving, "an animation or a table (.csv)"),
+            ("--bodies", self.bodies, animation, "an animation or a table (.csv)"),
             ("--from", self.begin, bool(out), "the files of --out"),
             ("--to", self.end, bool(out), "the files of --out"),
         ):
@@ -151,7 +151,7 @@ class OutputOptions:
         return {name: value for name, value in values.items() if value is not None}
 
 
-def check_part(
+def check_time_range(
     begin: float | None, end: float | None, first: float = -math.inf, last: float = math.inf
 ) -> None:
     """Raises a usage error if ``--from`` and ``--to`` are not times of a motion, in order.

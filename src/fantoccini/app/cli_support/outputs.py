@@ -1,4 +1,4 @@
-"""Output files of a run, with formats by ending. A file appears only when it is complete."""
+"""Output files of a run; the suffix selects the format. A file appears only when it is complete."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from fantoccini.app.cli_support.files import (
-    ANIMATIONS,
-    CAPTIONS,
-    FILMS,
-    NUMBERS,
-    PICTURES,
+    ANIMATION_SUFFIXES,
+    CAPTION_SUFFIXES,
+    DATA_SUFFIXES,
+    FILM_SUFFIXES,
+    PICTURE_SUFFIXES,
     OutputError,
     check_output,
     fail,
-    writing,
+    output_errors,
 )
 from fantoccini.app.cli_support.output_options import OutputOptions
-from fantoccini.app.cli_support.terminal import Steps, say
+from fantoccini.app.cli_support.terminal import ProgressDisplay, print_message
 from fantoccini.base import FantocciniError, FileError, StateError, UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
@@ -37,18 +37,18 @@ def check_outputs(
     """Raises a usage error if a file cannot be written; called before long computations.
 
     Args:
-        out: numbers, strips, films and animations.
-        plot: plot against time.
-        option: option with ``out``, for the message.
+        out: files of numbers, strips, films and animations.
+        plot: file of a plot against time.
+        option: name of the option that gave ``out``, for the message.
         captions: whether the command can write captions, too.
     """
-    endings = (*NUMBERS, *PICTURES, *FILMS, *ANIMATIONS, *(CAPTIONS if captions else ()))
+    suffixes = (*DATA_SUFFIXES, *PICTURE_SUFFIXES, *FILM_SUFFIXES, *ANIMATION_SUFFIXES)
     for path in out:
-        check_output(path, endings, option)
+        check_output(path, (*suffixes, *CAPTION_SUFFIXES) if captions else suffixes, option)
         if path.suffix.lower() in ENDINGS:
             format_of(path, None)
     if plot is not None:
-        check_output(plot, PICTURES, "--plot")
+        check_output(plot, PICTURE_SUFFIXES, "--plot")
     paths = [*out, *([plot] if plot else [])]
     for path in paths:
         if [p.absolute() for p in paths].count(path.absolute()) > 1:
@@ -58,14 +58,14 @@ def check_outputs(
 def check_captions(out: Sequence[Path], captions: Sequence[Caption]) -> None:
     """Raises a usage error if a caption file is requested for a run without captions."""
     for path in out:
-        if path.suffix.lower() in CAPTIONS and not captions:
+        if path.suffix.lower() in CAPTION_SUFFIXES and not captions:
             fail(f"{path}: there are no captions; scores and plays can have some", "--out")
 
 
 def check_extras(picture: Path | None, save: Path | None) -> None:
     """Raises a usage error if the files of ``--picture`` and ``--save`` cannot be written."""
     if picture is not None:
-        check_output(picture, PICTURES, "--picture")
+        check_output(picture, PICTURE_SUFFIXES, "--picture")
     if save is not None:
         check_output(save, (".npz",), "--save")
 
@@ -83,7 +83,7 @@ def write_outputs(
     run: Trajectory,
     out: Sequence[Path],
     plot: Path | None,
-    steps: Steps,
+    display: ProgressDisplay,
     poses: str | Sequence[float] = "poses",
     output_options: OutputOptions | None = None,
     films: Mapping[str, Any] | None = None,
@@ -94,9 +94,9 @@ def write_outputs(
     Args:
         marionette: the puppet.
         run: its motion.
-        out: numbers, strips, films and animations.
-        plot: plot against time, of the whole motion.
-        steps: progress report.
+        out: files of numbers, strips, films and animations.
+        plot: file of a plot of the whole motion against time.
+        display: progress display.
         poses: times of a strip's poses; see :func:`fantoccini.output.strip`.
         output_options: options of the files.
         films: captions, sounds and shots, as arguments of :func:`fantoccini.output.film`. A film
@@ -118,22 +118,22 @@ def write_outputs(
     except OutputError as error:
         reasons.append(str(error))
         out = ()
-    subtitled = {path.with_suffix("") for path in out if path.suffix.lower() in CAPTIONS}
+    subtitled = {path.with_suffix("") for path in out if path.suffix.lower() in CAPTION_SUFFIXES}
     for path in (*out, *([] if plot is None else [plot])):
         try:
-            with writing(path):
+            with output_errors(path):
                 if path is plot:
-                    _plot(whole_run, path, steps, output_options)
+                    _plot(whole_run, path, display, output_options)
                 else:
                     film_options = dict(films or {})
                     # Players read a file of captions beside a film.
-                    if path.suffix.lower() in FILMS and (
+                    if path.suffix.lower() in FILM_SUFFIXES and (
                         not output_options.shows_captions
                         or (path.suffix.lower() == ".mp4" and path.with_suffix("") in subtitled)
                     ):
                         film_options.pop("captions", None)
                     _write(
-                        marionette, run, path, steps, poses, output_options, film_options, guides
+                        marionette, run, path, display, poses, output_options, film_options, guides
                     )
         except (FileError, StateError, UnknownNameError) as error:
             mistakes.append(error)  # in the arguments; the other files are written first
@@ -145,10 +145,12 @@ def write_outputs(
         raise OutputError("\n".join([*reasons, *map(str, mistakes)]))
 
 
-def _plot(run: Trajectory, path: Path, steps: Steps, output_options: OutputOptions) -> None:
+def _plot(
+    run: Trajectory, path: Path, display: ProgressDisplay, output_options: OutputOptions
+) -> None:
     from fantoccini.output import view
 
-    steps.step(f"drawing {path}")
+    display.stage(f"drawing {path}")
     view.plot(run, path, **output_options.nondefault("theme"))
 
 
@@ -156,41 +158,41 @@ def _write(
     marionette: Marionette,
     run: Trajectory,
     path: Path,
-    steps: Steps,
+    display: ProgressDisplay,
     poses: str | Sequence[float],
     output_options: OutputOptions,
     films: Mapping[str, Any],
     guides: Guides | None,
 ) -> None:
-    ending = path.suffix.lower()
-    if ending == ".npz":
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
         run.save(path)
-    elif ending in ENDINGS:
+    elif suffix in ENDINGS:
         from fantoccini.output.animation import export
 
-        steps.step(f"writing {path}")
+        display.stage(f"writing {path}")
         export(run, path, marionette=marionette, **output_options.nondefault("fps", "bodies"))
-    elif ending in CAPTIONS:
+    elif suffix in CAPTION_SUFFIXES:
         from fantoccini.output import view
 
         view.save_captions(films["captions"], path, float(run.t[0]), float(run.t[-1]))
-    elif ending in PICTURES:
+    elif suffix in PICTURE_SUFFIXES:
         from fantoccini.output import view
 
-        steps.step(f"drawing {path}")
+        display.stage(f"drawing {path}")
         options = output_options.nondefault("view", "focus", "theme", "size", "forces", "look")
         view.strip(marionette, run, path, times=poses, guides=guides, **options)
     else:
         from fantoccini.output import view
         from fantoccini.output.view import MAX_GIF_FPS
 
-        if ending == ".gif" and (output_options.fps or 0.0) > MAX_GIF_FPS:
-            say(f"{path}: has {MAX_GIF_FPS:g} frames per second, the limit of browsers")
+        if suffix == ".gif" and (output_options.fps or 0.0) > MAX_GIF_FPS:
+            print_message(f"{path}: has {MAX_GIF_FPS:g} frames per second, the limit of browsers")
         view.film(
             marionette,
             run,
             path,
-            progress=steps.bar(f"rendering {path}"),
+            progress=display.bar(f"rendering {path}"),
             **output_options.nondefault("view", "focus", "theme", "size", "fps", "forces", "look"),
             guides=guides,
             **films,

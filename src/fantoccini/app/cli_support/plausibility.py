@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from fantoccini.app.cli_support.terminal import say
+from fantoccini.app.cli_support.terminal import print_message
 from fantoccini.base import Mistake
 from fantoccini.base.documents import Finding, Located, key_path, read_file
 from fantoccini.dynamics.equilibrium import input_warnings, warnings
@@ -59,7 +59,7 @@ def inputs_warnings(marionette: Marionette, inputs: Input, path: Path) -> list[M
     return _sorted_warnings(mistakes, str(path))
 
 
-def warn(
+def warn_implausible(
     marionette: Marionette, file: str, inputs: Input | None = None, path: Path | None = None
 ) -> None:
     """Prints the number of warnings and the command that lists them."""
@@ -68,7 +68,7 @@ def warn(
         n_warnings += len(input_warnings(marionette, inputs))
         command += f" --inputs {path}"
     if n_warnings:
-        say(f"{n_warnings} warning{'s' * (n_warnings > 1)}: {command}")
+        print_message(f"{n_warnings} warning{'s' * (n_warnings > 1)}: {command}")
 
 
 def _waypoint(marionette: Marionette, data: Any, name: str, t: float) -> tuple[str | int, ...]:

@@ -1,10 +1,10 @@
-"""Recorded performance as inputs: motion of its hands, its winches and its start."""
+"""Recorded performances as ``--inputs``: the motion of the hands, the winches and the start."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from fantoccini.app.cli_support.terminal import number, say
+from fantoccini.app.cli_support.terminal import number, print_message
 from fantoccini.base import npz
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import RECORDING_FORMATS, State
@@ -26,13 +26,13 @@ def with_recorded_winches(marionette: Marionette, recording: Recording, quiet: b
     """The puppet with the winches of a recording, if it has the same strings.
 
     Args:
-        marionette: the puppet of FILE, with the driven coordinates of the recording.
+        marionette: the puppet of FILE; it has the driven coordinates of the recording.
         recording: the performance.
-        quiet: do not report differences between the puppets.
+        quiet: whether not to print the differences between the puppets.
     """
     if not quiet:
         for line in _differences(marionette, recording.marionette):
-            say(f"the recording is of another puppet: {line}")
+            print_message(f"the puppet of the recording differs from FILE: {line}")
     names = [[s.name for s in m.tree.strings] for m in (recording.marionette, marionette)]
     if names[0] != names[1]:
         return marionette
@@ -40,7 +40,7 @@ def with_recorded_winches(marionette: Marionette, recording: Recording, quiet: b
 
 
 def recorded_start(marionette: Marionette, recording: Recording) -> State | None:
-    """Start state of a recording; None if the puppet has other dynamic coordinates or rows."""
+    """Start state of a recording; None if the puppet has other dynamic coordinates or strings."""
     x, recorded = recording.start, recording.marionette
     if recorded.coordinates.q_D != marionette.coordinates.q_D:
         return None
@@ -50,18 +50,18 @@ def recorded_start(marionette: Marionette, recording: Recording) -> State | None
 
 
 def _differences(marionette: Marionette, recorded: Marionette) -> list[str]:
-    """Sentences about the differences between a puppet and the recorded one."""
+    """Differences between a puppet and the recorded one, as clauses."""
     if marionette.coordinates.q_D != recorded.coordinates.q_D:
         return ["FILE has other dynamic coordinates, so it starts at rest"]
     new, old = (
         dict(zip(m.tree.parameters, m.p.tolist(), strict=True)) for m in (marionette, recorded)
     )
-    sentences = [
+    clauses = [
         f"{name} was {number(value)} and is {number(new[name])} in FILE"
         for name, value in old.items()
         if name in new and new[name] != value
     ]
     texts = [m.puppet.to_yaml() for m in (marionette, recorded)]
     if texts[0] != texts[1]:
-        sentences.append("its file differs from FILE; the recorded hands move the puppet of FILE")
-    return sentences
+        clauses.append("the file has changed since; the recorded hands move the puppet of FILE")
+    return clauses

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from fantoccini.app.cli_support.terminal import number, table, write
+from fantoccini.app.cli_support.terminal import number, print_output, print_table
 from fantoccini.motion import EventKind, Trajectory
 
 _MAX_NAMED = 16
@@ -15,7 +15,7 @@ _MIN_ROTOR_TRAVEL = 1.0
 """Travel of a rotor without control above which it is reported [m or rad]."""
 
 
-def report(run: Trajectory, seconds: float) -> None:
+def report_run(run: Trajectory, seconds: float) -> None:
     """Prints the summary of a run that took ``seconds`` to compute."""
     n_catches = Counter(e.name for e in run.events if e.kind is EventKind.CATCH)
     n_releases = Counter(e.name for e in run.events if e.kind is EventKind.RELEASE)
@@ -23,7 +23,7 @@ def report(run: Trajectory, seconds: float) -> None:
     for event in run.events:
         if event.kind is EventKind.CATCH:
             largest_impulse[event.name] = max(largest_impulse.get(event.name, 0.0), event.impulse)
-    table(
+    print_table(
         "Strings",
         (
             "name",
@@ -47,7 +47,7 @@ def report(run: Trajectory, seconds: float) -> None:
             for name, tension in run.tension.items()
         ],
     )
-    table(
+    print_table(
         "Energy [J]",
         tuple(f"{name}>" for name in ("", *run.ledger.names)),
         [
@@ -57,20 +57,20 @@ def report(run: Trajectory, seconds: float) -> None:
     )
     kinds = Counter(e.kind for e in run.events)
     listed = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "none"
-    write(f"events: {listed}")
+    print_output(f"events: {listed}")
     for name, drive in run.overloads.items():
         failure = "ran away" if drive.ran_away else f"lost steps {drive.lost_steps} times"
         error = "" if drive.error is None else f"; error at the end {abs(drive.error):.3g} (m, rad)"
-        write(f"{name} {failure}, first at t = {drive.since:.6g} s{error}")
+        print_output(f"{name} {failure}, first at t = {drive.since:.6g} s{error}")
     for name, travel in _free_rotors(run):
-        write(f"{name} has no control: its rotor turned freely, by {travel:.3g} (m, rad)")
+        print_output(f"{name} has no control: its rotor turned freely, by {travel:.3g} (m, rad)")
     for line in undetermined_lines(run):
-        write(line)
+        print_output(line)
     if run.violation is not None:
         worst = float(np.max(run.violation.values, initial=0.0))
-        write(f"largest violation of strings and limits: {worst:.2g} (m, rad)")
+        print_output(f"largest violation of strings and limits: {worst:.2g} (m, rad)")
     speed = run.duration / max(seconds, 1e-9)
-    write(
+    print_output(
         f"{run.duration:.6g} s of motion in {seconds:.3g} s, {speed:.3g} times real time "
         f"(method {run.method}, {len(run)} samples): {run.status.message}"
     )

@@ -8,16 +8,16 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from fantoccini.app.cli_support.files import fail
-from fantoccini.app.cli_support.terminal import number, say
+from fantoccini.app.cli_support.terminal import number, print_message
 from fantoccini.base.documents import Angle
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.sweeps import trial
 from fantoccini.motion import Input, State
 
 _ANGLE = TypeAdapter(Angle)
-_MAX_SILENT_MOVE = 1e-9
-"""Largest projection of a coordinate that is not reported [m or rad]."""
-_QUATERNION = (".qw", ".qx", ".qy", ".qz")
+_MIN_REPORTED_MOVE = 1e-9
+"""Smallest change of a start coordinate by projection that is reported [m or rad]."""
+_QUATERNION_ENDINGS = (".qw", ".qx", ".qy", ".qz")
 
 Values = dict[str, float | list[float]]
 
@@ -34,7 +34,7 @@ def read_values(settings: Sequence[str]) -> Values:
         name = name.strip()
         if not (name and equals):
             fail(f"found {setting!r}; needed: NAME=VALUE", "--start")
-        if name.endswith(_QUATERNION):
+        if name.endswith(_QUATERNION_ENDINGS):
             quaternion = name.rsplit(".", 1)[0]
             fail(f"{name} is one of four components; set {quaternion}.rotation=w,x,y,z", "--start")
         if name in values:
@@ -60,16 +60,19 @@ def _number(name: str, text: str) -> float:
 def start_state(
     marionette: Marionette, inputs: Input | None, start_values: Values, quiet: bool
 ) -> State:
-    """Start state as in :class:`fantoccini.lab.Trial`; reports a projection unless ``quiet``."""
+    """Start state as in :class:`fantoccini.lab.Trial`, projected onto strings and limits.
+
+    Prints the coordinate that the projection changed most, unless ``quiet``.
+    """
     x = trial.start_state(marionette, inputs, start_values)
     table = marionette.coordinates
     if not quiet and not {*start_values} <= {*table.q_K, *table.rotations, *table.commands}:
         values = {**({} if inputs is None else inputs.first_values()), **start_values}
         displacement = np.abs(x.q_D - marionette.state(values).q_D)
-        if np.max(displacement, initial=0.0) > _MAX_SILENT_MOVE:
+        if np.max(displacement, initial=0.0) > _MIN_REPORTED_MOVE:
             k = int(np.argmax(displacement))
-            say(
-                "moved the start to the nearest state that strings and limits allow: "
+            print_message(
+                "changed the start to the nearest state that strings and limits allow: "
                 f"{table.q_D[k]} is {number(float(x.q_D[k]))}"
             )
     return x

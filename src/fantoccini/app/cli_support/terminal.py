@@ -21,7 +21,7 @@ _PAGE_WIDTH = 110
 """Width of equations outside a terminal [characters]."""
 
 
-def plain(text: object) -> str:
+def printable(text: object) -> str:
     """The text with unprintable characters escaped, except line breaks."""
     return "".join(
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode("ascii")
@@ -29,22 +29,22 @@ def plain(text: object) -> str:
     )
 
 
-def write(text: object = "") -> None:
+def print_output(text: object = "") -> None:
     """Prints a line of data on stdout."""
-    typer.echo(plain(text))
+    typer.echo(printable(text))
 
 
-def say(text: object) -> None:
+def print_message(text: object) -> None:
     """Prints a message on stderr."""
-    typer.echo(plain(text), err=True)
+    typer.echo(printable(text), err=True)
 
 
-def table(title: str, columns: Sequence[str], lines: Sequence[Sequence[object]]) -> None:
+def print_table(title: str, columns: Sequence[str], lines: Sequence[Sequence[object]]) -> None:
     """Prints a table on stdout; nothing if it has no lines.
 
     Args:
         title: title above the table.
-        columns: headings; a final ``>`` aligns the column to the right.
+        columns: headings; a final ``>`` aligns a column to the right.
         lines: cells; numbers are printed with five digits.
     """
     if not lines:
@@ -59,9 +59,9 @@ def table(title: str, columns: Sequence[str], lines: Sequence[Sequence[object]])
             Text(heading.rstrip(">")), justify="right" if right else "left", overflow="fold"
         )
     for line in lines:
-        grid.add_row(*(Text(plain(number(cell))) for cell in line))
+        grid.add_row(*(Text(printable(number(cell))) for cell in line))
     console = _console(sys.stdout)
-    console.print(Text(plain(title), style="bold"))
+    console.print(Text(printable(title), style="bold"))
     console.print(grid)
     console.print()
 
@@ -93,8 +93,8 @@ def _console(stream: TextIO) -> Console:
     )
 
 
-class Steps:
-    """Progress of a long job on stderr: bars on a terminal, otherwise lines.
+class ProgressDisplay:
+    """Display of a long job's stages on stderr: bars on a terminal, otherwise lines.
 
     Args:
         quiet: show nothing.
@@ -103,10 +103,10 @@ class Steps:
     def __init__(self, quiet: bool = False):
         self._quiet = quiet
         self._bars: Bars | None = None
-        self._named = ""
+        self._stage = ""
         self._task: TaskID | None = None
 
-    def __enter__(self) -> Steps:
+    def __enter__(self) -> ProgressDisplay:
         if sys.stderr.isatty() and not self._quiet:
             self._bars = progress_bar()
             self._bars.start()
@@ -118,35 +118,36 @@ class Steps:
                 self._finish(self._bars)
             self._bars.stop()
 
-    def step(self, text: str) -> None:
-        """Begins a step of unknown length, after finishing the previous one."""
+    def stage(self, text: str) -> None:
+        """Begins a stage of unknown length, after finishing the previous one."""
         self._begin(text, None)
 
     def bar(self, text: str) -> OnProgress:
-        """Begins a step of known length; returns its progress callback."""
+        """Begins a stage of known length; returns its progress callback."""
         self._begin(text, 1.0)
-        return lambda at: self._update(at.share)
+        return lambda at: self._show_share(at.share)
 
-    def named(self, at: Progress) -> None:
-        """Progress callback of a job that names its steps, with or without their share."""
+    def update(self, at: Progress) -> None:
+        """Progress callback of a job that names its stages, with or without their share done."""
         share_known = not math.isnan(at.share)
-        if not share_known or (at.what != self._named and (self._bars is None or not self._named)):
+        same_stage = at.what == self._stage or (self._bars is not None and self._stage)
+        if not share_known or not same_stage:
             self._begin(at.what, 1.0 if share_known else None)
-        self._named = at.what if share_known else ""
+        self._stage = at.what if share_known else ""
         if share_known:
-            self._update(at.share, plain(at.what))
+            self._show_share(at.share, printable(at.what))
 
-    def _update(self, share: float, text: str | None = None) -> None:
+    def _show_share(self, share: float, text: str | None = None) -> None:
         if self._bars is not None and self._task is not None:
             self._bars.update(self._task, completed=share, description=text)
 
     def _begin(self, text: str, total: float | None) -> None:
-        text, self._named = plain(text).replace("\n", " "), ""
+        text, self._stage = printable(text).replace("\n", " "), ""
         if self._bars is not None:
             self._finish(self._bars)
             self._task = self._bars.add_task(text, total=total)
         elif not self._quiet:
-            say(text)
+            print_message(text)
 
     def _finish(self, bars: Bars) -> None:
         if self._task is not None:

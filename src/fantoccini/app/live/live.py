@@ -118,9 +118,9 @@ class Live(PageLoop):
     def handlers(self) -> dict[str, Handler]:
         """Additional websockets of the page."""
         return {
-            pad.PATH: self.pads.visit,
-            sound.PATH: self.stage.sounds.visit,
-            midi.PATH: self._midi.visit,
+            pad.PATH: self.pads.serve,
+            sound.PATH: self.stage.sounds.serve,
+            midi.PATH: self._midi.serve,
         }
 
     @property
@@ -317,7 +317,7 @@ class Live(PageLoop):
         viewer = self._viewer(self.pads.name)
         for button, do in (
             (pad.NEXT, lambda: self.controls.select_next(1)),
-            (pad.BEFORE, lambda: self.controls.select_next(-1)),
+            (pad.PREVIOUS, lambda: self.controls.select_next(-1)),
             (pad.PAUSE, self.pause),
             (pad.RESET, self.reset),
             (pad.RECORD, self.record),

@@ -45,7 +45,7 @@ class Midi:
     def __init__(self, go: Callable[[], object]):
         self._go = go
 
-    async def visit(self, connection: Any) -> None:
+    async def serve(self, connection: Any) -> None:
         """Serves a websocket to :data:`MIDI_SCRIPT`."""
         async for message in connection:
             if message == "go":

@@ -43,7 +43,7 @@ class _Limits(NamedTuple):
     """Thresholds of sticks, and limits of messages."""
 
     dead_zone: float = 0.15
-    """Deflection (of 1) below which a stick counts as at rest: sticks rest off 0."""
+    """Deflection (at most 1) below which a stick counts as at rest: its rest is not exactly 0."""
     max_silence: float = 0.3
     """Time without a message after which sticks count as at rest [s]: the tab may be closed."""
     max_message: int = 2000  # Length of a message [characters]; longer ones are not from our script
@@ -52,7 +52,7 @@ class _Limits(NamedTuple):
 
 _LIMITS = _Limits()
 
-NEXT, BEFORE, PAUSE, RESET, RECORD = 5, 4, 9, 8, 3
+NEXT, PREVIOUS, PAUSE, RESET, RECORD = 5, 4, 9, 8, 3
 """Buttons of a standard gamepad: right and left shoulder, start, back, upper face button."""
 
 
@@ -61,7 +61,7 @@ class Sticks:
     """State of a gamepad.
 
     Attributes:
-        right, away: left stick, -1 to 1.
+        right, away: left stick, to the right and away from the viewer, -1 to 1.
         up: right stick, -1 to 1.
         buttons: numbers of the pressed buttons.
     """
@@ -77,47 +77,50 @@ class Sticks:
         return bool(self.right or self.away or self.up)
 
 
-def read(message: str | bytes) -> Sticks | None:
+def read_message(message: str | bytes) -> Sticks | None:
     """State of the gamepad in a message; None for an invalid message."""
     if len(message) > _LIMITS.max_message:
         return None
     try:
         data = json.loads(message)
         axes = [float(x) for x in data["axes"][: _LIMITS.max_count]]
-        down = frozenset(n for n, b in enumerate(data["buttons"][: _LIMITS.max_count]) if b == 1)
+        buttons = frozenset(n for n, b in enumerate(data["buttons"][: _LIMITS.max_count]) if b == 1)
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
         return None
     if not all(map(math.isfinite, axes)):
         return None
-    pushed = [_deflection(x) for x in (*axes, 0.0, 0.0, 0.0, 0.0)[:4]]
-    # Browsers count downwards as positive.
-    return Sticks(pushed[0], -pushed[1], -pushed[3], down)
+    deflections = [_deflection(x) for x in (*axes, 0.0, 0.0, 0.0, 0.0)[:4]]
+    # In browsers, down is positive.
+    return Sticks(deflections[0], -deflections[1], -deflections[3], buttons)
 
 
 def _deflection(x: float) -> float:
-    x, dead = min(max(x, -1.0), 1.0), _LIMITS.dead_zone
-    return math.copysign(max(0.0, abs(x) - dead) / (1.0 - dead), x) if abs(x) > dead else 0.0
+    """Deflection beyond the dead zone, from -1 to 1."""
+    x, dead_zone = min(max(x, -1.0), 1.0), _LIMITS.dead_zone
+    if abs(x) <= dead_zone:
+        return 0.0
+    return math.copysign((abs(x) - dead_zone) / (1.0 - dead_zone), x)
 
 
 class Pads:
-    """Gamepads of all viewers; the one with the latest message counts."""
+    """Gamepads of all viewers; the one that sent the latest message is used."""
 
     def __init__(self) -> None:
         self._sticks, self._received, self.name = Sticks(), 0.0, ""
-        self._fresh: set[int] = set()
-        self._count = 0
+        self._new_presses: set[int] = set()
+        self._n_connections = 0
 
-    async def visit(self, connection: Any) -> None:
-        """Serves a websocket to :data:`PAD_SCRIPT`."""
-        self._count += 1
-        name = f"gamepad {self._count}"
-        before: frozenset[int] = frozenset()
+    async def serve(self, connection: Any) -> None:
+        """Reads the messages of :data:`PAD_SCRIPT` from a websocket until it closes."""
+        self._n_connections += 1
+        name = f"gamepad {self._n_connections}"
+        previous: frozenset[int] = frozenset()
         async for message in connection:
-            sticks = read(message)
+            sticks = read_message(message)
             if sticks is None:
                 continue
-            self._fresh.update(sticks.buttons - before)
-            before = sticks.buttons
+            self._new_presses.update(sticks.buttons - previous)
+            previous = sticks.buttons
             self._sticks, self._received, self.name = sticks, time.monotonic(), name
 
     @property
@@ -127,5 +130,5 @@ class Pads:
 
     def pressed(self) -> set[int]:
         """Buttons that have been pressed since the last call."""
-        fresh, self._fresh = self._fresh, set()
-        return fresh
+        presses, self._new_presses = self._new_presses, set()
+        return presses

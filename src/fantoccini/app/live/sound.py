@@ -178,7 +178,7 @@ class Sounds:
         """Reports a sudden change, which is sent at once."""
         self.version += 1
 
-    async def visit(self, connection: Any) -> None:
+    async def serve(self, connection: Any) -> None:
         """Serves a websocket to :data:`SOUND_SCRIPT`."""
         with contextlib.suppress(ConnectionClosed):
             await self._send(connection)

@@ -6,6 +6,6 @@ from .page import (
     open_page as open_page,
     open_show as open_show,
     subject_of as subject_of,
-    write as write,
+    write_page as write_page,
 )
 from .showing import show as show

@@ -1,4 +1,4 @@
-"""Subjects of pages, and the pages that show them."""
+"""Browser pages, and the puppets, motions and plans that they show."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from fantoccini.theatre.perform import Address, LivePlay, Osc, Performance, Reco
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """Subject of a page.
+    """Puppet, motion or plan that a page shows.
 
     Attributes:
         marionette: the puppet, with its obstacles.
-        run: its motion, or None for a live puppet.
-        tree: search tree of the plan with this motion, or None.
+        run: its motion; None for a live puppet.
+        tree: search tree of the plan that led to the motion, or None.
         file: the puppet's file, which is loaded again when it changes; or None.
     """
 
@@ -51,11 +51,11 @@ class Page:
 
     Attributes:
         server: server of the page.
-        show: the live puppet or the replay that the page shows.
+        view: the live puppet or the replay that the page shows.
     """
 
-    def __init__(self, server: Server, show: Live | Replay):
-        self.server, self.show = server, show
+    def __init__(self, server: Server, view: Live | Replay):
+        self.server, self.view = server, view
         self._closed = threading.Event()
         atexit.register(self.close)
 
@@ -76,21 +76,21 @@ class Page:
     @property
     def recording_status(self) -> str:
         """Message about the last recording; empty without one."""
-        return self.show.recorder.status if isinstance(self.show, Live) else ""
+        return self.view.recorder.status if isinstance(self.view, Live) else ""
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """Changes to the score or the play, with file and line."""
-        if not isinstance(self.show, Live):
+        """Deviations from the score or the play, with file and line."""
+        if not isinstance(self.view, Live):
             return ()
-        stage = self.show.stage
+        stage = self.view.stage
         script = stage.score if stage.show is None else stage.show.play
         return () if script is None else tuple(map(str, script.changes))
 
     @property
     def osc(self) -> Osc | None:
         """OSC connection of a live play, or None."""
-        return self.show.stage.osc if isinstance(self.show, Live) else None
+        return self.view.stage.osc if isinstance(self.view, Live) else None
 
     def wait(self) -> None:
         """Blocks until Ctrl-C, then closes the page; SIGHUP and SIGTERM also end Python."""
@@ -108,7 +108,7 @@ class Page:
         if not self._closed.is_set():
             self._closed.set()
             atexit.unregister(self.close)
-            self.show.stop()
+            self.view.stop()
 
 
 @contextlib.contextmanager
@@ -120,22 +120,22 @@ def _exit_on_signals() -> Iterator[None]:
 
     in_main_thread = threading.current_thread() is threading.main_thread()
     signals = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]
-    replaced = [
+    unhandled = [
         s for s in signals if in_main_thread and s and signal.getsignal(s) is signal.SIG_DFL
     ]
-    for number in replaced:
+    for number in unhandled:
         signal.signal(number, raise_exit)
     try:
         yield
     finally:
-        for number in replaced:
+        for number in unhandled:
             signal.signal(number, signal.SIG_DFL)
 
 
 def subject_of(
     what: Any, problem: str | Path | None = None, progress: OnProgress | None = None
 ) -> Subject:
-    """Subject of an argument of :func:`fantoccini.app.show`.
+    """Subject of a page, from an argument of :func:`fantoccini.app.show`.
 
     Args:
         what: puppet, motion or plan, or a file with one of them.
@@ -161,7 +161,7 @@ def subject_of(
             raise ValueError(f"there is no plan to show: {what.reason}")
         return Subject(what.problem.drawn_marionette, what.trajectory, PlanTree.of(what))
     raise ValueError(
-        f"found {type(what).__name__}; expected a puppet, a trajectory, a recording, a plan, or a "
+        f"found {type(what).__name__}; needed: a puppet, a trajectory, a recording, a plan, or a "
         "file with one of them"
     )
 
@@ -176,9 +176,9 @@ def _puppet_of(run: Trajectory, progress: OnProgress | None) -> Marionette:
 def _subject_of_file(name: str, problem: str | Path | None, progress: OnProgress | None) -> Subject:
     path = Path(name)
     if path.suffix.lower() == ".npz":
-        file_format, about = format_of(path)
+        file_format, description = format_of(path)
         if file_format.startswith("fantoccini.plan."):
-            return subject_of(_load_plan(path, about, problem, progress), progress=progress)
+            return subject_of(_load_plan(path, description, problem, progress), progress=progress)
         _check_no_problem(path, problem)
         if file_format.startswith("fantoccini.recording."):
             return subject_of(Recording.load(path), progress=progress)
@@ -202,17 +202,17 @@ def _check_no_problem(path: Path, problem: str | Path | None) -> None:
 def format_of(path: Path) -> tuple[str, dict[str, Any]]:
     """Format and description in an npz file; empty if it has none."""
     try:
-        about = npz.about_of(npz.read(path, only=npz.ABOUT))
-        return str(about["format"]), about
+        description = npz.about_of(npz.read(path, only=npz.ABOUT))
+        return str(description["format"]), description
     except npz.UNREADABLE:
         return "", {}
 
 
 def _load_plan(
-    path: Path, about: dict[str, Any], problem: str | Path | None, progress: OnProgress | None
+    path: Path, description: dict[str, Any], problem: str | Path | None, progress: OnProgress | None
 ) -> PlanResult:
     if problem is None:
-        problem = str(about.get("problem", ""))
+        problem = str(description.get("problem", ""))
         if problem not in (*problem_names(), *task_names()):
             message = (
                 f"is a plan of {problem!r}, which is not a bundled problem; give its problem file "
@@ -222,7 +222,7 @@ def _load_plan(
     return PlanResult.load(path, load_problem(problem, progress=progress))
 
 
-def write(
+def write_page(
     subject: Subject,
     path: str | os.PathLike[str],
     theme: str,
@@ -258,7 +258,7 @@ def open_page(
         host: address to listen on.
         port: first port to try.
         record_to: folder for recordings.
-        balance: balance a live puppet by motions of the hands.
+        balance: whether the hands move so that a live puppet keeps its balance.
         score: file of a score that a live puppet plays, or None.
 
     Raises:
@@ -323,13 +323,16 @@ def open_show(
     _check_folder(record_to)
     live = Live(show.performance, page_theme, record_to.absolute(), show=show)
 
-    def run_and_send_state(do: Callable[[], None]) -> None:
-        do()
+    def run_and_send_state(action: Callable[[], None]) -> None:
+        action()
         live.stage.sounds.changed()
 
     if receive_at is not None or send_to is not None:
         live.stage.osc = Osc(
-            show, receive_at, send_to, lambda do: live.later(None, partial(run_and_send_state, do))
+            show,
+            receive_at,
+            send_to,
+            lambda action: live.later(None, partial(run_and_send_state, action)),
         )
     script = PAD_SCRIPT + SOUND_SCRIPT + MIDI_SCRIPT
     try:
@@ -344,5 +347,5 @@ def open_show(
 
 
 def is_script() -> bool:
-    """Whether Python runs a script, at whose end pages close, and not a prompt or a notebook."""
+    """Whether Python runs a script, which closes pages at its end; not a prompt or notebook."""
     return not (hasattr(sys, "ps1") or sys.flags.interactive or "ipykernel" in sys.modules)

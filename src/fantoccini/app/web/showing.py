@@ -94,7 +94,7 @@ def show(
 
     subject = page.subject_of(what)
     if html is not None:
-        return page.write(subject, html, theme, forces=forces)
+        return page.write_page(subject, html, theme, forces=forces)
     if forces:
         raise ValueError("forces needs html=FILE; on a page, a box shows them")
     if balance and subject.run is not None:

@@ -1,8 +1,8 @@
 """YAML text -> plain data and the line of every key, from the parser's events.
 
-Working on events keeps the reader iterative (no recursion, however deep the file) and lets it
-refuse features that puppet files never need: tags, merge keys, keys that are not scalars,
-several documents, and aliases that multiply.
+Reading events needs no recursion, however deep the file. It also allows to refuse features that
+puppet files never need: tags, merge keys, keys that are not scalars, several documents, and aliases
+that repeat too many values.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ Path = tuple[str | int, ...]
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _REAL = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 _COLOUR_COMMENT = re.compile(r":\s+(#(?:[0-9a-fA-F]{3}){1,2})\b")
-_WORDS: dict[str, Any] = {w: None for w in ("", "~", "null", "Null", "NULL")}
-_WORDS |= {w: True for w in ("true", "True", "TRUE")}
-_WORDS |= {w: False for w in ("false", "False", "FALSE")}
-_WORDS |= {s + w: math.inf for s in ("", "+") for w in (".inf", ".Inf", ".INF")}
-_WORDS |= {"-" + w: -math.inf for w in (".inf", ".Inf", ".INF")}
-_WORDS |= {w: math.nan for w in (".nan", ".NaN", ".NAN")}
+_CONSTANTS: dict[str, Any] = {w: None for w in ("", "~", "null", "Null", "NULL")}
+_CONSTANTS |= {w: True for w in ("true", "True", "TRUE")}
+_CONSTANTS |= {w: False for w in ("false", "False", "FALSE")}
+_CONSTANTS |= {s + w: math.inf for s in ("", "+") for w in (".inf", ".Inf", ".INF")}
+_CONSTANTS |= {"-" + w: -math.inf for w in (".inf", ".Inf", ".INF")}
+_CONSTANTS |= {w: math.nan for w in (".nan", ".NaN", ".NAN")}
 
 
 class Unreadable(Exception):
@@ -39,13 +39,13 @@ class Unreadable(Exception):
 
 
 @dataclass
-class Text:
-    """The content of a text.
+class ParsedText:
+    """Data and lines of a YAML text.
 
     Attributes:
         data: dicts, lists, strings, numbers, booleans and None.
         lines: path of keys and indices -> 1-based line; the empty path is the first line.
-        mistakes: (path, line, message) of mistakes that leave the rest readable.
+        mistakes: (path, line, message) of mistakes after which reading continued.
     """
 
     data: Any = None
@@ -54,8 +54,17 @@ class Text:
 
 
 @dataclass
-class _Open:
-    """A mapping or list that is still being read."""
+class _OpenNode:
+    """A mapping or list that is still being read.
+
+    Attributes:
+        value: its contents so far.
+        path: its path in the file.
+        anchor: its anchor, or None.
+        size: number of values in it.
+        key: key whose value comes next, in a mapping.
+        skip: whether to ignore that value.
+    """
 
     value: Any
     path: Path
@@ -65,7 +74,7 @@ class _Open:
     skip: bool = False
 
 
-def read_text(text: str) -> Text:
+def read_text(text: str) -> ParsedText:
     """Reads YAML 1.2 (core schema).
 
     Args:
@@ -80,9 +89,9 @@ def read_text(text: str) -> Text:
     reader = _Reader(text)
     try:
         for event in YAML(typ="safe", pure=True).parse(text):
-            reader.take(event)
+            reader.read_event(event)
     except YAMLError as error:
-        raise _syntax(error, text, reader) from None
+        raise _syntax_error(error, text, reader) from None
     return reader.text
 
 
@@ -91,18 +100,18 @@ class _Reader:
 
     def __init__(self, source: str) -> None:
         self.source_lines = source.splitlines()
-        self.text = Text()
-        self.stack: list[_Open] = []
+        self.text = ParsedText()
+        self.stack: list[_OpenNode] = []
         self.anchors: dict[str, tuple[Any, int]] = {}
-        self.values = self.copies = 0
-        self.documents = 0
+        self.n_values = self.n_alias_values = 0
+        self.n_documents = 0
 
-    def take(self, event: Any) -> None:
+    def read_event(self, event: Any) -> None:
         line = event.start_mark.line + 1
         match type(event).__name__:
             case "DocumentStartEvent":
-                self.documents += 1
-                if self.documents > 1:
+                self.n_documents += 1
+                if self.n_documents > 1:
                     raise Unreadable(line, (), "a second document begins here; one is allowed")
                 self.text.lines[()] = line
             case "ScalarEvent":
@@ -119,48 +128,48 @@ class _Reader:
     def scalar(self, event: Any, line: int) -> None:
         self.refuse_tag(event, line)
         if self.expects_key():
-            self.key(event.value, line)
+            self.add_key(event.value, line)
             return
-        value = _plain(event.value) if event.implicit[0] and not event.style else event.value
-        path = self.place(line)
+        value = _scalar_value(event.value) if event.implicit[0] and not event.style else event.value
+        path = self.new_path(line)
         is_empty = value is None and not event.value
         if is_empty and (colour := self.hidden_colour(self.text.lines[path])):
             self.text.mistakes.append((path, self.text.lines[path], colour))
-        self.remember(event.anchor, value, 1)
-        self.put(value, path, 1)
+        self.store_anchor(event.anchor, value, 1)
+        self.add(value, path, 1)
 
     def hidden_colour(self, line: int) -> str:
-        """A mistake if a value of a line is a comment that looks like a colour; otherwise empty."""
+        """Message if a line has an unquoted colour in place of a value; otherwise empty."""
         match = _COLOUR_COMMENT.search("".join(self.source_lines[line - 1 : line]))
         return f'found no value: # begins a comment; write "{match[1]}"' if match else ""
 
     def alias(self, event: Any, line: int) -> None:
         if self.expects_key():
-            raise Unreadable(line, self.here(), "an alias cannot be a key")
+            raise Unreadable(line, self.path(), "an alias cannot be a key")
         if event.anchor not in self.anchors:
-            text = f"the alias *{event.anchor[:60]} has no finished anchor before it"
-            raise Unreadable(line, self.here(), text)
+            text = f"the alias *{event.anchor[:60]} needs an anchor before it, outside of its value"
+            raise Unreadable(line, self.path(), text)
         value, size = self.anchors[event.anchor]
-        self.copies += size
-        if self.copies > LIMITS.max_alias_values:
+        self.n_alias_values += size
+        if self.n_alias_values > LIMITS.max_alias_values:
             message = f"aliases repeat more than {LIMITS.max_alias_values} values; write them out"
-            raise Unreadable(line, self.here(), message)
-        self.put(value, self.place(line), size)
+            raise Unreadable(line, self.path(), message)
+        self.add(value, self.new_path(line), size)
 
     def open(self, event: Any, value: dict[str, Any] | list[Any], line: int) -> None:
         self.refuse_tag(event, line)
         if self.expects_key():
-            raise Unreadable(line, self.here(), "a key must be a word, not a mapping or a list")
+            raise Unreadable(line, self.path(), "a key must be a word, not a mapping or a list")
         if len(self.stack) >= LIMITS.max_depth:
             raise Unreadable(line, (), f"nested deeper than {LIMITS.max_depth} levels")
-        self.stack.append(_Open(value, self.place(line), event.anchor))
+        self.stack.append(_OpenNode(value, self.new_path(line), event.anchor))
 
     def close(self) -> None:
-        done = self.stack.pop()
-        self.remember(done.anchor, done.value, done.size)
-        self.put(done.value, done.path, done.size)
+        node = self.stack.pop()
+        self.store_anchor(node.anchor, node.value, node.size)
+        self.add(node.value, node.path, node.size)
 
-    def key(self, key: str, line: int) -> None:
+    def add_key(self, key: str, line: int) -> None:
         top = self.stack[-1]
         path = (*top.path, key)
         top.key, top.skip = key, key in top.value
@@ -183,7 +192,7 @@ class _Reader:
             and (self.stack[-1].key is None)
         )
 
-    def here(self) -> Path:
+    def path(self) -> Path:
         """Path of the next value, or of the open mapping."""
         if not self.stack:
             return ()
@@ -192,17 +201,19 @@ class _Reader:
             return (*top.path, len(top.value))
         return top.path if top.key is None else (*top.path, top.key)
 
-    def place(self, line: int) -> Path:
-        path = self.here()
-        self.values += 1
-        if self.values > LIMITS.max_values:
+    def new_path(self, line: int) -> Path:
+        """Path of a value that begins on a line."""
+        path = self.path()
+        self.n_values += 1
+        if self.n_values > LIMITS.max_values:
             raise Unreadable(
                 line, path, f"more than {LIMITS.max_values} values, which is the limit"
             )
         self.text.lines.setdefault(path, line)
         return path
 
-    def put(self, value: Any, path: Path, size: int) -> None:
+    def add(self, value: Any, path: Path, size: int) -> None:
+        """Adds a finished value to the mapping or list that contains it."""
         if not self.stack:
             self.text.data = value
             return
@@ -215,21 +226,21 @@ class _Reader:
             top.value[top.key] = value
         top.key, top.skip = None, False
 
-    def remember(self, anchor: str | None, value: Any, size: int) -> None:
+    def store_anchor(self, anchor: str | None, value: Any, size: int) -> None:
         if anchor:
             self.anchors[anchor] = (value, size)
 
     def refuse_tag(self, event: Any, line: int) -> None:
         if event.tag is not None:
             self.text.mistakes.append(
-                (self.here(), line, f"found the tag {str(event.tag)[:60]!r}; tags are not read")
+                (self.path(), line, f"found the tag {str(event.tag)[:60]!r}; tags are not read")
             )
 
 
-def _plain(text: str) -> Any:
+def _scalar_value(text: str) -> Any:
     """Value of an unquoted scalar in YAML 1.2's core schema (decimal numbers only)."""
-    if text in _WORDS:
-        return _WORDS[text]
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
     if _INTEGER.fullmatch(text) and len(text) < 16:
         return int(text)
     if _REAL.fullmatch(text):
@@ -237,20 +248,21 @@ def _plain(text: str) -> Any:
     return text
 
 
-def _syntax(error: Any, text: str, reader: _Reader) -> Unreadable:
+def _syntax_error(error: Any, text: str, reader: _Reader) -> Unreadable:
+    """The parser's error with line, path and message."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if mark is not None:
         for line in (mark.line + 1, mark.line):
             if colour := reader.hidden_colour(line):
-                return Unreadable(line, reader.here(), colour)
-        what = getattr(error, "problem", None) or getattr(error, "context", None) or "not YAML"
-        if "'\\t'" in what:
-            what = "found a tab; YAML is indented with spaces"
-        return Unreadable(mark.line + 1, reader.here(), f"not YAML: {what}")
+                return Unreadable(line, reader.path(), colour)
+        reason = getattr(error, "problem", None) or getattr(error, "context", None) or "not YAML"
+        if "'\\t'" in reason:
+            reason = "found a tab; YAML is indented with spaces"
+        return Unreadable(mark.line + 1, reader.path(), f"not YAML: {reason}")
     position = getattr(error, "position", None)
     if isinstance(position, int):
         character = text[position : position + 1]
         return Unreadable(
             text.count("\n", 0, position) + 1, (), f"the character {character!r} is not allowed"
         )
-    return Unreadable(None, reader.here(), f"not YAML: {str(error).splitlines()[0][:200]}")
+    return Unreadable(None, reader.path(), f"not YAML: {str(error).splitlines()[0][:200]}")

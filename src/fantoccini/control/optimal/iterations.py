@@ -1,14 +1,14 @@
 """The outer loop of sequential quadratic programming.
 
-A method computes a step from the best motion so far and accepts the part of it that improves the
-motion; the loop decides when to end. Methods differ in their programs and in their measure of
-improvement: a filter (:mod:`.sqp`), a merit in a trust region (:mod:`.trust_region`), or a line
-search to a goal (:mod:`fantoccini.control.planning.descent`), whose lanes try all step lengths at
-once.
+A method computes a step from the best motion so far, and shortens it until it improves the motion;
+the loop decides when to end. Methods differ in their quadratic programs and in their measure of
+improvement: a filter (:mod:`.sqp`), a merit function in a trust region (:mod:`.trust_region`), or
+the distance from a goal (:mod:`fantoccini.control.planning.descent`), evaluated for all step
+lengths of a line search at once.
 
-No acceptance rule serves all: with the merit instead of the filter, the bundled task ``crane`` is
-not solved in 100 iterations instead of 20; with the filter in the trust region, ``swing_up``
-settles without being solved.
+No acceptance rule serves all: with a merit function, :mod:`.sqp` does not solve the bundled task
+``crane`` in 100 iterations; with the filter it needs 20. With a filter, :mod:`.trust_region` stops
+at ``swing_up`` without a solution.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ import numpy as np
 from fantoccini.base import Array, OnProgress, Progress
 from fantoccini.control.optimal.quadratic import StageProgram, StageSolution
 
-SUFFICIENT_DECREASE, POOR_DECREASE, GOOD_DECREASE = 1e-4, 0.25, 0.75
-"""Decreases relative to their prediction: minimum of an accepted step, and limits of the range in
-which damping and trust radius are kept."""
+MIN_DECREASE_RATIO, POOR_DECREASE_RATIO, GOOD_DECREASE_RATIO = 1e-4, 0.25, 0.75
+"""Decreases relative to the predicted ones: minimum of an accepted step, and the limits between
+which damping and trust radius remain unchanged."""
 _MAX_SMALL_STEPS = 4
 """Number of successive small steps after which a motion counts as settled."""
 
@@ -44,7 +44,7 @@ class Improvable(Protocol):
 
     @property
     def settled(self) -> bool:
-        """Whether no further step is needed."""
+        """Whether several steps in a row were small, so that the iteration ends."""
 
     @property
     def kkt(self) -> float:
@@ -65,7 +65,7 @@ class Method(Protocol[MotionT, StepT]):
     best: MotionT
 
     def step(self) -> StepT | None:
-        """A step from the best motion, None without one; updates the motion's residuals."""
+        """A step from the best motion; None if there is none. Updates the motion's residuals."""
 
     def try_step(self, step: StepT) -> MotionT | None:
         """The motion after a step; None if the step is rejected."""
@@ -80,10 +80,11 @@ class Limits:
 
     Attributes:
         tolerance: tolerance of the KKT residual.
-        cost_tolerance: relative decrease of the cost; after several smaller steps in a row it ends.
+        cost_tolerance: relative decrease of the cost that counts as small; several such steps in a
+            row end the iteration.
         iterations: largest number of iterations.
-        until: time of ``time.perf_counter`` at which it ends [s].
-        damping: damping of the Hessian above which it ends.
+        until: time of ``time.perf_counter`` at which the iteration ends [s].
+        damping: damping of the Hessian above which the iteration ends.
     """
 
     tolerance: float
@@ -96,26 +97,26 @@ class Limits:
 def improve(
     method: Method[MotionT, StepT], limits: Limits, progress: OnProgress | None = None
 ) -> MotionT:
-    """The best motion of iterations, which end when it is optimal or makes no more progress.
+    """The best motion, after iterating until it is optimal or improves no more.
 
     Args:
         method: computes and accepts steps.
         limits: conditions for the end.
-        progress: called after every iteration; ``best`` is the best motion.
+        progress: called after every iteration, with the best motion as ``best``.
     """
     for _ in range(limits.iterations):
-        step, at = method.step(), method.best
-        if at.stalled or at.settled or (step is not None and at.kkt <= limits.tolerance):
+        step, best = method.step(), method.best
+        if best.stalled or best.settled or (step is not None and best.kkt <= limits.tolerance):
             break
-        at.iterations += 1
+        best.iterations += 1
         next_motion = None if step is None else method.try_step(step)
         if next_motion is not None:
             method.best = next_motion
         method.prepare_next(step, next_motion is not None)
-        at = method.best
+        best = method.best
         if progress is not None:
-            progress(Progress(done=at.iterations, total=limits.iterations, best=at))
-        if at.stalled or at.settled or time.perf_counter() > limits.until:
+            progress(Progress(done=best.iterations, total=limits.iterations, best=best))
+        if best.stalled or best.settled or time.perf_counter() > limits.until:
             break
     return method.best
 
@@ -133,7 +134,10 @@ class SmallSteps:
 
 
 def hessian_product(program: StageProgram, solution: StageSolution) -> Array:
-    """(N, k + n_z) product H d for a step d, including terms between neighbouring inputs."""
+    """(N, k + n_z) product H d for a step d = (u, z) of N stages, with k inputs and n_z states.
+
+    ``cross`` couples the inputs of a stage with the inputs and states of the one before.
+    """
     u, z = solution.u, solution.z[1:]
     step = np.concatenate([u, z], axis=1)
     product = np.einsum("nij,nj->ni", program.H, step)

@@ -244,11 +244,11 @@ class MPC:
         accelerations = np.array([self.acceleration(at + 1e-6 * h) for at in times])
         prediction = None
         if first is not None:
-            prediction = self._predictions.predicted(first, t, h, accelerations[None])[0]
+            prediction = self._predictions.predict(first, t, h, accelerations[None])[0]
         if prediction is None and first is not None:
             accelerations = np.repeat(self._braking(first)[None], N, axis=0)
             accelerations[1:] = 0.0
-            prediction = self._predictions.predicted(first, t, h, accelerations[None])[0]
+            prediction = self._predictions.predict(first, t, h, accelerations[None])[0]
         if first is None or prediction is None:
             return self._record(MPCStatus.BRAKES, t, self._braking(x)[None], None, math.nan)
         objective = self._objective(prediction[0])
@@ -315,7 +315,7 @@ class MPC:
             np.zeros(ends.taut.shape[1], bool),
         )
         best, lowest = nodes, cost_before
-        for prediction in self._predictions.predicted(first, nodes.start, nodes.interval, trials):
+        for prediction in self._predictions.predict(first, nodes.start, nodes.interval, trials):
             if prediction is None:
                 continue
             cost = self._merit(objective, *prediction)
@@ -327,7 +327,7 @@ class MPC:
     def _warm_up(self) -> None:
         """Loads and compiles the functions of updates, so that the first one is in time, too."""
         zeros = np.zeros((1, self.nodes, self.marionette.coordinates.n_vK))
-        prediction = self._predictions.predicted(
+        prediction = self._predictions.predict(
             self._task.x0, self._task.x0.t, self.interval, zeros
         )[0]
         if prediction is not None:

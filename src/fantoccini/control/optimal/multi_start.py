@@ -1,4 +1,4 @@
-"""Searches through modes: explorations, each refined, until enough motions hold."""
+"""Multi-start search: random explorations, each refined to a local optimum."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from fantoccini.control.optimal.trust_region import TrustRegionSearch
 from fantoccini.dynamics.compiled import refuse_contact
 
 MAX_RESIDUAL = 1e-3
-"""Largest violation of bounds, and error at the end, of a motion that holds [SI]."""
+"""Largest violation of bounds and error at the end of a valid motion [SI units]."""
 
 _MAX_REPETITIONS = 2
-"""Number of repetitions of an exploration near a refined motion that does not hold."""
+"""Number of repetitions of an exploration near a refined motion that is not valid."""
 
 
 class MultiStartSearch:
     """A search for the best of the motions from several explorations.
 
-    It makes ``task.explore`` explorations with different random numbers, and more until a motion
-    holds.
+    It makes ``task.explore`` explorations with different random numbers, and more until a motion is
+    valid: it keeps its bounds and reaches the end.
 
     Attributes:
         best: the best motion so far.
-        objective: cost and bounds with the unit and prices of that motion.
+        objective: cost and bounds, scaled for that motion.
 
     Args:
         first: start of explorations.
@@ -42,7 +42,7 @@ class MultiStartSearch:
         seed: seed of the random numbers.
 
     Raises:
-        StateError: puppet with contact or driven rotations.
+        StateError: the puppet has contact or driven rotations.
     """
 
     def __init__(
@@ -52,8 +52,8 @@ class MultiStartSearch:
         refuse_contact(marionette, "exploring")
         if rotations := list(marionette.coordinates.rotations):
             raise StateError(
-                f"exploring: {', '.join(rotations)} is a driven rotation; catches then have no "
-                "derivatives; needed: scalar driven coordinates"
+                f"exploring: {', '.join(rotations)} is a driven rotation, so that catches have "
+                "no derivatives; needed: scalar driven coordinates"
             )
         self.best, self.objective = first, objective
         self._runs, self._limits, self._seed = runs, limits, seed
@@ -65,9 +65,9 @@ class MultiStartSearch:
         Args:
             progress: called after every generation and iteration, with their total number.
         """
-        task, attempt, n_held = self.objective.task, 0, 0
-        while attempt < task.explore or (not n_held and not self._is_late):
-            n_held += self._attempt(np.random.default_rng([self._seed, attempt]), progress)
+        task, attempt, n_valid = self.objective.task, 0, 0
+        while attempt < task.explore or (not n_valid and not self._is_late):
+            n_valid += self._attempt(np.random.default_rng([self._seed, attempt]), progress)
             attempt += 1
             if self._is_late:
                 break
@@ -78,7 +78,7 @@ class MultiStartSearch:
         return time.perf_counter() > self._limits.until
 
     def _attempt(self, rng: np.random.Generator, progress: OnProgress | None) -> bool:
-        """Whether an exploration with its refinement, repeated if need be, finds a motion."""
+        """Explores and refines, repeatedly if needed; returns whether a valid motion was found."""
         objective, before = Objective(self.objective.task), (self.best, self.objective)
 
         def keep(motion: Iterate) -> None:
@@ -113,7 +113,7 @@ class MultiStartSearch:
         return False
 
     def _rank(self, at: Iterate) -> tuple[bool, float]:
-        """Whether a motion fails to hold, and then its largest residual, otherwise its cost."""
+        """(False, cost) of a valid motion, (True, largest residual) of another; lower is better."""
         gap = float(np.max(np.abs(self.objective.end_gap(at.nodes)), initial=0.0))
         residual = max(largest_bound_violation(self.objective, at.nodes, at.ends).size, gap)
         return (True, residual) if residual > MAX_RESIDUAL else (False, at.cost)

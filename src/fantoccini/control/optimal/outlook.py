@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.base import Array, StateError, Times
-from fantoccini.control.optimal.reached import length
+from fantoccini.control.optimal.reached import length_text
 from fantoccini.control.optimal.reaching import reach
 from fantoccini.control.tasks import Task, Track, path_of
 from fantoccini.motion import State
@@ -68,4 +68,4 @@ def _farthest_place(
         return ""
     at_time = "" if t is None else f" at {t[worst]:.3g} s"
     reason = f": {pose.limits[0]}" if pose.limits else ""
-    return f"{body} hangs no nearer than {length(pose.distance)} to {label}{at_time}{reason}"
+    return f"{body} hangs no nearer than {length_text(pose.distance)} to {label}{at_time}{reason}"

@@ -1,4 +1,4 @@
-"""The hanging poses of a search, with descriptions of the bounds that limit them."""
+"""The hanging poses that a search found, with descriptions of the bounds that limit them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from fantoccini.kernel.runtime import Reached
 from fantoccini.motion import State
 
 _MIN_PRICE_SHARE = 0.01
-"""Smallest price of a bound that is named, relative to the largest."""
+"""Smallest price (multiplier) of a bound that is described, relative to the largest."""
 _MIN_TENSION_SHARE = 1e-6
 """Minimum tension, relative to the weight, to count as taut."""
 _MAX_RATE_ROUNDING = 1e-9
-"""Rounding error of the rate of a dynamic coordinate, for a unit rate of the driven ones."""
+"""Largest |dq_D/dq_K| that counts as rounding: the driven coordinates do not move q_D."""
 
 
 _STATUS = {
@@ -40,11 +40,12 @@ class ReachProblem:
     Attributes:
         marionette: the puppet.
         start: start of the search.
-        names: names of the targets.
-        places: (n, n_targets, 3) required places [m or rad].
+        names: names of the targets: points of bodies, or orientations.
+        places: (n, n_targets, 3) required positions [m] or rotation vectors [rad].
         moves: (n_targets, n_vD + n_vK) bool, the velocities that move each target.
         low, high: (n_vK + n_p,) bounds of the driven coordinates and the parameters.
-        tension_low, tension_high: (n_rows,) bounds of the tensions of taut rows [N or N m].
+        tension_low, tension_high: (n_rows,) bounds of the tensions of strings that are taut and
+            of the forces of joint limits that are reached [N or N m].
         joint_low, joint_high: (n_vD,) bounds of scalar dynamic coordinates.
     """
 
@@ -63,17 +64,19 @@ class ReachProblem:
 
 @dataclass(frozen=True, eq=False)
 class ReachedPose(Answer):
-    """The hanging pose nearest to some places. It is true if it reaches them.
+    """The hanging pose nearest to the required places, reached or not.
+
+    ``bool(pose)`` is whether it reaches them.
 
     Attributes:
         status: outcome of the search.
         state: the pose, at rest, of the puppet with ``parameters``.
-        distance: remaining distance, over all targets [m or rad].
-        distances: target -> its remaining distance.
+        distance: norm of the remaining distances of all targets [m or rad].
+        distances: target -> its remaining distance [m or rad].
         parameters: values of the parameters that were chosen.
         tension: string -> tension [N].
         taut: strings that pull.
-        still: dynamic velocities that no driven coordinate changes there, to first order.
+        still: dynamic coordinates that the driven ones cannot move from this pose, to first order.
         limits: descriptions of the bounds that keep it from its places; empty if it reaches them.
     """
 
@@ -93,7 +96,7 @@ class ReachedPose(Answer):
             return f"reached, hanging on {', '.join(self.taut)}"
         lines = [f"{self.status.name}: {self.status.message}"]
         lines += [
-            f"{name} comes no nearer than {length(distance)}"
+            f"{name} comes no nearer than {length_text(distance)}"
             for name, distance in self.distances.items()
         ]
         return "\n".join([*lines, *self.limits])
@@ -101,7 +104,10 @@ class ReachedPose(Answer):
 
 @dataclass(frozen=True, eq=False)
 class ReachedPoses:
-    """Hanging poses nearest to places, one for each. They are true if all places are reached.
+    """Hanging poses nearest to the required places of n problems.
+
+    ``bool(poses)`` is whether all reach their places. D stands for the dynamic coordinates, K for
+    the driven (kinematic) ones.
 
     Attributes:
         problem: the problem of the search.
@@ -122,12 +128,12 @@ class ReachedPoses:
     def __repr__(self) -> str:
         return (
             f"<ReachedPoses: {int(self.reached.sum())} of {len(self)} reached, at most "
-            f"{length(float(self.distance.max()))} away>"
+            f"{length_text(float(self.distance.max()))} away>"
         )
 
     @property
-    def is_lost(self) -> bool:
-        """Whether the puppet does not hang at the start."""
+    def start_is_lost(self) -> bool:
+        """Whether the search could not begin: the puppet does not hang in its start pose."""
         return bool(np.any(self._result.status == ReachEnd.LOST))
 
     @property
@@ -142,7 +148,7 @@ class ReachedPoses:
 
     @property
     def offsets(self) -> Array:
-        """(n, n_targets, 3) offsets of the points from their places; 0 if free [m or rad]."""
+        """(n, n_targets, 3) offsets of targets from their places, 0 in free axes [m or rad]."""
         return self._result.left
 
     @cached_property
@@ -177,7 +183,7 @@ class ReachedPoses:
 
     @property
     def by_K(self) -> Array:
-        """(n, n_vD, n_vK) dq_D/dq_K, derivatives of each pose by the driven coordinates."""
+        """(n, n_vD, n_vK) dq_D/dq_K of each pose."""
         n_K = self.problem.marionette.coordinates.n_vK
         return self._result.by[:, :n_K].swapaxes(1, 2)
 
@@ -212,15 +218,15 @@ class ReachedPoses:
         )
 
     def _limits(self, i: int) -> list[str]:
-        """Descriptions of the bounds that keep a pose from its places, by falling price."""
+        """Descriptions of the bounds that keep a pose from its places, the most effective first."""
         problem, result = self.problem, self._result
         marionette = problem.marionette
         table, rows = marionette.coordinates, marionette.tree.row_names
-        n_u = len(problem.low)
+        n_chosen = len(problem.low)  # driven coordinates and parameters
         price = result.price[i].copy()
         is_taut = result.held[i].astype(bool)
         price_effect = np.abs(price)
-        price_effect[n_u : n_u + len(rows)][is_taut] *= marionette.weight or 1.0
+        price_effect[n_chosen : n_chosen + len(rows)][is_taut] *= marionette.weight or 1.0
         texts = []
         for c in np.argsort(-price_effect, kind="stable"):
             if (
@@ -229,81 +235,83 @@ class ReachedPoses:
             ):
                 break
             is_upper = price[c] > 0.0
-            if c < n_u:
+            if c < n_chosen:
                 names = [*table.v_K, *marionette.parameter_index]
                 texts.append(
-                    self._beyond(names[c], (problem.high if is_upper else problem.low)[c], is_upper)
+                    self._bound_text(
+                        names[c], (problem.high if is_upper else problem.low)[c], is_upper
+                    )
                 )
-            elif c < n_u + len(rows):
-                j = int(c) - n_u
-                texts.append(_row_limit(problem, j, bool(is_taut[j]), is_upper))
+            elif c < n_chosen + len(rows):
+                j = int(c) - n_chosen
+                texts.append(_row_bound_text(problem, j, bool(is_taut[j]), is_upper))
             else:
-                v = int(c) - n_u - len(rows)
+                v = int(c) - n_chosen - len(rows)
                 bound = (problem.joint_high if is_upper else problem.joint_low)[v]
-                texts.append(self._beyond(table.v_D[v], bound, is_upper))
+                texts.append(self._bound_text(table.v_D[v], bound, is_upper))
         if self.status[i] is AnswerStatus.TIPS:
-            texts = ["any nearer, the puppet would tip over"]
-        texts += self._carrying_limits(is_taut)
+            texts = ["the puppet would tip over if it came nearer"]
+        texts += self._limits_of_targets(is_taut)
         if not texts:
             texts = [
-                f"nothing that is driven moves {target_name(target)} any further along "
+                f"no driven coordinate moves {target_name(target)} any further along "
                 f"({_direction(-offset)})"
                 for target, offset in zip(problem.names, result.left[i], strict=True)
                 if np.linalg.norm(offset) > 0.0
             ]
         return texts
 
-    def _carrying_limits(self, is_taut: MaskRows) -> list[str]:
-        """Descriptions of active limits of the joints that move a target."""
+    def _limits_of_targets(self, is_taut: MaskRows) -> list[str]:
+        """Descriptions of the joint limits that are reached, of joints that move a target."""
         tree = self.problem.marionette.tree
-        moves_target, names, n = (
-            np.any(self.problem.moves, axis=0),
-            tree.row_names,
-            len(tree.strings),
-        )
+        moves_target, names = np.any(self.problem.moves, axis=0), tree.row_names
+        n = len(tree.strings)
         return [
             f"the joint's limit {names[n + i]} is met"
             for i, limit in enumerate(tree.limits)
             if is_taut[n + i] and moves_target[tree.links[limit.link].v.start]
         ]
 
-    def _beyond(self, name: str, bound: float, high: bool) -> str:
-        lengths = {
+    def _bound_text(self, name: str, bound: float, is_upper: bool) -> str:
+        """Description of the bound of a coordinate or parameter that would have to be exceeded."""
+        string_of = {
             s.driven_length[1]: s.name
             for s in self.problem.marionette.tree.strings
             if s.driven_length
         }
         v_K = self.problem.marionette.coordinates.v_K
-        if name in v_K and (v := list(v_K).index(name)) in lengths:
-            comparison = "longer" if high else "shorter"
-            return f"the string {lengths[v]} would have to be {comparison} than {bound:.4g} m"
-        return f"{name} would have to be {'above' if high else 'below'} {bound:.4g}"
+        if name in v_K and (v := list(v_K).index(name)) in string_of:
+            comparison = "longer" if is_upper else "shorter"
+            return f"the string {string_of[v]} would have to be {comparison} than {bound:.4g} m"
+        return f"{name} would have to be {'above' if is_upper else 'below'} {bound:.4g}"
 
 
-def _row_limit(problem: ReachProblem, j: int, pulls: bool, high: bool) -> str:
-    """Description of the bound of a row that limits a pose."""
+def _row_bound_text(problem: ReachProblem, j: int, is_active: bool, is_upper: bool) -> str:
+    """Description of why string or joint limit j keeps a pose from its places."""
     marionette = problem.marionette
     name, is_string = marionette.tree.row_names[j], j < len(marionette.tree.strings)
-    if not pulls:
-        return f"the string {name} comes taut" if is_string else f"the joint's limit {name} is met"
-    if high:
+    if not is_active:
+        if is_string:
+            return f"the string {name} is at its full length"
+        return f"the joint's limit {name} is met"
+    if is_upper:
         return (
             f"the string {name} would have to pull with more than {problem.tension_high[j]:.3g} N"
         )
     if not is_string:
-        return f"the limb would leave its limit {name}"
+        return f"the joint would have to be pulled against its limit {name}"
     if problem.tension_low[j] > 0.0:
         return f"the string {name} would pull with less than {problem.tension_low[j]:.3g} N"
     return f"the string {name} would have to push"
 
 
 def target_name(target: Any) -> str:
-    """The name of a target."""
+    """Name of a target, which is a name or (name, position)."""
     return str(target[0]) if isinstance(target, tuple) else str(target)
 
 
 def target_names(targets: Sequence[Any]) -> list[str]:
-    """Distinct names of targets: several points of a body have their position added."""
+    """Distinct names of targets; those of several points of a body end with their positions."""
     names = [target_name(target) for target in targets]
     return [
         f"{name} at ({', '.join(f'{x:g}' for x in target[1])})"
@@ -313,11 +321,11 @@ def target_names(targets: Sequence[Any]) -> list[str]:
     ]
 
 
-def length(metres: float) -> str:
-    """A length in words."""
+def length_text(metres: float) -> str:
+    """A length in mm or m, as text."""
     return f"{1e3 * metres:.3g} mm" if metres < 1.0 else f"{metres:.3g} m"
 
 
 def _direction(x: Array) -> str:
-    """A direction in words, without negative zeros."""
+    """Unit vector along x as text, without negative zeros."""
     return ", ".join(f"{c:.2f}" for c in np.round(x / np.linalg.norm(x), 2) + 0.0)

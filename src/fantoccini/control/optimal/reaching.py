@@ -119,7 +119,7 @@ def reach(
         single_pass=single_pass,
     )
     poses = ReachedPoses(problem, result)
-    if poses.is_lost:
+    if poses.start_is_lost:
         raise StateError(
             "reach: the puppet does not hang stably at the start: a push would make it fall; "
             "give marionette.rest(...) as the start"

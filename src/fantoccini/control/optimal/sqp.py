@@ -21,9 +21,9 @@ import numpy as np
 from fantoccini.base import Array, OnProgress
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.iterations import (
-    GOOD_DECREASE,
-    POOR_DECREASE,
-    SUFFICIENT_DECREASE,
+    GOOD_DECREASE_RATIO,
+    MIN_DECREASE_RATIO,
+    POOR_DECREASE_RATIO,
     Limits,
     SmallSteps,
     hessian_product,
@@ -112,7 +112,7 @@ class Filter:
             return False
         rounding = 1e-13 * abs(phi)
         if phi_change < 0.0 and (-phi_change) ** SETTINGS.powers[0] > theta ** SETTINGS.powers[1]:
-            return after[1] <= phi + SUFFICIENT_DECREASE * phi_change + rounding
+            return after[1] <= phi + MIN_DECREASE_RATIO * phi_change + rounding
         if after[0] <= margin * theta < theta or after[1] <= phi - SETTINGS.theta_margin * theta:
             self._pairs.append(before)
             return True
@@ -396,8 +396,8 @@ def _next_damping(damping: float, alpha: float, decrease_ratio: float) -> float:
         alpha: length of the step, relative to the full one.
         decrease_ratio: decrease of the merit relative to the prediction.
     """
-    if alpha < 1.0 or decrease_ratio < POOR_DECREASE:
+    if alpha < 1.0 or decrease_ratio < POOR_DECREASE_RATIO:
         return damping * SETTINGS.damping_factor
-    if decrease_ratio > GOOD_DECREASE:
+    if decrease_ratio > GOOD_DECREASE_RATIO:
         return max(damping / SETTINGS.damping_factor, SETTINGS.min_damping)
     return damping

@@ -1,6 +1,6 @@
-"""Touches of a motion on a grid: distances from their places, and their terms in stage programs.
+"""Touches: points of bodies that a motion should bring to places; their terms in stage programs.
 
-The moment t of a touch is an unknown that is eliminated. The augmented Lagrangian
+A touch takes place at a moment t, an unknown that is eliminated. The augmented Lagrangian
 
     L = weight/2 |r|^2 - force . r,   f = weight r - force
 
@@ -12,15 +12,14 @@ and changes its velocity v by b,
     = f . a - f . v w . (a, b) / s + 1/2 (a, b)^T K (a, b),   K = weight (1, 0) - w w^T / s
     w = (weight v, -force),   s = weight |v|^2 - force . acc + rho
 
-so that near the place only the component across its path counts. K is replaced by its positive
-semi-definite part. rho = weight (|r| / share of the window)^2 keeps the step of a point that is far
-or slow from relying on moments beyond the window. At an end of the window dt = 0, unless L
-decreases into it. Moments are searched for near those of the previous iterate, so that they do not
-jump to another passage of a place.
+Near the place, only the component of r normal to the point's path remains. K is replaced by its
+positive semi-definite part. rho = weight (|r| / share of the window)^2 keeps dt small for a point
+that is far or slow, so that the moment stays in its window. At an end of the window dt = 0, unless
+L decreases towards its inside. Moments are searched for near those of the previous iterate, so that
+they do not jump to another passage of a place.
 
-Distances are those of the run. For the derivatives, coordinates between nodes are cubic in time,
-through the positions and velocities there. As the interval of a moment leads from the state z_i
-before it to the state after it,
+Distances are those of the simulated run. For the derivatives, coordinates between nodes are cubic
+in time, through the positions and velocities there. With z_i the state before a moment,
 
     r + J_0 z_i + J_1 z_{i+1} = r + J_1 e_i + (J_0 + J_1 A_i) z_i + J_1 B_i u_i
 """
@@ -34,23 +33,23 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, Times, rotation, tangent
 from fantoccini.control.optimal.dynamics import LinearEnds
-from fantoccini.control.optimal.moments import OffsetFunction, Window, nearest
+from fantoccini.control.optimal.moments import OffsetFunction, Window, nearest_times
 from fantoccini.control.tasks import ChosenParameters, Nodes, Task, Touched
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 
 _DIFFERENCE = 1e-5
-"""Step of differences [m, rad and their rates; for intervals, relative to their length]."""
+"""Step of central differences [m, rad and their rates]; relative for the length of an interval."""
 _TIME_DIFFERENCE = 1e-3
-"""Step of differences of time, relative to an interval."""
+"""Step of central differences in time, relative to an interval."""
 _SAMPLES_PER_INTERVAL = 6
-"""Number of samples in an interval for the first search of moments."""
+"""Number of samples in an interval with which the search for moments begins."""
 _MAX_MOMENT_CHANGE = 0.25
 """Largest change of a moment in a step, relative to its window."""
 _MAX_APPROACH = 0.25
 """Largest change of a moment towards another in a step, relative to the time between them."""
 _EDGE_TOLERANCE = 1e-9
-"""Largest distance of a moment at the edge of a window from that edge [s]."""
+"""Largest distance of a moment from an edge of its window to count as lying there [s]."""
 
 States = tuple[Array, Array, Array, Array]
 """States as q_D, v_D, q_K and v_K, (n, ...) each."""
@@ -58,14 +57,14 @@ States = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True, eq=False)
 class TouchTerm:
-    """The term slope . d + 1/2 d^T curvature d for changes d of a point and its scaled velocity.
+    """The term slope . d + 1/2 d^T curvature d, d the changes of a point and its scaled velocity.
 
     Attributes:
-        by: (6, 2 n_z + 1 + n_p) derivatives of d, as in :class:`Moments`.
+        by: (6, 2 n_z + 1 + n_p) derivatives of d, with the columns of :class:`Moments`.
         curvature: (6, 6) matrix, positive semi-definite.
         slope: (6,) gradient.
-        closed: (3, 2 n_z + 1 + n_p) derivatives of the part of the distance that a step closes.
-        closed_by_moment: (3,) part of the distance that the change of the moment alone closes.
+        closed: (3, 2 n_z + 1 + n_p) derivatives of the change of the distance in a step.
+        closed_by_moment: (3,) change of the distance by the change of the moment alone.
     """
 
     by: Array
@@ -82,19 +81,19 @@ class Moments:
     Attributes:
         t: (T,) times [s].
         widths: (T,) lengths of their windows [s].
-        at: (T,) indices of their intervals.
+        intervals: (T,) indices of the intervals in which they lie.
         edge: (T,) -1 or 1 for a moment at the first or the last time of its window, NaN if these
             coincide.
         r: (T, 3) offsets of the points from the places [m].
         v: (T, 3) velocities of the points [m/s].
         acc: (T, 3) accelerations of the points [m/s^2].
-        by, v_by: (T, 3, 2 n_z + 1 + n_p) derivatives of r and v by the states before and after, the
-            length of the intervals and the parameters.
+        by, v_by: (T, 3, 2 n_z + 1 + n_p) derivatives of r and v by the states before and after the
+            interval, the length of all intervals and the parameters.
     """
 
     t: Times
     widths: Times
-    at: Indices
+    intervals: Indices
     edge: Array
     r: Array
     v: Array
@@ -103,7 +102,7 @@ class Moments:
     v_by: Array
 
     def terms_of(self, weight: float, force: Array) -> list[TouchTerm]:
-        """The terms of the touches for programs.
+        """The terms of all touches.
 
         Args:
             weight: weight of half the squared distances.
@@ -120,9 +119,9 @@ class Moments:
                     -force[j] @ self.acc[j], 0.0
                 )
                 if moment_curvature > 0.0:
-                    across = np.append(weight * v, -force[j] / scale)
-                    direction = across / moment_curvature
-                    curvature -= np.outer(across, direction)
+                    mixed = np.append(weight * v, -force[j] / scale)  # w, for scaled velocities
+                    direction = mixed / moment_curvature
+                    curvature -= np.outer(mixed, direction)
                     slope -= direction * (f @ v)
                     closed_by_moment = -v * (f @ v) / moment_curvature
             values, vectors = np.linalg.eigh(curvature)
@@ -153,13 +152,13 @@ class Touches:
         return len(self._touches)
 
     def gap(self, nodes: Nodes) -> Array:
-        """(3 T,) offsets from the points to the places at the moments of nearest approach [m]."""
+        """(3 T,) vectors from the points to the places at the moments of nearest approach [m]."""
         return -np.ravel(self.moments(nodes).r) if len(self) else np.zeros(0)
 
     def closed_gap(
         self, nodes: Nodes, z: Array, c: Array, weight: float, force: Array
     ) -> tuple[Array, Array]:
-        """(3 T,) changes of the gap in a step, in total and by changes of moments alone.
+        """(3 T,) predicted changes of the gap in a step: in total, and by changes of moments alone.
 
         Args:
             nodes, weight, force: see :meth:`add`.
@@ -169,14 +168,14 @@ class Touches:
             return np.zeros(0), np.zeros(0)
         moments = self.moments(nodes)
         changes = np.concatenate(
-            [z[moments.at], z[moments.at + 1], np.tile(c, (len(self), 1))], axis=1
+            [z[moments.intervals], z[moments.intervals + 1], np.tile(c, (len(self), 1))], axis=1
         )
         terms = moments.terms_of(weight, force.reshape(-1, 3))
         closed = [term.closed @ d for term, d in zip(terms, changes, strict=True)]
         return np.ravel(closed), np.ravel([term.closed_by_moment for term in terms])
 
     def with_moments(self, nodes: Nodes) -> Nodes:
-        """The same nodes with their moments, near which the next step searches."""
+        """The same nodes with their moments, so that the next search begins near these."""
         moments = self.moments(nodes)
         self._cached = replace(nodes, moments=moments.t), moments
         return self._cached[0]
@@ -206,7 +205,9 @@ class Touches:
         if not len(self):
             return
         moments, k, n_z = self.moments(nodes), linear.B.shape[2], nodes.n_z
-        for i, term in zip(moments.at, moments.terms_of(weight, force.reshape(-1, 3)), strict=True):
+        for i, term in zip(
+            moments.intervals, moments.terms_of(weight, force.reshape(-1, 3)), strict=True
+        ):
             J_0 = np.pad(term.by[:, :n_z], ((0, 0), (0, len(c))))
             J_1 = np.concatenate([term.by[:, n_z : 2 * n_z], term.by[:, 2 * n_z + c]], axis=1)
             J_z, J_u = J_0 + J_1 @ linear.A[i], J_1 @ linear.B[i]
@@ -219,34 +220,34 @@ class Touches:
             vector += J_z.T @ slope
 
     def closest_approaches(self, run: Trajectory, parameters: Array) -> tuple[Touched, ...]:
-        """The closest approaches of a run to the places."""
+        """Times and distances at which a run comes closest to the places."""
         if not len(self):
             return ()
-        off = self._offsets_in_run(run, parameters)
+        offsets = self._offsets_in_run(run, parameters)
         step = (run.t[-1] - run.t[0]) / (_SAMPLES_PER_INTERVAL * len(run))
-        times = nearest(off, self._windows(run.t[0], run.t[-1]), step)
-        distances = [float(np.linalg.norm(off(k, times[k : k + 1]))) for k in range(len(self))]
+        times = nearest_times(offsets, self._windows(run.t[0], run.t[-1]), step)
+        distances = [float(np.linalg.norm(offsets(k, times[k : k + 1]))) for k in range(len(self))]
         return tuple(map(Touched, self._touches, times.tolist(), distances))
 
     def _offsets_in_run(self, run: Trajectory, parameters: Array) -> OffsetFunction:
         """The offsets of touches along a run, as a function of time."""
         marionette, first, last = self._chosen.marionette(parameters), run.t[0], run.t[-1]
 
-        def off(k: int, times: Times) -> Array:
+        def offsets(k: int, times: Times) -> Array:
             states = run.resample(np.clip(times, first, last))
             return self._offsets(k, marionette, states.q_D, states.q_K)
 
-        return off
+        return offsets
 
     def moments(self, nodes: Nodes) -> Moments:
         """The moments of nearest approach, with derivatives."""
         if self._cached is None or self._cached[0] is not nodes:
-            self._cached = nodes, self._computed(nodes)
+            self._cached = nodes, self._compute_moments(nodes)
         return self._cached[1]
 
-    def _computed(self, nodes: Nodes) -> Moments:
+    def _compute_moments(self, nodes: Nodes) -> Moments:
         h, N, n = nodes.interval, len(nodes), len(self)
-        off = (
+        offsets = (
             self._offsets_between_nodes(nodes)
             if nodes.run is None
             else self._offsets_in_run(nodes.run, nodes.parameters)
@@ -255,9 +256,9 @@ class Touches:
         windows = self._windows(nodes.start, end)
         low, high = np.array([(window.low, window.high) for window in windows]).T
         lengths = np.maximum(high - low, h)
-        times = nearest(
-            off,
-            self._narrowed(nodes, windows, _MAX_MOMENT_CHANGE * lengths),
+        times = nearest_times(
+            offsets,
+            self._narrow_windows(nodes, windows, _MAX_MOMENT_CHANGE * lengths),
             h / _SAMPLES_PER_INTERVAL,
         )
         edge = 1.0 * (times >= high - _EDGE_TOLERANCE) - 1.0 * (times <= low + _EDGE_TOLERANCE)
@@ -267,9 +268,9 @@ class Touches:
         by, v_by = np.zeros((2, n, 3, 2 * nodes.n_z + 1 + len(self._chosen)))
         r, v, acc = np.zeros((3, n, 3))
         for k in range(n):
-            moves_on = times[k] >= end  # it moves with the end of the motion
-            r[k] = off(k, times[k : k + 1])[0]
-            derivatives = self._derivatives(k, nodes, int(intervals[k]), float(shares[k]), moves_on)
+            at_end = times[k] >= end  # the moment moves with the end of the motion
+            r[k] = offsets(k, times[k : k + 1])[0]
+            derivatives = self._derivatives(k, nodes, int(intervals[k]), float(shares[k]), at_end)
             v[k], acc[k], by[k], v_by[k] = derivatives
         return Moments(times, lengths, intervals, edge, r, v, acc, by, v_by)
 
@@ -278,14 +279,14 @@ class Touches:
         marionette = self._chosen.marionette(nodes.parameters)
         states: States = (nodes.q_D, nodes.v_D, nodes.q_K, nodes.v_K)
 
-        def off(k: int, times: Times) -> Array:
+        def offsets(k: int, times: Times) -> Array:
             share = (times - nodes.start) / nodes.interval
             index = np.clip(share.astype(int), 0, len(nodes) - 1)
             before, after = (tuple(a[index + shift] for a in states) for shift in (0, 1))
             q_D, q_K = _between(nodes, before, after, nodes.interval, share - index)
             return self._offsets(k, marionette, q_D, q_K)
 
-        return off
+        return offsets
 
     def _windows(self, start: float, end: float) -> list[Window]:
         """The windows of the touches, within a motion."""
@@ -298,10 +299,10 @@ class Touches:
             for touch in self._touches
         ]
 
-    def _narrowed(self, nodes: Nodes, windows: list[Window], widths: Times) -> list[Window]:
+    def _narrow_windows(self, nodes: Nodes, windows: list[Window], widths: Times) -> list[Window]:
         """Windows narrowed to times near the moments of the last iterate, if there are any.
 
-        Moments in turn, and moments of one point, stay apart.
+        Moments of touches that must follow one another, or of one point, cannot coincide.
         """
         t = nodes.moments
         if t is None:
@@ -324,15 +325,15 @@ class Touches:
         ]
 
     def _derivatives(
-        self, k: int, nodes: Nodes, i: int, share: float, moves_on: bool
+        self, k: int, nodes: Nodes, i: int, share: float, at_end: bool
     ) -> tuple[Array, Array, Array, Array]:
-        """v, acc and the derivatives of r and v, by central differences of the interval's states.
+        """v, acc, and the derivatives of r and v, by central differences.
 
         Args:
             k: index of the touch.
             nodes: the motion.
-            i, share: index of the interval, and share of it before the moment.
-            moves_on: whether the moment moves with the nodes when intervals get longer.
+            i, share: index of the interval, and share of it that lies before the moment.
+            at_end: whether the moment is the end of the motion, which moves with the intervals.
         """
         h, n_z, n_c = nodes.interval, nodes.n_z, 1 + len(self._chosen)
         z = np.zeros((4 * n_z + 3, 2 * n_z))
@@ -342,8 +343,8 @@ class Touches:
         )
         lengths = np.full(len(z), h)
         lengths[-3:-1] *= [1.0 + _DIFFERENCE, 1.0 - _DIFFERENCE]
-        shares = np.full(len(z), share) if moves_on else (i + share) * h / lengths - i
-        before, after = _moved(nodes, i, z[:, :n_z]), _moved(nodes, i + 1, z[:, n_z:])
+        shares = np.full(len(z), share) if at_end else (i + share) * h / lengths - i
+        before, after = _changed(nodes, i, z[:, :n_z]), _changed(nodes, i + 1, z[:, n_z:])
         offsets, derivatives = np.zeros((3, len(z), 3)), np.zeros((3, 3, 2 * n_z + n_c))
         for j, shift in enumerate((-_TIME_DIFFERENCE, 0.0, _TIME_DIFFERENCE)):
             q_D, q_K = _between(nodes, before, after, lengths, shares + shift * h / lengths)
@@ -378,8 +379,8 @@ class Touches:
         return np.asarray(pose[:, :, :3] @ self._points[k] + pose[:, :, 3] - self._places[k])
 
 
-def _moved(nodes: Nodes, i: int, z: Array) -> States:
-    """The state of a node changed by tangent vectors (n, n_z)."""
+def _changed(nodes: Nodes, i: int, z: Array) -> States:
+    """The state of node i, changed by tangent vectors (n, n_z)."""
     dq_D, dv_D, dq_K, dv_K = np.split(z, nodes.splits, axis=1)
     t = nodes.table
     return (
@@ -393,7 +394,10 @@ def _moved(nodes: Nodes, i: int, z: Array) -> States:
 def _between(
     nodes: Nodes, before: States, after: States, h: Array | float, share: Array
 ) -> tuple[Array, Array]:
-    """(n, n_qD) and (n, n_qK) between states h apart, cubic through positions and velocities."""
+    """Configurations (n, n_qD), (n, n_qK) between two states, cubic in time.
+
+    The curve has the positions and velocities of the states, which are h [s] apart.
+    """
     t = nodes.table
     s, h = share[:, None], np.broadcast_to(h, share.shape)[:, None]
     configurations = []

@@ -1,14 +1,14 @@
-"""Sequential quadratic programming in a trust region, through the events of event-driven runs.
+"""Sequential quadratic programming in a trust region, for runs with catches and impacts.
 
     phi = J + price (|x_N - end| + |violations of rows|),   |du_j| <= radius max_j
 
-with |a| = sum of |a_i| + a_i^2 / 2, the price of elastic rows in stage programs (Fletcher,
-Practical Methods of Optimization, 14.5). A step is corrected by the error of its run at the end:
-up to a few times the same program is solved with
+with |a| = sum of |a_i| + a_i^2 / 2, as for elastic rows in stage programs (Fletcher, Practical
+Methods of Optimization, 14.5). A step is corrected a few times by the error of its run at the end:
+the same program is solved again with
 
     z_N = z_N + end - x_N(run),
 
-which follows the curved set of motions that meet the end much farther than its tangent does.
+so that larger steps keep near the curved set of motions that meet the end.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from fantoccini.base import Array, OnProgress, SimulationError, StateError
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.hybrid import HybridRuns
 from fantoccini.control.optimal.iterations import (
-    GOOD_DECREASE,
-    POOR_DECREASE,
-    SUFFICIENT_DECREASE,
+    GOOD_DECREASE_RATIO,
+    MIN_DECREASE_RATIO,
+    POOR_DECREASE_RATIO,
     Limits,
     SmallSteps,
     hessian_product,
@@ -37,35 +37,35 @@ from fantoccini.control.tasks import DrivenConditions, Nodes
 
 @dataclass(frozen=True)
 class TrustRegionSettings:
-    """Parameters of the search."""
+    """Settings of the trust-region search."""
 
     first_radius: float = 0.07
     """First radius of the trust region, relative to the largest accelerations."""
     min_radius: float = 1e-9
     radius_decrease: float = 0.4
     radius_increase: float = 2.0
-    """Factors of the radius after a poor and a good step."""
+    """Factors on the radius after a poor and a good step."""
     max_corrections: int = 3
     """Largest number of corrections of a step."""
     first_price: float = 10.0
-    """First price of a unit of error at the end, in units of the cost."""
+    """Initial price of a unit of error at the end, relative to the unit of the cost."""
     max_price: float = 1e3
     price_factor: float = 2.0
     price_margin: float = 3.0
     """Smallest price after a decrease, relative to the largest multiplier of the end."""
     price_decrease_error: float = 1e-3
-    """Largest error at the end with which the price decreases [m, rad and their rates]."""
+    """Largest error at the end at which the price may decrease [m, rad and their rates]."""
     min_price: float = 1e-3
     damping: float = 1e-8
-    """Damping of the Hessian, in units of the cost."""
+    """Damping of the Hessian, relative to the unit of the cost."""
     max_far_iterations: int = 40
-    """Largest number of iterations of a motion that is far from its end."""
+    """Number of iterations after which the search stops if the motion is still far."""
     min_far_error: float = 1e-2
-    """Error at the end, or violation of bounds, above which a motion is far."""
+    """Error at the end, or violation of bounds, above which a motion counts as far."""
 
 
 SETTINGS = TrustRegionSettings()
-_MIN_SIZE = 1e-300
+_MIN_DIVISOR = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class _Step:
     """A step with the predictions of its program.
 
     Attributes:
-        linear: derivatives in its program.
+        linear: derivatives that its program uses.
         solution: solution of the program.
         phi_decrease: predicted decrease of phi.
         size: largest |du_j| / max_j.
@@ -90,7 +90,7 @@ class _Step:
 
 
 class TrustRegionSearch:
-    """A search that improves a motion step by step, through slack and catches.
+    """A search that improves a motion in which strings come slack and taut.
 
     Args:
         start: first motion.
@@ -102,7 +102,8 @@ class TrustRegionSearch:
     def __init__(self, start: Iterate, runs: HybridRuns, objective: Objective, limits: Limits):
         self.best = start
         self._runs, self._objective, self._limits = runs, objective, limits
-        self._free = Objective(replace(objective.task, end=None))  # here the end is a set of rows
+        # The end is a set of elastic rows here, not a part of the objective.
+        self._free = Objective(replace(objective.task, end=None))
         self._u, self._z = objective.program_indices
         self._max_acceleration = DrivenConditions.of(objective.task).scale[self._u]
         self._solver, self._radius = StageSolver(), SETTINGS.first_radius
@@ -113,8 +114,8 @@ class TrustRegionSearch:
         """The best motion of the search; see :func:`improve`."""
         return improve(self, self._limits, progress)
 
-    def _linearised(self) -> LinearEnds | None:
-        """Derivatives of the best motion; None if a catch has none."""
+    def _linearise(self) -> LinearEnds | None:
+        """Derivatives of the best motion; None if one of its events has none."""
         at, free = self.best, self._free
         try:
             linear = self._runs.linearise(at.nodes, at.ends)
@@ -137,17 +138,17 @@ class TrustRegionSearch:
         return cost + self._free.price * self._elastic_violation(nodes, ends)
 
     def step(self) -> _Step | None:
-        """A step from the best motion, None without one; updates the motion's residuals."""
+        """A step from the best motion; None if there is none. Updates the motion's residuals."""
         at, objective = self.best, self._objective
         if self._linear is None:
-            self._linear = self._linearised()
+            self._linear = self._linearise()
         if (linear := self._linear) is None:
             at.stalled = True
             return None
         gap = self._gap(at.nodes)
         program = self._program(linear, gap)
-        size = max(float(np.max(np.abs(program.g))), _MIN_SIZE)
-        solution = self._solver.solve(program, min(size, self._free.unit))
+        gradient_size = max(float(np.max(np.abs(program.g))), _MIN_DIVISOR)
+        solution = self._solver.solve(program, min(gradient_size, self._free.unit))
         if not solution.solved:
             at.stalled = True
             return None
@@ -163,9 +164,9 @@ class TrustRegionSearch:
         relative_size = float(
             np.max(np.abs(solution.u[:, : len(self._u)]) / self._max_acceleration)
         )
-        # A step that ends at the trust region gives no information on the gradient.
-        gradient_change = float(np.max(np.abs(Hd))) / size
-        predicted_decrease = max(violation_decrease - slope, 0.0) / max(abs(at.cost), _MIN_SIZE)
+        # A step that the trust region bounds says nothing about the size of the gradient.
+        gradient_change = float(np.max(np.abs(Hd))) / gradient_size
+        predicted_decrease = max(violation_decrease - slope, 0.0) / max(abs(at.cost), _MIN_DIVISOR)
         is_inside = relative_size < 0.9 * self._radius
         at.stationarity = (
             max(min(gradient_change, 1.0), min(predicted_decrease, 1.0)) if is_inside else 1.0
@@ -200,7 +201,7 @@ class TrustRegionSearch:
         )
 
     def try_step(self, step: _Step) -> Iterate | None:
-        """The motion after a step, corrected; None if the step is rejected."""
+        """The motion after a step and its corrections; None if the step is rejected."""
         at, objective = self.best, self._objective
         merit_before = self._merit(at.cost, at.nodes, at.ends)
         solution, best_motion, best_ratio = step.solution, None, -np.inf
@@ -221,15 +222,15 @@ class TrustRegionSearch:
                 break
             cost = objective.cost(*nodes_and_ends)
             decrease_ratio = (merit_before - self._merit(cost, *nodes_and_ends)) / max(
-                step.phi_decrease, _MIN_SIZE
+                step.phi_decrease, _MIN_DIVISOR
             )
             if not decrease_ratio > best_ratio:
                 break
             best_ratio, best_motion, best_cost = decrease_ratio, nodes_and_ends, cost
-            if best_ratio >= GOOD_DECREASE or objective.task.end is None:
+            if best_ratio >= GOOD_DECREASE_RATIO or objective.task.end is None:
                 break
         self._decrease_ratio = best_ratio
-        if best_motion is None or best_ratio <= SUFFICIENT_DECREASE:
+        if best_motion is None or best_ratio <= MIN_DECREASE_RATIO:
             return None
         limits = self._limits
         is_small = best_ratio * step.phi_decrease <= limits.cost_tolerance * abs(merit_before)
@@ -250,9 +251,9 @@ class TrustRegionSearch:
         unit, price = self._free.unit, self._free.price
         if is_inside and step.remaining_violation > 0.1 * self._limits.tolerance:
             price = min(price * SETTINGS.price_factor, SETTINGS.max_price * unit)
-        if decrease_ratio < POOR_DECREASE:
+        if decrease_ratio < POOR_DECREASE_RATIO:
             self._radius = SETTINGS.radius_decrease * min(step.size, self._radius)
-        elif decrease_ratio > GOOD_DECREASE and not is_inside:
+        elif decrease_ratio > GOOD_DECREASE_RATIO and not is_inside:
             self._radius *= SETTINGS.radius_increase
         is_near = (
             float(np.max(np.abs(self._gap(self.best.nodes)), initial=0.0))
@@ -262,13 +263,13 @@ class TrustRegionSearch:
             min_price = SETTINGS.price_margin * float(np.max(np.abs(step.solution.costate[-1])))
             price = min(price, max(min_price, SETTINGS.min_price * unit))
         self._free.price = price
-        gives_up = (
+        is_hopeless = (
             at.iterations >= SETTINGS.max_far_iterations
             and max(at.defect, at.violation) > SETTINGS.min_far_error
         )
-        at.stalled = gives_up or self._radius < SETTINGS.min_radius
+        at.stalled = is_hopeless or self._radius < SETTINGS.min_radius
 
 
 def _elastic_sum(a: Array) -> float:
-    """Price of violations, as in stage programs: sum of |a| + a^2 / 2."""
+    """Measure of violations, as in stage programs: sum of |a| + a^2 / 2."""
     return float(np.sum(np.abs(a)) + 0.5 * np.sum(np.square(a)))

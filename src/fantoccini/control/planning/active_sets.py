@@ -274,7 +274,7 @@ def event_derivatives(
         derivatives = interval_derivatives(marionette, run, inputs, rtol=tolerance, atol=tolerance)
     except FantocciniError:
         return None
-    return (derivatives.A[0], derivatives.B[0]) if derivatives.sharp else None
+    return (derivatives.A[0], derivatives.B[0]) if derivatives.differentiable else None
 
 
 def extended(

@@ -1,4 +1,4 @@
-"""Plans as paths through a search tree, and simulations from their start and inputs alone."""
+"""Plans as paths through a search tree; simulations of plans from their start and inputs."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class PlanPath:
         return self.simulate(TimeStepping(dt=self.rollouts.options.dt, extrapolate=False))
 
     def simulate(self, method: Method, effort: bool = True) -> Trajectory:
-        """A run of the plan, complete or not.
+        """A run of the plan, which may stop early.
 
         Args:
             method: method of the simulation.
@@ -100,8 +100,8 @@ class PlanPath:
         """
         start, end, save_at = exact_start(self.problem, method), self.end, None
         if method.name == "event":
-            look_times = np.arange(start.t, end, self.rollouts.options.interval)
-            save_at = np.unique(np.minimum(np.append(self.times, look_times), end))
+            check_times = np.arange(start.t, end, self.rollouts.options.interval)
+            save_at = np.unique(np.minimum(np.append(self.times, check_times), end))
         return simulate(
             self.problem.marionette,
             start,
@@ -130,9 +130,9 @@ class PlanPath:
     def _tail(self) -> tuple[Array, Array]:
         """Durations (k,) and accelerations (k, n_vK) after the last node.
 
-        If the puppet must stay at the goal, its inputs come to rest. If it can rest there on its
-        touches, they then move to that equilibrium, half of the way with constant acceleration and
-        half with its opposite.
+        If the puppet must stay at the goal, its inputs come to rest. If it can rest there in
+        contact with other parts, they then move to that equilibrium: half of the way with constant
+        acceleration and half with constant deceleration.
         """
         rollouts, problem, v = self.rollouts, self.problem, self.states.v_K[-1]
         bounds, table = rollouts.bounds, problem.marionette.coordinates

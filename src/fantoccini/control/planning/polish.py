@@ -1,4 +1,4 @@
-"""Polishing: shorter plans that end nearer to the goal, by ``descent``."""
+"""Polishing: makes plans shorter and ends them nearer to the goal, by :mod:`.descent`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class _Attempts:
     """Variants of a plan for polishing, and their time limits."""
 
     durations: tuple[float, ...] = (0.85, 1.0)
-    """Durations of the first variants, relative to the plan's."""
+    """Durations of the first variants, relative to that of the plan."""
     first_share: float = 0.2
     """Share of the time limit for each of the first variants."""
     extensions: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0)
@@ -40,16 +40,16 @@ _ATTEMPTS = _Attempts()
 class PolishStatus(Outcome):
     """The outcome of polishing a plan."""
 
-    POLISHED = "it ends as near to the goal as required"
-    NO_BETTER = "the plan is as it was: nothing that ends so near costs less"
-    NOT_NEAR = "the plan is as it was: no rollout close to it ends so near within all bounds"
-    TIMEOUT = "the plan is as it was: the time ended before it came so near to the goal"
-    NOT_HELD = "the plan is as it was: its polished versions do not hold in simulation"
-    TOO_LONG = "the plan is as it was: its polished versions take longer than the problem allows"
-    INTERRUPTED = "the plan is as it was: it was interrupted before anything was found"
-    NO_MOTION = "the plan is as it was: it has no segment"
-    MAY_TOUCH = "the plan is as it was: plans that may touch something are not polished"
-    UNKNOWN_GOAL = "the plan is as it was: its goal is a function, which has no residuals"
+    POLISHED = "the plan ends as near to the goal as required"
+    NO_BETTER = "the plan is unchanged: no variant that ends near enough costs less"
+    NOT_NEAR = "the plan is unchanged: no variant within all bounds ends near enough to the goal"
+    TIMEOUT = "the plan is unchanged: the time ended before a variant came near enough to the goal"
+    NOT_HELD = "the plan is unchanged: its polished variants are not confirmed by simulation"
+    TOO_LONG = "the plan is unchanged: its polished variants take longer than the problem allows"
+    INTERRUPTED = "the plan is unchanged: polishing was interrupted before a variant was found"
+    NO_MOTION = "the plan is unchanged: it has no motion"
+    MAY_TOUCH = "the plan is unchanged: plans that may touch something are not polished"
+    UNKNOWN_GOAL = "the plan is unchanged: its goal is a function, which has no residuals"
 
     @property
     def reached(self) -> bool:
@@ -62,7 +62,7 @@ class Polish:
     """The outcome of polishing a plan.
 
     Attributes:
-        status: whether it helped, or the reason why not.
+        status: whether the plan was improved, or the reason why not.
         required: required distance from the goal.
         nearest: distance of the best rollout that missed the goal; NaN if there is none.
         violated: constraints that this rollout violates: ``clearance``, ``limits``, ``tension``;
@@ -96,7 +96,7 @@ class Polish:
         text = f"{self.status.message} (required: {self.required:.3g}"
         if not self.reached and not math.isnan(self.nearest):
             text += f"; nearest: {self.nearest:.3g}"
-            text += f", at the cost of {' and '.join(self.violated)}" if self.violated else ""
+            text += f", which violates {' and '.join(self.violated)}" if self.violated else ""
         return text + ")"
 
 
@@ -104,15 +104,14 @@ class Polisher:
     """Polishes plans of a problem: makes them shorter, and brings their end to the goal.
 
     Attributes:
-        nearest: the rollout with the least merit among those that miss the goal, which is the best
-            of them; None if there is none.
+        nearest: best rollout that misses the goal, with the lowest merit; None if there is none.
         late: whether the time ended before a plan reached the goal.
 
     Args:
         problem: the planning problem.
 
     Raises:
-        ValueError: goal that is a function, which has no residuals, or possible touches.
+        ValueError: the goal is a function, which has no residuals, or plans may touch something.
     """
 
     def __init__(self, problem: Problem):
@@ -146,56 +145,65 @@ class Polisher:
                 the goal [s].
             shorter: whether to search for shorter plans.
         """
-        began = time.perf_counter()
-        V, search_deadline, end = (
-            self._resampled(acceleration, n_checks),
-            began + seconds,
-            began + limit,
-        )
+        start_time = time.perf_counter()
+        search_deadline, deadline = start_time + seconds, start_time + limit
+        V = self._resample(acceleration, n_checks)
         segment_counts = [
             max(1, round(x * len(V))) for x in _ATTEMPTS.durations if shorter or x >= 1.0
         ]
         V, segment = self._shooting.within(V), self._shooting.segment
         trials = itertools.chain(
-            ((self._stretched(V, m), False) for m in segment_counts),
+            ((self._stretch(V, m), False) for m in segment_counts),
             ((self._shooting.continued(V, round(s / segment)), True) for s in _ATTEMPTS.extensions),
         )
-        timely = itertools.takewhile(lambda _: time.perf_counter() < end, trials)
+        timely = itertools.takewhile(lambda _: time.perf_counter() < deadline, trials)
         self.nearest, self.late = None, True
         candidates = (
-            self._at_goal(velocities, distance, end if late else self._first_deadline(limit), late)
-            for velocities, late in timely
+            self._descend(
+                velocities,
+                distance,
+                deadline if end_only else self._first_deadline(limit),
+                end_only,
+            )
+            for velocities, end_only in timely
         )
         best = next((candidate for candidate in candidates if candidate is not None), None)
-        self.late = time.perf_counter() >= end
+        self.late = time.perf_counter() >= deadline
         if best is None:
             return
-        yield self._simulated(best)
+        yield self._simulate(best)
         n_fewer = round(_ATTEMPTS.shortening * len(best)) if shorter else 0
         while n_fewer and time.perf_counter() < search_deadline:
             m = max(1, len(best) - n_fewer)
-            shortened = self._at_goal(self._stretched(best.V[0], m), distance, search_deadline)
+            shortened = self._descend(self._stretch(best.V[0], m), distance, search_deadline)
             if shortened is None:
                 n_fewer //= 2
             else:
                 best, n_fewer = shortened, min(n_fewer, round(_ATTEMPTS.shortening * m))
-                yield self._simulated(best)
+                yield self._simulate(best)
 
     @staticmethod
     def _first_deadline(limit: float) -> float:
-        """Time at which to stop varying the whole plan; varying only its end is quicker."""
+        """Time at which to stop varying the whole plan; then only its end is varied."""
         return time.perf_counter() + _ATTEMPTS.first_share * limit
 
-    def _at_goal(
-        self, V: Array, distance: float, search_deadline: float, late: bool = False
+    def _descend(
+        self, V: Array, distance: float, search_deadline: float, end_only: bool = False
     ) -> Candidates | None:
-        """A candidate near V (m, n_vK) that ends at the goal without collision; None if none."""
+        """A candidate near V (m, n_vK) that ends at the goal within all bounds, or None.
+
+        Args:
+            V: (m, n_vK) velocities at the ends of the segments.
+            distance: required distance from the goal.
+            search_deadline: time of ``time.perf_counter`` at which to stop [s].
+            end_only: whether to vary only the end of the plan.
+        """
         result = approach(
             self._shooting,
             V,
             lambda candidate: self._arrives(candidate, distance),
             search_deadline,
-            late,
+            end_only,
         )
         if result.arrives:
             return result.candidate
@@ -217,14 +225,14 @@ class Polisher:
     def _arrives(self, candidate: Candidates, distance: float) -> bool:
         """Whether a candidate ends at the goal, within all bounds."""
         at_goal = candidate.distance[0] <= distance and self._shooting.stays(candidate)
-        return bool(at_goal and self._simulated(candidate).distance[0, -1] <= distance)
+        return bool(at_goal and self._simulate(candidate).distance[0, -1] <= distance)
 
-    def _simulated(self, candidate: Candidates) -> Segments:
+    def _simulate(self, candidate: Candidates) -> Segments:
         """A candidate's rollout with bounds and obstacles."""
         acceleration = self._shooting.accelerations(candidate.V)
         return self._strict.simulate(self._problem.root, np.zeros(1, int), acceleration)
 
-    def _resampled(self, acceleration: Array, n_checks: Indices) -> Array:
+    def _resample(self, acceleration: Array, n_checks: Indices) -> Array:
         """(m, n_vK) velocities in segments of the usual duration; the last may be longer."""
         durations = n_checks * self._problem.rollouts.options.interval
         times = np.concatenate([[0.0], np.cumsum(durations)])
@@ -235,7 +243,7 @@ class Polisher:
         end_times = segment * np.arange(1, n_segments + 1)
         return np.stack([np.interp(end_times, times, column) for column in V.T], axis=1)
 
-    def _stretched(self, V: Array, m: int) -> Array:
+    def _stretch(self, V: Array, m: int) -> Array:
         """(m, n_vK) velocities along the same path in m segments."""
         scale = len(V) / m
         positions, nodes = scale * np.arange(1, m + 1), np.arange(len(V) + 1)

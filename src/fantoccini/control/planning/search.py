@@ -24,16 +24,16 @@ class _Effort:
     """Distribution of a search's effort."""
 
     max_nodes: int = 20_000
-    """Largest number of nodes of a tree for better plans before a new tree replaces it."""
+    """Largest number of nodes of a tree in the search for better plans; then a new tree begins."""
     first_growth: float = 0.15
-    """Share of the time for improvement in which trees grow before a plan is polished."""
+    """Share of the time for improvement that passes before the first plan is polished."""
     later_growth: float = 0.1
-    """Share in which they grow again after every attempt to polish a plan."""
+    """Share that passes between attempts to polish a plan."""
 
 
 _EFFORT = _Effort()
 _TIME_ERROR = 1e-9
-"""Rounding of the times of nodes, which are sums of intervals [s]."""
+"""Rounding error of the times of nodes, which are sums of intervals [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,15 +41,15 @@ class SearchRecord:
     """The results of a search so far.
 
     Attributes:
-        tree: tree with the best plan.
-        best: index of its end node, or of the node nearest to the goal while there is no plan.
+        tree: tree that contains the best plan.
+        best: index of that plan's end node; without a plan, of the node nearest to the goal.
         tried: number of rollouts.
         seconds: time of the search [s].
         curve: (seconds, rollouts, duration) of every plan that was the best, in order. A polished
             plan is nearer to the goal, but may be longer than the previous one.
         random_state: state of the random generator, as plain data.
-        late: whether a time limit ended the search or its last part.
-        refused: number of plans that arrive by the time-stepper, but not in a second simulation.
+        late: whether a time limit ended the search, or its last stage.
+        refused: number of plans that reached the goal in the search, not in a second simulation.
         polished: the outcome of polishing the best plan; None if it was not attempted.
     """
 
@@ -68,17 +68,17 @@ class Search:
     """A search with a tree that grows to a first plan, then trees with plans of lower cost.
 
     Better plans are found as in AO-x (Hauser and Zhou 2016): after each plan a new tree begins at
-    the start, with the plan's cost as a bound; nodes that cannot end below it are left out.
+    the start, with the plan's cost as a bound; nodes that cannot lead to a lower cost are left out.
 
     Attributes:
         problem, options: see below.
-        objective: cost of plans: the one of the options, otherwise the problem's.
+        objective: cost of plans: that of the options, otherwise that of the problem.
         tree, best, tried, seconds, curve, late, refused, polished: see :class:`SearchRecord`.
         fault: reason why the last plan was refused; empty if none was.
 
     Args:
         problem: the planning problem.
-        options: options of the search; callers of its methods keep the time limits.
+        options: options of the search; the time limits are arguments of its methods instead.
     """
 
     def __init__(self, problem: Problem, options: SearchOptions):
@@ -117,7 +117,7 @@ class Search:
         )
 
     def restore(self, record: SearchRecord) -> None:
-        """Returns to a record; a tree without a plan is lost."""
+        """Returns to a record; a tree that has no plan yet is discarded."""
         self.tree, self._growing, self.best = record.tree, record.tree, record.best
         self.tried, self.seconds, self.curve = record.tried, record.seconds, list(record.curve)
         self.late, self.refused, self.polished = record.late, record.refused, record.polished
@@ -150,42 +150,42 @@ class Search:
         if self.best == 0:
             self.polish(distance, 0.0)
             return
-        polished = attempted = None
+        best_polished = attempted = None
         self.polished = Polish(PolishStatus.TIMEOUT, distance)
         try:
             while (time_left := until - time.perf_counter()) > 0.0:
                 if (self.tree, self.best) != attempted and self.polish(
                     distance, time_left, time_left
                 ):
-                    polished = self.tree, self.best, self.polished
+                    best_polished = self.tree, self.best, self.polished
                 attempted = self.tree, self.best
                 # Another plan of lower cost may reach the goal after polishing, too.
                 time_left = until - time.perf_counter()
                 self.find_better(min(time_left, _EFFORT.later_growth * seconds))
         finally:
-            if polished is not None and (self.tree, self.best) != polished[:2]:
-                self._adopt(*polished[:2])
-            if polished is not None:
-                self.polished = polished[2]
-            elif self.polished is None:  # a plan that was found last has not been tried
+            if best_polished is not None and (self.tree, self.best) != best_polished[:2]:
+                self._adopt(*best_polished[:2])
+            if best_polished is not None:
+                self.polished = best_polished[2]
+            elif self.polished is None:  # there was no time left for the last plan
                 self.polished = Polish(PolishStatus.TIMEOUT, distance)
 
     def polish(self, distance: float, seconds: float, limit: float = np.inf) -> bool:
-        """Brings the end of the best plan nearer to the goal, and makes it shorter.
+        """Brings the end of the best plan nearer to the goal, and shortens the plan.
 
-        It may last longer than before if it cannot come nearer otherwise.
+        The plan may last longer than before if it cannot come near enough otherwise.
 
         Args:
             distance: required distance from the goal.
-            seconds: time to shorten the plan once it is so near [s].
-            limit: time after which polishing is abandoned if it is not [s].
+            seconds: time to shorten the plan once it ends within that distance [s].
+            limit: time after which polishing is abandoned if it does not [s].
 
         Returns:
-            Whether a plan came so near; it is then the best.
+            Whether the best plan now ends within the distance.
 
         Raises:
-            ValueError: goal that is a function, possible touches, or a distance that is not greater
-                than 0.
+            ValueError: the goal is a function, the plan may touch something, or the distance is not
+                greater than 0.
         """
         if not distance > 0.0:
             raise ValueError(f"distance is {distance}; it must be greater than 0")
@@ -208,16 +208,19 @@ class Search:
                 candidates.append(shortest)
             status = PolishStatus.TIMEOUT if polisher.late else PolishStatus.NOT_NEAR
         finally:
-            # After Ctrl-C the shortest plan that holds is kept.
+            # After Ctrl-C the shortest plan that a simulation confirms is kept.
             self.seconds += time.perf_counter() - start_time
             self.late = self.late or seconds > 0.0 or polisher.late
             if candidates:
-                status = self._accept_first(reversed(candidates), distance)
+                status = self._accept_first_confirmed(reversed(candidates), distance)
             self.polished = polisher.outcome(status, distance)
         return self.polished.reached
 
-    def _accept_first(self, plans: Iterable[Segments], distance: float) -> PolishStatus:
-        """Accepts the first of polished plans that can be; otherwise the status of the first."""
+    def _accept_first_confirmed(self, plans: Iterable[Segments], distance: float) -> PolishStatus:
+        """Accepts the first polished plan that qualifies; returns its status.
+
+        If none qualifies, the result is the status of the first one.
+        """
         refusals = []
         for segments in plans:
             status = self._accept(segments, distance)
@@ -227,7 +230,7 @@ class Search:
         return refusals[0]
 
     def _accept(self, segments: Segments, distance: float) -> PolishStatus:
-        """Makes a polished plan the best if it is better."""
+        """Makes a polished plan the best one if it is better and confirmed; returns the status."""
         tree, interval = self.tree, self.problem.rollouts.options.interval
         node = tree.add_segments(segments, np.zeros(1, dtype=int), interval)[-1]
         if tree.time[node] > self.problem.max_duration + _TIME_ERROR:
@@ -282,7 +285,7 @@ class Search:
         is_nearer = not self.arrived and tree.distance[node] < self.tree.distance[self.best]
         if not (at_goal or is_nearer):
             return
-        # A plan between stop distance and tolerance also counts, if the search ends with it.
+        # A plan between stop distance and tolerance is a plan if the search ends with it.
         if tree.distance[node] <= self.problem.tolerance and not self._confirmed(tree, node):
             return
         if at_goal:
@@ -292,7 +295,7 @@ class Search:
             self.best = node
 
     def _confirmed(self, tree: SearchTree, node: int) -> bool:
-        """Whether the plan to a node counts; otherwise the node's distance becomes infinite."""
+        """Whether a second simulation confirms the plan to a node; if not, it is discarded."""
         if not self.options.confirm:
             return True
         check = confirmed(self._path(tree, node))
@@ -313,7 +316,7 @@ class Search:
 
 
 def _best(tree: SearchTree, nodes: range, stop_distance: float) -> int:
-    """The cheapest of the nodes at the goal; if there are none, the nearest node."""
+    """The node of lowest cost among those at the goal; if there are none, the nearest node."""
     distance = np.nan_to_num(tree.distance[nodes.start : nodes.stop], nan=np.inf)
     at_goal = np.flatnonzero(distance <= stop_distance)
     if len(at_goal):

@@ -170,7 +170,7 @@ def best_support(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array,
 
     Args:
         marionette: the puppet.
-        q_D, q_K: (n, n_qD), (n, n_qK) configurations.
+        q_D, q_K: (n, n_qD) dynamic and (n, n_qK) driven (kinematic) configurations.
 
     Returns:
         w_0 - W T (n, n_vD), T (n, n_strings) [N], and h of limits (n, n_limits).

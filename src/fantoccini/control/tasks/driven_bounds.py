@@ -97,7 +97,7 @@ class DrivenBounds:
             raise StateError("no driven coordinate may move: speed or acceleration is 0 for all")
         low, high = np.full(table.n_qK, -np.inf), np.full(table.n_qK, np.inf)
         for string in (*marionette.tree.strings, *marionette.tree.chains):
-            driven = marionette.tree.length_lead(string)
+            driven = marionette.tree.commanding_length(string)
             if driven is not None:
                 low[driven[0]] = _LIMITS.min_length
         positions = by_driven(table, table.q_K, bounds.position, "range")

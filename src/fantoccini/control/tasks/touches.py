@@ -148,7 +148,7 @@ class Touches:
         """(..., n_required) gaps of the required touches; negative where parts overlap [m].
 
         Args:
-            q_D, q_K: (..., n_qD), (..., n_qK) configurations.
+            q_D, q_K: (..., n_qD) dynamic and (..., n_qK) driven (kinematic) configurations.
         """
         shape = q_D.shape[:-1]
         touch_gaps = np.full((*shape, len(self.required)), _MAX_GAP)
@@ -224,7 +224,7 @@ def carried(marionette: Marionette, run: Trajectory) -> float:
     gravity_norm = float(np.linalg.norm(gravity))
     bodies = {body.name for body in puppet.expanded().bodies} - set(puppet.props)
     mass = sum(
-        sum(marionette.number(lump.amount) * lump.volume for lump in link.lumps)
+        sum(marionette.number(share.amount) * share.volume for share in link.mass_shares)
         if link.mass is None
         else marionette.number(link.mass)
         for link in marionette.tree.links

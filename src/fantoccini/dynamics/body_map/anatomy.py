@@ -25,7 +25,7 @@ from fantoccini.model.tree import (
 )
 from fantoccini.motion import State
 
-ROOT = -1
+NO_PARENT = -1
 """Parent of the segment that carries all others."""
 
 
@@ -36,7 +36,7 @@ class Segment:
     Attributes:
         link: index of the body's link.
         name: name of the body.
-        parent: index of the segment that carries it, or ``ROOT``.
+        parent: index of the segment that carries it, or ``NO_PARENT``.
         children: indices of the segments that it carries.
         pose: (3, 4) pose of the body at rest.
         mass: mass [kg].
@@ -53,7 +53,7 @@ class Segment:
 
     @property
     def joint(self) -> Array:
-        """(3,) place of the joint that carries it [m]."""
+        """(3,) position of the joint that carries it, in the world [m]."""
         return self.pose[:, 3]
 
     @property
@@ -62,7 +62,7 @@ class Segment:
         return np.vstack([self.joint, self.corners @ self.pose[:, :3].T + self.joint])
 
     @cached_property
-    def box(self) -> Array:
+    def box_lengths(self) -> Array:
         """(3,) lengths of the box around its shapes, the smallest first [m]; 0 without shapes."""
         return np.sort(np.ptp(self.corners, axis=0)) if len(self.corners) else np.zeros(3)
 
@@ -74,20 +74,20 @@ class Tie:
     Attributes:
         string: name of the string.
         segment: index of the segment.
-        at: (3,) point in the body's frame [m].
-        place: (3,) point at rest [m].
-        above: (3,) other end of the string [m].
+        at: (3,) the point in the body's frame [m].
+        place: (3,) the point in the world, at rest [m].
+        other_end: (3,) other end of the string, in the world [m].
         holder: name of the driven body to which the other end is tied; empty without one.
-        share: upward force at rest, relative to the weight; inf if it is not known.
+        lift: upward force at rest, relative to the puppet's weight; inf if it is not known.
     """
 
     string: str
     segment: int
     at: Array
     place: Array
-    above: Array
+    other_end: Array
     holder: str
-    share: float
+    lift: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +113,8 @@ class Anatomy:
         return max(float(np.ptp(self.outline, axis=0).max()), 1e-9)
 
     @cached_property
-    def ground(self) -> float:
-        """Height of the lowest point [m]."""
+    def lowest_z(self) -> float:
+        """Height of the puppet's lowest point [m]."""
         return float(self.outline[:, 2].min())
 
     @cached_property
@@ -130,15 +130,15 @@ class Anatomy:
             yield k
             stack += self.segments[k].children
 
-    def lowest_height(self, segment: int) -> float:
-        """Height of a branch's lowest point above the ground, relative to the puppet's height."""
+    def relative_lowest_height(self, segment: int) -> float:
+        """Height of a branch's lowest point above the puppet's, relative to the puppet's height."""
         lowest = min(self.segments[k].outline[:, 2].min() for k in self.branch(segment))
-        return (float(lowest) - self.ground) / self.height
+        return (float(lowest) - self.lowest_z) / self.height
 
     def ties_of(self, segment: int) -> list[Tie]:
         """Ties of strings to a branch."""
-        own = set(self.branch(segment))
-        return [tie for tie in self.ties if tie.segment in own]
+        branch = set(self.branch(segment))
+        return [tie for tie in self.ties if tie.segment in branch]
 
     def top(self, segments: Iterable[int]) -> float:
         """Height of the highest point of segments [m]."""
@@ -156,7 +156,7 @@ def anatomy_of(puppet: CompiledPuppet, member: str, x: State | None) -> Anatomy:
     Args:
         puppet: puppet or scene.
         member: name of the scene's member; empty for the only puppet.
-        x: state at rest; None for the file's pose, which needs no library.
+        x: state at rest; None for the pose of the puppet's file, so that nothing is compiled.
 
     Raises:
         StateError: no body of the puppet moves freely.
@@ -175,21 +175,21 @@ def anatomy_of(puppet: CompiledPuppet, member: str, x: State | None) -> Anatomy:
     ties: list[Tie] = []
     for row in (*puppet.tree.strings, *puppet.tree.chains):
         points = row.points if isinstance(row, StringRow) else (row.points[0], row.points[-1])
-        own = [p for p in (points[0], points[-1]) if p.link in segment_of]
-        own = own or [p for p in points if p.link in segment_of]
+        tied_points = [p for p in (points[0], points[-1]) if p.link in segment_of]
+        tied_points = tied_points or [p for p in points if p.link in segment_of]
         others = [p for p in (points[-1], points[0], *points) if p.link not in segment_of]
-        for point in own:
+        for point in tied_points:
             other = others[0] if others else point
-            k, tied = segment_of[point.link], point_position(poses, point, number)[0]
+            k, position = segment_of[point.link], point_position(poses, point, number)[0]
             ties.append(
                 Tie(
                     string=row.name,
                     segment=k,
-                    at=segments[k].pose[:, :3].T @ (tied - segments[k].joint),
-                    place=tied,
-                    above=point_position(poses, other, number)[0],
+                    at=segments[k].pose[:, :3].T @ (position - segments[k].joint),
+                    place=position,
+                    other_end=point_position(poses, other, number)[0],
                     holder=_driven_body(puppet, other),
-                    share=forces.get(row.name, np.inf) / weight,
+                    lift=forces.get(row.name, np.inf) / weight,
                 )
             )
     return Anatomy(segments, tuple(ties))
@@ -206,22 +206,24 @@ def _segments(
         trees.setdefault(root, []).append(lead)
     moving = [t for t in trees.values() if any(links[k].role is Role.DYNAMIC for k in t)]
     if not moving:
-        raise StateError(f"{name} has no body map: none of its bodies moves freely")
+        raise StateError(
+            f"{name} has no body map of trunk and limbs: none of its bodies moves freely"
+        )
     leads = max(moving, key=len)
     index = {lead: k for k, lead in enumerate(leads)}
-    above = {lead: leader.get(links[lead].parent, ROOT) for lead in leads}
+    carriers = {lead: leader.get(links[lead].parent, NO_PARENT) for lead in leads}
     segments = []
     for lead in leads:
-        own = [i for i, first in leader.items() if first == lead]
+        members = [i for i, first in leader.items() if first == lead]
         segments.append(
             Segment(
                 link=lead,
                 name=links[lead].name,
-                parent=index.get(above[lead], ROOT),
-                children=tuple(index[k] for k in leads if above[k] == lead),
+                parent=index.get(carriers[lead], NO_PARENT),
+                children=tuple(index[k] for k in leads if carriers[k] == lead),
                 pose=poses[lead],
-                mass=sum(link_inertia(links[i], number)[0] for i in own),
-                corners=_corners(puppet, poses, lead, own),
+                mass=sum(link_inertia(links[i], number)[0] for i in members),
+                corners=_corners(puppet, poses, lead, members),
             )
         )
     return tuple(segments)
@@ -253,11 +255,11 @@ def _root(puppet: CompiledPuppet, leader: Mapping[int, int], lead: int) -> int:
     return lead
 
 
-def _corners(puppet: CompiledPuppet, poses: Array, lead: int, own: list[int]) -> Array:
-    """(n, 3) corners of the boxes around the shapes of links, in the frame of one of them [m]."""
+def _corners(puppet: CompiledPuppet, poses: Array, lead: int, members: list[int]) -> Array:
+    """(n, 3) corners of the boxes around the shapes of links, in the frame of link ``lead`` [m]."""
     R, r = poses[lead, :, :3], poses[lead, :, 3]
     corners = [np.zeros((0, 3))]
-    for i in own:
+    for i in members:
         for shape in puppet.tree.links[i].shapes:
             for low, high in _boxes(shape):
                 box = np.array(list(product(*zip(low, high, strict=True))))
@@ -266,7 +268,7 @@ def _corners(puppet: CompiledPuppet, poses: Array, lead: int, own: list[int]) ->
 
 
 def _boxes(shape: Shape) -> list[tuple[Array, Array]]:
-    """Boxes around a shape; for a capsule around both ends, since it may lie across the axes."""
+    """Boxes around a shape; for a capsule one around each end, since it may be oblique."""
     if not isinstance(shape, Capsule):
         return [shape_box(shape, np.eye(3, 4))]
     return [
@@ -276,15 +278,15 @@ def _boxes(shape: Shape) -> list[tuple[Array, Array]]:
 
 
 def _forces(puppet: CompiledPuppet, x: State, poses: Array) -> dict[str, float]:
-    """String -> upward force of its tension at rest [N]; chains have no rows and are left out."""
+    """String -> upward force of its tension at rest [N]; chains are omitted."""
     tension = forward_dynamics(puppet, x).tension
     forces = {}
     for i, row in enumerate(puppet.tree.strings):
         points = [point_position(poses, p, puppet.number)[0] for p in row.points]
-        way = points[-1] - points[0]
-        slope = abs(float(way[2])) / max(float(np.linalg.norm(way)), 1e-12)
-        # A string over pulleys pulls at both ends; its slope there is taken as steep.
-        forces[row.name] = float(tension[i]) * (slope if len(points) == 2 else 1.0)
+        between = points[-1] - points[0]
+        vertical_share = abs(float(between[2])) / max(float(np.linalg.norm(between)), 1e-12)
+        # The ends of a string over pulleys count as vertical.
+        forces[row.name] = float(tension[i]) * (vertical_share if len(points) == 2 else 1.0)
     return forces
 
 

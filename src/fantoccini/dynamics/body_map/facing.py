@@ -67,9 +67,9 @@ def _clues(
         if limb.kind == "arm":
             yield 0.5 * np.sign(_hinge(puppet, anatomy, limb.chain, forward))
             lifted = [tie for tie in anatomy.ties if tie.segment in limb.chain]
-            carried = [tie.above for tie in anatomy.ties if tie.segment in parts.trunk]
+            carried = [tie.other_end for tie in anatomy.ties if tie.segment in parts.trunk]
             if lifted and carried:
-                ahead = (lifted[-1].above - np.mean(carried, axis=0)) @ forward
+                ahead = (lifted[-1].other_end - np.mean(carried, axis=0)) @ forward
                 yield 0.5 * _clipped(ahead, size)
 
 

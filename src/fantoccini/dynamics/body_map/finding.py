@@ -152,7 +152,7 @@ def _with_strings(body_map: BodyMap, anatomy: Anatomy, rig: Rig, doubts: list[Do
     """The map with the strings that carry and look, and the control; adds doubts."""
     index = {segment.name: k for k, segment in enumerate(anatomy.segments)}
     trunk = {index[name] for name in body_map.trunk if name in index}
-    holding = [tie for tie in anatomy.ties if tie.share >= MIN_SHARE]
+    holding = [tie for tie in anatomy.ties if tie.lift >= MIN_SHARE]
     carrying = _names(tie.string for tie in holding if tie.segment in trunk)
     if not carrying and rig.carrying is None:
         own = _names(tie.string for tie in anatomy.ties if tie.segment in trunk)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fantoccini.base import Array, StateError
-from fantoccini.dynamics.body_map.anatomy import ROOT, Anatomy
+from fantoccini.dynamics.body_map.anatomy import NO_PARENT, Anatomy
 from fantoccini.dynamics.body_map.symmetry import Plane, branches_of, plane_of
 from fantoccini.model.puppet import LimbKind
 
@@ -114,7 +114,10 @@ def parts_of(anatomy: Anatomy, name: str) -> Parts:
 def is_limb_pair(anatomy: Anatomy, pair: tuple[int, int]) -> bool:
     """Whether branches are limbs, and not ears: of two bodies, on the ground, or on strings."""
     first = pair[0]
-    if anatomy.segments[first].children or anatomy.lowest_height(first) <= MAX_GROUND_HEIGHT:
+    if (
+        anatomy.segments[first].children
+        or anatomy.relative_lowest_height(first) <= MAX_GROUND_HEIGHT
+    ):
         return True
     long = _length(anatomy, _branch(anatomy, first)) >= MIN_LIMB_LENGTH * anatomy.size
     return long and bool(anatomy.ties_of(first))
@@ -153,7 +156,7 @@ def _trunk(anatomy: Anatomy, plane: Plane) -> tuple[int, ...]:
         branches = branches_of(anatomy, plane, segment)
         axial += branches.middle
         if any(is_limb_pair(anatomy, pair) for pair in branches.pairs):
-            while segment != ROOT:
+            while segment != NO_PARENT:
                 trunk.add(segment)
                 segment = anatomy.segments[segment].parent
     return tuple(sorted(trunk))
@@ -179,8 +182,8 @@ def _pair(anatomy: Anatomy, trunk: tuple[int, ...], pair: tuple[int, int]) -> li
         if kind == "leg":
             # A foot ends at its sole, not at the string that lifts it.
             limb = replace(limb, end=far_end(anatomy, limb.chain[-1]))
-        elif anatomy.lowest_height(own) <= MAX_DOUBTFUL_HEIGHT:
-            share = f"{anatomy.lowest_height(own):.0%} of the height"
+        elif anatomy.relative_lowest_height(own) <= MAX_DOUBTFUL_HEIGHT:
+            share = f"{anatomy.relative_lowest_height(own):.0%} of the height"
             limb = limb.doubted(f"it ends {share} above the lowest point; it could be a leg")
         if kind != "leg" and not anatomy.ties_of(own):
             limb = limb.doubted("no string lifts it")
@@ -191,11 +194,11 @@ def _pair(anatomy: Anatomy, trunk: tuple[int, ...], pair: tuple[int, int]) -> li
 def _kind(anatomy: Anatomy, trunk: tuple[int, ...], first: int) -> LimbKind:
     """Leg if it reaches the ground, or would with straight joints; wing if it is flat; else arm."""
     joint = anatomy.segments[first].joint
-    straight = joint[2] - _length(anatomy, _branch(anatomy, first)) - anatomy.ground
+    straight = joint[2] - _length(anatomy, _branch(anatomy, first)) - anatomy.lowest_z
     low_down = (
         joint[2] < anatomy.middle(trunk)[2] and straight <= MAX_GROUND_HEIGHT * anatomy.height
     )
-    if anatomy.lowest_height(first) <= MAX_GROUND_HEIGHT or low_down:
+    if anatomy.relative_lowest_height(first) <= MAX_GROUND_HEIGHT or low_down:
         return "leg"
     return "wing" if _is_flat(anatomy, first) else "arm"
 
@@ -219,7 +222,7 @@ def _is_flat(anatomy: Anatomy, first: int) -> bool:
     """Whether the larger part of a branch's area belongs to flat bodies."""
     flat = total = 0.0
     for k in anatomy.branch(first):
-        thin, broad, long = anatomy.segments[k].box
+        thin, broad, long = anatomy.segments[k].box_lengths
         total += broad * long
         if thin < MAX_THICKNESS * broad and broad > MIN_BREADTH * long:
             flat += broad * long
@@ -239,7 +242,7 @@ def _head(
     max_bulk = max((_bulk(anatomy, k) for k in largest), default=0.0)
     scores = []
     for branch, k in zip(middles, largest, strict=True):
-        box = anatomy.segments[k].box
+        box = anatomy.segments[k].box_lengths
         score = 1.0 if anatomy.top(anatomy.branch(branch.chain[0])) > middle else 0.0
         score += 1.0 if anatomy.ties_of(branch.chain[0]) else 0.0
         score += box[0] / max(box[2], 1e-9) + _bulk(anatomy, k) / max(max_bulk, 1e-12)
@@ -271,7 +274,7 @@ def _last_bulky(anatomy: Anatomy, chain: tuple[int, ...]) -> int:
 def _bulk(anatomy: Anatomy, segment: int) -> float:
     """Mass of a segment [kg]; of massless ones the volume of the box around them [m^3]."""
     own = anatomy.segments[segment]
-    return own.mass or float(np.prod(own.box))
+    return own.mass or float(np.prod(own.box_lengths))
 
 
 def _length(anatomy: Anatomy, branch: Branch) -> float:

@@ -60,7 +60,7 @@ def alike(anatomy: Anatomy, i: int, j: int) -> bool:
     if abs(a.mass - b.mass) > MASS_TOLERANCE * (a.mass + b.mass):
         return False
     tolerance = SIZE_TOLERANCE * anatomy.size
-    if np.any(np.abs(a.box - b.box) > 2.0 * tolerance):
+    if np.any(np.abs(a.box_lengths - b.box_lengths) > 2.0 * tolerance):
         return False
     left = list(b.children)
     for child in a.children:

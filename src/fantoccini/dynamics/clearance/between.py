@@ -36,7 +36,7 @@ class Places(NamedTuple):
         piece: (m,) pieces of the path.
         s: (m,) times since the beginnings of the pieces [s].
         t: (m,) times [s].
-        q_D, q_K: (m, n_qD), (m, n_qK) configurations.
+        q_D, q_K: (m, n_qD) dynamic and (m, n_qK) driven (kinematic) configurations.
     """
 
     piece: Indices
@@ -57,7 +57,7 @@ def advance(path: Path, measure: Measure, criterion: Criterion) -> None:
     for first in range(0, last + 1, _BATCH_SIZE):
         k = np.arange(first, min(first + _BATCH_SIZE, last + 1))
         at = Places(k, np.zeros(len(k)), path.t[k], path.q_D[k], path.q_K[k])
-        moves = Moves(*(x[k] for x in path.moves_to_midpoints))
+        moves = Moves(*(x[k] for x in path.midpoint_bounds))
         around = k[criterion(at, *measure(at.q_D, at.q_K, moves))]
         before, after = around[around > 0] - 1, around[around < last]
         piece = np.concatenate([before, after])
@@ -79,7 +79,7 @@ def _refine(
             piece, start, end = piece[:_BATCH_SIZE], start[:_BATCH_SIZE], end[:_BATCH_SIZE]
         middle = 0.5 * (start + end)
         at = Places(piece, middle, path.t[piece] + middle, *path.at(piece, middle))
-        halves = path.moves(piece, start, middle), path.moves(piece, middle, end)
+        halves = path.move_bounds(piece, start, middle), path.move_bounds(piece, middle, end)
         moves = Moves(*(np.maximum(a, b) for a, b in zip(*halves, strict=True)))
         around = criterion(at, *measure(at.q_D, at.q_K, moves))
         around = around[(start[around] < middle[around]) & (middle[around] < end[around])]

@@ -13,11 +13,11 @@ from fantoccini.base import Array, Indices, Vec3
 from fantoccini.dynamics.clearance.path import MIN_SLACK
 from fantoccini.dynamics.clearance.segments import (
     N_CHORDS,
-    between_segments,
+    distance_bound_from_ellipsoid,
+    distance_from_box,
     dot,
-    from_box,
-    from_ellipsoid,
-    hanging,
+    segment_distance,
+    slack_curves,
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import Records
@@ -65,7 +65,7 @@ class Cores:
             marionette: a puppet or a scene.
             bodies: (n_bodies,) ``SOLID``; a mesh is the box around it.
             links: n_bodies links that carry them.
-            q_D, q_K: (T, n_qD), (T, n_qK) configurations.
+            q_D, q_K: (T, n_qD) dynamic and (T, n_qK) driven (kinematic) configurations.
         """
         pieces, lengths = _pieces(marionette, q_D, q_K)
         curves, curve, stray = _curves(pieces, lengths)
@@ -156,11 +156,11 @@ class Cores:
             yield self._from(a, b, j, k)
             return
         for start, end in pairwise(self.curves[self.curve[j, k]].swapaxes(0, 1)):
-            yield between_segments(a, b, start, end)
+            yield segment_distance(a, b, start, end)
 
     def _from(self, a: Vec3, b: Vec3, j: Indices, k: Indices) -> tuple[Array, Array]:
         """Distances of segments a to b (m, 3) from cores, and s (m,) of their nearest points."""
-        distance, s = between_segments(a, b, self.a[j, k], self.b[j, k])
+        distance, s = segment_distance(a, b, self.a[j, k], self.b[j, k])
         shape = self.shape[j]
         m = np.flatnonzero(shape >= 0)
         if not len(m):
@@ -170,9 +170,9 @@ class Cores:
         R, half, radius = self.R[shape, k[m]], self.half[shape], self.radius[shape]
         start, end = (np.einsum("nij,ni->nj", R, x[m] - centre) for x in (a, b))
         box = np.flatnonzero(radius == 0.0)
-        distance[m[box]], s[m[box]] = from_box(start[box], end[box], half[box])
+        distance[m[box]], s[m[box]] = distance_from_box(start[box], end[box], half[box])
         # The capsule around an ellipsoid gives another bound, which is better far away.
-        bound, t = from_ellipsoid(start, end, half)
+        bound, t = distance_bound_from_ellipsoid(start, end, half)
         nearer = (radius > 0.0) & (bound + radius > distance[m])
         distance[m[nearer]], s[m[nearer]] = (bound + radius)[nearer], t[nearer]
         return distance, s
@@ -201,7 +201,7 @@ def _curves(pieces: Array, lengths: Array) -> tuple[Vec3, Array, Array]:
     curve, stray = np.full(lengths.shape, -1), np.zeros(lengths.shape)
     i, k = np.nonzero(lengths)
     start, end = pieces[i, 0, k], pieces[i, 1, k]
-    curves = hanging(start, end, lengths[i, k])
+    curves = slack_curves(start, end, lengths[i, k])
     offset, along = curves - start[:, None], end - start
     square = np.maximum(dot(along, along), np.finfo(float).tiny)
     s = np.clip(np.einsum("npi,ni->np", offset, along) / square[:, None], 0.0, 1.0)

@@ -174,7 +174,7 @@ class Clearance:
         """Clearances of configurations.
 
         Args:
-            q_D, q_K: (..., n_qD), (..., n_qK) configurations.
+            q_D, q_K: (..., n_qD) dynamic and (..., n_qK) driven (kinematic) configurations.
             threads: number of threads for large batches.
 
         Returns:

@@ -1,6 +1,7 @@
 """Distances from triangle meshes, measured by the library coal.
 
-The compiled library measures from bounding boxes, and calls this module if they are too near.
+A puppet's compiled library measures distances from bounding boxes; it calls this module for meshes
+whose boxes are too near.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ class _Tolerances:
     touching_distance: float = 1e-8
     """Distance up to which solids count as overlapping [m]: the tolerance of coal's iteration."""
     convexity: float = 1e-7
-    """Depth of dents over the size, and missing volume over the volume, up to which a mesh counts
-    as convex: corners in STL files have seven digits."""
+    """Largest depth of dents relative to the size, and largest missing volume relative to the
+    volume, of a mesh that counts as convex. Corners in STL files are rounded to seven digits."""
 
 
 _TOLERANCES = _Tolerances()
@@ -34,11 +35,11 @@ _TOLERANCES = _Tolerances()
 class Meshes:
     """Meshes among the solids, and their distances from other solids.
 
-        d = min |x - y|, x in the mesh, y in the other's core
+        d = min |x - y|, x in the mesh, y in the other's core (the solid less its radius)
 
-    A closed mesh is solid: solids inside it overlap. A mesh is closed if its triangles use every
-    edge equally often in both directions; it may have several pieces and hollows. Other meshes are
-    surfaces without an inside.
+    A closed mesh is solid: anything inside it overlaps it. A mesh is closed if its triangles use
+    every edge equally often in both directions; it may have several pieces and hollows. Other
+    meshes are surfaces without an inside.
     """
 
     def __init__(self) -> None:
@@ -55,7 +56,7 @@ class Meshes:
         return self._digest.hexdigest()
 
     def add(self, shape: Mesh) -> tuple[int, Array, Array]:
-        """Adds a mesh; its index, and centre and half edges (3,) of its bounding box [m]."""
+        """Adds a mesh; returns its index, and its bounding box's centre and half edges (3,) [m]."""
         import coal
 
         if self._request is None:
@@ -73,11 +74,13 @@ class Meshes:
         return len(self._bodies) - 1, centre, half
 
     def distance(self, x: np.void, y: np.void) -> float:
-        """Distance of two solids in the world, one of them a mesh, before radii are subtracted.
+        """Distance of the cores of two solids in the world, one of them a mesh.
+
+        The caller subtracts the radii.
 
         Args:
-            x, y: ``SOLID`` records; only y may be a half-space. An ellipsoid is the segment of the
-                capsule around it.
+            x, y: ``SOLID`` records; only y may be a half-space. An ellipsoid is replaced by the
+                axis of the smallest capsule around it.
 
         Returns:
             Distance [m]; negative where they overlap, independent of the depth.
@@ -85,40 +88,40 @@ class Meshes:
         import coal
 
         if y["kind"] == HALF_SPACE:
-            corners = self._bodies[x["mesh"]].hull @ _turn(x).T + x["a"]
+            corners = self._bodies[x["mesh"]].hull @ _rotation(x).T + x["a"]
             return float(np.min((corners - y["a"]) @ y["b"]))
-        result = coal.distance(
-            *self._placed(x), *self._placed(y), self._request, coal.DistanceResult()
-        )
-        if result <= _TOLERANCES.touching_distance or self._holds(x, y) or self._holds(y, x):
+        result = coal.distance(*self._core(x), *self._core(y), self._request, coal.DistanceResult())
+        if result <= _TOLERANCES.touching_distance or self._contains(x, y) or self._contains(y, x):
             return -_TOLERANCES.touching_distance
         return result
 
-    def _placed(self, x: np.void) -> tuple[Any, Any]:
+    def _core(self, x: np.void) -> tuple[Any, Any]:
         """A solid's core as coal's geometry, and its pose."""
         import coal
 
         if x["mesh"] >= 0:
-            return self._bodies[x["mesh"]].geometry, coal.Transform3s(_turn(x), x["a"])
+            return self._bodies[x["mesh"]].geometry, coal.Transform3s(_rotation(x), x["a"])
         if x["kind"] == BOX:
-            return coal.Box(*(2.0 * x["half"]).tolist()), coal.Transform3s(_turn(x), x["a"])
+            return coal.Box(*(2.0 * x["half"]).tolist()), coal.Transform3s(_rotation(x), x["a"])
         a, b = x["a"].tolist(), x["b"].tolist()
         middle = np.array([0.5 * (p + q) for p, q in zip(a, b, strict=True)])
         length = math.dist(a, b)
         if length < _TOLERANCES.touching_distance:
             return coal.Sphere(0.0), coal.Transform3s(np.eye(3), middle)
-        return coal.Capsule(0.0, length), coal.Transform3s(_along(a, b, length), middle)
+        return coal.Capsule(0.0, length), coal.Transform3s(
+            _rotation_to_segment(a, b, length), middle
+        )
 
-    def _holds(self, x: np.void, y: np.void) -> bool:
-        """Whether y lies inside x, where their surfaces do not meet."""
+    def _contains(self, x: np.void, y: np.void) -> bool:
+        """Whether y lies inside x, provided that their surfaces do not meet."""
         inside = self._bodies[x["mesh"]].inside if x["mesh"] >= 0 else None
         if inside is None:
             return False
-        turn, middle = _turn(x), y["a"] - x["a"]
+        R, offset = _rotation(x), y["a"] - x["a"]
         if y["mesh"] < 0:
-            return inside.holds(middle @ turn)
-        points = self._bodies[y["mesh"]].points @ _turn(y).T
-        return any(inside.holds(point) for point in (middle + points) @ turn)
+            return inside.contains(offset @ R)
+        points = self._bodies[y["mesh"]].points @ _rotation(y).T
+        return any(inside.contains(point) for point in (offset + points) @ R)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,15 +130,15 @@ class _Body:
 
     Attributes:
         geometry: geometry of coal: convex and solid, or a tree of triangles.
-        hull: (n, 3) corners of the mesh or of its convex hull [m].
+        hull: (n, 3) corners of the convex hull, or of the mesh if it is open [m].
         points: (k, 3) a corner of every connected piece [m].
-        inside: test for points inside; None for convex meshes, which coal tests, and open ones.
+        inside: test for points inside; None for open meshes, and for convex ones, which coal tests.
     """
 
     geometry: Any
     hull: Array
     points: Array
-    inside: _Inside | None
+    inside: _InsideTest | None
 
     @classmethod
     def of(cls, mesh: Any) -> _Body:
@@ -153,11 +156,11 @@ class _Body:
         geometry.beginModel(len(mesh.faces), len(mesh.vertices))
         geometry.addSubModel(_corners(mesh), _triangles(mesh))
         geometry.endModel()
-        inside = _Inside(np.array(mesh.triangles)) if _closed(mesh.edges) else None
+        inside = _InsideTest(np.array(mesh.triangles)) if _closed(mesh.edges) else None
         return cls(geometry, np.array(hull.vertices), points, inside)
 
 
-class _Inside:
+class _InsideTest:
     """Test for points inside closed surfaces, by winding number.
 
         w = sum over the triangles above the point of the sign of n_z
@@ -172,29 +175,31 @@ class _Inside:
         self._box = np.concatenate([self._low.min(axis=0), self._high.max(axis=0)]).tolist()
         self._normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
-    def holds(self, point: Array) -> bool:
+    def contains(self, point: Array) -> bool:
         """Whether a point (3,), not on a surface, is inside."""
         (x, y, z), (x_low, y_low, z_low, x_high, y_high, z_high) = point.tolist(), self._box
         if not (x_low <= x <= x_high and y_low <= y <= y_high and z_low <= z <= z_high):
             return False
         near = (self._low[:, :2] <= point[:2]) & (point[:2] <= self._high[:, :2])
-        (which,) = np.nonzero(near.all(axis=1) & (self._high[:, 2] >= point[2]))
-        corners, normal = self._corners[which], self._normal[which]
-        odd = np.zeros(len(which), dtype=bool)
+        (candidates,) = np.nonzero(near.all(axis=1) & (self._high[:, 2] >= point[2]))
+        corners, normal = self._corners[candidates], self._normal[candidates]
+        # In the x-y plane, a ray from inside a triangle crosses one edge, others none or two.
+        crosses_odd = np.zeros(len(candidates), dtype=bool)
         for k in range(3):
-            odd ^= _left_of(point, corners[:, k], corners[:, (k + 1) % 3])
+            crosses_odd ^= _ray_crosses(point, corners[:, k], corners[:, (k + 1) % 3])
         height = np.einsum("ni,ni->n", corners[:, 0] - point, normal)
-        faces = np.sign(normal[:, 2])
-        return bool(np.sum(faces[odd & (height * faces > 0.0)]))
+        sign = np.sign(normal[:, 2])
+        return bool(np.sum(sign[crosses_odd & (height * sign > 0.0)]))
 
 
-def _left_of(point: Array, a: Array, b: Array) -> MaskRows:
-    """Whether edges a to b (n, 3), seen from above, pass a point on its right: (n,) bool.
+def _ray_crosses(point: Array, a: Array, b: Array) -> MaskRows:
+    """Whether the ray from a point along +x crosses edges a-b (n, 3) in the x-y plane: (n,) bool.
 
-    The result is the same for b to a, so that a point belongs to one of two adjacent triangles.
+    The result does not depend on the order of a and b, so that a point on the edge of two triangles
+    counts for one of them only.
     """
-    turned = (a[:, 1] > b[:, 1])[:, None]
-    low, high = np.where(turned, b, a), np.where(turned, a, b)
+    swapped = (a[:, 1] > b[:, 1])[:, None]
+    low, high = np.where(swapped, b, a), np.where(swapped, a, b)
     passes = (low[:, 1] <= point[1]) & (point[1] < high[:, 1])
     rise = np.where(passes, high[:, 1] - low[:, 1], 1.0)
     x = low[:, 0] + (point[1] - low[:, 1]) * (high[:, 0] - low[:, 0]) / rise
@@ -203,8 +208,8 @@ def _left_of(point: Array, a: Array, b: Array) -> MaskRows:
 
 def _closed(edges: np.ndarray) -> bool:
     """Whether directed edges (n, 2) of triangles cancel out."""
-    which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)[1]
-    return not np.bincount(which.ravel(), np.where(edges[:, 0] < edges[:, 1], 1, -1)).any()
+    edge_index = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)[1]
+    return not np.bincount(edge_index.ravel(), np.where(edges[:, 0] < edges[:, 1], 1, -1)).any()
 
 
 def _convex(mesh: Any, hull: Any) -> bool:
@@ -231,12 +236,12 @@ def _triangles(mesh: Any) -> Any:
     return result
 
 
-def _turn(x: np.void) -> Array:
-    """Rotation (3, 3) of a solid, which is stored column by column."""
+def _rotation(x: np.void) -> Array:
+    """Rotation (3, 3) of a solid, whose record has it column by column."""
     return x["R"].reshape(3, 3).T
 
 
-def _along(a: list[float], b: list[float], length: float) -> Array:
+def _rotation_to_segment(a: list[float], b: list[float], length: float) -> Array:
     """Rotation (3, 3) whose z axis points from a to b.
 
     After Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.

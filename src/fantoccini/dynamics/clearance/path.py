@@ -42,7 +42,7 @@ class Path:
     Attributes:
         marionette: the puppet or scene.
         t: (T,) times [s].
-        q_D, q_K: (T, n_qD), (T, n_qK) configurations.
+        q_D, q_K: (T, n_qD) dynamic and (T, n_qK) driven (kinematic) configurations.
         h: (T - 1,) durations of the pieces [s]; 0 at an impact.
 
     Args:
@@ -64,7 +64,7 @@ class Path:
         self.h = np.diff(t)
         self._rates, table = rates, marionette.coordinates
         v_D, acc_D, v_K, acc_K = (None,) * 4 if rates is None else rates
-        self._of = {
+        self._samples = {
             Role.DYNAMIC: _Samples(
                 q_D, v_D, acc_D, table.scalars_D, table.quaternions_D, table.n_vD
             ),
@@ -72,11 +72,13 @@ class Path:
                 q_K, v_K, acc_K, table.scalars_K, table.quaternions_K, table.n_vK
             ),
         }
-        self._coef = {role: _polynomials(self.h, samples) for role, samples in self._of.items()}
+        self._coef = {
+            role: _polynomials(self.h, samples) for role, samples in self._samples.items()
+        }
 
     @classmethod
     def of(cls, marionette: Marionette, run: Trajectory, every: int = 1) -> Path:
-        """The path of a run; if ``every`` > 1, linear between every ``every``-th sample."""
+        """The path of a run, or with ``every`` > 1 straight lines between some of its samples."""
         t, q_D, q_K = run.t[::every], run.q_D[::every], run.q_K[::every]
         if run.method != "event" or every > 1:
             return cls(marionette, t, q_D, q_K)
@@ -87,29 +89,29 @@ class Path:
 
     def part(self, begin: int, end: int) -> Path:
         """The path from sample ``begin`` up to, but not including, ``end``."""
-        own = slice(begin, end)
+        part = slice(begin, end)
         rates = None
         if self._rates is not None:
             v_D, acc_D, v_K, acc_K = self._rates
-            rates = v_D[own], acc_D[own], v_K[own], acc_K[own]
-        return Path(self.marionette, self.t[own], self.q_D[own], self.q_K[own], rates)
+            rates = v_D[part], acc_D[part], v_K[part], acc_K[part]
+        return Path(self.marionette, self.t[part], self.q_D[part], self.q_K[part], rates)
 
     def at(self, piece: Indices, s: Array) -> tuple[Array, Array]:
         """Configurations q_D, q_K (m, ...) in pieces (m,), s (m,) after their starts [s]."""
         configuration = []
-        for role, own in self._of.items():
+        for role, samples in self._samples.items():
             value = polynomial.evaluate(self._coef[role][piece], s[:, None])[0]
-            q = own.q[piece].copy()
-            for place, v in own.scalars:
-                q[:, place] = value[:, v]
-            for place, v in own.quaternions:
-                spot = slice(place, place + 4)
-                q[:, spot] = rotation.multiply(q[:, spot], rotation.exp(value[:, v : v + 3]))
+            q = samples.q[piece].copy()
+            for i, v in samples.scalars:
+                q[:, i] = value[:, v]
+            for i, v in samples.quaternions:
+                wxyz = slice(i, i + 4)
+                q[:, wxyz] = rotation.multiply(q[:, wxyz], rotation.exp(value[:, v : v + 3]))
             configuration.append(q)
         return configuration[0], configuration[1]
 
-    def moves(self, piece: Indices, start: Array, end: Array) -> Moves:
-        """Upper bounds of the joints' paths in pieces (m,), between times (m,) within them [s].
+    def move_bounds(self, piece: Indices, start: Array, end: Array) -> Moves:
+        """Upper bounds of the joints' travel in pieces (m,), between times (m,) within them [s].
 
         A polynomial's path is no longer than the polygon of its Bezier control points.
         """
@@ -128,9 +130,13 @@ class Path:
             n_v = link.v.stop - link.v.start
             if not n_v:
                 continue
-            own = steps[link.role][:, link.v]
+            joint_steps = steps[link.role][:, link.v]
             n_turns = {"revolute": 1, "ball": 3, "free": 3}.get(link.kind, 0)
-            for out, part in ((slide, own[:, : n_v - n_turns]), (turn, own[:, n_v - n_turns :])):
+            n_slides = n_v - n_turns
+            for out, part in (
+                (slide, joint_steps[:, :n_slides]),
+                (turn, joint_steps[:, n_slides:]),
+            ):
                 out[:, i] = np.sqrt(np.einsum("mvk,mvk->mk", part, part)).sum(axis=1)
         wound = np.zeros((m, len(tree.strings)))
         for i, string in enumerate(tree.strings):
@@ -142,7 +148,7 @@ class Path:
 
     @cached_property
     def _slack_factors(self) -> Array:
-        """1.0 for strings that are slack at an end of a piece, else 0.0: (T - 1, n_strings)."""
+        """(T - 1, n_strings) 1.0 for strings that are slack at an end of a piece, else 0.0."""
         marionette = self.marionette
         lengths = marionette.string_lengths(self.q_D, self.q_K)
         slack = np.zeros(lengths.shape, dtype=bool)
@@ -153,11 +159,11 @@ class Path:
         return np.array(slack[1:] | slack[:-1], dtype=float)
 
     @cached_property
-    def moves_to_midpoints(self) -> Moves:
-        """Bounds (T, ...) of moves from each sample to the middles of the adjacent pieces."""
+    def midpoint_bounds(self) -> Moves:
+        """Bounds (T, ...) of the moves from each sample to the middles of its adjacent pieces."""
         pieces, half = np.arange(len(self.h)), 0.5 * self.h
-        before = self.moves(pieces, half, self.h)
-        after = self.moves(pieces, np.zeros_like(half), half)
+        before = self.move_bounds(pieces, half, self.h)
+        after = self.move_bounds(pieces, np.zeros_like(half), half)
         bounds = []
         for early, late in zip(before, after, strict=True):
             zeros = np.zeros((1, early.shape[1]))
@@ -165,30 +171,34 @@ class Path:
         return Moves(*bounds)
 
 
-def _polynomials(h: Array, own: _Samples) -> Array:
+def _polynomials(h: Array, samples: _Samples) -> Array:
     """Coefficients (T - 1, n_v, 6) of scalars, and of rotation vectors from the left samples."""
     T, moving = len(h) + 1, h > 0.0
-    coef = np.zeros((T - 1, own.n_v, polynomial.N_COEF))
+    coef = np.zeros((T - 1, samples.n_v, polynomial.N_COEF))
     step = np.where(moving, h, 1.0)[:, None]
-    for place, v in own.scalars:
-        q = own.q[:, place]
-        if own.v is None or own.acc is None:
+    for i, v in samples.scalars:
+        q = samples.q[:, i]
+        if samples.v is None or samples.acc is None:
             coef[:, v, 0], coef[:, v, 1] = q[:-1], np.diff(q) / step[:, 0]
         else:
-            rate, second = own.v[:, v], own.acc[:, v]
-            start, end = (q[:-1], rate[:-1], second[:-1]), (q[1:], rate[1:], second[1:])
+            rate, acc = samples.v[:, v], samples.acc[:, v]
+            start, end = (q[:-1], rate[:-1], acc[:-1]), (q[1:], rate[1:], acc[1:])
             coef[:, v] = polynomial.hermite(step[:, 0], start, end)
         coef[~moving, v, 1:] = 0.0
-    for place, v in own.quaternions:
-        spot, slot = slice(place, place + 4), slice(v, v + 3)
-        turn = rotation.between(own.q[:-1, spot], own.q[1:, spot])
-        if own.v is None or own.acc is None:
-            coef[:, slot, 1] = turn / step
+    for i, v in samples.quaternions:
+        wxyz, columns = slice(i, i + 4), slice(v, v + 3)
+        turn = rotation.between(samples.q[:-1, wxyz], samples.q[1:, wxyz])
+        if samples.v is None or samples.acc is None:
+            coef[:, columns, 1] = turn / step
         else:
-            rate, curve = rotation.tangent_motion(turn, own.v[1:, slot], own.acc[1:, slot])
-            zeros = np.zeros_like(turn)
-            coef[:, slot] = polynomial.hermite(
-                step, (zeros, own.v[:-1, slot], own.acc[:-1, slot]), (turn, rate, curve)
+            rate, rate_change = rotation.tangent_motion(
+                turn, samples.v[1:, columns], samples.acc[1:, columns]
             )
-        coef[~moving, slot] = 0.0
+            zeros = np.zeros_like(turn)
+            coef[:, columns] = polynomial.hermite(
+                step,
+                (zeros, samples.v[:-1, columns], samples.acc[:-1, columns]),
+                (turn, rate, rate_change),
+            )
+        coef[~moving, columns] = 0.0
     return coef

@@ -1,4 +1,4 @@
-"""Distances of many segments from segments, boxes and ellipsoids; curves of slack strings."""
+"""Distances of arrays of segments from segments, boxes, ellipsoids; curves of slack strings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def dot(x: Vec3, y: Vec3) -> Array:
     return np.einsum("...i,...i->...", x, y)
 
 
-def between_segments(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array]:
+def segment_distance(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array]:
     """Distances of segments: min |a + s (b - a) - c - t (d - c)|, 0 <= s, t <= 1.
 
     Args:
@@ -46,20 +46,20 @@ def between_segments(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array]:
     uu, vv, uv = dot(u, u) + tiny, dot(v, v) + tiny, dot(u, v)
     wu, wv = dot(w, u), dot(w, v)
     determinant = uu * vv - uv * uv
-    crossing = determinant > _TOLERANCES.min_determinant * (uu * vv)
-    s = np.where(crossing, (uv * wv - vv * wu) / np.where(crossing, determinant, 1.0), 0.0)
-    # The nearest point of the other line, moved into its segment; then the point nearest to that.
+    skew = determinant > _TOLERANCES.min_determinant * (uu * vv)  # not parallel
+    s = np.where(skew, (uv * wv - vv * wu) / np.where(skew, determinant, 1.0), 0.0)
+    # The point of segment c-d nearest to that on a-b; then the point of a-b nearest to it.
     t = np.clip((uv * np.clip(s, 0.0, 1.0) + wv) / vv, 0.0, 1.0)
     s = np.clip((uv * t - wu) / uu, 0.0, 1.0)
     gap = w + s[:, None] * u - t[:, None] * v
     return np.sqrt(dot(gap, gap)), s
 
 
-def from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
+def distance_from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
     """Distances min |x - y|, x = a + t (b - a) on a segment, y in a box about the origin.
 
-    Half the derivative of the squared distance along the segment increases and is piecewise linear,
-    with breaks where the segment meets a face's plane: its zero lies between two of these.
+    The derivative of the squared distance by t increases and is piecewise linear. Its breaks are
+    where the segment meets the plane of a face; its zero lies between two neighbouring breaks.
 
     Args:
         a, b: (n, 3) ends of the segment in the box's frame [m].
@@ -70,35 +70,40 @@ def from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
     """
     d = b - a
 
-    def outside(t: Array) -> Vec3:
+    def vector_from_box(t: Array) -> Vec3:
         x = a + t[:, None] * d
         return x - np.clip(x, -half, half)
 
+    def half_derivative(t: Array) -> Array:
+        return dot(vector_from_box(t), d)
+
+    # Bracket of the zero, and the derivative at its ends.
     low, high = np.zeros(len(a)), np.ones(len(a))
-    at_low, at_high = dot(outside(low), d), dot(outside(high), d)
-    moves = np.abs(d) > _TOLERANCES.min_length
-    step = np.where(moves, d, 1.0)
+    slope_low, slope_high = half_derivative(low), half_derivative(high)
+    meets_planes = np.abs(d) > _TOLERANCES.min_length
+    divisor = np.where(meets_planes, d, 1.0)
     for k, side in itertools.product(range(3), (-1.0, 1.0)):
-        t = (side * half[:, k] - a[:, k]) / step[:, k]
-        inner = moves[:, k] & (t > low) & (t < high)
-        there = dot(outside(t), d)
-        before, after = inner & (there < 0.0), inner & (there >= 0.0)
-        low, at_low = np.where(before, t, low), np.where(before, there, at_low)
-        high, at_high = np.where(after, t, high), np.where(after, there, at_high)
-    turns = (at_low < 0.0) & (at_high > 0.0)
-    zero = low - at_low * (high - low) / np.where(turns, at_high - at_low, 1.0)
-    t = np.where(turns, zero, np.where(at_low < 0.0, high, low))
-    gap = outside(t)
+        t = (side * half[:, k] - a[:, k]) / divisor[:, k]
+        is_inside = meets_planes[:, k] & (t > low) & (t < high)
+        slope = half_derivative(t)
+        below, above = is_inside & (slope < 0.0), is_inside & (slope >= 0.0)
+        low, slope_low = np.where(below, t, low), np.where(below, slope, slope_low)
+        high, slope_high = np.where(above, t, high), np.where(above, slope, slope_high)
+    has_zero = (slope_low < 0.0) & (slope_high > 0.0)
+    zero = low - slope_low * (high - low) / np.where(has_zero, slope_high - slope_low, 1.0)
+    t = np.where(has_zero, zero, np.where(slope_low < 0.0, high, low))
+    gap = vector_from_box(t)
     return np.sqrt(dot(gap, gap)), t
 
 
-def from_ellipsoid(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
+def distance_bound_from_ellipsoid(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
     """Lower bounds of the distances of segments from ellipsoids, exact where they touch.
 
         rho (rho - 1) / |A^-2 x|,   rho = |A^-1 x|,   A = diag(half)
 
-    with x the point of the segment of least rho: the gap between the planes through x and on the
-    ellipsoid that are square to the gradient of rho there. These planes separate the two.
+    with x the point of the segment at which rho is smallest. The bound is the gap between two
+    planes normal to the gradient of rho at x: one through x, one tangent to the ellipsoid. They
+    separate the two.
 
     Args:
         a, b: (n, 3) ends of the segment in the ellipsoid's frame [m].
@@ -115,7 +120,7 @@ def from_ellipsoid(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
     return rho * (rho - 1.0) / slope, t
 
 
-def hanging(start: Vec3, end: Vec3, length: Array) -> Vec3:
+def slack_curves(start: Vec3, end: Vec3, length: Array) -> Vec3:
     """Points along slack strings, which hang as catenaries.
 
     Args:
@@ -123,16 +128,15 @@ def hanging(start: Vec3, end: Vec3, length: Array) -> Vec3:
         length: (n,) lengths of the strings, larger than the distance of the ends [m].
 
     Returns:
-        Points (n, N_CHORDS + 1, 3) in equal horizontal steps [m]. They are close together where
-        the curve bends, so that no chord is farther from it than w / N_CHORDS, with w the
-        horizontal distance of the ends.
+        Points (n, N_CHORDS + 1, 3) in equal horizontal steps [m]. No chord is farther from the
+        curve than w / N_CHORDS, with w the horizontal distance of the ends.
     """
-    along = end - start
-    a, low, high = catenary(along, length)
-    first, last = np.arcsinh(low / a), np.arcsinh(high / a)
+    between = end - start
+    a, arc_start, arc_end = catenary(between, length)
+    first, last = np.arcsinh(arc_start / a), np.arcsinh(arc_end / a)
     steps = np.linspace(0.0, 1.0, N_CHORDS + 1)
     height = np.cosh(first[:, None] + (last - first)[:, None] * steps)
-    points = start[:, None] + steps[:, None] * along[:, None]
+    points = start[:, None] + steps[:, None] * between[:, None]
     points[..., 2] = start[:, None, 2] + a[:, None] * (height - height[:, :1])
     points[:, -1] = end
     return points

@@ -109,7 +109,7 @@ class StringsApart:
         """The strings and bodies along a motion, ready for measurements.
 
         Args:
-            q_D, q_K: (T, n_qD), (T, n_qK) configurations.
+            q_D, q_K: (T, n_qD) dynamic and (T, n_qK) driven (kinematic) configurations.
             t: (T,) times, not decreasing [s].
 
         Raises:

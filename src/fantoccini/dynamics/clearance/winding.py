@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fantoccini.base import Array, Indices, Times, Vec3
 from fantoccini.dynamics.clearance.blocks import search
 from fantoccini.dynamics.clearance.cores import Cores
-from fantoccini.dynamics.clearance.segments import between_segments, dot
+from fantoccini.dynamics.clearance.segments import dot, segment_distance
 from fantoccini.dynamics.clearance.string_pairs import StringPairs
 
 
@@ -136,12 +136,12 @@ class _Step:
 
     def distance(self, s: Array) -> Array:
         """Distances (n,) of the pieces [m]."""
-        return between_segments(*self.at(s))[0]
+        return segment_distance(*self.at(s))[0]
 
     def places(self, s: Array) -> Vec3:
         """Points (n, 3) of the first piece nearest to the other [m]."""
         a, b, c, d = self.at(s)
-        return a + between_segments(a, b, c, d)[1][:, None] * (b - a)
+        return a + segment_distance(a, b, c, d)[1][:, None] * (b - a)
 
     def coefficients(self) -> Array:
         """Coefficients (4, n) of f, the constant first [m^3]."""

@@ -47,7 +47,7 @@ def check_step(marionette: CompiledPuppet, method: str, q_D: Array, q_K: Array, 
     Args:
         marionette: the puppet.
         method: method of the run; only ``timestepping`` evaluates forces at the step's start.
-        q_D, q_K: (..., n_qD), (..., n_qK) configurations at the start.
+        q_D, q_K: (..., n_qD) dynamic, (..., n_qK) kinematic (driven) configurations at the start.
         dt: length of the steps [s].
     """
     if method != "timestepping":
@@ -61,9 +61,9 @@ def check_step(marionette: CompiledPuppet, method: str, q_D: Array, q_K: Array, 
         )
     for chain in marionette.tree.chains:
         n, length = chain.pieces, np.min(chain.unstretched_length(q_D, q_K, marionette.number))
-        lump = marionette.tree.links[chain.points[1].link].lumps[0]
+        share = marionette.tree.links[chain.points[1].link].mass_shares[0]
         k = marionette.number(chain.stiffness) * n / length
-        m = marionette.number(lump.amount) * lump.volume
+        m = marionette.number(share.amount) * share.volume
         omega = 2.0 * np.sqrt(k / m) * np.cos(np.pi / (2 * n))
         zeta = 0.5 * omega * marionette.number(chain.damping) / marionette.number(chain.stiffness)
         longest = 2.0 / (omega * (np.hypot(1.0, zeta) + zeta))

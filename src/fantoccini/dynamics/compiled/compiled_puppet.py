@@ -1,7 +1,7 @@
 """CompiledPuppet: a puppet or scene with its parameters and winches, and its compiled functions.
 
-The algorithms of ``fantoccini.dynamics`` are functions of this class; :class:`Marionette` adds
-them as methods.
+The functions of ``fantoccini.dynamics`` take it as argument; :class:`Marionette` adds them as
+methods.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class CompiledPuppet:
-    """A puppet with its parameters; it is derived and compiled when first needed.
+    """A puppet with its parameters; equations are derived and compiled when first needed.
 
     It is immutable: the ``with_`` methods return another one, without compiling again.
 
     Attributes:
-        puppet: puppet as described by its file; a scene is assembled.
+        puppet: the puppet of the file; of a scene the puppet assembled from its members.
         tree: links, strings, limits and coordinates in the order of the equations.
         p: (n_p,) values of the parameters.
         winches: (n_strings, 3) largest tension [N], rewinding speed [m/s], restitution.
@@ -105,7 +105,7 @@ class CompiledPuppet:
     # -- variants of the same puppet -------------------------------------------------------------
 
     def with_parameters(self, values: Mapping[str, float]) -> Self:
-        """The same puppet with other values of its parameters, and the winches of its file.
+        """The same puppet with other values of parameters, and with the winches of its file.
 
         Raises:
             UnknownNameError: there is no such parameter.
@@ -130,7 +130,7 @@ class CompiledPuppet:
         """The same puppet with other winches (n_strings, 3); see :attr:`winches`.
 
         Raises:
-            StateError: a number is not allowed for a winch.
+            StateError: a winch cannot have one of the numbers.
         """
         return self._changed(winches=checked_winches(self.tree, winches))
 
@@ -178,14 +178,14 @@ class CompiledPuppet:
 
     @property
     def contacts(self) -> Contacts | None:
-        """The solids that may touch; None if the puppet's file does not mention contact."""
+        """The solids that may touch; None if the puppet's file has no contact."""
         return None if self._touching is None else self._touching[0]
 
     @property
     def prescribed(self) -> Contacts | None:
-        """Pairs of solids that may touch and that only inputs move; None without any."""
-        data = None if self._touching is None else self._touching[1]
-        return data if data is not None and len(data.pairs) else None
+        """Pairs of solids that may touch and that only inputs move; None if there are none."""
+        contacts = None if self._touching is None else self._touching[1]
+        return contacts if contacts is not None and len(contacts.pairs) else None
 
     def overlaps(self, q_D: Array, q_K: Array, depth: float = 0.0) -> dict[str, float]:
         """Pairs of parts that overlap by more than a depth [m] -> their overlap [m]."""
@@ -195,11 +195,11 @@ class CompiledPuppet:
 
     @cached_property
     def described(self) -> Puppet:
-        """The puppet as a file describes it, with the present parameters."""
-        present = dict(zip(self.tree.parameters, self.p.tolist(), strict=True))
-        if present == self.tree.parameters:
+        """The puppet as for a file, with the present values of its parameters."""
+        values = dict(zip(self.tree.parameters, self.p.tolist(), strict=True))
+        if values == self.tree.parameters:
             return self.puppet
-        return self.puppet.with_values(present)
+        return self.puppet.with_values(values)
 
     @cached_property
     def sample_layout(self) -> SampleLayout:
@@ -207,7 +207,7 @@ class CompiledPuppet:
         return SampleLayout(self.tree)
 
     def number(self, value: Number) -> float:
-        """Value of a number in the puppet's file, perhaps a parameter."""
+        """Value of a number in the puppet's file, which may be a parameter."""
         if not isinstance(value, Parameter):
             return float(value)
         return float(self.p[self.parameter_index[value.parameter]])
@@ -219,7 +219,7 @@ class CompiledPuppet:
 
     @cached_property
     def cap_parameters(self) -> Indices:
-        """Index in ``p`` of every row's largest tension: (n_rows,); -1 if it is no parameter."""
+        """(n_rows,) index in ``p`` of each row's largest tension; -1 if it is no parameter."""
         out = np.full(self.tree.n_rows, -1)
         for i, string in enumerate(self.tree.strings):
             if isinstance(string.max_tension, Parameter):
@@ -234,8 +234,8 @@ class CompiledPuppet:
         total = 0.0
         for i, link in enumerate(self.tree.links):
             if any(self.tree.links[j].role == "dynamic" for j in self.tree.ancestors(i)):
-                lumps = sum(self.number(lump.amount) * lump.volume for lump in link.lumps)
-                total += lumps if link.mass is None else self.number(link.mass)
+                of_shapes = sum(self.number(s.amount) * s.volume for s in link.mass_shares)
+                total += of_shapes if link.mass is None else self.number(link.mass)
         return total
 
     @cached_property
@@ -280,21 +280,21 @@ class CompiledPuppet:
 
     @cached_property
     def max_forces(self) -> Array:
-        """Largest force (n_rows,) of every row [N]; inf without a winch that slips."""
+        """(n_rows,) largest force of every string and limit [N]; inf without a winch that slips."""
         return np.concatenate(
             [self.winches[:, WINCH_AT["max_tension"]], np.full(len(self.tree.limits), np.inf)]
         )
 
     @cached_property
     def two_sided(self) -> MaskRows:
-        """Mask (n_rows,) of the wires."""
+        """(n_rows,) bool, the rows that also push: wires."""
         wires = [s.wire for s in self.tree.strings] + [False] * len(self.tree.limits)
         return np.array(wires, dtype=bool)
 
     def rewinding(self, slip: Array) -> Array:
-        """Rates of slips (..., n_strings): -min(rewind_speed, sqrt(2 a slip)) [m/s]."""
-        braked = np.sqrt(2.0 * WINCH_DECELERATION * slip)
-        return -np.minimum(self.winches[:, WINCH_AT["rewind_speed"]], braked)
+        """(..., n_strings) rates of rewound slips, -min(rewind_speed, sqrt(2 a slip)) [m/s]."""
+        braking_speed = np.sqrt(2.0 * WINCH_DECELERATION * slip)
+        return -np.minimum(self.winches[:, WINCH_AT["rewind_speed"]], braking_speed)
 
     def row_scales(self, q_D: Array, q_K: Array) -> Array:
         """Scales (..., n_rows) of the rows' gaps h: string lengths [m], 1 for limits."""
@@ -303,11 +303,11 @@ class CompiledPuppet:
         return np.concatenate([lengths, limits], axis=-1)
 
     def string_lengths(self, q_D: Array, q_K: Array) -> Array:
-        """Lengths of the strings at configurations (..., n_qD), (..., n_qK): (..., n) [m]."""
+        """(..., n) lengths of the strings at configurations (..., n_qD), (..., n_qK) [m]."""
         return self.tree.string_lengths(q_D, q_K, self.number)
 
     def names_of(self, rows: Indices, share: Array | None) -> tuple[str, ...]:
-        """Names of the rows whose share is not negligible; of all rows without shares."""
+        """Names of the rows whose share is not negligible; of all rows if no shares are given."""
         names = [self.tree.row_names[i] for i in rows]
         if share is None:
             return tuple(names)
@@ -348,7 +348,7 @@ class CompiledPuppet:
         return SimpleNamespace(**{result: np.array(value) for result, value in results.items()})
 
     def poses(self, q_D: Array, q_K: Array) -> Array:
-        """World poses (R | r) of all links at (..., n_qD), (..., n_qK): (..., n_links, 3, 4)."""
+        """(..., n_links, 3, 4) world poses (R | r) of all links at (..., n_qD), (..., n_qK)."""
         flat = self.library.evaluate("poses", q_D=q_D, q_K=q_K, p=self.p).poses.swapaxes(-1, -2)
         return np.swapaxes(flat.reshape(*flat.shape[:-1], 4, 3), -1, -2)
 
@@ -371,9 +371,9 @@ class CompiledPuppet:
     ) -> Array:
         """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
 
-        This is the load on the controls, (..., n_vK) [N or N m]. The arguments are (..., n) each,
-        ``tension`` (..., n_strings), or (..., n_rows) from :meth:`forward_dynamics`: limits do not
-        pull on driven coordinates.
+        Its result (..., n_vK) is the load on the controls [N or N m]. The arguments are (..., n)
+        each; ``tension`` is (..., n_strings), or (..., n_rows) as from :meth:`forward_dynamics`:
+        limits do not act on driven coordinates.
         """
         return self.library.evaluate(
             "effort",

@@ -32,7 +32,7 @@ TOUCHING_GAP = 1e-6
 
 @dataclass(frozen=True)
 class _Part:
-    """A shape with the name of its body or obstacle and its link; shape None is the floor."""
+    """A shape with its link and the name of its body or obstacle; the floor has no shape."""
 
     name: str
     link: int
@@ -42,15 +42,15 @@ class _Part:
 def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
     """Number of solids of each shape of the links; a dented mesh that may touch has several.
 
-    A mesh that :func:`contacts_of` will refuse counts as one.
+    A mesh that :func:`contacts_of` refuses counts as one solid.
     """
-    own, standing = _parts(puppet, tree)
-    counts = [1] * len(own)
-    meshes = {i: part.shape for i, part in enumerate(own) if isinstance(part.shape, Mesh)}
+    of_links, standing = _parts(puppet, tree)
+    counts = [1] * len(of_links)
+    meshes = {i: part.shape for i, part in enumerate(of_links) if isinstance(part.shape, Mesh)}
     if puppet.touching is None or not meshes:
         return tuple(counts)
-    met = _pairs(puppet, tree, puppet.touching, own, standing)
-    for i in meshes.keys() & {i for a, b, _, _ in met for i in (a, b)}:
+    pairs = _pairs(puppet, tree, puppet.touching, of_links, standing)
+    for i in meshes.keys() & {i for a, b, _, _ in pairs for i in (a, b)}:
         with contextlib.suppress(ValueError):
             counts[i] = len(mesh_hulls(meshes[i]))
     return tuple(counts)
@@ -59,24 +59,24 @@ def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
 def meeting_links(puppet: Puppet, tree: Tree) -> set[tuple[int, int]]:
     """Pairs of links, or of a link and the world, whose solids may touch by the rules of contact.
 
-    It depends on neither the compiled model nor the pose.
+    The result depends on neither the compiled model nor the pose.
     """
     if puppet.touching is None:
         return set()
-    own, standing = _parts(puppet, tree)
-    parts = own + standing
-    meet = _pairs(puppet, tree, puppet.touching, own, standing)
-    return {(parts[a].link, parts[b].link) for a, b, _, _ in meet}
+    of_links, standing = _parts(puppet, tree)
+    parts = of_links + standing
+    pairs = _pairs(puppet, tree, puppet.touching, of_links, standing)
+    return {(parts[a].link, parts[b].link) for a, b, _, _ in pairs}
 
 
 def contacts_of(
     puppet: Puppet, tree: Tree, library: Library, counts: Sequence[int]
 ) -> tuple[Contacts, Contacts] | None:
-    """The pairs of solids that may touch, and the pairs with prescribed relative motion.
+    """The pairs of solids that may touch, and those of them with prescribed relative motion.
 
-    None if the puppet's file does not mention contact. Bodies of one joint do not touch; nor do
-    those of one tree that overlap at the file's pose. Pairs of the second kind have no force:
-    both solids follow the inputs, and only their overlap is measured.
+    None if the puppet's file has no contact. Bodies that a joint connects do not touch, nor do
+    bodies of one tree that overlap at the file's pose. Pairs of the second kind have no force: both
+    solids follow the inputs, and only their overlap is measured.
 
     Args:
         puppet: puppet with rules of contact.
@@ -90,35 +90,42 @@ def contacts_of(
     rules = puppet.touching
     if rules is None:
         return None
-    own, standing = _parts(puppet, tree)
-    parts = own + standing
-    meet = list(_pairs(puppet, tree, rules, own, standing))
-    touching = {i for a, b, _, _ in meet for i in (a, b)}
-    solids, hulls, place = _solids(puppet, parts, touching, counts)
-    # A dented mesh is several solids: each of them meets the partners of the mesh.
-    pairs = [(x, y, k) for k, (a, b, _, _) in enumerate(meet) for x in place[a] for y in place[b]]
+    of_links, standing = _parts(puppet, tree)
+    parts = of_links + standing
+    part_pairs = list(_pairs(puppet, tree, rules, of_links, standing))
+    touching = {i for a, b, _, _ in part_pairs for i in (a, b)}
+    solids, hulls, indices = _solids(puppet, parts, touching, counts)
+    # A dented mesh is several solids, each of which may touch the partners of the mesh.
+    pairs = [
+        (x, y, k)
+        for k, (a, b, _, _) in enumerate(part_pairs)
+        for x in indices[a]
+        for y in indices[b]
+    ]
     links = solids["link"].tolist()
     pairs.sort(key=lambda pair: (links[pair[0]], links[pair[1]], pair[1], pair[0]))
-    which = [k for _, _, k in pairs]
+    part_pair_of = [k for _, _, k in pairs]
     table = Contacts(
         solids=solids,
         pairs=np.array([pair[:2] for pair in pairs], dtype=np.int32).reshape(-1, 2),
-        friction=np.array([meet[k][2] for k in which]),
-        restitution=np.array([meet[k][3] for k in which]),
-        names=tuple((parts[meet[k][0]].name, parts[meet[k][1]].name) for k in which),
+        friction=np.array([part_pairs[k][2] for k in part_pair_of]),
+        restitution=np.array([part_pairs[k][3] for k in part_pair_of]),
+        names=tuple(
+            (parts[part_pairs[k][0]].name, parts[part_pairs[k][1]].name) for k in part_pair_of
+        ),
         hulls=hulls,
     )
-    start = tree.coordinates
+    coordinates = tree.coordinates
     p = np.array(list(tree.parameters.values()), dtype=float)
-    gaps = library.gaps(table, start.start_D, np.nan_to_num(start.start_K), p)
+    gaps = library.gaps(table, coordinates.start_D, np.nan_to_num(coordinates.start_K), p)
     excluded = {
         k
-        for k, gap in zip(which, gaps, strict=True)
+        for k, gap in zip(part_pair_of, gaps, strict=True)
         if gap < -MAX_START_OVERLAP
-        and _same_moving_tree(tree, *(parts[i].link for i in meet[k][:2]))
+        and _same_moving_tree(tree, *(parts[i].link for i in part_pairs[k][:2]))
     }
-    selected = np.array([k not in excluded for k in which], dtype=np.bool_)
-    sides = [(parts[meet[k][0]].link, parts[meet[k][1]].link) for k in which]
+    selected = np.array([k not in excluded for k in part_pair_of], dtype=np.bool_)
+    sides = [(parts[part_pairs[k][0]].link, parts[part_pairs[k][1]].link) for k in part_pair_of]
     dynamic = np.array(
         [_has_relative_motion(tree, a, b, Role.DYNAMIC) for a, b in sides], dtype=np.bool_
     )
@@ -126,21 +133,28 @@ def contacts_of(
 
 
 def _parts(puppet: Puppet, tree: Tree) -> tuple[list[_Part], list[_Part]]:
-    """Parts with a surface: the shapes of the links; and obstacles with the floor."""
-    own = [_Part(link.name, i, shape) for i, link in enumerate(tree.links) for shape in link.shapes]
+    """Parts with a surface: the shapes of the links; and the obstacles and the floor."""
+    of_links = [
+        _Part(link.name, i, shape) for i, link in enumerate(tree.links) for shape in link.shapes
+    ]
     standing = [_Part(o.name, WORLD, o) for o in puppet.obstacles]
     if puppet.floor is not None:
         standing.append(_Part(FLOOR, WORLD, None))
-    return own, standing
+    return of_links, standing
 
 
 def _solids(
     puppet: Puppet, parts: list[_Part], touching: set[int], counts: Sequence[int]
 ) -> tuple[np.ndarray, tuple[Hull, ...], list[Sequence[int]]]:
-    """Records (n,) ``SOLID`` of parts, hulls of meshes that may touch, and each part's solids."""
+    """Solids of parts.
+
+    Returns:
+        Records (n,) ``SOLID``, hulls of the meshes that may touch, and the indices of each part's
+        records.
+    """
     records: list[np.ndarray] = []
     hulls: list[Hull] = []
-    place: list[Sequence[int]] = []
+    indices: list[Sequence[int]] = []
     for i, part in enumerate(parts):
         first = len(records)
         if part.shape is None:
@@ -148,20 +162,20 @@ def _solids(
         elif not isinstance(part.shape, Mesh):
             records.append(solid(part.shape, part.link))
         elif i in touching:
-            own = _hulls(puppet, part.shape, part.name)
-            if i < len(counts) and len(own) != counts[i]:
+            part_hulls = _hulls(puppet, part.shape, part.name)
+            if i < len(counts) and len(part_hulls) != counts[i]:
                 raise _refusal(
                     puppet,
                     part.name,
                     f"{part.shape.file} is not convex, and touched nothing when "
                     "the puppet was compiled; load it together with the solids that it touches now",
                 )
-            records += [hull_solid(h, len(hulls) + k, part.link) for k, h in enumerate(own)]
-            hulls += own
+            records += [hull_solid(h, len(hulls) + k, part.link) for k, h in enumerate(part_hulls)]
+            hulls += part_hulls
         else:
             records += [empty(part.link)] * counts[i]
-        place.append(range(first, len(records)))
-    return stacked(records), tuple(hulls), place
+        indices.append(range(first, len(records)))
+    return stacked(records), tuple(hulls), indices
 
 
 def _hulls(puppet: Puppet, shape: Mesh, name: str) -> tuple[Hull, ...]:
@@ -177,12 +191,12 @@ def _refusal(puppet: Puppet, name: str, reason: str) -> PuppetError:
 
 
 def _pairs(
-    puppet: Puppet, tree: Tree, rules: Contact, own: list[_Part], standing: list[_Part]
+    puppet: Puppet, tree: Tree, rules: Contact, of_links: list[_Part], standing: list[_Part]
 ) -> Iterator[tuple[int, int, float, float]]:
-    """Indices of two parts that meet, their friction and restitution."""
-    for a, first in enumerate(own):
-        for b, second in enumerate([*own[:a], *standing]):
-            place = b if b < a else len(own) + b - a
+    """Indices of two parts that may touch, and their friction and restitution."""
+    for a, first in enumerate(of_links):
+        for b, second in enumerate([*of_links[:a], *standing]):
+            index = b if b < a else len(of_links) + b - a
             links = first.link, second.link
             moves = _has_relative_motion(tree, *links, Role.DYNAMIC) or _has_relative_motion(
                 tree, *links, Role.DRIVEN
@@ -191,7 +205,7 @@ def _pairs(
                 group = _group(puppet, first, second)
                 result = _rule(puppet, rules, first.name, second.name, group)
                 if result is not None:
-                    yield a, place, *result
+                    yield a, index, *result
 
 
 def _has_relative_motion(tree: Tree, a: int, b: int, role: Role) -> bool:
@@ -215,14 +229,14 @@ def _joined(tree: Tree, a: _Part, b: _Part) -> bool:
 
 
 def _rigid_root(tree: Tree, link: int) -> int:
-    """First of the links that fixed joints connect to a link; perhaps the world."""
+    """First of the links that fixed joints connect to a link, or the world."""
     while link != WORLD and tree.links[link].kind == "fixed":
         link = tree.links[link].parent
     return link
 
 
 def _carrier(tree: Tree, link: int) -> int:
-    """Nearest link below a link that has a shape, as :func:`_rigid_root` gives it."""
+    """Nearest ancestor of a link that has a shape, represented by its :func:`_rigid_root`."""
     shaped = {_rigid_root(tree, i) for i, other in enumerate(tree.links) if other.shapes}
     while link != WORLD:
         link = _rigid_root(tree, tree.links[link].parent)
@@ -244,7 +258,7 @@ def _group(puppet: Puppet, a: _Part, b: _Part) -> Group:
 def _rule(
     puppet: Puppet, rules: Contact, a: str, b: str, group: Group
 ) -> tuple[float, float] | None:
-    """Friction and restitution of two parts; None where they do not meet."""
+    """Friction and restitution of two parts; None if they do not touch."""
     friction, restitution, meet = rules.friction, rules.restitution, group in rules.meets
     owned = [{name, puppet.member_of(name)} for name in (a, b)]
     for pair in rules.pairs:

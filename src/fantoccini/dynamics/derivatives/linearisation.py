@@ -95,7 +95,7 @@ class Linearisation(ShortRepr):
     coordinates: CoordinateTable
 
     @property
-    def sharp(self) -> bool:
+    def differentiable(self) -> bool:
         """Whether the derivative exists towards all sides: no contact is between two modes."""
         return not self.edges
 

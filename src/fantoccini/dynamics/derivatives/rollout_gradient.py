@@ -1,14 +1,13 @@
 """Rollouts of the time-stepper, and gradients of their costs: the discrete adjoint.
 
-With the cost C of the states and tensions, steps x_k+1 = f(x_k, a_k, u_k, p) and l_k the derivative
-of C by x_k through all later steps:
+Steps are x_k+1 = f(x_k, a_k, u_k, p). The adjoint l_k is the derivative of the cost C with respect
+to x_k, including its effect on all later states:
 
-    l_k = dC/dx_k at fixed steps + (df/dx)^T l_k+1,   dC/da_k = (df/da)^T l_k+1
+    l_k = partial C / partial x_k + (df/dx)^T l_k+1,   dC/da_k = (df/da)^T l_k+1
 
-No derivative df is formed: every step takes one product with the transposed matrix of its own
-equations (``derivatives/rollout_gradient.hpp``). Contact points that push are held in their
-modes beside the strings and limits, as in
-:mod:`fantoccini.dynamics.derivatives.step_partials`.
+The Jacobians of f are never formed: each step needs one solution with the transposed matrix of its
+own equations (``derivatives/rollout_gradient.hpp``). Contact points with a force keep their mode,
+sticking or sliding, as in :mod:`fantoccini.dynamics.derivatives.step_partials`.
 """
 
 from __future__ import annotations
@@ -43,10 +42,11 @@ class RolloutGradient(ShortRepr):
     """The gradient of a scalar cost of a rollout.
 
     Attributes:
-        q_D, v_D, q_K, v_K: derivatives by the start state, with tangent vectors for q.
-        acc_K: (n, n_vK) derivatives by the driven accelerations.
-        u_D: (n, n_vD) derivatives by the user's forces.
-        p: (n_p,) derivatives by the parameters.
+        q_D, v_D, q_K, v_K: (n_vD,) and (n_vK,) derivatives with respect to the dynamic (D) and
+            driven (kinematic, K) start coordinates, with tangent vectors for q.
+        acc_K: (n, n_vK) derivatives with respect to the driven accelerations.
+        u_D: (n, n_vD) derivatives with respect to the user's forces.
+        p: (n_p,) derivatives with respect to the parameters.
     """
 
     q_D: Array
@@ -62,21 +62,21 @@ class RolloutGradient(ShortRepr):
 class Rollout(ShortRepr):
     """n time steps from a state, with nodes 0 to n.
 
-    n is the number of steps requested or, with ``throw=False``, the number taken, ``steps``.
-
     Attributes:
         q_D, v_D, q_K, v_K: (n + 1, ...) states at the nodes.
-        tension: (n, n_rows) impulse of every step over dt [N or N m].
-        held: (n, n_rows) bool, strings and limits held in the steps.
+        tension: (n, n_rows) mean tensions of strings and forces of limits in each step, the impulse
+            divided by dt [N or N m].
+        held: (n, n_rows) bool, the strings that are taut and limits that are reached in each step.
         dt: length of the steps [s].
         status: ``DONE``, or the reason of the stop.
-        steps: number of steps taken.
-        n_contacts: (n,) number of contact points that push in the steps.
+        steps: number n of steps taken; fewer than requested if the run stopped (``throw=False``).
+        n_contacts: (n,) number of contact points that push in each step.
         n_sliding: (n,) number of them that slide.
-        edges: (n,) edges of the steps between two modes, as bits; see :meth:`edges_of`. Edges that
-            only a gradient finds appear here and in ``sharp`` after its call.
+        edges: (n,) for each step, in which ways a contact is on the edge between two modes, such
+            as sticking and sliding, as bits; see :meth:`edges_of`. :meth:`gradient` adds those that
+            it detects.
         start: time of the first node [s].
-        coordinates: names and places of the coordinates.
+        coordinates: names and indices of the coordinates.
     """
 
     q_D: Array
@@ -104,12 +104,12 @@ class Rollout(ShortRepr):
         )
 
     @property
-    def sharp(self) -> MaskRows:
-        """Mask (n,) of the steps that are not between two modes of contact."""
+    def differentiable(self) -> MaskRows:
+        """Mask (n,) of the steps without a contact on the edge between two modes."""
         return np.asarray(self.edges == 0)
 
     def edges_of(self, i: int) -> tuple[str, ...]:
-        """Edges of step i between two modes; its derivatives are those of the modes taken."""
+        """Descriptions of the ``edges`` of step i; derivatives are one-sided there."""
         return StepEdge.meanings(int(self.edges[i]))
 
     def gradient(
@@ -120,36 +120,38 @@ class Rollout(ShortRepr):
         v_K: Array | None = None,
         tension: Array | None = None,
     ) -> RolloutGradient:
-        """Gradient of a cost, from its derivatives by the states and tensions of all nodes.
+        """Gradient of a cost, from its derivatives with respect to all states and tensions.
 
-        It is exact where the steps are smooth: while the active set of each is constant, and every
-        contact stays open, sticks or slides. In steps that are not :attr:`sharp` it is the one of
-        the modes taken, towards one side. The direct derivatives of a cost by acc_K, u_D and p are
-        to be added.
+        The gradient is exact for changes that keep the taut strings and reached limits of each
+        step, and the modes of its contacts (open, sticking or sliding). In steps that are not
+        :attr:`differentiable` it is one-sided. If the cost depends on acc_K, u_D or p directly, add
+        its partial derivatives.
 
         Args:
-            q_D, v_D, q_K, v_K: (n + 1, n_vD) or (n + 1, n_vK) derivatives of the cost by the
-                states, with tangent vectors for q; 0 by default.
-            tension: (n, n_rows) derivatives by the tensions; 0 by default. Of dependent rows, the
-                first ones carry the load; with contacts, all of them, with least norm.
+            q_D, v_D, q_K, v_K: (n + 1, n_vD) or (n + 1, n_vK) partial derivatives of the cost with
+                respect to the states, with tangent vectors for q; 0 by default.
+            tension: (n, n_rows) partial derivatives with respect to the tensions; 0 by default.
+                Redundant strings have no unique tensions: the first ones carry the load; with
+                contacts, all of them, with least norm.
 
         Raises:
-            StateError: the rollout was stopped, a step was cut short, a winch slipped, a step with
-                contact has no derivative, or an array has another shape.
+            StateError: the rollout was stopped, the velocities of a step were scaled down, a winch
+                slipped, a step with contact has no derivative, or an array has another shape.
         """
         self._check()
-        n, t = len(self.tension), self.coordinates
-        l_q, l_v = _checked_copy(n + 1, t.n_vD, q_D=q_D), _checked_copy(n + 1, t.n_vD, v_D=v_D)
-        l_qK, l_vK = _checked_copy(n + 1, t.n_vK, q_K=q_K), _checked_copy(n + 1, t.n_vK, v_K=v_K)
-        pull = None
+        n, n_vD, n_vK = len(self.tension), self.coordinates.n_vD, self.coordinates.n_vK
+        l_q, l_v = _checked_copy(n + 1, n_vD, q_D=q_D), _checked_copy(n + 1, n_vD, v_D=v_D)
+        l_qK, l_vK = _checked_copy(n + 1, n_vK, q_K=q_K), _checked_copy(n + 1, n_vK, v_K=v_K)
+        by_tension = None
         if tension is not None:
-            pull = _checked_copy(n, self.tension.shape[1], tension=tension)
-        self._refuse_edges()
-        result = self._run.gradient(self.held, l_q, l_v, pull)
-        self._refuse_edges()
+            by_tension = _checked_copy(n, self.tension.shape[1], tension=tension)
+        self._check_derivatives_exist()
+        result = self._run.gradient(self.held, l_q, l_v, by_tension)
+        self._check_derivatives_exist()  # the gradient may have detected further edges
         l_qK[:n] += result["g_qK"]
-        by_inputs = self._turning if t.quaternions_K else self._summed
-        by_qK, by_vK, by_acc = by_inputs(l_qK, l_vK, result["g_rate"], result["g_mean"])
+        rotates = self.coordinates.quaternions_K
+        back_propagate = self._through_rotations if rotates else self._through_scalars
+        by_qK, by_vK, by_acc = back_propagate(l_qK, l_vK, result["g_rate"], result["g_mean"])
         return RolloutGradient(
             result["g_q"], result["g_v"], by_qK, by_vK, by_acc, result["g_u"], result["g_p"]
         )
@@ -160,14 +162,14 @@ class Rollout(ShortRepr):
         numbers = self._run.numbers
         if numbers.shortened < len(self.tension):
             raise StateError(
-                f"step {numbers.shortened} was cut short: the time-stepper scaled its velocities "
-                "down, so that the rollout has no gradient"
+                f"the time-stepper scaled the velocities of step {numbers.shortened} down, so that "
+                "the rollout has no gradient"
             )
         if numbers.slip > 0.0:
             raise StateError("a winch slipped: gradients do not include slips")
 
-    def _refuse_edges(self) -> None:
-        """Raises StateError if contact leaves a step without derivative."""
+    def _check_derivatives_exist(self) -> None:
+        """Raises StateError if a step has no derivative, because of a contact."""
         if self.edges.max(initial=0) < StepEdge.LAW_CHANGED:
             return
         i = int(np.flatnonzero(self.edges >= StepEdge.LAW_CHANGED.value)[-1])
@@ -177,12 +179,16 @@ class Rollout(ShortRepr):
             f"no gradient: {self._pairs[self._run.touches['pairs'][i]]}: {'; '.join(why)}"
         )
 
-    def _summed(
+    def _through_scalars(
         self, l_q: Array, l_v: Array, rate: Array, mean: Array
     ) -> tuple[Array, Array, Array]:
-        """Derivatives by scalar q_K, v_K and acc_K from those by nodes, rates and means.
+        """Derivatives by the first scalar q_K and v_K, and by acc_K of all steps.
 
-        q+ = q + dt rate,   rate = v + dt/2 acc,   v+ = v + dt acc,   mean = acc
+            q+ = q + dt rate,   rate = v + dt/2 acc,   v+ = v + dt acc,   mean = acc
+
+        Args:
+            l_q, l_v: (n + 1, n_vK) derivatives by q_K and v_K at the nodes.
+            rate, mean: (n, n_vK) derivatives by the mean velocity and acceleration of each step.
         """
         dt = self.dt
         q = np.cumsum(l_q[::-1], axis=0)[::-1]
@@ -191,19 +197,19 @@ class Rollout(ShortRepr):
         v = np.cumsum(l_v[::-1], axis=0)[::-1]
         return q[0], v[0], mean + 0.5 * dt * rate + 0.5 * dt * dt * q[1:] + dt * v[1:]
 
-    def _turning(
+    def _through_rotations(
         self, l_q: Array, l_v: Array, rate: Array, mean: Array
     ) -> tuple[Array, Array, Array]:
-        """The result of :meth:`_summed` for driven rotations, step by step."""
+        """The result of :meth:`_through_scalars` with driven rotations, step by step."""
         k = l_q.shape[1]
         q, v, acc = l_q[-1], l_v[-1], np.zeros_like(rate)
         for i in range(len(rate))[::-1]:
             step = self._driven[i]
-            of_state, mean_by = step.state(0, 0), step.mean_by(slice(0, k))
-            back = np.concatenate([q, v]) @ of_state
+            state_jacobian, mean_jacobian = step.state(0, 0), step.mean_by(slice(0, k))
+            back = np.concatenate([q, v]) @ state_jacobian
             q = l_q[i] + back[:k]
-            v = l_v[i] + back[k : 2 * k] + rate[i] + mean[i] @ mean_by[0]
-            acc[i] = back[2 * k : 3 * k] + 0.5 * self.dt * rate[i] + mean[i] @ mean_by[1]
+            v = l_v[i] + back[k : 2 * k] + rate[i] + mean[i] @ mean_jacobian[0]
+            acc[i] = back[2 * k : 3 * k] + 0.5 * self.dt * rate[i] + mean[i] @ mean_jacobian[1]
         return q, v, acc
 
 
@@ -234,7 +240,7 @@ def rollout(
         raise StateError(f"u_D has {len(force)} rows; it must have 1 or {n}, as acc_K")
     values = marionette.p if p is None else vector("p", p, len(marionette.p))
     if np.any(x0.slip):
-        raise StateError("a rollout begins with winches that have not slipped")
+        raise StateError("x0 has slipped winches; a rollout needs a state without slip")
     inputs, driven = _inputs(t, x0, acc, dt)
     options = marionette.run_options(dt=dt, extrapolate=extrapolate)
     pairs = () if marionette.contacts is None else marionette.contacts.names
@@ -278,7 +284,7 @@ def rollout(
 def _inputs(
     t: CoordinateTable, x0: State, acc: Array, dt: float
 ) -> tuple[dict[str, Array], tuple[DrivenStep, ...]]:
-    """Driven coordinates by node and step; and each step, if driven rotations exist."""
+    """Driven coordinates at the nodes, their means in the steps; and the steps, if any rotates."""
     n = len(acc)
     q_K, v_K = (np.repeat(a[None], n + 1, axis=0) for a in (x0.q_K, x0.v_K))
     v_K[1:] += dt * np.cumsum(acc, axis=0)

@@ -70,7 +70,7 @@ class StepLinearisation(ShortRepr):
     coordinates: CoordinateTable
 
     @property
-    def sharp(self) -> bool:
+    def differentiable(self) -> bool:
         """Whether the derivative exists towards all sides: no contact is between two modes."""
         return not self.edges
 
@@ -236,8 +236,8 @@ def _refuse(
         )
     if shortened:
         raise StateError(
-            "the step was cut short: strings are violated so far, or so fast, that the "
-            "time-stepper scaled the velocities down"
+            "the time-stepper scaled the velocities of the step down, because strings are violated "
+            "too far or too fast; such a step has no derivative"
         )
     if edges & StepEdge.JAMS:
         raise StateError(

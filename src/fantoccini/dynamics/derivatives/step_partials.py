@@ -39,7 +39,7 @@ from fantoccini.kernel.runtime import (
 from fantoccini.model.tree import CoordinateTable
 
 MIN_SHORTENING = 1e-9
-"""Relative difference of a step's velocity and its equations' from which it was cut short."""
+"""Relative difference of a step's velocity and its equations' if the velocity was scaled down."""
 SLIPPING_SHARE = 1.0 - 1e-9
 """Share of a string's largest tension from which it counts as slipping."""
 
@@ -49,16 +49,18 @@ class StepLinearisations(ShortRepr):
     """n time steps and their derivatives, as in :class:`StepLinearisation`.
 
     Attributes:
-        q_D, v_D, q_K, v_K: (n, ...) states after the steps.
+        q_D, v_D, q_K, v_K: (n, ...) dynamic (D) and driven (kinematic, K) configurations and
+            velocities after the steps.
         tension: (n, n_rows) impulses over dt [N or N m].
         held: (n, n_rows) bool, strings and limits held in the steps.
         motion: (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the step by q_D, v_D, q_K, v_K,
             acc_K, u_D if requested, and p: the rows of A, B, B_u and B_p of the dynamic
             coordinates.
         pull: (n, n_rows, m) derivatives of ``tension``, if requested; 0 for rows not held.
-        settled: (n,) bool, steps that were not stopped or cut short, and whose contacts have
+        settled: (n,) bool, steps that were not stopped or scaled down, and whose contacts have
             derivatives; the derivatives of others are those of the equations, not of the step.
-        edges: (n,) edges between two modes of contact, as bits; see :meth:`edges_of`.
+        edges: (n,) for each step, in which ways a contact is on the edge between two modes, as
+            bits; see :meth:`edges_of`.
         n_contacts: (n,) number of points that push.
         dt: length of the steps [s].
         coordinates: names and places of the coordinates.
@@ -83,12 +85,12 @@ class StepLinearisations(ShortRepr):
         return len(self.q_D)
 
     @property
-    def sharp(self) -> MaskRows:
+    def differentiable(self) -> MaskRows:
         """Mask (n,) of steps with derivatives towards all sides: no contact is between modes."""
         return self.settled & (self.edges == 0)
 
     def edges_of(self, i: int) -> tuple[str, ...]:
-        """Edges of step i between two modes; its derivatives are those of the modes taken."""
+        """Descriptions of the ``edges`` of step i; derivatives are one-sided there."""
         return StepEdge.meanings(int(self.edges[i]))
 
     @cached_property
@@ -251,7 +253,7 @@ class Linearised(NamedTuple):
     Attributes:
         steps: the linearisations.
         record: record of the steps, of a puppet without or with contact.
-        shortened: (n,) bool, steps that were cut short.
+        shortened: (n,) bool, steps whose velocities the time-stepper scaled down.
         shares: (n, 3 capacity, m) derivatives of the contacts' multipliers, if requested.
         moved: (n, n_vD + n_vK, m) derivatives of the configuration at which rebounding contacts
             touch, if requested, for steps with such contacts.

@@ -34,7 +34,7 @@ def state(marionette: CompiledPuppet, values: Values | None = None) -> State:
         at = {"q_D": np.nan_to_num(q_D), "q_K": np.nan_to_num(q_K)}
         h = marionette.library.evaluate("rows", **at, p=marionette.p).h
         for string, span in zip(marionette.tree.strings, h, strict=False):
-            string.just_reaches(span, q_D, q_K)
+            string.set_unknown_length(span, q_D, q_K)
     put_commands(marionette.tree.drives, values or {}, q_D, q_K)
     taut, slip = (
         np.zeros(marionette.tree.n_rows, dtype=bool),

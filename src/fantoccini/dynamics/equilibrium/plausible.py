@@ -331,6 +331,6 @@ def _starts(marionette: CompiledPuppet) -> Array:
     q_D, q_K = table.start_D.copy(), table.start_K.copy()
     paths = path_lengths(tree, measure(tree, marionette.number).poses, marionette.number)
     for string in (*tree.strings, *tree.chains):
-        string.just_reaches(paths[string.name], q_D, q_K)
+        string.set_unknown_length(paths[string.name], q_D, q_K)
     put_commands(tree.drives, (), q_D, q_K)
     return np.nan_to_num(q_K)

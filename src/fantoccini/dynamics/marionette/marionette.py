@@ -1,4 +1,4 @@
-"""Marionette: the public class of a model and of the algorithms that are functions of it."""
+"""Marionette: the public class of a puppet's model, with the algorithms that use it."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ from fantoccini.motion import Input, State
 class Marionette(CompiledPuppet):
     """A puppet on strings: its coordinates, equations, compiled model and states.
 
-    It is derived and compiled when first needed, or loaded from the cache. A marionette is
+    The equations are derived and compiled when first needed, or loaded from the cache. It is
     immutable: the ``with_`` methods return another one, without compiling again.
 
     Args:
@@ -112,8 +112,8 @@ class Marionette(CompiledPuppet):
     def state(self, values: Values | None = None) -> State:
         """A state at rest: the file's pose with some values changed.
 
-        Driven lengths that neither the pose nor ``values`` set are just taut; commands of drives
-        equal their coordinates.
+        A driven length that neither the pose nor ``values`` sets is that of the string's path, so
+        that the string is taut. Commands of drives equal their coordinates.
 
         Args:
             values: coordinate name -> value; ``joint.rotation`` takes a quaternion (w, x, y, z)
@@ -142,7 +142,7 @@ class Marionette(CompiledPuppet):
         """The nearest state, in the metric of M_DD, that satisfies the strings and limits.
 
         Driven coordinates are unchanged. Rows that ``x`` marks as taut are brought to h = 0 and
-        hdot = 0, unless they contradict one another.
+        hdot = 0, unless they are inconsistent.
 
         Raises:
             StateError: no such state was found; the message has the remaining violations.
@@ -195,7 +195,7 @@ class Marionette(CompiledPuppet):
         return self.interpreted("bias", x).c.ravel()
 
     def damping(self, x: State) -> Array:
-        """Force of damping and drag (n_vD,), on the side of c: u = -damping [N or N m]."""
+        """Damping and drag (n_vD,), with the sign of c: the force is u = -damping [N or N m]."""
         return self.interpreted("damping", x).f.ravel()
 
     def constraint(self, x: State) -> Array:
@@ -221,7 +221,7 @@ class Marionette(CompiledPuppet):
         return float(self.interpreted("kinetic", x).T.item())
 
     def potential_energy(self, x: State) -> float:
-        """Potential energy V (Eq. 6, with gravity's acceleration), with springs [J]."""
+        """Potential energy V of gravity and springs (Eq. 6) [J]."""
         return float(self.interpreted("potential", x).V.item())
 
     def lagrangian(self, x: State) -> float:
@@ -277,8 +277,8 @@ class Marionette(CompiledPuppet):
             u_D: (n_vD,) user forces; 0 by default.
 
         Raises:
-            StateError: no acceleration satisfies the rows, as when two inputs pull a string apart;
-                or rows marked taut are slack.
+            StateError: no acceleration satisfies the rows, for example if both ends of a taut
+                string are driven apart; or rows marked taut are slack.
         """
         return forward_dynamics(self, x, acc_K, u_D)
 
@@ -292,21 +292,21 @@ class Marionette(CompiledPuppet):
     ) -> Linearisation:
         """Derivatives of acc_D and the tensions (Eqs. 10, 11), and A and B of the linear system.
 
-        The slip of winches is constant; a string at its winch's largest tension keeps it. Contact
-        points stay sticking, sliding or open.
+        The slip of winches is constant, and a string at its winch's largest tension keeps that
+        tension. Contact points stay sticking, sliding or open.
 
         Args:
             x: the state.
             acc_K: (n_vK,) accelerations of the inputs; 0 by default.
             u_D: (n_vD,) user forces; 0 by default.
-            rows: names of the strings and limits to hold, as equalities for any sign of their
+            rows: names of the strings and limits that stay taut (h = 0), whatever the sign of their
                 tension; by default wires and those that pull at ``x``.
-            contacts: points to hold in their modes, such as those of another linearisation nearby;
-                by default those that push at ``x``.
+            contacts: contact points that keep their modes, such as those of a linearisation at a
+                neighbouring state; by default those that push at ``x``.
 
         Raises:
-            StateError: no acceleration satisfies the rows at ``x``, solids strike there, or the
-                motion nearby depends on the distribution of force among redundant sliding points.
+            StateError: no acceleration satisfies the rows at ``x``, solids collide there, or
+                neighbouring motions depend on how redundant sliding points share a force.
             UnknownNameError: the puppet does not have a row.
         """
         return linearise(self, x, acc_K, u_D, rows, contacts)
@@ -317,14 +317,14 @@ class Marionette(CompiledPuppet):
         """The first step of a time-stepping run from a state, with its derivatives.
 
         Args:
-            x: start state; rows may be violated, as time-stepping allows.
+            x: start state; strings and limits may be violated a little, as in time-stepping runs.
             acc_K: (n_vK,) accelerations of the inputs over the step; 0 by default.
             u_D: (n_vD,) user forces over the step; 0 by default.
             dt: length of the step [s].
 
         Raises:
-            StateError: violation is so large that the step was cut short, or the step's contacts
-                have no derivative; contacts between two modes are in ``edges`` instead.
+            StateError: violations are so large that the velocities were scaled down, or a contact
+                has no derivative. Contacts between two modes are in ``edges`` instead.
         """
         return linearise_step(self, x, acc_K, u_D, dt)
 
@@ -345,10 +345,11 @@ class Marionette(CompiledPuppet):
 
         The steps are those of ``fan.TimeStepping(dt, extrapolate=False)``, and the derivatives
         those of :meth:`linearise_step`. A step is not ``settled`` if that method would raise, and
-        not ``sharp`` if its result would have ``edges``.
+        not ``differentiable`` if its result would have ``edges``.
 
         Args:
-            q_D, v_D, q_K, v_K: (n, ...) or (...,) states.
+            q_D, v_D, q_K, v_K: (n, ...) or (...,) states: dynamic (D) and driven (kinematic, K)
+                configurations and velocities.
             acc_K: (n, n_vK) or (n_vK,) driven accelerations; 0 by default.
             u_D: (n, n_vD) or (n_vD,) user forces; 0 by default.
             p: (n, n_p) or (n_p,) parameters; by default the marionette's own.
@@ -435,7 +436,7 @@ class Marionette(CompiledPuppet):
         return StepperBatch(self, x0, n, method, parameters, threads)
 
     def flow(self, x0: State, inputs: Input | None = None) -> Flow:
-        """The motion from a state while no string catches or releases; see :class:`Flow`.
+        """The motion from a state until a string comes taut or slack; see :class:`Flow`.
 
         Args:
             x0: start state.

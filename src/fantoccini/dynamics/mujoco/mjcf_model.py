@@ -1,12 +1,12 @@
 """A puppet as MJCF text.
 
-Bodies have explicit inertia. Joints keep damping, springs and limits. Some parts of a puppet have
-an exact replacement in MuJoCo instead of a counterpart:
+Bodies have explicit inertia. Joints keep damping, springs and limits. Parts of a puppet that MuJoCo
+lacks have exact equivalents:
 
 - A string is a spatial tendon of limited length. A wire is a tendon of constrained length.
-- A driven length is a slide joint behind a pulley of its tendon, so that MuJoCo has its rate.
+- A driven length is a slide joint behind a pulley of its tendon, so that MuJoCo knows its velocity.
 - A cone is a tendon between the tips of its axes:   |a - R b|^2 = 2 - 2 a.R b.
-- A limit of a twist is a tendon that is updated before every step: :mod:`.twists`.
+- A limit of a ball joint's twist is a tendon that is updated before every step: :mod:`.twists`.
 - The pieces of a chain are springs between its masses.
 - The spring of a ball joint is one spring between each axis before and after the rotation:
       k/4 sum_i |e_i - R e_i|^2 = 2 k (1 - q_w^2).
@@ -50,13 +50,13 @@ _Value = str | Number | Sequence[Number] | Array
 
 @dataclass(frozen=True)
 class Substitutes:
-    """Finite values for MuJoCo in place of a puppet's 0 or infinity."""
+    """Finite values for MuJoCo in place of 0 or infinity."""
 
     spool: float = 1000.0
-    """Length of a driven string plus the length wound in [m]: longer than any string."""
+    """Length of a driven string plus the length wound up [m]: longer than any string."""
     driven_inertia: float = 1e6
-    """Inertia of a driven coordinate, in masses of the puppet [1 or m^2]: the puppet's forces
-    accelerate it by a millionth of its own acceleration."""
+    """Inertia of a driven coordinate, relative to the mass of the puppet [1 or m^2]. The puppet's
+    forces accelerate it by about a millionth of the puppet's own accelerations."""
     puppet_mass: float = 1.0  # Mass used for a massless puppet in driven_inertia [kg]
     min_mass: float = 1e-12  # Mass of a massless moving body [kg]: MuJoCo refuses 0
     min_moment: float = 1e-14  # Moments of inertia of such a body [kg m^2], likewise
@@ -74,7 +74,7 @@ def mjcf(marionette: Marionette, fixed_q_K: ConfigK | None = None) -> str:
 
     Args:
         marionette: the puppet, with the present values of its parameters.
-        fixed_q_K: (n_qK,) fixed values of the driven coordinates; without it they are joints.
+        fixed_q_K: (n_qK,) fixed values of the driven coordinates; if None, they are joints.
 
     Raises:
         ExchangeError: MuJoCo cannot model a part of the puppet.
@@ -86,8 +86,8 @@ class _Document:
     """The XML elements of a puppet.
 
     Attributes:
-        fixed: index of a link that cannot move, or ``WORLD`` -> its pose in the world.
-        bodies: index of any other link, or ``WORLD`` -> its element, parents first.
+        fixed: poses in the world of the links that cannot move, and of ``WORLD``, by index.
+        bodies: elements of all other links, and of ``WORLD``, by index, parents first.
         tendons, wires, drags: sections of the document.
     """
 
@@ -135,11 +135,11 @@ class _Document:
         return tostring(root, encoding="unicode")
 
     def _element(self, tag: str, **attributes: _Value) -> Element:
-        """New element, with all 17 digits of numbers."""
+        """New element; numbers have all 17 digits."""
         return Element(tag, {name: self._attribute_text(x) for name, x in attributes.items()})
 
     def _add(self, parent: Element, tag: str, **attributes: _Value) -> Element:
-        """A new element at the end of another."""
+        """Appends a new element to another, and returns it."""
         parent.append(element := self._element(tag, **attributes))
         return element
 
@@ -163,8 +163,8 @@ class _Document:
         R, r = pose_in_parent(link, q, self.number)
         if link.parent not in self.fixed:
             return R, r
-        R_up, r_up = self.fixed[link.parent]
-        return R_up @ R, r_up + R_up @ r
+        R_parent, r_parent = self.fixed[link.parent]
+        return R_parent @ R, r_parent + R_parent @ r
 
     def _body(self, i: int, link: Link, R: Array, r: Array) -> Element:
         """A link's body with its joints and inertia."""
@@ -215,8 +215,8 @@ class _Document:
 
     def _mass(self, link: Link) -> tuple[float, Array, Array]:
         """Mass, centre of mass and inertia about it: the link's own values, or its shapes'."""
-        masses = [self.number(lump.amount) * lump.volume for lump in link.lumps]
-        units = [lump.unit for lump in link.lumps]
+        masses = [self.number(share.amount) * share.volume for share in link.mass_shares]
+        units = [share.unit for share in link.mass_shares]
         m = sum(masses)
         c = sum((a * np.array(u.com) for a, u in zip(masses, units, strict=True)), np.zeros(3))
         c = c / m if m else c
@@ -262,26 +262,27 @@ class _Document:
             self._tendon(name, ends, springlength=piece, stiffness=stiffness, damping=damping)
 
     def _string(self, string: StringRow) -> None:
-        winch = string.driven_length is not None and self.fixed_q_K is None
-        if winch:
+        has_winch = string.driven_length is not None and self.fixed_q_K is None
+        if has_winch:
             self._winch(string)
         if string.wire:
-            # MuJoCo counts a wire's length from its zero pose; MuJoCoPuppet sets a winch's.
+            # MuJoCo measures a wire's length relative to that in its zero pose; MuJoCoPuppet sets
+            # the length of one with a winch.
             tendon = self._tendon(string.name, string.points)
-            more = 0.0 if winch else self._length(string) - self.zero_lengths[string.name]
-            polycoef = np.array([more, 0.0, 0.0, 0.0, 0.0])
+            difference = 0.0 if has_winch else self._length(string) - self.zero_lengths[string.name]
+            polycoef = np.array([difference, 0.0, 0.0, 0.0, 0.0])
             name = string.name
             self._add(self.wires, "tendon", name=name, tendon1=name, polycoef=polycoef)
         else:
-            span = 0.0, self._length(string)
-            tendon = self._tendon(string.name, string.points, limited="true", range=span)
-        if winch:
+            length_range = 0.0, self._length(string)
+            tendon = self._tendon(string.name, string.points, limited="true", range=length_range)
+        if has_winch:
             self._add(tendon, "pulley", divisor=1.0)
             for end in ("spool", "wound"):
                 self._add(tendon, "site", site=f"{string.name}.{end}")
 
     def _winch(self, string: StringRow) -> None:
-        """A slide joint whose distance from its spool is the length wound in."""
+        """A slide joint whose distance from its spool is the length wound up."""
         offset, world = (SUBSTITUTES.spool, 0.0, 0.0), self.bodies[WORLD]
         mass, moments = SUBSTITUTES.min_mass, np.full(3, SUBSTITUTES.min_moment)
         self._add(world, "site", name=f"{string.name}.spool")
@@ -292,7 +293,7 @@ class _Document:
 
     @cached_property
     def zero_lengths(self) -> dict[str, float]:
-        """Lengths of the strings' paths where MuJoCo's joints are at zero [m]."""
+        """Lengths of the strings' paths with all of MuJoCo's joints at zero [m]."""
         table = self.tree.coordinates
         q_D = np.zeros(table.n_qD)
         q_K = np.zeros(table.n_qK) if self.fixed_q_K is None else self.fixed_q_K.copy()
@@ -303,7 +304,7 @@ class _Document:
         return path_lengths(self.tree, poses, self.number)
 
     def _length(self, row: StringRow | ChainRow) -> float:
-        """Length L [m]; for a driven length that is a joint, L plus the length wound in."""
+        """Length L [m]; for a driven length that is a joint, L plus the length wound up."""
         if row.driven_length is not None:
             return (
                 SUBSTITUTES.spool
@@ -314,7 +315,7 @@ class _Document:
         return self.number(row.length)
 
     def _ball_limit(self, limit: LimitRow, b: Array) -> None:
-        """A cone or a twist."""
+        """A limit of a ball joint: a cone or a twist."""
         if limit.side == "cone":
             assert limit.a is not None
             begin, end, length = limit.a, b, 2.0 * np.sin(0.5 * limit.bound)
@@ -324,18 +325,18 @@ class _Document:
         self._tendon(limit.name, ends, limited="true", range=(0.0, length))
 
     def _in_parent(self, i: int, at: Array) -> Point:
-        """A point of a link's joint frame, as one of its parent."""
+        """A point of a link's joint frame, as a point fixed on the parent."""
         link = self.tree.links[i]
         R, r = pose_in_parent(link, np.zeros(0), self.number)
         return Point(link.parent, tuple(r + R @ at))
 
     def _ball_spring(self, i: int, link: Link) -> None:
-        half = 0.5 * self.number(link.stiffness)
-        if half and link.kind == "ball":
+        half_stiffness = 0.5 * self.number(link.stiffness)
+        if half_stiffness and link.kind == "ball":
             for axis, e in zip("xyz", np.eye(3), strict=True):
                 ends = self._in_parent(i, e), Point(i, tuple(e))
                 name = f"{link.joint}.spring.{axis}"
-                self._tendon(name, ends, springlength=0.0, stiffness=half)
+                self._tendon(name, ends, springlength=0.0, stiffness=half_stiffness)
 
     def _drag(self, i: int, link: Link) -> None:
         linear, _, angular = map(self.number, link.drag)
@@ -344,20 +345,20 @@ class _Document:
         if not len(self.drags):
             self._add(self.bodies[WORLD], "site", name="world")
         m, com, _ = self._mass(link)
-        air = f"{link.name}.air"
-        self._site(air, Point(i, tuple(com if m else np.zeros(3))))
+        site = f"{link.name}.air"
+        self._site(site, Point(i, tuple(com if m else np.zeros(3))))
         axes = np.eye(6)
-        for strength, gears in ((linear, axes[:3]), (angular, axes[3:])):
-            for gear in gears if strength else ():
+        for coefficient, gears in ((linear, axes[:3]), (angular, axes[3:])):
+            for gear in gears if coefficient else ():
                 self._add(
                     self.drags,
                     "general",
-                    site=air,
+                    site=site,
                     refsite="world",
                     gear=gear,
                     gainprm=0.0,
                     biastype="affine",
-                    biasprm=(0.0, 0.0, -strength),
+                    biasprm=(0.0, 0.0, -coefficient),
                 )
 
     # -- errors ------------------------------------------------------------------------------
@@ -383,13 +384,13 @@ class _Document:
                 and self.fixed_q_K is None
                 and link.kind in ("ball", "free")
             ):
-                text = "has a driven rotation: MuJoCo can receive driven slides and hinges only"
+                text = "has a driven rotation: MuJoCo supports driven slides and hinges only"
                 yield link.joint, text
         for row in self.tree.drives:
-            yield row.name, "has a drive: MuJoCo can receive driven coordinates without drives only"
+            yield row.name, "has a drive: MuJoCo supports driven coordinates without drives only"
 
 
 def _mistake(marionette: Marionette, name: str, message: str) -> Mistake:
-    """A mistake with the place of a body, joint or string in the puppet's file."""
+    """A mistake with the file and line of a body, joint or string."""
     file, line = marionette.puppet.locate(marionette.puppet.owner_of(name))
     return Mistake(file, line, name, message)

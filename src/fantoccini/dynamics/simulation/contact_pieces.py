@@ -165,13 +165,13 @@ class Change:
         names: names of the points that stop.
         time_change: (1, m) change of the time of the stop [s].
         jump: (n_vD,) difference acc- - acc+.
-        sharp: whether they stop together for nearby motions, too.
+        differentiable: whether they stop together for nearby motions, too.
     """
 
     names: tuple[str, ...]
     time_change: Array
     jump: Array
-    sharp: bool
+    differentiable: bool
 
     @classmethod
     def of(
@@ -213,8 +213,10 @@ class Change:
             float(np.max(np.abs(time_change - time_changes[0]), initial=0.0))
             for time_change in time_changes
         )
-        sharp = spread <= TIME_AGREEMENT * float(np.max(np.abs(time_changes[0]), initial=1e-9))
-        return cls(tuple(dict.fromkeys(names)), time_changes[0], acc - new, sharp)
+        differentiable = spread <= TIME_AGREEMENT * float(
+            np.max(np.abs(time_changes[0]), initial=1e-9)
+        )
+        return cls(tuple(dict.fromkeys(names)), time_changes[0], acc - new, differentiable)
 
 
 def _slowing(screws: Screws, point: HeldPoint) -> tuple[float, Array]:

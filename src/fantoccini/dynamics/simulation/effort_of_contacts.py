@@ -21,7 +21,7 @@ def contact_effort(
     Args:
         marionette: the puppet.
         contact: contact points at the T samples.
-        q_D, q_K: (T, n_qD), (T, n_qK) configurations.
+        q_D, q_K: (T, n_qD) dynamic and (T, n_qK) driven (kinematic) configurations.
     """
     out = np.zeros((len(q_D), marionette.coordinates.n_vK))
     contacts = marionette.contacts

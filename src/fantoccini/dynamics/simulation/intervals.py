@@ -50,9 +50,9 @@ class IntervalDerivatives:
     passages: tuple[tuple[Passage, ...], ...]
 
     @property
-    def sharp(self) -> bool:
+    def differentiable(self) -> bool:
         """Whether the derivatives exist; see :class:`fantoccini.dynamics.RunSensitivity`."""
-        return all(passage.sharp for passages in self.passages for passage in passages)
+        return all(passage.differentiable for passages in self.passages for passage in passages)
 
 
 def interval_derivatives(

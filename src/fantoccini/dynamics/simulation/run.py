@@ -32,7 +32,7 @@ from fantoccini.dynamics.simulation.checks import check_marionette, check_one_ru
 from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
 from fantoccini.dynamics.simulation.judging import judged, prescribed_verdict
 from fantoccini.dynamics.simulation.pace import Pace, chatter
-from fantoccini.dynamics.simulation.weak_motors import weak_motors
+from fantoccini.dynamics.simulation.weak_motors import weak_motors_message
 from fantoccini.dynamics.steppers import (
     CONTRADICTION_STATUSES,
     Check,
@@ -234,7 +234,7 @@ def _stop_message(
     if result.status is Status.NO_UNIQUE_MOTION:
         text += f", where {_sliding_pairs(result)} slide"
         text += "; method='timestepping' continues with an impulse"
-    text += weak_motors(marionette, result)
+    text += weak_motors_message(marionette, result)
     last = result.tension.values[-1]
     if np.max(last, initial=0.0) > REPORTING.large_tension * marionette.weight:
         text += f"; the largest tension was {np.max(last):.3g} N"

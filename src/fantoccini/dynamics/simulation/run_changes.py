@@ -203,7 +203,9 @@ class RunChanges:
         n, m = marionette.coordinates.n_vD, Z.shape[1]
         jump = np.eye(2 * n)
         jump[n:] += np.outer(change.jump, change.time_change[0, m:])
-        self.passages.append(Passage(float(run.t[i]), change.names, 0.0, jump, change.sharp))
+        self.passages.append(
+            Passage(float(run.t[i]), change.names, 0.0, jump, change.differentiable)
+        )
         return np.concatenate([Z[:n], Z[n:] + np.outer(change.jump, change.time_change[0, :m])])
 
     def _force(self, t: float) -> Array:

@@ -57,16 +57,16 @@ class Passage:
         speed: closing speed of the gap that decides the time [m/s or rad/s]; 0 for a point that
             stops.
         jump: (2 n_vD, 2 n_vD) saltation matrix: changes of (q_D, v_D) from before to after.
-        sharp: whether the derivative exists: one row is caught, or one point touches, or several
-            that always do so together, and no other is at its bound by chance. Otherwise ``jump``
-            holds for changes that keep the sequence of events.
+        differentiable: whether the derivative exists: one string comes taut, or one point touches,
+            or several that always do so together, and no other is at its bound by chance.
+            Otherwise ``jump`` holds for changes that keep the sequence of events.
     """
 
     t: float
     rows: tuple[str, ...]
     speed: float
     jump: Array
-    sharp: bool
+    differentiable: bool
 
 
 def normal_speed(screws: Screws, point: HeldPoint) -> float:
@@ -166,9 +166,11 @@ class Saltation:
         time_changes = np.array([guard.time_change(changes)[0] for guard in self.guards])
         spread = float(np.max(np.abs(time_changes - time_changes[:1]), initial=0.0))
         together = spread <= TIME_AGREEMENT * float(np.max(np.abs(time_changes), initial=1e-9))
-        sharp = len(time_changes) > 0 and together and not self.edges
+        differentiable = len(time_changes) > 0 and together and not self.edges
         speed = max((guard.speed for guard in self.guards), default=0.0)
-        return results[:, :m], Passage(self.before.t, self.names, speed, results[:, m:], sharp)
+        return results[:, :m], Passage(
+            self.before.t, self.names, speed, results[:, m:], differentiable
+        )
 
     def _carried(
         self, Z: Array, input_change: InputVariation, acc: tuple[Array, Array], acc_K: Array

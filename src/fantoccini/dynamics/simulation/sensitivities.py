@@ -1,4 +1,4 @@
-"""sensitivity: derivatives of a whole run by its start, its parameters and its inputs."""
+"""sensitivity: derivatives of a run with respect to its start state, parameters and inputs."""
 
 from __future__ import annotations
 
@@ -17,45 +17,49 @@ from fantoccini.dynamics.simulation.saltation import Passage
 from fantoccini.dynamics.simulation.variation import Variation
 from fantoccini.motion import Input, InputDerivative, Inputs, State, Trajectory, check_same_puppet
 
-SAME_ROTATION = 1e-12
-"""Largest 1 - |cos(angle / 2)| of orientations that count as equal: rounding."""
+MAX_ROTATION_ROUNDING = 1e-12
+"""Largest 1 - |cos(angle / 2)| of orientations that count as equal."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunSensitivity(ShortRepr):
-    """Derivatives of the state of an event-driven run, at some of its times.
+    """Derivatives of the state (q_D, v_D) of a run with method ``event``, at some of its times.
 
-    A record has the derivatives of (dq_D, dv_D) at ``t``, with tangent vectors dq_D: a scalar adds,
-    an orientation turns in the body's frame. Two records with equal times are before and after an
-    event.
+    D stands for the dynamic coordinates, K for the driven (kinematic) ones. Changes of q_D are
+    tangent vectors: the change of a scalar, or a small rotation in the body's frame. Equal times
+    in ``t`` are those before and after an event.
 
     Attributes:
         run: the run.
         t: (T,) times [s].
-        x0: (T, 2 n_vD, 2 n_vD) derivatives by (dq_D, dv_D) at the start. A change that would
-            stretch or slacken taut rows is replaced by the nearest one that does not, in the metric
-            of M_DD.
-        p: (T, 2 n_vD, n_p) derivatives by the parameters; the start moves to keep its taut strings.
-        toward: (T, 2 n_vD, m) derivatives by s for inputs + s (other - inputs), for each other.
-        along: (T, 2 n_vD, m) derivatives by s for inputs + s dq_K/ds, for each input derivative.
-        passages: catches, impacts and stops of contact points of the run.
+        by_x0: (T, 2 n_vD, 2 n_vD) derivatives by (q_D, v_D) at the start. A change that would
+            stretch or slacken a taut string, or leave a limit, is replaced by the nearest one that
+            does not, in the metric of M_DD.
+        by_p: (T, 2 n_vD, n_p) derivatives by the parameters; the start state changes with them so
+            that taut strings stay taut.
+        toward: (T, 2 n_vD, m) derivatives by s for the inputs + s (other - inputs), for each of the
+            other inputs.
+        along: (T, 2 n_vD, m) derivatives by s for the inputs q_K + s q', for each derivative q' of
+            the inputs.
+        passages: events of the run: strings that came taut, impacts, and contact points that
+            stopped sliding.
     """
 
     run: Trajectory
     t: Times
-    x0: Array
-    p: Array
+    by_x0: Array
+    by_p: Array
     toward: Array
     along: Array
     passages: tuple[Passage, ...]
 
     @property
-    def sharp(self) -> bool:
-        """Whether the derivative exists: no simultaneous events, or grazing contacts, by chance.
+    def differentiable(self) -> bool:
+        """Whether the derivative exists.
 
-        See :class:`Passage` for each event.
+        It does not if events coincide by chance, or a contact only grazes; see :class:`Passage`.
         """
-        return all(passage.sharp for passage in self.passages)
+        return all(passage.differentiable for passage in self.passages)
 
 
 def sensitivity(
@@ -70,7 +74,7 @@ def sensitivity(
     rtol: float = 1e-10,
     atol: float = 1e-10,
 ) -> RunSensitivity:
-    """Derivatives of a run by x0, p and changes of the inputs, through all of its events.
+    """Derivatives of a run with respect to x0, p and the inputs, through all of its events.
 
     The run is that of ``fan.simulate`` with its default tolerances. The derivative holds for
     nearby runs with the same sequence of events.
@@ -80,17 +84,16 @@ def sensitivity(
         x0: start state.
         inputs: motion of the driven coordinates; by default they hold still.
         t_end: end of the run [s]; by default the end of the inputs.
-        toward: other inputs; they may begin elsewhere. Rotations must be the same in all. For
-            derivatives by waypoints use ``along``: moves through them are not linear in them.
-        along: derivatives of the inputs, such as those of ``InputDerivative.of_waypoints`` by the
-            values of waypoints.
+        toward: other inputs, with the same rotations; they may begin at another position. For
+            derivatives by the values of waypoints use ``along``: the moves are not linear in them.
+        along: derivatives of the inputs, such as those of ``InputDerivative.of_waypoints``.
         save_at: (n,) times to save besides the start, the end and both sides of every event [s].
-        rtol, atol: tolerances of the integration of state and derivatives.
+        rtol, atol: tolerances with which the derivatives are integrated, along the same run.
 
     Raises:
-        StateError: a winch slips, bounces of solids accumulate, or the motion depends on the
-            distribution of force among redundant sliding points: there is no derivative.
-        SimulationError: the run stopped.
+        StateError: there is no derivative: a winch slips, bounces of solids follow one another ever
+            faster, or the motion depends on how sliding points share a force.
+        SimulationError: the run stopped early.
     """
     check_positive(rtol=rtol, atol=atol)
     marionette.check_state(x0)
@@ -99,7 +102,7 @@ def sensitivity(
     check_differentiable(run)
     t_end = inputs.end if t_end is None else t_end
     bound = bind_input(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
-    others = _bound(marionette, toward, bound, x0) if toward else None
+    others = _bind_others(marionette, toward, bound, x0) if toward else None
     _check_along(marionette, along)
     changes = InputChanges(marionette, bound, others, along)
     saved = np.zeros(0) if save_at is None else np.unique(floats(save_at))
@@ -108,39 +111,41 @@ def sensitivity(
         raise ValueError(
             f"save_at has {outside[0]:g} s; it must lie between {run.t[0]:g} s and {run.t[-1]:g} s"
         )
-    pieces = RunChanges(run, changes, Variation(marionette, rtol, atol))
-    records = list(pieces.samples(saved))
+    run_changes = RunChanges(run, changes, Variation(marionette, rtol, atol))
+    t, Z = zip(*run_changes.samples(saved), strict=True)
     n, n_p = marionette.coordinates.n_vD, len(marionette.p)
-    Z = np.array([Z for _, Z in records])
-    last = 2 * n + n_p + len(toward)
+    places = np.cumsum([2 * n, n_p, len(toward)])
+    by_x0, by_p, by_toward, by_along = np.split(np.array(Z), places, axis=2)
     return RunSensitivity(
         run=run,
-        t=np.array([t for t, _ in records]),
-        x0=Z[:, :, : 2 * n],
-        p=Z[:, :, 2 * n : 2 * n + n_p],
-        toward=Z[:, :, 2 * n + n_p : last],
-        along=Z[:, :, last:],
-        passages=tuple(pieces.passages),
+        t=np.array(t),
+        by_x0=by_x0,
+        by_p=by_p,
+        toward=by_toward,
+        along=by_along,
+        passages=tuple(run_changes.passages),
     )
 
 
-def _bound(marionette: Marionette, toward: Sequence[Input], inputs: Input, x0: State) -> Inputs:
-    """Other inputs, each bound at its own start; coordinates that they do not name are held."""
-    table, others = marionette.coordinates, Inputs.of(toward)
-    check_same_puppet([table, others.coordinates])
+def _bind_others(
+    marionette: Marionette, toward: Sequence[Input], inputs: Input, x0: State
+) -> Inputs:
+    """Other inputs, bound to the puppet at their own start; coordinates without input are held."""
+    coordinates, others = marionette.coordinates, Inputs.of(toward)
+    check_same_puppet([coordinates, others.coordinates])
     q_K, start = np.tile(x0.q_K, (len(others), 1)), others.evaluate(x0.t)[0]
-    for q, v in table.scalars_K:
+    for q, v in coordinates.scalars_K:
         q_K[:, q] = np.where(others.named[:, v], start[:, q], q_K[:, q])
     others = others.bound(q_K, x0.t)
-    if not table.rotations:
+    if not coordinates.rotations:
         return others
     for i in range(len(others)):
         other = others[i]
         times = np.union1d(inputs.breaks, other.breaks)
         times = np.union1d(times, 0.5 * (times[1:] + times[:-1]))
-        for name, (q, _) in table.rotations.items():
+        for name, (q, _) in coordinates.rotations.items():
             ours, theirs = (x.evaluate(times)[0][:, q : q + 4] for x in (inputs, other))
-            if np.max(np.abs(np.abs(np.sum(ours * theirs, axis=1)) - 1.0)) > SAME_ROTATION:
+            if np.max(np.abs(np.abs(np.sum(ours * theirs, axis=1)) - 1.0)) > MAX_ROTATION_ROUNDING:
                 text = "differs from the run's; only scalar coordinates may differ in `toward`"
                 raise InputError([Mistake("toward", None, name, text)])
     return others

@@ -1,4 +1,4 @@
-"""Messages on drives that lost steps or ran away: loads and torques of their motors."""
+"""Message about drives that lost steps or ran away: loads, and torques of their motors."""
 
 from __future__ import annotations
 
@@ -13,40 +13,43 @@ from fantoccini.model.tree import DriveRow
 from fantoccini.motion import Trajectory
 
 N_SAMPLES = 8
-"""Number of samples before a motor's failure at which its load is computed."""
+"""Number of samples, spread over the run before the first failure, at which loads are computed."""
 MAX_NAMED = 4
 """Maximum number of drives named in a message."""
 
 
-def weak_motors(marionette: Marionette, run: Trajectory) -> str:
-    """Message on drives that lost steps or ran away: time, error and required torque; may be ""."""
-    by_name = run.overloads
-    rows = {row.name: row for row in marionette.tree.watched if row.name in by_name}
+def weak_motors_message(marionette: Marionette, run: Trajectory) -> str:
+    """Time, error and required torque of drives that lost steps or ran away; "" without any."""
+    overloads = run.overloads
+    rows = {row.name: row for row in marionette.tree.watched if row.name in overloads}
     if not rows:
         return ""
-    loads = _loads(marionette, run, min(by_name[name].since for name in rows))
+    loads = _loads(marionette, run, min(overloads[name].since for name in rows))
     texts = []
     for name in list(rows)[:MAX_NAMED]:
-        row, overload, load = rows[name], by_name[name], loads[name]
+        row, overload, load = rows[name], overloads[name], loads[name]
         unit = "m" if _is_linear(row) else "rad"
         failure = "ran away" if overload.ran_away else "lost steps"
         error = overload.error
-        error_text = "" if error is None else f", {abs(error):.3g} {unit} error at the end"
+        error_text = "" if error is None else f", {abs(error):.3g} {unit} off at the end of the run"
         force = "N" if _is_linear(row) and row.drive.drum is None else "N m"
         max_torque = _max_torque(marionette, row)
-        cause = f"its load needs {load:.3g} {force} to follow the command, "
+        cause = f"it needs {load:.3g} {force} to follow the command, "
         if row.drive.motor is None:
-            cause += "and its controller requests too little"
+            cause += "but its controller requests too little"
         elif load > max_torque:
-            cause += f"its motor has {max_torque:.3g}"
+            cause += f"its motor has {max_torque:.3g} {force}"
         else:
-            cause += f"its motor has {max_torque:.3g} and yields at catches and accelerations"
+            cause += (
+                f"its motor has {max_torque:.3g} {force}, too little when strings come taut or "
+                "loads accelerate"
+            )
             if not row.steps:
                 cause += ", or its controller requests too little"
         texts.append(f"{name} {failure} from t = {overload.since:.6g} s on{error_text}: {cause}")
     if len(rows) > MAX_NAMED:
         texts.append(f"{len(rows) - MAX_NAMED} more")
-    advice = "give them stronger motors, more gear, stiffer control or easier motions"
+    advice = "use stronger motors, higher gear ratios, stiffer control or slower motions"
     return "".join(f"; {text}" for text in texts) + f"; {advice}"
 
 
@@ -62,53 +65,58 @@ def _max_torque(marionette: Marionette, row: DriveRow) -> float:
         return math.inf
     if not isinstance(motor, DirectCurrent):
         return number(motor.torque)
-    largest = min(number(motor.current), number(motor.voltage) / number(motor.resistance))
-    return number(motor.constant) * largest
+    max_current = min(number(motor.current), number(motor.voltage) / number(motor.resistance))
+    return number(motor.constant) * max_current
 
 
-def _loads(marionette: Marionette, run: Trajectory, before: float) -> dict[str, float]:
-    """Drive -> largest load at samples before a time, if it followed its command [N m or N].
+def _loads(marionette: Marionette, run: Trajectory, end: float) -> dict[str, float]:
+    """Drive -> largest load that it would have had until a time, following its command [N m or N].
 
-    The load is f in  M acc + M_DK acc_K + c + A_D^T tension = S f,  with S^T acc the commands'
-    accelerations, and with the taut rows of the run.
+    The loads f are the forces of the drives in
+
+        M acc + M_DK acc_K + c + A_D^T tension = S f,   S^T acc = accelerations of the commands
+
+    with the constraints of the strings and limits that were taut in the run.
     """
-    last = max(1, int(np.searchsorted(run.t, before)))
-    samples = np.unique(np.linspace(0, last - 1, min(last, N_SAMPLES)).astype(int))
-    following = [row for row in marionette.tree.drives if row.command is not None]
-    largest = np.max([np.abs(_forces(marionette, run, i, following)) for i in samples], axis=0)
-    by_name, at = {}, 0
-    for row in following:
+    n_samples = max(1, int(np.searchsorted(run.t, end)))
+    samples = np.unique(np.linspace(0, n_samples - 1, min(n_samples, N_SAMPLES)).astype(int))
+    commanded = [row for row in marionette.tree.drives if row.command is not None]
+    largest = np.max([np.abs(_forces(marionette, run, i, commanded)) for i in samples], axis=0)
+    by_name, start = {}, 0
+    for row in commanded:
         width = row.v.stop - row.v.start
-        size = float(np.linalg.norm(largest[at : at + width]))
-        by_name[row.name] = size / row.ratio(marionette.number)
-        at += width
+        load = float(np.linalg.norm(largest[start : start + width]))
+        by_name[row.name] = load / row.ratio(marionette.number)
+        start += width
     return by_name
 
 
-def _forces(marionette: Marionette, run: Trajectory, i: int, following: list[DriveRow]) -> Array:
-    """Forces with which drives follow their commands at sample ``i`` of a run."""
+def _forces(marionette: Marionette, run: Trajectory, i: int, drives: list[DriveRow]) -> Array:
+    """Forces that drives need to follow their commands at sample ``i`` of a run.
+
+    The suffixes D and K are those of dynamic and driven (kinematic) coordinates.
+    """
     x, acc_K, n = run.state(i), run.acc_K[i], marionette.coordinates.n_vD
-    places = np.array([k for row in following for k in range(row.v.start, row.v.stop)])
+    indices = np.array([k for row in drives for k in range(row.v.start, row.v.stop)])
     commanded = np.array(
         [
             acc_K[row.command[1] + k]
-            for row in following
+            for row in drives
             if row.command is not None
             for k in range(row.v.stop - row.v.start)
         ]
     )
     A = marionette.A_D(x)[x.taut]
-    bias = (marionette.Adot_v(x) + marionette.A_K(x) @ acc_K)[x.taut]
-    load = marionette.bias(x) + marionette.damping(x) + marionette.mass_matrix_DK(x) @ acc_K
-    S, m, k = np.eye(n)[:, places], len(A), len(places)
-    zero = np.zeros
+    constraint_bias = (marionette.Adot_v(x) + marionette.A_K(x) @ acc_K)[x.taut]
+    force_bias = marionette.bias(x) + marionette.damping(x) + marionette.mass_matrix_DK(x) @ acc_K
+    S, m, k = np.eye(n)[:, indices], len(A), len(indices)
     system = np.block(
         [
             [marionette.mass_matrix(x), A.T, -S],
-            [A, zero((m, m)), zero((m, k))],
-            [S.T, zero((k, m)), zero((k, k))],
+            [A, np.zeros((m, m)), np.zeros((m, k))],
+            [S.T, np.zeros((k, m)), np.zeros((k, k))],
         ]
     )
-    right_side = np.concatenate([-load, -bias, commanded])
+    right_side = np.concatenate([-force_bias, -constraint_bias, commanded])
     # With redundant strings, least squares give the solution of least norm.
     return np.linalg.lstsq(system, right_side, rcond=1e-12)[0][n + m :]

@@ -47,27 +47,29 @@ from fantoccini.kernel.runtime import HeldInput, Piece, Run, RunOptions, contact
 from fantoccini.motion import Input, State
 
 Accelerations = Array | Mapping[str, float]
-Law = Callable[[State], Accelerations]
+FeedbackLaw = Callable[[State], Accelerations]
 
 
 class Stepper:
-    """Advances a puppet piece by piece under inputs that are chosen during the run.
+    """Advances a puppet piece by piece; the inputs of each piece are chosen during the run.
 
     The input of the paper's Eq. 12 is the acceleration of the driven coordinates, u_L. It is
     constant over a piece, so that their velocity is continuous.
 
     ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give an independent stepper that continues with
     identical bits. A pickle loaded with another compiled library of the puppet continues from the
-    state alone: ledger, lost steps and velocity products are reset.
+    state alone: energy balance, lost steps and extrapolated velocity terms are reset.
 
     Attributes:
         state: the present state.
         tension: (n_rows,) forces of strings and limits at ``state`` [N or N m].
-        samples: (n, width) samples of the last advance, laid out as ``marionette.sample_layout``;
-            before the first one, the start.
+        samples: (n, width) samples of the last advance, with the columns of
+            ``marionette.sample_layout``; before the first advance, the start.
         events: (n, 5) events of the last advance: time, kind, row, impulse, speed.
-        contacts: (n, width) contact points of the last advance, as the contract's ``CONTACT``.
-        contradiction: contradiction of redundant strings, with status ``REDUNDANT_STRINGS``.
+        contacts: (n, width) contact points of the last advance, with the columns of ``CONTACT`` in
+            :mod:`fantoccini.kernel.contract`.
+        contradiction: inconsistent lengths of redundant strings, if the status is
+            ``REDUNDANT_STRINGS``.
 
     Args:
         marionette: the puppet.
@@ -92,14 +94,14 @@ class Stepper:
 
     @classmethod
     def of(cls, marionette: CompiledPuppet, x0: State, method: Method | MethodName) -> Stepper:
-        """A stepper with checked start and step; see :meth:`Marionette.stepper`."""
-        chosen = as_method(method)
-        if chosen.name == "event":
+        """A stepper, after checking its start and step; see :meth:`Marionette.stepper`."""
+        method = as_method(method)
+        if method.name == "event":
             x0 = parted(marionette, x0)
-        check_start(marionette, x0, chosen.name)
-        options = marionette.run_options(**chosen.options)
-        check_step(marionette, chosen.name, x0.q_D, x0.q_K, options.dt)
-        return cls(marionette, x0, chosen.name, options)
+        check_start(marionette, x0, method.name)
+        options = marionette.run_options(**method.options)
+        check_step(marionette, method.name, x0.q_D, x0.q_K, options.dt)
+        return cls(marionette, x0, method.name, options)
 
     def _new_run(self, options: RunOptions) -> tuple[Run, HeldInput]:
         """A run from the present state with constant driven velocities, and its inputs."""
@@ -131,10 +133,10 @@ class Stepper:
 
     @property
     def status(self) -> Status:
-        """Status of the run so far. The following ones do not end it:
+        """Status of the run so far.
 
-        ``LOST_STEPS`` or ``RUNAWAY``: a drive was too weak. ``OVERSTEPPED``, ``GAINED_ENERGY`` or
-        ``UNBALANCED``: the fixed steps are too long, by the check of :func:`simulate`.
+        The run continues after ``LOST_STEPS`` or ``RUNAWAY`` (a drive was too weak) and after
+        ``OVERSTEPPED``, ``GAINED_ENERGY`` or ``UNBALANCED`` (the fixed steps are too long).
         """
         ledger = self._ledger
         if ledger is None:
@@ -143,25 +145,25 @@ class Stepper:
 
     @property
     def reported(self) -> Status:
-        """Status of the steps, without the check of their energies."""
+        """Status of the steps, without the checks of energy and violations."""
         return self._run.status
 
     @property
     def attribution(self) -> Array:
-        """Shares (n_rows + n_watched,) of rows and drives in causing the status, 0 to 1."""
+        """(n_rows + n_watched,) shares of rows and drives in the cause of the status, 0 to 1."""
         return self._run.attribution
 
     @property
     def violation(self) -> float:
-        """Largest h of all rows since the start, for fixed steps [m, rad or 1].
+        """Largest violation h of all rows since the start, for fixed steps [m, rad or 1].
 
-        For all methods, it is at least the largest overlap of solids with prescribed motion.
+        For all methods, it includes the overlap of solids with prescribed motion.
         """
         return max(float(self._run.progress.violation), self._overlap)
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Strings and driven velocities whose tensions and efforts are not determined."""
+        """Names of strings and driven velocities whose tensions or efforts are not determined."""
         marionette = self.marionette
         part = marionette.sample_layout.split(self.samples[-1:])
         n_s, contact = len(marionette.tree.strings), None
@@ -212,9 +214,9 @@ class Stepper:
                 constant over the piece. The driven velocities are continuous.
             inputs: alternative to acc_K: inputs in absolute time from the present configuration.
             u_D: (n_vD,) user forces, constant over the piece (not together with ``inputs``).
-            throw: whether to raise :class:`SimulationError` if the run cannot go on. Lost steps of
-                stepper motors and wrong energies of fixed steps do not end it: see ``status`` and
-                ``events``.
+            throw: whether to raise :class:`SimulationError` if the run cannot continue. Lost steps
+                of stepper motors and wrong energies of fixed steps do not end it: see ``status``
+                and ``events``.
 
         Ctrl-C leaves the stepper in the state reached, from which it can be advanced again.
 
@@ -230,21 +232,23 @@ class Stepper:
             )
         if inputs is None:
             self._hold(duration, acc_K, u_D)
-            chosen: Input | HeldInput = self._held
+            piece_inputs: Input | HeldInput = self._held
         else:
             t = self.state.t
-            chosen = bind_input(self.marionette, inputs, self.state.q_K, self.state.v_K, t, end)
-        self._run.set_input(chosen)
-        written: list[Piece] = []
+            piece_inputs = bind_input(
+                self.marionette, inputs, self.state.q_K, self.state.v_K, t, end
+            )
+        self._run.set_input(piece_inputs)
+        pieces: list[Piece] = []
         self._end = end
         try:
-            written.extend(self._run.advance(end))
+            pieces.extend(self._run.advance(end))
         except BaseException:
-            written.append(self._run.present())
+            pieces.append(self._run.present())
             raise
         finally:
-            self._take(written)
-        self._measure(chosen)
+            self._store(pieces)
+        self._add_prescribed_touches(piece_inputs)
         self._diagnose()
         if not self.arrived and throw:
             where = f"at t = {self.state.t:.6g} s"
@@ -253,7 +257,9 @@ class Stepper:
             raise SimulationError(self.status, where)
         return self.state
 
-    def run(self, t_end: float, law: Law, rate: float, *, throw: bool = True) -> list[State]:
+    def run(
+        self, t_end: float, law: FeedbackLaw, rate: float, *, throw: bool = True
+    ) -> list[State]:
         """Advances to ``t_end`` [s] under a feedback law that is called ``rate`` times a second.
 
         Args:
@@ -289,9 +295,9 @@ class Stepper:
                 break
         return states
 
-    def _take(self, written: list[Piece]) -> None:
+    def _store(self, pieces: list[Piece]) -> None:
         """Stores the pieces of an advance; the last sample becomes the state."""
-        self.samples, self.events, self.contacts = Piece.joined(written)
+        self.samples, self.events, self.contacts = Piece.joined(pieces)
         if not len(self.samples):
             return
         layout, last = self.marionette.sample_layout, self.samples[-1]
@@ -301,22 +307,22 @@ class Stepper:
             self._ledger.take(self.samples)
 
     def _new_ledger(self, sample: Array) -> RunningLedger | None:
-        """Ledger from a sample (1, width) at the present state on; None for ``event``."""
+        """Energy balance that begins with a sample (1, width); None for method ``event``."""
         if self.method == "event":
             return None
         return RunningLedger(self.marionette, self.method, self._options.dt, self.state, sample)
 
-    def _measure(self, chosen: Input | HeldInput) -> None:
-        """Adds touches and lifts of solids with prescribed relative motion."""
+    def _add_prescribed_touches(self, inputs: Input | HeldInput) -> None:
+        """Adds events of solids with prescribed motion that touch or separate."""
         marionette = self.marionette
         if marionette.prescribed is None or not self.state.t > self._measured:
             return
 
         def motion(t: Array) -> Array:
-            return chosen.evaluate(t)[0] if isinstance(chosen, Input) else chosen.evaluate(t)
+            return inputs.evaluate(t)[0] if isinstance(inputs, Input) else inputs.evaluate(t)
 
-        if isinstance(chosen, Input):
-            times = measuring_times(chosen.breaks, self._measured, self.state.t)
+        if isinstance(inputs, Input):
+            times = measuring_times(inputs.breaks, self._measured, self.state.t)
         else:  # constant acceleration
             times = np.linspace(self._measured, self.state.t, 3)
         overlaps = prescribed_overlaps(marionette, motion, times)
@@ -324,8 +330,8 @@ class Stepper:
         self._measured = self.state.t
         self._overlap = max([self._overlap, *(overlap.depth for overlap in overlaps)])
         if len(events):
-            both = np.concatenate([self.events, events])
-            self.events = both[np.argsort(both[:, EVENT_AT["t"]], kind="stable")]
+            all_events = np.concatenate([self.events, events])
+            self.events = all_events[np.argsort(all_events[:, EVENT_AT["t"]], kind="stable")]
 
     def _diagnose(self) -> None:
         """Sets status and contradiction if redundant strings may have stopped the run."""

@@ -1,8 +1,8 @@
 """The cache of compiled libraries: ``<cache>/<key[:2]>/<key>/``.
 
 A library is built in a temporary folder and renamed, so that a killed build leaves no folder with
-an entry's name. With a lock, a second process waits for the first instead of compiling the same
-library; without locks both compile, and the first to rename wins.
+an entry's name. With a lock, a second process waits for the first one instead of compiling the same
+library. Without locks both compile, and the entry is that of the first to finish.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ LOCK_SECONDS = COMPILE_SECONDS + 60.0
 _LOGGER = logging.getLogger(__name__)
 
 _LIFETIMES = {"tmp-*": 3600.0, "failed-*": 7 * 86400.0}
-"""Folders of killed and failed builds, and the age at which they are removed [s]."""
+"""Patterns of the folders of killed and failed builds -> age at which they are removed [s]."""
 
 _KEY = re.compile(r"[0-9a-f]{16,128}")
 _GROUP = "[0-9a-f][0-9a-f]"
@@ -80,7 +80,7 @@ def obtain(
         key: see :func:`fantoccini.kernel.build.fingerprint`.
         produce: derives the source; called at most once, and only if needed.
         flags: compiler flags beyond the standard ones, or a function that chooses them.
-        progress: called with a few words on each stage.
+        progress: called with the name of each stage.
         rebuild: compile even if the library exists, because it cannot be loaded.
 
     Raises:
@@ -88,29 +88,28 @@ def obtain(
     """
     if not _KEY.fullmatch(key):
         raise ValueError(f"{key!r} is not a key")
-    tell = progress or (lambda progress: None)
+    report = progress or (lambda progress: None)
 
     @functools.cache
     def derive_once() -> Source:
-        tell(Progress("deriving the equations of motion"))
+        report(Progress("deriving the equations of motion"))
         return produce()
 
-    place = cache_folder()
     try:
-        return _obtain_in(place, key, derive_once, flags, tell, rebuild)
+        return _obtain_in(cache_folder(), key, derive_once, flags, report, rebuild)
     except UnusableError as error:
-        trouble = error
+        reason = error
     try:
-        refuge = private_folder()
+        other_folder = private_folder()
         warnings.warn(
-            f"the cache folder is not used: {trouble}; compiled puppets go to {refuge} "
+            f"the cache folder is not used: {reason}; compiled puppets are in {other_folder} "
             f"(the environment variable FANTOCCINI_CACHE names another folder)",
             RuntimeWarning,
             stacklevel=2,
         )
-        return _obtain_in(refuge, key, derive_once, flags, tell, rebuild)
+        return _obtain_in(other_folder, key, derive_once, flags, report, rebuild)
     except UnusableError as error:
-        raise BuildError(f"there is no place for the compiled puppet: {trouble}; {error}") from None
+        raise BuildError(f"no folder can store the compiled puppet: {reason}; {error}") from None
 
 
 def clear() -> int:
@@ -120,18 +119,18 @@ def clear() -> int:
         BuildError: the folder is another user's, or something in it cannot be removed.
     """
     root = cache_folder()
-    if trouble := distrust(root):
-        raise BuildError(f"the cache is not cleared: {trouble}")
+    if reason := distrust(root):
+        raise BuildError(f"the cache is not cleared: {reason}")
     libraries = entries(root)
     try:
         for folder in [*libraries, *_leftovers(root)]:
             shutil.rmtree(folder)
-        arrays = [*PIECES.files(), *RESULTS.files()]
-        for file in [*root.glob(f"{_GROUP}/*.lock"), *arrays]:
+        array_files = [*PIECES.files(), *RESULTS.files()]
+        for file in [*root.glob(f"{_GROUP}/*.lock"), *array_files]:
             if _KEY.fullmatch(file.stem):
                 file.unlink()
         for group in [*root.glob(_GROUP), *RESULTS.folder.glob(_GROUP), RESULTS.folder]:
-            # A folder with other files in it stays.
+            # A folder with other files remains.
             with contextlib.suppress(OSError):
                 group.rmdir()
     except OSError as error:
@@ -140,7 +139,7 @@ def clear() -> int:
 
 
 def contents() -> dict[str, tuple[int, int]]:
-    """Kind of entry -> number and total size [bytes] of those in the cache folder."""
+    """Number and total size [bytes] of the entries in the cache folder, by kind."""
     libraries = [[*entry.iterdir()] for entry in entries(cache_folder())]
     kinds = {
         "compiled libraries": libraries,
@@ -159,7 +158,7 @@ def entries(root: Path) -> list[Path]:
 
 
 def _leftovers(root: Path, age: float = 0.0) -> list[Path]:
-    """Folders of killed and failed builds, at least ``age`` lifetimes old."""
+    """Folders of killed and failed builds; ``age`` is the smallest age, in lifetimes."""
     now = time.time()
     folders = []
     for pattern, lifetime in _LIFETIMES.items():
@@ -175,54 +174,54 @@ def _obtain_in(
     key: str,
     produce: Callable[[], Source],
     flags: Flags,
-    tell: OnProgress,
+    report: OnProgress,
     rebuild: bool,
 ) -> Path:
     """:func:`obtain` in one cache folder; raises UnusableError if the folder cannot be used."""
     entry = root / key[:2] / key
-    if trouble := distrust(root) or distrust(entry.parent):
-        raise UnusableError(trouble)
+    if reason := distrust(root) or distrust(entry.parent):
+        raise UnusableError(reason)
     if not rebuild and _is_usable(entry):
         return entry
-    _make_group(root, entry.parent)
-    with _lock(entry.parent / f"{key}.lock", root, tell) as waited:
-        # Another process may have made it in the meantime.
+    _make_parent(root, entry.parent)
+    with _lock(entry.parent / f"{key}.lock", root, report) as waited:
+        # Another process may have compiled it in the meantime.
         if (waited or not rebuild) and not distrust_entry(entry, READ) and is_whole(entry):
             return entry
         for folder in _leftovers(root, age=1.0):
             shutil.rmtree(folder, ignore_errors=True)
         source = produce()
-        chosen = flags(source) if callable(flags) else flags
-        _make(root, entry, source, chosen, tell, replace=rebuild and not waited)
+        source_flags = flags(source) if callable(flags) else flags
+        _compile(root, entry, source, source_flags, report, replace=rebuild and not waited)
     return entry
 
 
 def _is_usable(entry: Path) -> bool:
-    """Whether an entry is complete and can be trusted; warns of one that others can write to."""
-    if trouble := distrust_entry(entry, READ):
-        warnings.warn(f"{trouble}; the puppet is compiled again", RuntimeWarning, stacklevel=2)
+    """Whether an entry is complete and trusted; warns of one that other users can change."""
+    if reason := distrust_entry(entry, READ):
+        warnings.warn(f"{reason}; the puppet is compiled again", RuntimeWarning, stacklevel=2)
         return False
     return is_whole(entry)
 
 
-def _make_group(root: Path, group: Path) -> None:
-    """Makes the folder that holds an entry."""
-    with _writing(root):
-        # One by one: mkdir applies the mode only to the last folder.
+def _make_parent(root: Path, parent: Path) -> None:
+    """Creates the parent folder of an entry."""
+    with _write_errors(root):
+        # One after the other: mkdir applies the mode only to the last folder.
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
-        group.mkdir(mode=0o700, exist_ok=True)
-    if trouble := distrust(root) or distrust(group):
-        raise UnusableError(trouble)
+        parent.mkdir(mode=0o700, exist_ok=True)
+    if reason := distrust(root) or distrust(parent):
+        raise UnusableError(reason)
 
 
 @dataclass(frozen=True)
-class _Object:
-    """An object file that several libraries share and that the cache does not have yet.
+class _MissingObject:
+    """An object file, shared by several libraries, that the cache does not have yet.
 
     Attributes:
         entry: its folder in the cache.
-        folder: folder in which it is made.
-        command: compiler command that makes it.
+        folder: temporary folder in which it is compiled.
+        command: compiler command.
     """
 
     entry: Path
@@ -230,52 +229,62 @@ class _Object:
     command: list[str]
 
 
-def _make(
-    root: Path, entry: Path, source: Source, flags: tuple[str, ...], tell: OnProgress, replace: bool
+def _compile(
+    root: Path,
+    entry: Path,
+    source: Source,
+    flags: tuple[str, ...],
+    report: OnProgress,
+    replace: bool,
 ) -> None:
-    """Compiles a source under a temporary name and moves it to the entry's place.
+    """Compiles a source in a temporary folder, which then becomes the entry.
 
     Args:
         root: the cache folder.
         entry: folder of the entry.
         source: source files of the library.
         flags: compiler flags beyond the standard ones.
-        tell: progress callback.
-        replace: also replace a complete entry, and the object files it is linked from.
+        report: progress callback.
+        replace: whether to replace a complete entry, and the object files that it is linked from.
     """
     compiler = find_compiler()
     with contextlib.ExitStack() as stack:
-        with _writing(root):
+        with _write_errors(root):
             folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
         try:
             objects = source.shared_objects()
-            parts, whole = command_lines(compiler, source, flags, runtime_folder(), tuple(objects))
-            with _writing(root):
+            compile_commands, link_command = command_lines(
+                compiler, source, flags, runtime_folder(), tuple(objects)
+            )
+            with _write_errors(root):
                 write_source(folder, source)
             shared = {
-                name: _shared_object(root, part, flags, replace, folder / name, stack)
-                for name, part in objects.items()
+                name: _shared_object(root, object_source, flags, replace, folder / name, stack)
+                for name, object_source in objects.items()
             }
-            missing = {name: part for name, part in shared.items() if part is not None}
-            tell(Progress(f"compiling with {compiler.version}"))
+            missing = {name: item for name, item in shared.items() if item is not None}
+            report(Progress(f"compiling with {compiler.version}"))
             for unit in source.shared_units:
                 if f"{Path(unit).name}.o" in missing:
-                    tell(Progress(f"compiling with {compiler.version} ({unit}, once per machine)"))
+                    report(
+                        Progress(f"compiling with {compiler.version} ({unit}, once per machine)")
+                    )
             if notice := first_build_notice(compiler):
                 # Logged, so that callers without a progress callback see it too.
                 _LOGGER.warning(notice)
-            with _writing(root):
-                commands = [(part.command, part.folder) for part in missing.values()]
-                run_compilers([*commands, *((command, folder) for command in parts)])
-                for name, part in missing.items():
-                    shutil.copy(part.folder / LIBRARY, folder / name)
-                    seal(part.folder, [part.command])
-                    _settle(part.folder, part.entry, replace)
-                run_compiler(whole, folder)
-                for name in [*objects, *(command[-1] for command in parts)]:
+            with _write_errors(root):
+                commands = [(item.command, item.folder) for item in missing.values()]
+                run_compilers([*commands, *((command, folder) for command in compile_commands)])
+                for name, item in missing.items():
+                    shutil.copy(item.folder / LIBRARY, folder / name)
+                    seal(item.folder, [item.command])
+                    _move_to_entry(item.folder, item.entry, replace)
+                run_compiler(link_command, folder)
+                for name in [*objects, *(command[-1] for command in compile_commands)]:
                     (folder / name).unlink()
-                seal(folder, [*(part.command for part in missing.values()), *parts, whole])
-                _settle(folder, entry, replace)
+                object_commands = [item.command for item in missing.values()]
+                seal(folder, [*object_commands, *compile_commands, link_command])
+                _move_to_entry(folder, entry, replace)
         except BuildError as error:
             # The sources are kept for the user, until the same puppet fails again.
             sources = entry.parent / f"failed-{entry.name}"
@@ -297,29 +306,29 @@ def _shared_object(
     replace: bool,
     to: Path,
     stack: contextlib.ExitStack,
-) -> _Object | None:
-    """Copies an object file from the cache, or returns how to make it.
+) -> _MissingObject | None:
+    """Copies an object file from the cache; returns what to compile if it is not there.
 
-    Its key is its whole source. Two processes may compile the same; the first to rename wins.
+    Its key is its whole source. If two processes compile the same one, the first to finish wins.
     """
     key = fingerprint(json.dumps(source.files, sort_keys=True), "", (*flags, "-c"))
     entry = root / key[:2] / key
     if not replace and not distrust(entry.parent) and _is_usable(entry):
         # Another process may clear the cache at any time.
-        with _writing(root), contextlib.suppress(FileNotFoundError):
+        with _write_errors(root), contextlib.suppress(FileNotFoundError):
             shutil.copy(entry / LIBRARY, to)
             return None
-    _make_group(root, entry.parent)
-    with _writing(root):
+    _make_parent(root, entry.parent)
+    with _write_errors(root):
         folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
         write_source(folder, source)
     command = object_command(find_compiler(), source.main, flags, runtime_folder(), LIBRARY)
-    return _Object(entry, folder, command)
+    return _MissingObject(entry, folder, command)
 
 
-def _settle(folder: Path, entry: Path, replace: bool) -> None:
-    """Gives a finished folder its entry's name, unless another process was first."""
+def _move_to_entry(folder: Path, entry: Path, replace: bool) -> None:
+    """Renames a finished folder to its entry, unless another process was first."""
     for _ in range(3):
         try:
             folder.rename(entry)
@@ -330,17 +339,17 @@ def _settle(folder: Path, entry: Path, replace: bool) -> None:
         if not replace and not distrust_entry(entry, READ) and is_whole(entry):
             shutil.rmtree(folder, ignore_errors=True)
             return
-        # Move the old entry aside: a folder cannot be renamed onto a non-empty one.
-        aside = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
+        # A folder cannot be renamed onto a non-empty one, so the old entry is moved away first.
+        temporary = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
         with contextlib.suppress(FileNotFoundError):
-            entry.rename(aside / "old")
-        shutil.rmtree(aside, ignore_errors=True)
+            entry.rename(temporary / "old")
+        shutil.rmtree(temporary, ignore_errors=True)
     raise OSError(f"{entry} cannot be replaced")
 
 
 @contextlib.contextmanager
-def _writing(root: Path) -> Iterator[None]:
-    """Raises UnusableError if the block cannot write below a cache folder."""
+def _write_errors(root: Path) -> Iterator[None]:
+    """Context in which an OSError becomes an UnusableError of the cache folder."""
     try:
         yield
     except OSError as error:
@@ -349,17 +358,17 @@ def _writing(root: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _lock(file: Path, root: Path, tell: OnProgress) -> Iterator[bool]:
-    """Holds a key's lock; yields whether another process held it first.
+def _lock(file: Path, root: Path, report: OnProgress) -> Iterator[bool]:
+    """Context that holds a key's lock; its value is whether another process held it first.
 
-    Continues without it after ``LOCK_SECONDS`` and on file systems without locks: two builds of one
-    key are wasteful but harmless.
+    It continues without the lock after ``LOCK_SECONDS`` and on file systems without locks: two
+    builds of one key are wasteful but harmless.
     """
     if fcntl is None:
         yield False
         return
     with contextlib.ExitStack() as stack:
-        with _writing(root):
+        with _write_errors(root):
             descriptor = open_lock(file)
         stack.callback(os.close, descriptor)  # which releases the lock
         waited = False
@@ -370,7 +379,7 @@ def _lock(file: Path, root: Path, tell: OnProgress) -> Iterator[bool]:
                 break
             except BlockingIOError:
                 if not waited:
-                    tell(Progress("waiting for another process that compiles the same puppet"))
+                    report(Progress("waiting for another process that compiles the same puppet"))
                 waited = True
                 time.sleep(0.05)
             except OSError:

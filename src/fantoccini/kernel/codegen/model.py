@@ -262,7 +262,7 @@ def _tables(equations: Equations) -> list[str]:
         # Indices in v_D of the entries of a string's column of W.
         *_lists("string", [_string_velocities(tree, s) for s in tree.strings]),
         _array("bool", "turns", turns),
-        _array("int", "motor_v", tree.motor_places),
+        _array("int", "motor_v", tree.driven_v_D),
         _array("bool", "watched_steps", [int(row.steps) for row in tree.watched]),
         _array("bool", "watched_turns", [turns[row.v.start] for row in tree.watched]),
         _array("int", "limit_v", [first for first, _ in places]),

@@ -3,10 +3,10 @@
     r = M acc_D + M_DK acc_K + c + damping + A_D^T tension - u_D        (Eq. 10; r = 0)
     hddot = A_D acc_D + A_K acc_K + Adot v                              (Eq. 11; 0 on taut rows)
 
-The implicit function theorem gives the derivatives of acc_D and of the tensions, with the model's
-factors of M and of the taut rows. The residual is recursive Newton-Euler, with a tenth of the
-operations of the solved form. Derivatives by a configuration are along tangent vectors: a scalar
-adds, a quaternion turns in the body's frame, dq/ddelta = N(q) with qdot = N(q) v.
+The derivatives of acc_D and of the tensions follow from the implicit function theorem, with the
+factors of M and of the taut rows. The residual is computed by recursive Newton-Euler; it needs a
+tenth of the operations of acc_D. Derivatives by a configuration are along tangent vectors delta:
+dq = N(q) delta, with qdot = N(q) v. For scalars N = 1; an orientation rotates in the body's frame.
 """
 
 from __future__ import annotations
@@ -73,28 +73,28 @@ class Derivatives:
         return {name: declared(name, symbols, results) for name in names}
 
     def residual(self, tension: ca.SX, v_D: ca.SX | None = None) -> ca.SX:
-        """r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.
+        """Residual r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.
 
-        Strings pull as forces on the links; one pass towards the root projects them together with
-        inertia and gravity.
+        Tensions are forces on the links. One pass from the leaves to the root projects them onto
+        the joints, together with inertia and gravity.
 
         Args:
             tension: (n_rows,) tensions of strings, forces of limits [N or N m].
-            v_D: (n_vD,) velocity in the velocity products; by default that of the state.
+            v_D: (n_vD,) velocity in the Coriolis terms; by default that of the state.
         """
         system, s, tree = self.system, self.system.symbols, self.tree
         motions = system.full_motions
         if v_D is not None:
             motions = system.motions(*map(elements, (v_D, s.v_K, s.acc_D, s.acc_K)))
         loads = system.loads(motions)
-        tau, pulls = elements(tension), [(zeros(3), zeros(3)) for _ in tree.links]
+        tau, string_wrenches = elements(tension), [(zeros(3), zeros(3)) for _ in tree.links]
         for i, string in enumerate(tree.strings):
-            self._pull(string.points, tau[i], pulls)
+            self._add_pull(string.points, tau[i], string_wrenches)
         drag_changes = self._drag_change()
         wrenches = [
-            (torque - pulled[0] + drag[0], force - pulled[1] + drag[1])
-            for (torque, force), pulled, drag in zip(
-                loads.wrenches, pulls, drag_changes, strict=True
+            (torque - pull[0] + drag[0], force - pull[1] + drag[1])
+            for (torque, force), pull, drag in zip(
+                loads.wrenches, string_wrenches, drag_changes, strict=True
             )
         ]
         f_D, _ = system.generalised(dataclasses.replace(loads, wrenches=wrenches))
@@ -107,13 +107,13 @@ class Derivatives:
         for i, row in enumerate(system.string_rows):
             f_D = f_D + scaled(tau[i], row.winding)
         for i, limit in enumerate(tree.limits):
-            place = tree.links[limit.link].v
+            v = tree.links[limit.link].v
             _, J, _ = system.limit_rows[i]
-            f_D[place] = f_D[place] + scaled(tau[len(tree.strings) + i], J)
+            f_D[v] = f_D[v] + scaled(tau[len(tree.strings) + i], J)
         return column(f_D)
 
     def _drag_change(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Change of the drag on every link over a step with acc_D."""
+        """(torque, force) of every link: change of its drag over a step with acc_D."""
         system, s = self.system, self.system.symbols
         motions = system.motions(elements(s.acc_D))
         return [
@@ -121,10 +121,10 @@ class Derivatives:
             for i, motion in enumerate(motions)
         ]
 
-    def _pull(
-        self, points: tuple[Point, ...], tension: ca.SX, external: list[dynamics.Wrench]
+    def _add_pull(
+        self, points: tuple[Point, ...], tension: ca.SX, wrenches: list[dynamics.Wrench]
     ) -> None:
-        """Adds a string's pull to the wrenches on its links."""
+        """Adds the pull of a string to the wrenches on its links, about their origins."""
         system = self.system
         arguments = system.row_arguments(system.full_motions)
         pulls = [zeros(3) for _ in points]
@@ -132,18 +132,19 @@ class Derivatives:
             if first.link == second.link:
                 continue
             d = arguments.position(second) - arguments.position(first)
-            along = scaled(tension / segment_length(d), d)
-            pulls[k] = pulls[k] + along
-            pulls[k + 1] = pulls[k + 1] - along
+            pull = scaled(tension / segment_length(d), d)
+            pulls[k] = pulls[k] + pull
+            pulls[k + 1] = pulls[k + 1] - pull
         for point, pull in zip(points, pulls, strict=True):
             if point.link == WORLD:
                 continue
             force = system.full_motions[point.link].R.T.dot(pull)
             at = symbolic([system.value(x) for x in point.at])
-            torque, before = external[point.link]
-            external[point.link] = (torque + cross(at, force), before + force)
+            torque, other_forces = wrenches[point.link]
+            wrenches[point.link] = (torque + cross(at, force), other_forces + force)
 
     def _forces(self, tension: ca.SX) -> dict[str, ca.SX]:
+        """Derivatives of the residual r."""
         names = {
             "r_q": "q_D",
             "r_v": "v_D",
@@ -163,15 +164,15 @@ class Derivatives:
         rows = system.full_string_rows
         h, hdot, hddot = ([getattr(r, k) for r in rows] for k in ("length", "rate", "bias"))
         A_D, A_K = [r.A_D for r in rows], [r.A_K for r in rows]
-        for limit, (height, J, gamma) in zip(tree.limits, system.limit_rows, strict=True):
-            place = tree.links[limit.link].v
+        for limit, (h_limit, J, gamma) in zip(tree.limits, system.limit_rows, strict=True):
+            v = tree.links[limit.link].v
             row = zeros(n)
-            row[place] = J
+            row[v] = J
             A_D.append(row)
             A_K.append(zeros(n_K))
-            h.append(height)
-            hdot.append(dot(J, v_D[place]))
-            hddot.append(dot(J, acc_D[place]) + gamma)
+            h.append(h_limit)
+            hdot.append(dot(J, v_D[v]))
+            hddot.append(dot(J, acc_D[v]) + gamma)
         results = {"A_D": stacked(A_D, n), "A_K": stacked(A_K, n_K)}
         # A string acts on few links: reverse mode from each row needs fewer operations.
         for name, values, by in (
@@ -185,7 +186,7 @@ class Derivatives:
         return results
 
     def _residual_gradient(self) -> dict[str, ca.SX]:
-        """Gradient of z . r + y . hdot + y_h . h, in one backward pass."""
+        """Gradient of z . r + y . hdot + y_h . h by reverse-mode differentiation."""
         s = self.system.symbols
         h, hdot = self._row_values()
         rates = ca.substitute(hdot, s.v_D, s.v_next)
@@ -203,14 +204,15 @@ class Derivatives:
         }
         variables = [getattr(s, name) for name in names.values()]
         # One vector for all variables, so that common subexpressions are differentiated once.
-        joined = ca.SX.sym("joined", sum(x.numel() for x in variables))
-        cuts = np.cumsum([0, *(x.numel() for x in variables)]).tolist()
-        value = ca.substitute([value], variables, ca.vertsplit(joined, cuts))[0]
-        gradient = ca.substitute(ca.gradient(value, joined), joined, ca.vertcat(*variables))
+        all_variables = ca.SX.sym("all", sum(x.numel() for x in variables))
+        splits = np.cumsum([0, *(x.numel() for x in variables)]).tolist()
+        value = ca.substitute([value], variables, ca.vertsplit(all_variables, splits))[0]
+        gradient = ca.gradient(value, all_variables)
+        gradient = ca.substitute(gradient, all_variables, ca.vertcat(*variables))
         return {
             result: tangents(s, self.tree, name).T @ part
             for (result, name), part in zip(
-                names.items(), ca.vertsplit(gradient, cuts), strict=True
+                names.items(), ca.vertsplit(gradient, splits), strict=True
             )
         }
 
@@ -231,15 +233,15 @@ class Derivatives:
         system, v_D = self.system, elements(self.system.symbols.v_D)
         rows = system.full_string_rows
         h, hdot = [row.length for row in rows], [row.rate for row in rows]
-        for limit, (height, J, _) in zip(self.tree.limits, system.limit_rows, strict=True):
-            h.append(height)
+        for limit, (h_limit, J, _) in zip(self.tree.limits, system.limit_rows, strict=True):
+            h.append(h_limit)
             hdot.append(dot(J, v_D[self.tree.links[limit.link].v]))
         return column(h), column(hdot)
 
     def _derivatives(
         self, values: ca.SX, names: Iterable[str], backward: bool = False
     ) -> dict[str, ca.SX]:
-        """Name of a symbol -> derivative of a column by it, along tangents of configurations."""
+        """Name of a symbol -> derivative of a column with respect to it; see `along_tangents`."""
         symbols = self.system.symbols
         return {n: along_tangents(values, symbols, self.tree, n, backward) for n in names}
 
@@ -247,13 +249,20 @@ class Derivatives:
 def along_tangents(
     values: ca.SX, symbols: Symbols, tree: Tree, name: str, backward: bool = False
 ) -> ca.SX:
-    """Derivatives of a column by a symbol, along tangents of a configuration."""
-    by, along = symbols[name], tangents(symbols, tree, name)
-    if not by.numel() or not values.numel():
-        return ca.SX(values.numel(), along.shape[1])
+    """Derivatives of a column by a symbol, along tangent vectors if it is a configuration.
+
+    Args:
+        values: the column.
+        symbols, tree: symbols and tree of the equations.
+        name: name of the symbol.
+        backward: whether to differentiate in reverse mode.
+    """
+    x, N = symbols[name], tangents(symbols, tree, name)
+    if not x.numel() or not values.numel():
+        return ca.SX(values.numel(), N.shape[1])
     if backward:
-        return ca.jtimes(values, by, ca.SX.eye(values.numel()), True).T @ along
-    return ca.jtimes(values, by, along)
+        return ca.jtimes(values, x, ca.SX.eye(values.numel()), True).T @ N
+    return ca.jtimes(values, x, N)
 
 
 def tangents(symbols: Symbols, tree: Tree, name: str) -> ca.SX:

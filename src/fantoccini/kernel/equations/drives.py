@@ -1,8 +1,8 @@
 """Drives: reflected inertia, friction, and the forces of motors.
 
-With n the rotor angle per unit of the coordinate q (a gear g on a drum of radius r: n = g / r), a
-rotor of inertia J and a carriage of mass m add m + n^2 J to the diagonal of M_DD. The controller
-follows the command r with the error e = r - q, edot = rdot - v:
+n is the rotor angle per unit of the coordinate q, for example g / r for a gear ratio g and a drum
+of radius r. A rotor of inertia J and a carriage of mass m add m + n^2 J to the diagonal of M_DD.
+For the command r, with the error e = r - q, edot = rdot - v, the force f is
 
     PD               f = k e + d edot
     computed torque  f = [M_MM a + c] + friction,  a = rddot + 2 zeta w edot + w^2 e
@@ -10,18 +10,19 @@ follows the command r with the error e = r - q, edot = rdot - v:
     servo            |f| <= n T
     direct current   f = n k i,  |i| <= I,  |R i + k n v| <= U
 
-c is the force that gravity, velocities and driven coordinates require at acc_M = a, with acc_D = 0
-elsewhere and without strings. The error of an orientation is 2 e_w (e_x, e_y, e_z) with the
-quaternion e from q to r, in the body's frame, so that k phi restores a small rotation phi.
+The index M stands for the coordinates with computed torque. c is the force that gravity, velocities
+and driven coordinates require for acc_M = a, with other dynamic accelerations 0 and without
+strings. The error of an orientation is 2 e_w (e_x, e_y, e_z) with the quaternion e from q to r, in
+the body's frame, so that k phi restores a small rotation phi.
 
-Over a step dt drives are implicit, like the damping of joints: f is evaluated at the error
+Over a step dt, drives are implicit like the damping of joints: f is evaluated for the error
 e + dt edot, and its derivative by the step's acceleration is added to the diagonal of M_DD,
 
     armature = m + n^2 J + dt (d + friction / v) + dt^2 k
 
-so that a drive of any stiffness is stable. If computed torque couples several coordinates, M is
-replaced by a diagonal of the sums of |M| over each row, which bounds all their motions. At its
-voltage bound a motor's force has the derivative (n k)^2 / R. dt = 0 gives the exact equations.
+so that drives of any stiffness are stable. If computed torque couples several coordinates, M is
+replaced here by the diagonal of its row sums of |M|, which is an upper bound. At its voltage bound
+a motor's force has the derivative (n k)^2 / R. dt = 0 gives the exact equations.
 """
 
 from __future__ import annotations
@@ -55,10 +56,10 @@ class DriveForces:
     """Forces of all drives over a step.
 
     Attributes:
-        f_D: (n_vD,) forces of the motors for a step without change of velocity [N or N m].
+        f_D: (n_vD,) forces of the motors if the velocity does not change in the step [N or N m].
         velocity_slopes: (n_vD,) decrease of f_D per change of velocity over the step [N s/m or
             N m s].
-        armature: (n_vD,) terms that the step adds to the diagonal of M_DD, without inertia.
+        armature: (n_vD,) terms that the step adds to the diagonal of M_DD, besides inertia.
     """
 
     f_D: np.ndarray
@@ -74,11 +75,11 @@ def forces(system: System, dt: ca.SX) -> DriveForces:
     v_D = elements(system.symbols.v_D)
     for row in system.tree.drives:
         force, stiffness, damping = controllers.force(row)
-        force, share, braked = _bounded(row, force, v_D[row.v], system.value)
+        force, share, back_emf_slope = _limit_force(row, force, v_D[row.v], system.value)
         f_D[row.v] = force
         n = len(force)
         velocity_slopes[row.v] = scaled(share, damping + scaled(dt, stiffness)) + _repeated(
-            braked, n
+            back_emf_slope, n
         )
         friction[row.v] = _repeated(system.resistance(row), n)
     return DriveForces(f_D, velocity_slopes, scaled(dt, velocity_slopes + friction))
@@ -93,7 +94,7 @@ def motor_lags(system: System) -> dict[str, np.ndarray]:
     """
     s, entries = system.symbols, []
     for row in system.tree.watched:
-        q, actual, lag = _command(row)[0], elements(s.q_D)[row.q], ca.SX(0)
+        q, actual, lag = _command_indices(row)[0], elements(s.q_D)[row.q], ca.SX(0)
         if row.turns:
             target = elements(s.q_K)[q : q + 4]
             vector = _vector_part(actual, target)
@@ -104,7 +105,7 @@ def motor_lags(system: System) -> dict[str, np.ndarray]:
             at, command = actual[0], s.q_K[q]
         motor = row.drive.motor
         if isinstance(motor, StepperMotor):
-            periods = _periods(system, row, motor) / (2 * np.pi) * row.ratio(system.value)
+            periods = _pole_pairs(system, row, motor) / (2 * np.pi) * row.ratio(system.value)
             lag = periods * (command - at)
         entries.append((at, command, lag))
     columns = zip(*entries, strict=True) if entries else ((), (), ())
@@ -117,7 +118,7 @@ def available_shares(system: System) -> np.ndarray:
     out = []
     for row in system.tree.watched:
         force, _, _ = controllers.force(row)
-        out.append(_bounded(row, force, v_D[row.v], system.value)[1])
+        out.append(_limit_force(row, force, v_D[row.v], system.value)[1])
     return symbolic(out)
 
 
@@ -129,14 +130,14 @@ def demanded_forces(system: System) -> np.ndarray:
     return f_D
 
 
-def _command(row: DriveRow) -> tuple[int, int]:
-    """Indices of the command in q_K and v_K."""
+def _command_indices(row: DriveRow) -> tuple[int, int]:
+    """Indices of a drive's command in q_K and v_K."""
     assert row.command is not None, "the drive has no command"
     return row.command
 
 
-def _periods(system: System, row: DriveRow, motor: StepperMotor) -> float:
-    """Pole pairs of a stepper motor: periods of its torque per radian, or per 1 / (2 pi) metres."""
+def _pole_pairs(system: System, row: DriveRow, motor: StepperMotor) -> float:
+    """Periods of a stepper motor's torque per turn; of a linear one 2 pi times those per metre."""
     pairs = motor.steps / 4
     return 2 * np.pi * pairs if _is_linear(system, row) else pairs
 
@@ -186,20 +187,20 @@ class _Controllers:
 
         Over a step v_K is the command's mean velocity and acc_K its mean acceleration.
         """
-        q, v = _command(row)
+        q, v = _command_indices(row)
         actual, w = self.q_D[row.q], self.v_D[row.v]
         n = row.v.stop - row.v.start
         mean, acceleration = self.v_K[v : v + n], self.acc_K[v : v + n]
-        last = mean + scaled(0.5 * self.dt, acceleration)
+        final_rate = mean + scaled(0.5 * self.dt, acceleration)
         if not row.turns:
             error = self.q_K[q : q + 1] - actual + scaled(self.dt, mean - w)
-            return error, last - w, acceleration
+            return error, final_rate - w, acceleration
         target = self.q_K[q : q + 4]
         scalar = dot(actual, target)
         vector = _vector_part(actual, target)
         R = quaternion_rotation(np.concatenate([[scalar], vector]))
         error = scaled(2 * scalar, vector) + scaled(self.dt, R.dot(mean) - w)
-        return error, R.dot(last) - w, R.dot(acceleration)
+        return error, R.dot(final_rate) - w, R.dot(acceleration)
 
     def _inverse_dynamics(self) -> np.ndarray:
         """(n_vD,) forces of computed torque for the error at the end of the step."""
@@ -225,29 +226,29 @@ class _Controllers:
 
     @cached_property
     def inertia(self) -> np.ndarray:
-        """(n_vD,) row sums of |M| over the coordinates that computed torque moves."""
+        """(n_vD,) row sums of |M|, over the coordinates with computed torque."""
         sums, links = self.system.armature.copy(), self.system.tree.links
         rows = [d for d in self.system.tree.drives if isinstance(d.drive.control, ComputedTorque)]
-        places = {k for row in rows for k in range(row.v.start, row.v.stop)}
+        controlled = {k for row in rows for k in range(row.v.start, row.v.stop)}
         for (i, j), block in self.system.mass_blocks.items():
             for a, b in np.ndindex(block.shape):
                 k, m = links[j].v.start + a, links[i].v.start + b
                 dynamic = links[i].role is links[j].role is Role.DYNAMIC
                 entry: Any = block[a, b]
-                if not dynamic or not {k, m} <= places or entry.is_zero():
+                if not dynamic or not {k, m} <= controlled or entry.is_zero():
                     continue
-                size = entry if k == m else ca.sqrt(entry**2 + REGULAR.square)
-                sums[k] = sums[k] + size
+                magnitude = entry if k == m else ca.sqrt(entry**2 + REGULAR.square)
+                sums[k] = sums[k] + magnitude
                 if i != j:
-                    sums[m] = sums[m] + size
+                    sums[m] = sums[m] + magnitude
         return sums
 
     def _stepper(
         self, row: DriveRow, motor: StepperMotor
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """n T sin(s/4 (angle(r) - n q)) with angle(r) in whole microsteps."""
-        value, (q, v) = self.system.value, _command(row)
-        n, pairs = row.ratio(value), _periods(self.system, row, motor)
+        """Force n T sin(s/4 (angle(r) - n q)) and its derivatives; see :meth:`force`."""
+        value, (q, v) = self.system.value, _command_indices(row)
+        n, pairs = row.ratio(value), _pole_pairs(self.system, row, motor)
         turn = 1.0 if _is_linear(self.system, row) else 2 * np.pi
         microstep = turn / (motor.steps * motor.microsteps)
         command, q_index = self.q_K[q] + self.dt * self.v_K[v], row.q.start
@@ -262,10 +263,15 @@ class _Controllers:
         return symbolic([n * torque * ca.sin(lag)]), symbolic([stiffness]), zeros(1)
 
 
-def _bounded(
+def _limit_force(
     row: DriveRow, force: np.ndarray, v: np.ndarray, value: Value
 ) -> tuple[np.ndarray, ca.SX, ca.SX]:
-    """A force within its motor's bounds, its share of the demand, and -d force/dv of the bound."""
+    """Limits a demanded force to the bounds of the motor.
+
+    Returns:
+        The force; its derivative by the demanded one (1 within the bounds); and -d force/dv of a
+        motor at its voltage bound.
+    """
     motor, zero = row.drive.motor, ca.SX(0)
     if motor is None or isinstance(motor, StepperMotor):
         return force, ca.SX(1), zero
@@ -304,5 +310,5 @@ def _clipped(x: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
 
 
 def _equality(a: ca.SX, b: ca.SX, size: ca.SX) -> ca.SX:
-    """1 if a equals b, 0 if they differ; smooth."""
+    """1 if a equals b, 0 if they differ, with a smooth transition."""
     return ca.fmax(0, 1 - ((a - b) / (REGULAR.same * size)) ** 2)

@@ -123,7 +123,7 @@ class Equations:
         """
         results = self._with_factor(self.factor, self.system.symbols.dt, self.system.step_loads)
         results = {name: x for name, x in results.items() if name not in ("gamma", "gamma_limit")}
-        motors, places = drives.forces(self.system, self.system.symbols.dt), self.tree.motor_places
+        motors, places = drives.forces(self.system, self.system.symbols.dt), self.tree.driven_v_D
         return results | {
             "f_M": column(motors.f_D[places]),
             "y_M": column(motors.velocity_slopes[places]),
@@ -150,7 +150,7 @@ class Equations:
         for i, (_, jacobian, _) in enumerate(limits):
             J[: len(jacobian), i] = jacobian
         return {
-            "L": column(factor.numbers(self.factor)),
+            "L": column(factor.pack(self.factor)),
             "w0": column(w0),
             "W": matrix(W),
             "G": matrix(G),
@@ -170,13 +170,13 @@ class Equations:
     @cached_property
     def n_packed(self) -> int:
         """Length of L."""
-        return len(self.factor.numbers(self.factor))
+        return len(self.factor.pack(self.factor))
 
     @cached_property
     def _stored(self) -> tuple[ca.SX, articulated.Factor]:
         """L as symbols, and the factor with its numbers in L."""
         L = ca.SX.sym("L", self.n_packed)
-        return L, self.factor.stored(elements(L))
+        return L, self.factor.unpack(elements(L))
 
     @cached_property
     def columns(self) -> dict[int, tuple[list[int], ca.Function]]:

@@ -157,20 +157,20 @@ def rotated(R: np.ndarray, A: np.ndarray) -> np.ndarray:
 
 
 def link_inertia(link: Link, value: Value) -> BodyInertia:
-    """The sum of a link's lumps; explicit mass, centre and inertia take precedence.
+    """The sum of the mass shares of a link; explicit mass, centre and inertia take precedence.
 
     Args:
         link: the link.
         value: turns a number or parameter into a CasADi scalar.
     """
     m, h, about_origin = ca.SX(0), zeros(3), zeros(3, 3)
-    for lump in link.lumps:
-        mass = value(lump.amount) * lump.volume
-        c = symbolic(lump.unit.com)
+    for share in link.mass_shares:
+        mass = value(share.amount) * share.volume
+        c = symbolic(share.unit.com)
         m = m + mass
         h = h + scaled(mass, c)
         about_origin = about_origin + scaled(
-            mass, _second_moment(symbolic(lump.unit.inertia)) + np.outer(c, c)
+            mass, _second_moment(symbolic(share.unit.inertia)) + np.outer(c, c)
         )
     massless = m.is_zero()
     com = zeros(3) if massless else scaled(1 / m, h)

@@ -1,14 +1,14 @@
-"""Readable equations: CasADi's graphs as SymPy expressions in textbook symbols.
+"""Readable equations: converts CasADi's graphs to SymPy expressions in textbook symbols.
 
 A graph is evaluated once over sparse polynomials with rational coefficients. Their generators are
 the state, the parameters, cos and sin of every angle, and a symbol for each root, quotient or other
 function. sin^2 = 1 - cos^2 and the unit length of quaternions are applied immediately, so that
-equal expressions are equal polynomials. Every polynomial is then written in the shortest of several
-forms, including one with sines and cosines of sums of angles. The work is bounded: larger equations
-raise TooLargeError.
+equal expressions are equal polynomials. Every polynomial is then printed in the shortest of several
+forms; one of them has sines and cosines of sums of angles. Equations beyond the bounds raise
+TooLargeError.
 
-Constants have 15 digits, and the regularisation of segment lengths at coincident points (1e-9 m) is
-left out: values differ from the interpreter's by rounding only.
+Constants have 15 digits. The regularisation of segment lengths at coincident points (1e-9 m) is
+left out. Otherwise values differ from those of the interpreted equations by rounding only.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class PrintingBounds(NamedTuple):
         operations: number of operations in a puppet's equations.
         terms: number of terms of a polynomial.
         products: total number of products of terms.
-        rounding: largest coefficient, relative to the largest of the matrix, that is the rounding
-            of terms that cancel.
-        digits: digits of a printed number.
+        rounding: largest coefficient that counts as a rounding error of cancelled terms, relative
+            to the largest one in the matrix.
+        digits: number of digits of a printed number.
     """
 
     operations: int = 1500
@@ -50,7 +50,7 @@ class PrintingBounds(NamedTuple):
 
 BOUNDS = PrintingBounds()
 
-_OBJECTS = {
+_QUANTITIES = {
     "mass_matrix": ("M", "M_DK", "M_KK"),
     "coriolis": ("C",),
     "gravity": ("g",),
@@ -74,7 +74,7 @@ _UNARY = {
     ca.OP_TANH: sp.tanh,
 }
 _BINARY = {ca.OP_ATAN2: sp.atan2, ca.OP_POW: sp.Pow, ca.OP_CONSTPOW: sp.Pow}
-_OWN_SYMBOL = (ca.OP_SQRT, ca.OP_INV, ca.OP_DIV, ca.OP_SIN, ca.OP_COS, *_UNARY, *_BINARY)
+_WITH_OWN_SYMBOL = (ca.OP_SQRT, ca.OP_INV, ca.OP_DIV, ca.OP_SIN, ca.OP_COS, *_UNARY, *_BINARY)
 
 
 class TooLargeError(FantocciniError):
@@ -87,8 +87,8 @@ class Printable:
 
     Attributes:
         notation: symbols of the coordinates, velocities and parameters.
-        objects: the requested ones of M, M_DK (n_vD, n_vK), M_KK, C over (v_D, v_K), g,
-            f (damping), h, A_D, A_K as matrices, T and V as expressions.
+        objects: the quantities requested: M, M_DK (n_vD, n_vK), M_KK, C over (v_D, v_K), g,
+            f (damping), h, A_D, A_K as matrices; T and V as expressions.
         lengths: symbols and expressions of roots, mainly distances between points of strings; a
             later one may contain earlier ones.
     """
@@ -104,18 +104,18 @@ class Printable:
 
 
 def operation_counts(
-    equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)
+    equations: Equations, functions: tuple[str, ...] = tuple(_QUANTITIES)
 ) -> dict[str, int]:
-    """The paper's symbols -> number of operations of the function that computes them."""
-    return {", ".join(_OBJECTS[f]): equations[f].n_instructions() for f in functions}
+    """Number of operations of every function, by the paper's symbols for its results."""
+    return {", ".join(_QUANTITIES[f]): equations[f].n_instructions() for f in functions}
 
 
-def printable(equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)) -> Printable:
+def printable(equations: Equations, functions: tuple[str, ...] = tuple(_QUANTITIES)) -> Printable:
     """The equations of a small puppet as SymPy expressions.
 
     Args:
         equations: the derived equations.
-        functions: functions for analysis; by default all that can be printed.
+        functions: names of the functions to print; by default all.
 
     Raises:
         TooLargeError: the equations exceed :data:`BOUNDS`.
@@ -126,14 +126,14 @@ def printable(equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)
     symbols = {name: getattr(equations.system.symbols, name) for name in _ARGUMENTS}
     outputs, shapes = [], {}
     for function in functions:
-        derived, names = equations[function], _OBJECTS[function]
+        derived, names = equations[function], _QUANTITIES[function]
         results = derived.call([symbols[name] for name in derived.name_in()])
         for name, result in zip(names, results, strict=False):
             outputs.append(ca.densify(result))
             shapes[name] = result.shape
     graph = ca.Function("graph", list(symbols.values()), outputs)
-    reading = _Reading(graph, notation(equations.tree))
-    entries = reading.outputs()
+    converter = _Converter(graph, notation(equations.tree))
+    entries = converter.outputs()
     objects: dict[str, sp.Matrix | sp.Expr] = {}
     for k, (name, (rows, columns)) in enumerate(shapes.items()):
         values = [entries.get((k, i), sp.S.Zero) for i in range(rows * columns)]
@@ -142,7 +142,7 @@ def printable(equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)
             if name in ("T", "V")
             else sp.Matrix(rows, columns, lambda i, j, v=values, n=rows: v[i + n * j])
         )
-    return Printable(reading.notation, objects, tuple(reading.lengths))
+    return Printable(converter.notation, objects, tuple(converter.lengths))
 
 
 def decimal(expression: sp.Expr) -> sp.Expr:
@@ -163,14 +163,14 @@ def rational(number: float) -> sp.Rational:
     return sp.Rational(format(number, ".15g"))
 
 
-def _short(coefficient: Any) -> Any:
-    """A coefficient as a short decimal, if it differs from one by rounding only."""
+def _shortened(coefficient: Any) -> Any:
+    """The coefficient, or the shorter decimal from which it differs by rounding only."""
     short = rational(float(coefficient))
-    close = abs(QQ(short.p, short.q) - coefficient) <= BOUNDS.rounding * abs(coefficient)
-    return QQ(short.p, short.q) if close and short.q < coefficient.denominator else coefficient
+    is_close = abs(QQ(short.p, short.q) - coefficient) <= BOUNDS.rounding * abs(coefficient)
+    return QQ(short.p, short.q) if is_close and short.q < coefficient.denominator else coefficient
 
 
-class _Reading:
+class _Converter:
     """Evaluates a graph over polynomials.
 
     Args:
@@ -184,12 +184,16 @@ class _Reading:
         self._n_products = 0
         inputs = [s for name in _ARGUMENTS for s in notation.symbols[name]]
         self._first = dict(
-            zip(_ARGUMENTS, _starts([notation.symbols[name] for name in _ARGUMENTS]), strict=True)
+            zip(
+                _ARGUMENTS,
+                _first_indices([notation.symbols[name] for name in _ARGUMENTS]),
+                strict=True,
+            )
         )
         ids = [graph.instruction_id(k) for k in range(graph.n_instructions())]
         trigonometric = sum(i in (ca.OP_SIN, ca.OP_COS) for i in ids)
-        extra = 2 * trigonometric + sum(i in _OWN_SYMBOL for i in ids)
-        names = [f"g{k}" for k in range(len(inputs) + extra)]
+        n_functions = 2 * trigonometric + sum(i in _WITH_OWN_SYMBOL for i in ids)
+        names = [f"g{k}" for k in range(len(inputs) + n_functions)]
         self.ring = PolyRing(names, QQ)
         velocities = {
             self._first[name] + k
@@ -197,7 +201,7 @@ class _Reading:
             for k in range(len(notation.symbols[name]))
         }
         self.form = Form(list(inputs), velocities=velocities, inverse=set(), pairs={})
-        self._known: dict[tuple[Any, ...], PolyElement] = {}
+        self._generators: dict[tuple[Any, ...], PolyElement] = {}
         self._squares: dict[int, PolyElement] = {}
         for name, firsts in notation.quaternions.items():
             for first in firsts:
@@ -205,36 +209,36 @@ class _Reading:
                 self._squares[self._first[name] + first] = 1 - x**2 - y**2 - z**2
 
     def outputs(self) -> dict[tuple[int, int], sp.Expr]:
-        """(output, entry) -> expression."""
+        """(index of the output, index of the entry) -> expression."""
         graph = self.graph
-        work: dict[int, _Value] = {}
+        registers: dict[int, _Value] = {}
         values: dict[tuple[int, int], PolyElement] = {}
         for k in range(graph.n_instructions()):
             op = graph.instruction_id(k)
-            into, out = graph.instruction_input(k), graph.instruction_output(k)
+            sources, targets = graph.instruction_input(k), graph.instruction_output(k)
             if op == ca.OP_OUTPUT:
-                values[out[0], out[1]] = work[into[0]].value
+                values[targets[0], targets[1]] = registers[sources[0]].value
             elif op == ca.OP_INPUT:
-                first = self._first[_ARGUMENTS[into[0]]]
-                work[out[0]] = _Value(self.ring.gens[first + into[1]])
+                first = self._first[_ARGUMENTS[sources[0]]]
+                registers[targets[0]] = _Value(self.ring.gens[first + sources[1]])
             elif op == ca.OP_CONST:
                 number = graph.instruction_constant(k)
                 exact = sp.S.Zero if number == REGULAR.segment**2 else rational(number)
-                work[out[0]] = _Value(self.ring.ground_new(QQ(exact.p, exact.q)))
+                registers[targets[0]] = _Value(self.ring.ground_new(QQ(exact.p, exact.q)))
             else:
-                work[out[0]] = self._operation(op, [work[i] for i in into])
+                registers[targets[0]] = self._operation(op, [registers[i] for i in sources])
         shortest: dict[PolyElement, sp.Expr] = {}
         for output in {k for k, _ in values}:
-            places = [place for place in values if place[0] == output]
-            largest = max((abs(c) for p in places for c in values[p].values()), default=0)
-            for place in places:
-                terms = values[place].items()
-                values[place] = self.ring.from_dict(
-                    {m: _short(c) for m, c in terms if abs(c) > BOUNDS.rounding * largest}
+            entries = [entry for entry in values if entry[0] == output]
+            largest = max((abs(c) for e in entries for c in values[e].values()), default=0)
+            for entry in entries:
+                terms = values[entry].items()
+                values[entry] = self.ring.from_dict(
+                    {m: _shortened(c) for m, c in terms if abs(c) > BOUNDS.rounding * largest}
                 )
-                if values[place] not in shortest:
-                    shortest[values[place]] = self.form.shortest(values[place])
-        return {place: shortest[value] for place, value in values.items()}
+                if values[entry] not in shortest:
+                    shortest[values[entry]] = self.form.shortest(values[entry])
+        return {entry: shortest[value] for entry, value in values.items()}
 
     def _operation(self, op: int, operands: list[_Value]) -> _Value:
         x, y = operands[0], operands[-1]
@@ -277,7 +281,7 @@ class _Reading:
         return product
 
     def _reduced(self, value: PolyElement) -> PolyElement:
-        """The value without those squares of generators that ``_squares`` replaces."""
+        """The value with the squares of some generators replaced, as ``_squares`` has them."""
         for generator, square in self._squares.items():
             while high := {m: c for m, c in value.items() if m[generator] > 1}:
                 lowered = self.ring.from_dict(
@@ -288,18 +292,18 @@ class _Reading:
 
     def _generator(self, key: tuple[Any, ...], expression: sp.Expr) -> PolyElement:
         """The generator of an expression; the same generator for the same key."""
-        if key not in self._known:
-            self._known[key] = self.ring.gens[len(self.form.meaning)]
+        if key not in self._generators:
+            self._generators[key] = self.ring.gens[len(self.form.meaning)]
             self.form.meaning.append(expression)
-        return self._known[key]
+        return self._generators[key]
 
     def _angle(self, angle: PolyElement) -> tuple[PolyElement, PolyElement]:
-        written = self.form.shortest(angle)
+        expression = self.form.shortest(angle)
         if angle.is_ground:
-            numbers = [rational(float(f(written))) for f in (sp.cos, sp.sin)]
+            numbers = [rational(float(f(expression))) for f in (sp.cos, sp.sin)]
             return tuple(self.ring.ground_new(QQ(n.p, n.q)) for n in numbers)
-        cosine = self._generator((ca.OP_COS, angle), sp.cos(written, evaluate=False))
-        sine = self._generator((ca.OP_SIN, angle), sp.sin(written, evaluate=False))
+        cosine = self._generator((ca.OP_COS, angle), sp.cos(expression, evaluate=False))
+        sine = self._generator((ca.OP_SIN, angle), sp.sin(expression, evaluate=False))
         generators = self.ring.gens
         self.form.pairs[generators.index(cosine)] = generators.index(sine)
         self._squares[generators.index(sine)] = 1 - cosine**2
@@ -319,8 +323,8 @@ class _Reading:
             number = rational(float(sp.sqrt(self.form.shortest(total))))
             return self.ring.ground_new(QQ(number.p, number.q))
         key = (ca.OP_SQRT, total)
-        if key in self._known:
-            return self._known[key]
+        if key in self._generators:
+            return self._generators[key]
         moving = any(m[k] for m in total for k in self.form.velocities)
         symbol = self.notation.fresh("u" if moving else "d")
         parts = value.summands or ((total, 1),)
@@ -331,19 +335,24 @@ class _Reading:
 
 @dataclass(frozen=True)
 class _Value:
-    """A polynomial; if it is a known sum, with its summands (polynomial, power)."""
+    """A polynomial.
+
+    Attributes:
+        value: the polynomial.
+        recorded: summands (polynomial, power) from which it was computed; empty if not recorded.
+    """
 
     value: PolyElement
-    made_of: tuple[tuple[PolyElement, int], ...] = ()
+    recorded: tuple[tuple[PolyElement, int], ...] = ()
 
     @cached_property
     def summands(self) -> tuple[tuple[PolyElement, int], ...]:
-        """Summands (polynomial, power); the value itself if it is not a known sum of few."""
+        """Summands (polynomial, power): those recorded if they are few, else the value itself."""
         if self.value == 0:
             return ()
-        return self.made_of if 0 < len(self.made_of) <= 4 else ((self.value, 1),)
+        return self.recorded if 0 < len(self.recorded) <= 4 else ((self.value, 1),)
 
 
-def _starts(parts: list[list[sp.Symbol]]) -> list[int]:
+def _first_indices(parts: list[list[sp.Symbol]]) -> list[int]:
     """Index of each list's first entry in their concatenation."""
     return [sum(len(part) for part in parts[:k]) for k in range(len(parts))]

@@ -39,7 +39,8 @@ class Library(Functions):
 
     Attributes:
         key: key of its folder in the cache; unique to puppet, compiler and version.
-        n_attributable: number of rows and drives that may cause a status, n_rows + n_watched.
+        n_attributable: number of rows and drives to which a status can be attributed, n_rows +
+            n_watched.
 
     Args:
         path: the shared library.
@@ -64,10 +65,12 @@ class Library(Functions):
         upper: Array | None = None,
         guess: MaskRows | None = None,
     ) -> Complementarity:
-        """Solves 0 <= x <= upper, s = W^T W x - b: >= 0 at x = 0, <= 0 at x = upper, 0 between.
+        """Solves a linear complementarity problem with bounds.
+
+            0 <= x <= upper,   s = W^T W x - b:   s >= 0 at x = 0, s <= 0 at x = upper, else s = 0.
 
         Args:
-            W: (n_vD, n), a column for each row; at most as many as the puppet has rows.
+            W: (n_vD, n) matrix with a column for each row; n is at most the puppet's n_rows.
             b: (n,).
             two_sided: (n,) rows with s = 0 and x of either sign; none by default.
             upper: (n,) bounds of x; none by default.
@@ -78,7 +81,7 @@ class Library(Functions):
         """
         n = len(b)
         if n > self.sizes["n_rows"]:
-            raise ValueError(f"{n} rows are more than the puppet has")
+            raise ValueError(f"found {n} rows; the puppet has {self.sizes['n_rows']}")
         if W.shape != (self.sizes["n_vD"], n):
             raise ValueError(f"W has the shape {W.shape}; it must be {(self.sizes['n_vD'], n)}")
         columns, b = (np.ascontiguousarray(a, dtype=float) for a in (W.T, b))
@@ -105,11 +108,11 @@ class Library(Functions):
     def gaps(
         self, contacts: Contacts, q_D: Array, q_K: Array, p: Array, margin: float = 1e-3
     ) -> Array:
-        """(..., m) distance of the solids of each pair, negative where they overlap [m].
+        """(..., m) distances of the solids of each pair, negative if they overlap [m].
 
         Args:
             contacts: the m pairs.
-            q_D, q_K: (..., n_qD), (..., n_qK) configurations.
+            q_D, q_K: (..., n_qD) dynamic and (..., n_qK) driven (kinematic) configurations.
             p: (n_p,) parameters.
             margin: pairs farther apart have an infinite distance [m].
         """
@@ -163,8 +166,8 @@ class Complementarity:
         x: (n,) the solution, of least norm if several give the same motion.
         s: (n,).
         solved: whether x and s are a solution.
-        ray: (n,) if there is no solution, y >= 0 with W y = 0 and b . y > 0: the rows with y > 0
-            contradict one another.
+        ray: (n,) y >= 0 with W y = 0 and b . y > 0, if there is no solution: the rows with y > 0
+            are inconsistent. None otherwise.
     """
 
     x: Array
@@ -177,9 +180,10 @@ class Piece(NamedTuple):
     """Output of a run since the last request.
 
     Attributes:
-        samples: (n, width) samples with the layout of the contract's ``SAMPLE``.
-        events: (n, 5) events, likewise ``EVENT``.
-        contacts: (n, width) points, likewise ``CONTACT``; samples are counted within the piece.
+        samples: (n, width) samples; the contract has their columns in ``SAMPLE``.
+        events: (n, 5) events; columns in ``EVENT``.
+        contacts: (n, width) contact points; columns in ``CONTACT``, with the index of the sample in
+            the piece.
     """
 
     samples: Array
@@ -188,15 +192,15 @@ class Piece(NamedTuple):
 
     @classmethod
     def joined(cls, pieces: Sequence[Piece]) -> Piece:
-        """Consecutive pieces as one."""
+        """Joins consecutive pieces."""
         if len(pieces) == 1:
             return pieces[0]
         samples, events, contacts = zip(*pieces, strict=True)
         first = np.cumsum([0, *map(len, samples[:-1])])
-        moved = [c.copy() for c in contacts]
-        for own, n in zip(moved, first, strict=True):
-            own[:, 0] += n
-        return cls(np.concatenate(samples), np.concatenate(events), np.concatenate(moved))
+        renumbered = [c.copy() for c in contacts]
+        for piece_contacts, n in zip(renumbered, first, strict=True):
+            piece_contacts[:, 0] += n
+        return cls(np.concatenate(samples), np.concatenate(events), np.concatenate(renumbered))
 
 
 class Run:
@@ -220,7 +224,7 @@ class Run:
     events_per_piece = 1024
     contacts_per_piece = 8192
     steps_per_piece = 200
-    """Few enough for moving progress bars and an immediate answer to Ctrl-C."""
+    """Few enough for smooth progress bars and a quick response to Ctrl-C."""
 
     def __init__(
         self,
@@ -237,7 +241,7 @@ class Run:
         self._run = ctypes.c_void_p(library.dll.fan_new(int(method == "event")))
         if not self._run:
             raise MemoryError("no memory for a run")
-        self._keep = np.ascontiguousarray(save_at if save_at is not None else [], dtype=float)
+        self._save_at = np.ascontiguousarray(save_at if save_at is not None else [], dtype=float)
         n_samples = self.samples_per_piece
         n_events = max(self.events_per_piece, 16 * library.n_attributable + 64)
         self._samples = np.zeros((n_samples, width(SAMPLE, library.sizes)))
@@ -267,8 +271,8 @@ class Run:
             winches=np.minimum(winches, UNLIMITED),
             input=input_arrays(inputs),
             options=options.structure(),
-            save_at=self._keep,
-            n_save=len(self._keep),
+            save_at=self._save_at,
+            n_save=len(self._save_at),
             save_every=options.save_every,
         )
         self.status = Status(
@@ -281,13 +285,13 @@ class Run:
             self._run = ctypes.c_void_p()
 
     def advance(self, t_end: float) -> Iterator[Piece]:
-        """Yields pieces until ``t_end`` or until the run stops.
+        """Yields pieces until ``t_end`` or until the run stops, and sets ``status``.
 
-        ``status`` is set at the end. The pieces of one call stay within the memory bound.
+        The run stops if the pieces of one call exceed the memory bound.
         """
         self._taken_bytes = 0.0
         if self._record.n_samples or self.status not in _RUNS:
-            yield self._taken()
+            yield self._take_piece()
         until, budget = ctypes.c_double(t_end), ctypes.c_longlong(self.steps_per_piece)
         run, record = self.library.dll.fan_run, ctypes.byref(self._record)
         while self.status in _RUNS:
@@ -295,14 +299,14 @@ class Run:
                 self.status = Status.TOO_MANY_SAMPLES
                 return
             self.status = Status(run(self._run, until, budget, record))
-            yield self._taken()
+            yield self._take_piece()
             if self.status is not Status.RUNNING:
                 return
 
     def present(self) -> Piece:
         """A piece with the present state as its last sample."""
         self.library.dll.fan_emit(self._run, ctypes.byref(self._record))
-        return self._taken()
+        return self._take_piece()
 
     def set_input(self, inputs: Input | HeldInput) -> None:
         """Replaces the (bound) inputs from the present time on."""
@@ -326,7 +330,7 @@ class Run:
             ValueError: it belongs to another library or method.
         """
         if len(checkpoint) != len(self.checkpoint()):
-            raise ValueError("this checkpoint is of a run of another library or method")
+            raise ValueError("this checkpoint belongs to another library or method")
         self.library.dll.fan_memory(self._run, None, checkpoint)
         self.present()
 
@@ -344,7 +348,8 @@ class Run:
         self.library.dll.fan_attribution(self._run, int(self.status), pointer(out))
         return out
 
-    def _taken(self) -> Piece:
+    def _take_piece(self) -> Piece:
+        """Copies the output since the last call, and empties the buffers."""
         record = self._record
         samples = self._samples[: record.n_samples].copy()
         events = self._events[: record.n_events].copy()

@@ -2,7 +2,13 @@
 
 from fantoccini.lab.identification.channels import Marker
 from fantoccini.lab.identification.estimating import identify
-from fantoccini.lab.identification.judging import columns, doubts, from_before, jump_names, leaning
+from fantoccini.lab.identification.judging import (
+    biased_jumps,
+    column_fits,
+    doubts,
+    jump_names,
+    prior_shares,
+)
 from fantoccini.lab.identification.record import Record, Unknown
 from fantoccini.lab.identification.record_file import load_record, record_files
 from fantoccini.lab.identification.result import OUTLIER_RESIDUAL, Combination, Identified, Outlier
@@ -19,14 +25,14 @@ __all__ = [
     "Outlier",
     "Record",
     "Unknown",
+    "biased_jumps",
     "channel_units",
-    "columns",
+    "column_fits",
     "doubts",
-    "from_before",
     "identify",
     "jump_names",
-    "leaning",
     "load_record",
+    "prior_shares",
     "record_files",
     "record_schema",
     "suggest_motion",

@@ -1,4 +1,4 @@
-"""``identify``: least-squares estimates of a puppet's numbers from a record."""
+"""``identify``: least-squares estimates of a puppet's unknown parameters from a record."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ INITIAL_NOISE = {"marker": 5e-3, "coordinate": 0.03, "tension": 0.3}
 """Noise levels with which the search begins [m, rad or m, N]."""
 MIN_NOISE = {"marker": 1e-6, "coordinate": 1e-6, "tension": 1e-4}
 MAD_FACTOR = 1.4826
-"""Standard deviation of normal noise over the median of its magnitude."""
+"""Standard deviation of normal noise, relative to the median of its magnitude."""
 
 
 @dataclass(frozen=True)
@@ -32,18 +32,18 @@ class Stage:
     """A stage of the search.
 
     Attributes:
-        name: for the progress callback.
-        drift: factor by which the drift is larger than in the last stage.
-        moves: maximum number of moves, unless the cost still falls steeply.
-        tolerance: relative fall of the cost that ends the stage.
-        extrapolated: whether predictions are extrapolated to a step length of 0.
+        name: name for the progress callback.
+        drift_factor: factor on the drift, 1 in the final stage.
+        max_iterations: maximum number of iterations, unless the cost still falls steeply.
+        tolerance: relative fall of the cost in an iteration below which the stage ends.
+        extrapolated: whether predictions are extrapolated to a time step of 0.
         states_only: whether the unknowns stay fixed.
         final: whether all samples count, with Cauchy's loss.
     """
 
     name: str
-    drift: float
-    moves: int
+    drift_factor: float
+    max_iterations: int
     tolerance: float
     extrapolated: bool = True
     states_only: bool = False
@@ -52,17 +52,18 @@ class Stage:
 
 DRIFT = (5e-4, 5e-3)
 """Standard deviations of the jumps of configurations and velocities between segments [rad or m, and
-per second]. Time steps have errors of this size at catches, so jumps are never judged by less."""
+per second]. Time steps have errors of this size when strings come taut, so stages before the final
+one use no smaller drift."""
 THINNING = 3
-"""One of this many samples counts, except in the last stage."""
+"""Every third sample counts, except in the final stage."""
 STAGES = (
     Stage("states near the record", 50.0, 3, 0.1, False, True),
-    Stage("first numbers", 50.0, 12, 0.05, False),
+    Stage("first estimates", 50.0, 12, 0.05, False),
     Stage("segments joined", 4.0, 8, 0.01),
     Stage("segments joined closely", 1.0, 6, 1e-4),
     Stage("all samples", 1.0, 3, 2e-5, final=True),
 )
-"""Segments are joined loosely at first, so that all can approach the record at the same time."""
+"""Segments are joined loosely at first, so that each of them can approach the record."""
 
 
 def identify(
@@ -74,14 +75,14 @@ def identify(
     threads: int | None = None,
     progress: OnProgress | None = None,
 ) -> Identified:
-    """Estimates the unknowns of a record, their errors, and combinations that it leaves open.
+    """Estimates a record's unknowns and their errors; names combinations it does not determine.
 
         min  sum rho((y_i - y(t_i - delay; x_s, theta)) / noise)
              + sum |x_s+1 - x(T_s+1; x_s, theta)|^2 / drift^2
 
     over the unknowns theta and the first states x_s of all segments (multiple shooting), by
     Levenberg and Marquardt with exact derivatives of the time steps. Residuals are extrapolated to
-    a step length of 0. rho is Huber's loss, and Cauchy's in the last stage, so that outliers count
+    a time step of 0. rho is Huber's loss, and Cauchy's in the final stage, so that outliers count
     little.
 
     Args:
@@ -91,7 +92,8 @@ def identify(
         drift: standard deviations of the jumps between segments, of configuration and velocity [m
             or rad, and per second]; they stand for effects that the model leaves out.
         threads: number of threads; all processors by default.
-        progress: called with the stage, and with the cost as ``best`` (None when a stage begins).
+        progress: called with the stage, and with the lowest cost as ``best`` (None when a stage
+            begins).
 
     Raises:
         StateError: the puppet has no hanging pose or cannot follow the inputs with the initial
@@ -100,29 +102,30 @@ def identify(
     check_positive(segment=segment, dt=dt, configuration=drift[0], velocity=drift[1])
     start_time = time.perf_counter()
     with one_blas_thread(), _explain_singular():
-        fit = fit_of(record, segment, dt, threads)
+        fit = make_fit(record, segment, dt, threads)
         positive = np.zeros(len(record.labels), dtype=bool)
         positive[: len(record.unknowns)] = [unknown.positive for unknown in record.unknowns]
         noise = NoiseLevels.of(record)
         first_point = point = continuous_point(
             fit, record.start_state(fit.inputs, float(fit.starts[0]))
         )
-        levels, result, saved = noise.guess, None, None
+        levels, result, saved_jacobians = noise.guess, None, None
         thinned = _thin(fit)
         for stage in STAGES:
             loose_drift = (
-                stage.drift * max(drift[0], DRIFT[0]),
-                stage.drift * max(drift[1], DRIFT[1]),
+                stage.drift_factor * max(drift[0], DRIFT[0]),
+                stage.drift_factor * max(drift[1], DRIFT[1]),
             )
             weights = Weights(levels, drift if stage.final else loose_drift, stage.final)
             stage_fit = fit if stage.final else thinned
             cost = Cost(stage_fit, first_point, weights)
-            if stage.drift == 1.0 and result is not None:
+            if stage.drift_factor == 1.0 and result is not None:
                 loose_cost = replace(cost, weights=replace(weights, drift=loose_drift))
                 point = reattach(replace(loose_cost, fit=thinned), result.point)
-                saved = replace(
+                saved_jacobians = replace(
                     result.saved, stale=result.saved.stale | result.point.differs(point)
                 )
+                # Other segments have an order of events that the puppet did not have.
                 trusted = loose_cost.explained(point, stage_fit.predict(point, extrapolated=True))
                 if stage.final:
                     well_predicted = trusted & ~result.poorly_predicted
@@ -130,34 +133,34 @@ def identify(
                         well_predicted if 2 * np.sum(well_predicted) > np.sum(trusted) else trusted
                     )
                 cost = replace(cost, trusted=trusted)
-            report = None
+            stage_progress = None
             if progress is not None:
-                report = _with_stage_name(progress, stage.name)
+                stage_progress = _with_stage_name(progress, stage.name)
                 progress(Progress(stage.name))
             result = search(
                 cost,
                 point,
                 positive,
-                None if stage.final else saved,
-                moves=stage.moves,
+                None if stage.final else saved_jacobians,
+                max_iterations=stage.max_iterations,
                 tolerance=stage.tolerance,
                 extrapolated=stage.extrapolated,
                 states_only=stage.states_only,
-                progress=report,
+                progress=stage_progress,
             )
-            # While the unknowns are fixed, derivatives by them are not checked.
-            point, saved = result.point, None if stage.states_only else result.saved
+            # A search with fixed unknowns does not check whether their derivatives still hold.
+            point, saved_jacobians = result.point, None if stage.states_only else result.saved
             if not stage.states_only:
                 levels = noise.estimated(stage_fit, result)
         assert result is not None
         cost = replace(cost, weights=Weights(levels, drift, final=True))
-        normal = cost.normal(point, result.predicted, fit.jacobians(point))
+        equations = cost.normal(point, result.predicted, fit.jacobians(point))
         seconds = time.perf_counter() - start_time
-        return Identified.of(record, cost, result, normal, seconds)
+        return Identified.of(record, cost, result, equations, seconds)
 
 
 def _thin(fit: Fit) -> Fit:
-    """The fit of every third row; of every third sample in columns where rows would leave few."""
+    """The fit to every third row; to every third sample in columns that would keep too few."""
     present = np.isfinite(fit.y)
     rows = (np.arange(len(fit.y)) % THINNING == 0)[:, None] & present
     by_column = (np.cumsum(present, axis=0) % THINNING == 1) & present
@@ -168,12 +171,12 @@ def _thin(fit: Fit) -> Fit:
 
 
 def _with_stage_name(progress: OnProgress, name: str) -> OnProgress:
-    return lambda at: progress(replace(at, what=name))
+    return lambda event: progress(replace(event, what=name))
 
 
-def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fit:
-    """The least-squares problem of a record."""
-    marionette, table = record.marionette, record.marionette.coordinates
+def make_fit(record: Record, segment: float, dt: float, threads: int | None) -> Fit:
+    """The least-squares problem of a record; the arguments are those of :func:`identify`."""
+    marionette, coordinates = record.marionette, record.marionette.coordinates
     p = marionette.p.copy()
     indices = [marionette.parameter_index[unknown.name] for unknown in record.unknowns]
     p[indices] = record.initial_values[: len(indices)]
@@ -183,7 +186,7 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
     inputs = bind_input(marionette, commanded, x0.q_K, x0.v_K, commanded.start, commanded.end)
     layout = Layout(
         tuple(indices),
-        tuple(table.v_K.index(name) for name in record.offsets),
+        tuple(coordinates.v_K.index(name) for name in record.offsets),
         tuple(i for i, marker in enumerate(record.markers) if marker.find),
         record.find_delay,
     )
@@ -193,8 +196,7 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
             prior[i] = unknown.known
     present = np.any(np.isfinite(record.values), axis=1)
     t, y = record.t[present], record.values[present]
-    begin = record.initial_values
-    ends = (t[0] - record.delay, t[-1] - record.delay)
+    time_range = (t[0] - record.delay, t[-1] - record.delay)
     return Fit(
         marionette,
         inputs,
@@ -202,13 +204,13 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
         t,
         y,
         layout,
-        begin,
+        record.initial_values,
         record.delay,
         prior,
         segment,
         segment / max(1, round(segment / dt)),
         default_threads() if threads is None else threads,
-        ends,
+        time_range,
         record.channels.depends(x0.q_D, x0.q_K, p, indices),
     )
 
@@ -220,13 +222,13 @@ class NoiseLevels:
     Attributes:
         given: (n_c,) known levels; NaN where they are estimated.
         guess: (n_c,) levels with which the search begins.
-        least: (n_c,) smallest estimates.
+        min_level: (n_c,) lower limits of the estimates.
         groups: (n_c,) names of the groups.
     """
 
     given: Array
     guess: Array
-    least: Array
+    min_level: Array
     groups: tuple[str, ...]
 
     @classmethod
@@ -256,7 +258,7 @@ class NoiseLevels:
             members = np.array([name == group for name in self.groups])
             residuals = r[:, members][np.isfinite(r[:, members])]
             levels[members] = MAD_FACTOR * np.median(residuals) if len(residuals) else np.nan
-        levels = np.where(np.isfinite(self.given), self.given, np.maximum(levels, self.least))
+        levels = np.where(np.isfinite(self.given), self.given, np.maximum(levels, self.min_level))
         return np.where(np.isfinite(levels), levels, self.guess)
 
 

@@ -14,21 +14,22 @@ from fantoccini.lab.identification.unit_names import channel_units
 MAX_NOISE_CORRELATION = 0.2
 """Correlation of neighbouring residuals above which they are not noise."""
 MIN_MEAN_JUMP, MEAN_JUMP_DEVIATIONS = 0.3, 4.0
-"""Mean jump above which the model is at fault: over the drift, and in its standard deviations."""
+"""A mean jump above both limits means that the model is wrong: relative to the drift, and to the
+standard deviation of the mean."""
 MAX_MEDIAN_JUMP = 0.5
-"""Median jump over the drift above which the model is doubtful."""
+"""Median jump, relative to the drift, above which the model is doubtful."""
 MAX_OUTLIER_SHARE, MAX_LOST_SHARE = 0.02, 0.25
-"""Shares of outliers, and of segments that do not count, above which they are doubtful."""
+"""Share of outliers, and share of segments left out, above which the result is doubtful."""
 NOISY_RATIO, QUIET_RATIO = 1.5, 0.67
-"""Residuals over a given noise level, outside of which they are doubtful."""
+"""Range of the residuals' spread, relative to a given noise level, that is plausible."""
 MAD_FACTOR = 1.4826
-"""Standard deviation of normal noise over the median of its magnitude."""
+"""Standard deviation of normal noise, relative to the median of its magnitude."""
 MAX_NEIGHBOUR_STEP = 3.0
-"""Largest time between neighbouring samples, over the median time between a column's samples."""
+"""Largest time between neighbouring samples, relative to the column's median interval."""
 MIN_NEIGHBOURS = 50
-"""Smallest number of neighbours for which a correlation is computed."""
+"""Smallest number of pairs of neighbours for which a correlation is computed."""
 MAX_PRIOR_DEVIATIONS = 3.0
-"""Standard deviations from prior knowledge above which an estimate is doubtful."""
+"""Largest plausible deviation from prior knowledge [standard deviations]."""
 MAX_LISTED_NAMES = 3
 """Largest number of names in a sentence."""
 
@@ -45,10 +46,10 @@ class ColumnFit:
         spread: standard deviation of the residuals without outliers, from their median.
         noise: given or estimated standard deviation of the noise.
         given: whether the noise was given.
-        within: share of the residuals within two standard deviations; 95 % for normal noise.
-        neighbours: correlation of a residual with the next one, about 0 for noise; NaN if there are
-            few samples.
-        outliers: samples beyond 4 standard deviations.
+        within_two: share of the residuals within two standard deviations; 95 % for normal noise.
+        correlation: correlation of each residual with the next one, about 0 for noise; NaN if there
+            are few samples.
+        outliers: number of samples beyond 4 standard deviations.
     """
 
     name: str
@@ -58,24 +59,24 @@ class ColumnFit:
     spread: float
     noise: float
     given: bool
-    within: float
-    neighbours: float
+    within_two: float
+    correlation: float
     outliers: int
 
     @property
-    def alike(self) -> bool:
+    def is_correlated(self) -> bool:
         """Whether neighbouring residuals are correlated, unlike noise."""
-        return self.neighbours > MAX_NOISE_CORRELATION
+        return self.correlation > MAX_NOISE_CORRELATION
 
     @property
     def doubtful(self) -> bool:
         """Whether the residuals differ from noise."""
-        return self.alike or (
+        return self.is_correlated or (
             self.given and not QUIET_RATIO < self.spread / self.noise < NOISY_RATIO
         )
 
 
-def columns(result: Identified) -> tuple[ColumnFit, ...]:
+def column_fits(result: Identified) -> tuple[ColumnFit, ...]:
     """Residuals of every column that has samples."""
     channels, units, fits = result.record.channels, channel_units(result.record), []
     for j, (name, group) in enumerate(zip(channels.names, channels.groups, strict=True)):
@@ -106,7 +107,7 @@ def columns(result: Identified) -> tuple[ColumnFit, ...]:
 def _neighbour_correlation(t: Array, z: Array) -> float:
     """Correlation of a column's neighbouring residuals, outliers clipped; NaN if there are few.
 
-    It is taken about 0, not about the mean, so that a bias counts as well.
+    The mean is not subtracted, so that a bias counts as well.
     """
     present = np.isfinite(z)
     t, z = t[present], np.clip(z[present], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
@@ -121,13 +122,13 @@ def _neighbour_correlation(t: Array, z: Array) -> float:
 
 
 @dataclass(frozen=True)
-class Leaning:
-    """A configuration or velocity whose jumps have a mean far from 0.
+class BiasedJump:
+    """A coordinate or velocity whose jumps between segments have a mean far from 0.
 
     Attributes:
-        name: name of the configuration or velocity.
-        mean: mean jump between segments, over the drift.
-        acceleration: missing acceleration, for a velocity; 0 for a configuration.
+        name: name of the coordinate or velocity.
+        mean: mean jump between segments, relative to the drift.
+        acceleration: acceleration that the model lacks, for a velocity; 0 for a coordinate.
         unit: unit of the acceleration.
     """
 
@@ -143,8 +144,8 @@ class Leaning:
         return text
 
 
-def leaning(result: Identified) -> tuple[Leaning, ...]:
-    """Configurations and velocities that jump mostly to one side, the largest mean first."""
+def biased_jumps(result: Identified) -> tuple[BiasedJump, ...]:
+    """Coordinates and velocities that jump mostly to one side, the largest mean first."""
     counts = ~np.isin(result.starts[:-1], result.rejected)
     jumps = np.clip(result.jumps[counts], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
     table = result.record.marionette.coordinates
@@ -153,13 +154,13 @@ def leaning(result: Identified) -> tuple[Leaning, ...]:
     mean, n, names = np.mean(jumps, axis=0), table.n_vD, jump_names(result)
     significant = np.abs(mean) > MEAN_JUMP_DEVIATIONS * np.std(jumps, axis=0) / np.sqrt(len(jumps))
     units = {row.name: row.unit for row in table.rows}
-    span, leanings = result.starts[1] - result.starts[0], []
+    duration, biased = result.starts[1] - result.starts[0], []
     for k in np.argsort(-np.abs(mean)):
         if significant[k] and abs(mean[k]) > MIN_MEAN_JUMP:
-            rate = 0.0 if k < n else result.allowed[1] / span
+            rate = 0.0 if k < n else result.allowed[1] / duration
             unit = f"{units.get(table.v_D[k % n], 'rad')}/s²"
-            leanings.append(Leaning(names[k], float(mean[k]), float(mean[k] * rate), unit))
-    return tuple(leanings)
+            biased.append(BiasedJump(names[k], float(mean[k]), float(mean[k] * rate), unit))
+    return tuple(biased)
 
 
 def jump_names(result: Identified) -> tuple[str, ...]:
@@ -168,8 +169,8 @@ def jump_names(result: Identified) -> tuple[str, ...]:
     return (*names, *(f"velocity of {name}" for name in names))
 
 
-def from_before(result: Identified) -> dict[str, float]:
-    """Unknown with prior knowledge -> its share in the estimate; 1 if the record adds nothing."""
+def prior_shares(result: Identified) -> dict[str, float]:
+    """Unknown -> share of its prior in the estimate; 1 if the record adds nothing to it."""
     shares = {}
     for name, unknown, deviation in zip(
         result.names, result.record.unknowns, result.deviations.tolist(), strict=False
@@ -182,20 +183,20 @@ def from_before(result: Identified) -> dict[str, float]:
 
 
 def doubts(result: Identified) -> tuple[str, ...]:
-    """Reasons to doubt an identification, in words; none if the residuals look like noise.
+    """Reasons to doubt an identification, as sentences; none if the residuals look like noise.
 
-    A wrong model that can still fit the record is not noticed: a given mass that is too large makes
-    the estimated ones too large.
+    A wrong model that still fits the record is not detected: if a given mass is too large, the
+    estimated ones are too large.
     """
     return tuple(_doubts(result))
 
 
 def _doubts(result: Identified) -> Iterator[str]:
     if result.at_bound:
-        yield "The delay reached the end of its range; begin nearer: delay: {about: ...}."
+        yield "The delay reached the end of its range; give a better initial value: {about: ...}."
     elif not result.converged:
         yield (
-            "The search did not converge: one more step would move a number by "
+            "The search did not converge: one more step would change a number by "
             f"{result.remaining_move:.2g} standard deviations."
         )
     if result.combinations:
@@ -206,18 +207,19 @@ def _doubts(result: Identified) -> Iterator[str]:
     for name, x, unknown in zip(
         result.names, result.values.tolist(), result.record.unknowns, strict=False
     ):
-        begin = result.record.initial_values[result.names.index(name)]
-        if unknown.known is not None and abs(x - begin) > MAX_PRIOR_DEVIATIONS * unknown.known:
+        prior_value = result.record.initial_values[result.names.index(name)]
+        deviation = abs(x - prior_value)
+        if unknown.known is not None and deviation > MAX_PRIOR_DEVIATIONS * unknown.known:
             yield (
-                f"{name} is {abs(x - begin) / unknown.known:.1f} standard deviations from the "
+                f"{name} is {deviation / unknown.known:.1f} standard deviations from the "
                 "value known beforehand."
             )
-    fits = columns(result)
-    correlated = sorted((f for f in fits if f.alike), key=lambda f: -f.neighbours)
+    fits = column_fits(result)
+    correlated = sorted((f for f in fits if f.is_correlated), key=lambda f: -f.correlation)
     if correlated:
         yield (
             f"Neighbouring residuals of {_names_text([f.name for f in correlated])} are correlated "
-            f"(up to {correlated[0].neighbours:.2f}), unlike noise: the model, the position of a "
+            f"(up to {correlated[0].correlation:.2f}), unlike noise: the model, the position of a "
             "marker or a camera's axes are wrong, or the samples were smoothed."
         )
     for text, doubtful_fits in (
@@ -227,25 +229,25 @@ def _doubts(result: Identified) -> Iterator[str]:
         if doubtful_fits:
             fit_names = _names_text([f.name for f in doubtful_fits])
             yield f"Residuals of {fit_names} are {text} the noise given."
-    leanings = leaning(result)
-    if leanings:
-        names = [jump.name for jump in leanings]
+    biased = biased_jumps(result)
+    if biased:
+        names = [jump.name for jump in biased]
         yield (
             f"Jumps between segments go mostly to one side: {_names_text(names)}, by "
-            f"{abs(leanings[0].mean):.2g} of the drift. A force or a position is missing or wrong."
+            f"{abs(biased[0].mean):.2g} of the drift. A force or a position is missing or wrong."
         )
     if result.drift > MAX_MEDIAN_JUMP:
         yield (
-            f"Jumps between segments are {result.drift:.2g} of the drift; the model is too "
-            "simple or the drift too small."
+            f"Jumps between segments are {result.drift:.2g} of the drift, in the median; the model "
+            "is too simple or the drift too small."
         )
     n, n_outliers = sum(f.samples for f in fits), len(result.outliers)
     if n_outliers > MAX_OUTLIER_SHARE * n:
         yield f"{n_outliers} of {n} samples are outliers."
     if len(result.rejected) > MAX_LOST_SHARE * len(result.starts):
         yield (
-            f"{len(result.rejected)} of {len(result.starts)} segments are not explained and do "
-            "not count: strings may have snapped taut in another order, or samples are far off."
+            f"{len(result.rejected)} of {len(result.starts)} segments do not fit and were left "
+            "out: strings may have come taut in another order, or samples are far off."
         )
 
 

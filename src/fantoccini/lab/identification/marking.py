@@ -1,6 +1,6 @@
-"""Numbers in a puppet file, located by their paths: turned into parameters, and replaced.
+"""Finds numbers in a puppet file by their paths, turns them into parameters, replaces them.
 
-A path is the name of a body, joint, string, spring or of a drive's coordinate, and keys:
+A path begins with the name of a body, joint, string, spring or a drive's coordinate; keys follow:
 ``forearm.mass``, ``elbow.damping``, ``torso.drag.linear``, ``hand.length``, ``hand.path.0.at.z``,
 ``rubber.stiffness``, ``hand.length.control.stiffness``.
 """
@@ -27,15 +27,15 @@ OPTIONAL_KEYS = {"mass", "damping", "linear", "quadratic", "angular", "stiffness
 
 
 @dataclass(frozen=True)
-class Mark:
-    """An unknown number of a puppet file.
+class FileNumber:
+    """A number of a puppet file that is unknown.
 
     Attributes:
         label: the name of a parameter or the path by which it was requested.
-        parameter: the name of its parameter.
+        parameter: the name of its parameter, existing or new.
         paths: its paths in the file.
-        value: its value; None if the file leaves it out.
-        positive: whether it is never negative.
+        value: its value; None if the file omits it.
+        positive: whether it cannot be negative.
     """
 
     label: str
@@ -45,13 +45,13 @@ class Mark:
     positive: bool
 
 
-def find_number(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
-    """The number that a label denotes.
+def find_number(data: Any, label: str, taken: Collection[str] = ()) -> FileNumber:
+    """The number of a puppet file with a label.
 
     Args:
         data: plain data of a puppet file.
         label: the name of a parameter, or a path.
-        taken: names of parameters that other numbers have been given.
+        taken: names of parameters that other numbers already have.
 
     Raises:
         StateError: there is no such number.
@@ -59,7 +59,7 @@ def find_number(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
     entries = [(path, value) for path, value in parameters(data) if value["parameter"] == label]
     if entries:
         paths = tuple(path for path, _ in entries)
-        return Mark(label, label, paths, float(entries[0][1]["value"]), _positive(paths))
+        return FileNumber(label, label, paths, float(entries[0][1]["value"]), _positive(paths))
     prefixes = list(_named_prefixes(data, label))
     if not prefixes:
         names = [name for name, _ in _named_items(data)]
@@ -70,27 +70,27 @@ def find_number(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
             )
         hint = nearest(label.split(".", 1)[0], names)
         raise StateError(
-            f"found {label}: there is no parameter of this name, and no item with the name "
-            f"before its first dot{hint}"
+            f"found {label}: no parameter has this name, and no part of the puppet has the name "
+            f"before the first dot{hint}"
         )
     first_error = ""
     for path, keys in prefixes:
         try:
-            place, value = _follow_keys(data, path, keys)
+            full_path, value = _follow_keys(data, path, keys)
         except StateError as error:
             first_error = first_error or str(error)
             continue
         if isinstance(value, dict):
             name = value.get("parameter")
             if isinstance(name, str):
-                mark = find_number(data, name)
-                return replace(mark, label=label)
+                return replace(find_number(data, name), label=label)
             raise StateError(f"{label} is not a number; it has {', '.join(map(str, value))}")
         if value is not None and not is_number(value):
             raise StateError(f"{label} is {value!r:.40}; only a number can be unknown")
         number = None if value is None else float(value)
         name = re.sub(r"[^A-Za-z0-9_]", "_", label)[:50]
-        return Mark(label, _unused_name(name, data, taken), (place,), number, _positive((place,)))
+        parameter, paths = _unused_name(name, data, taken), (full_path,)
+        return FileNumber(label, parameter, paths, number, _positive(paths))
     raise StateError(first_error)
 
 
@@ -103,16 +103,16 @@ def _unused_name(name: str, data: Any, taken: Collection[str]) -> str:
 
 
 def _mirrored_original(data: Any, label: str, names: list[str]) -> str | None:
-    """The original of the mirror image with which a label begins."""
+    """Name of the part whose mirror image a label names; None if it names none."""
     rule = data.get("mirror")
-    token, to = word(rule, "from"), word(rule, "to")
-    if not token or not to:
+    from_word, to_word = word(rule, "from"), word(rule, "to")
+    if not from_word or not to_word:
         return None
     return next(
         (
             name
             for name in names
-            if token in name and label.startswith(f"{twin_name(name, token, to)}.")
+            if from_word in name and label.startswith(f"{twin_name(name, from_word, to_word)}.")
         ),
         None,
     )
@@ -142,7 +142,7 @@ def _named_items(data: Any) -> Iterator[tuple[str, Path]]:
 
 
 def _named_prefixes(data: Any, label: str) -> Iterator[tuple[Path, list[str]]]:
-    """Items whose name begins a label, longest names first, with the keys after it."""
+    """Paths of parts whose name begins a label, with the keys that follow; longest name first."""
     matches = [(name, path) for name, path in _named_items(data) if label.startswith(f"{name}.")]
     for name, path in sorted(matches, key=lambda match: -len(match[0])):
         yield path, label[len(name) + 1 :].split(".")
@@ -171,23 +171,24 @@ def _follow_keys(data: Any, path: Path, keys: list[str]) -> tuple[Path, Any]:
     return path, node
 
 
-def puppet_with_parameters(located: Located, marks: Mapping[Mark, float]) -> Puppet:
-    """The puppet of a file, with numbers turned into parameters with given values."""
+def puppet_with_parameters(located: Located, numbers: Mapping[FileNumber, float]) -> Puppet:
+    """The puppet of a file in which numbers are parameters with given values."""
     data = copy.deepcopy(located.data)
-    for mark, value in marks.items():
-        for place in mark.paths:
-            _set_value(data, place, {"parameter": mark.parameter, "value": value})
+    for number, value in numbers.items():
+        for path in number.paths:
+            _set_value(data, path, {"parameter": number.parameter, "value": value})
     return Puppet.model_validate(data, context=replace(located, data=data))
 
 
-def _set_value(data: Any, place: Path, value: Any) -> None:
+def _set_value(data: Any, path: Path, value: Any) -> None:
+    """Sets the value at a path of plain data."""
     node = data
-    for key in place[:-1]:
+    for key in path[:-1]:
         node = node.setdefault(key, {}) if isinstance(node, dict) else node[key]
-    node[place[-1]] = value
+    node[path[-1]] = value
 
 
-def write_numbers(text: str, numbers: Mapping[Mark, float], path: str | FilePath) -> None:
+def write_numbers(text: str, numbers: Mapping[FileNumber, float], path: str | FilePath) -> None:
     """Writes a puppet file with other numbers; the rest of its text stays unchanged.
 
     Args:
@@ -199,13 +200,13 @@ def write_numbers(text: str, numbers: Mapping[Mark, float], path: str | FilePath
         StateError: a number is written as an alias or with an anchor.
         FileNotFoundError: the folder does not exist.
     """
-    new_text = with_numbers(text, {place: x for mark, x in numbers.items() for place in mark.paths})
+    new_text = with_numbers(text, {p: x for number, x in numbers.items() for p in number.paths})
     with replacing(path) as temporary:
         temporary.write_bytes(new_text.encode("utf-8"))
 
 
 def missing_files(data: Any, folder: FilePath) -> tuple[str, ...]:
-    """Files that a puppet names and that are not in a folder."""
+    """Names of the files to which a puppet refers and that are not in a folder."""
     missing, stack = [], [data]
     while stack:
         node = stack.pop()

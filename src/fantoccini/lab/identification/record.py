@@ -16,7 +16,7 @@ from fantoccini.dynamics.compiled import refuse_contact
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Channels, Marker
 from fantoccini.lab.identification.fit import MARGIN
-from fantoccini.lab.identification.marking import Mark, missing_files
+from fantoccini.lab.identification.marking import FileNumber, missing_files
 from fantoccini.model.tree import measure, path_lengths
 from fantoccini.motion import Input, State
 
@@ -129,7 +129,7 @@ class Record(ShortRepr):
     noise: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
-    marks: tuple[Mark, ...] = ()
+    marks: tuple[FileNumber, ...] = ()
     puppet_file: Path | None = None
 
     def __post_init__(self) -> None:

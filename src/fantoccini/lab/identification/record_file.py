@@ -23,9 +23,9 @@ from fantoccini.base.documents import (
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Marker
-from fantoccini.lab.identification.marking import Mark, find_number, puppet_with_parameters
+from fantoccini.lab.identification.marking import FileNumber, find_number, puppet_with_parameters
 from fantoccini.lab.identification.record import Record, Unknown, check_overlap, driven_scalars
-from fantoccini.lab.identification.schema import ColumnFile, DelayFile, RecordFile
+from fantoccini.lab.identification.schema import ColumnEntry, DelayEntry, RecordFile
 from fantoccini.model.puppet import named_file
 from fantoccini.motion import Input, csv_columns
 
@@ -53,7 +53,7 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
         text = f"found {shown(file.puppet)}, which is a scene; needed: the file of a puppet"
         raise located.error([(("puppet",), text)], FileError)
     puppet = read_file(puppet_path)
-    marks: dict[Mark, float] = {}
+    marks: dict[FileNumber, float] = {}
     unknown = []
     for label, entry in file.unknown.items():
         spot = ("unknown", label)
@@ -89,8 +89,8 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
         check(("start", name), lambda name=name, pose=pose: marionette.state({name: pose}))
     t, cells = check.need(("samples",), lambda: _read_samples(file.samples, located))
     columns = _by_quantity(file, marionette, cells, check)
-    find_delay = file.delay == "find" or isinstance(file.delay, DelayFile)
-    delay = file.delay.about if isinstance(file.delay, DelayFile) else file.delay
+    find_delay = file.delay == "find" or isinstance(file.delay, DelayEntry)
+    delay = file.delay.about if isinstance(file.delay, DelayEntry) else file.delay
     delay = 0.0 if delay == "find" else float(delay)
     played = ("samples",) if file.inputs is None else ("inputs",)
     inputs = check.need(
@@ -217,7 +217,7 @@ def _by_quantity(
     return by_quantity
 
 
-def _quantity(name: str, column: ColumnFile | None) -> str:
+def _quantity(name: str, column: ColumnEntry | None) -> str:
     """Name of the quantity in a column."""
     if column is None:
         return name

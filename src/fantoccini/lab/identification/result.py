@@ -18,16 +18,16 @@ from fantoccini.lab.identification.record import Record
 from fantoccini.lab.identification.searching import MIN_DAMPING, SearchResult
 
 MAX_DEVIATION = 1.0
-"""Standard deviation above which the record does not determine a combination, relative to the sizes
-of its numbers."""
+"""Standard deviation above which a combination counts as undetermined, relative to the sizes of its
+numbers."""
 MAX_REMAINING_MOVE = 1.0
-"""Largest move of a number in one more step of a converged search, in its standard deviations."""
+"""Largest change of a number in one more step of a converged search [standard deviations]."""
 MIN_SHARE = 0.05
-"""Smallest share of a number in a combination for which it is named."""
+"""Smallest share of a number that is listed in a combination."""
 INTERVAL_DEVIATIONS = 1.959964
 """Half width of a 95 % interval, in standard deviations."""
 OUTLIER_RESIDUAL = 4.0
-"""Residual over the noise above which a sample is listed as an outlier."""
+"""Residual, relative to the noise, above which a sample counts as an outlier."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Combination:
     """A combination of numbers that the record does not determine.
 
     Attributes:
-        parts: name -> share; relative changes, or steps of 1 cm and 10 ms, in this proportion do
-            not change the measured channels.
+        parts: name -> share. Changes in this proportion do not change the measured channels:
+            relative ones of parameters, or in units of 1 cm and 10 ms.
         deviation: relative standard deviation of the combination.
     """
 
@@ -57,7 +57,7 @@ class Outlier:
     Attributes:
         t: time by the record's clock [s].
         column: name of the column.
-        residual: sample less prediction, relative to the noise.
+        residual: sample minus prediction, relative to the noise.
     """
 
     t: float
@@ -74,26 +74,27 @@ class Identified:
         names: (P,) names of the unknowns.
         values: (P,) estimates.
         deviations: (P,) standard deviations; infinite for numbers that are not determined.
-        correlation: (P, P) of the errors; 0 for numbers that are not determined.
-        information: (P, P) Fisher information of the unknowns, with the states unknown as well.
+        correlation: (P, P) correlations of the errors; 0 for numbers that are not determined.
+        information: (P, P) Fisher information of the unknowns, with the states eliminated.
         combinations: combinations of numbers that the record does not determine.
         noise: column -> given or estimated standard deviation.
-        chi2: mean square of the residuals over the noise, of samples that count, each clipped at
-            that of an outlier; 1 if only noise remains.
-        drift: median of the jumps between segments over the allowed drift; far below 1 for a
-            complete model.
-        outliers: samples that count and are more than 4 standard deviations off.
-        rejected: start times of segments that do not count, by the inputs' clock [s]: the model
-            does not explain them, or its derivatives do not predict their small moves.
+        chi2: mean square of the residuals relative to the noise, without omitted segments, each
+            clipped at the limit of outliers; 1 if only noise remains.
+        drift: median of the jumps between segments, relative to the allowed drift; far below 1 for
+            a complete model.
+        outliers: samples more than 4 standard deviations off, without omitted segments.
+        rejected: start times of omitted segments, by the inputs' clock [s]: the model does not fit
+            them, or its derivatives do not predict small changes.
         t: (N,) times of the samples [s].
-        accepted: (N,) bool, samples in segments that count.
-        residuals: (N, columns) samples less predictions; NaN in gaps.
-        predicted: (N, columns) predictions of the puppet with the estimates, in gaps, too.
+        accepted: (N,) bool, samples outside of the omitted segments.
+        residuals: (N, columns) samples minus predictions; NaN in gaps.
+        predicted: (N, columns) predictions with the estimates, also in gaps.
         starts: (S,) start times of the segments, by the inputs' clock [s].
-        jumps: (S - 1, 2 n_vD) first configurations and velocities of segments less those at the end
-            of the previous segments, over the allowed drift; 0 after segments that do not count.
+        jumps: (S - 1, 2 n_vD) configurations and velocities at the start of segments minus those
+            at the end of the previous ones, relative to the allowed drift; 0 after omitted
+            segments.
         allowed: the allowed drift, of configurations and velocities [m or rad, and per second].
-        remaining_move: largest move that one more step would make, in standard deviations.
+        remaining_move: largest change by one more step of the search [standard deviations].
         seconds: computing time [s].
     """
 
@@ -121,9 +122,9 @@ class Identified:
 
     @property
     def converged(self) -> bool:
-        """Whether the search converged: one more step would hardly move any number.
+        """Whether the search converged: one more step would hardly change any number.
 
-        It has not if the delay is at the end of its range, as it may lie beyond.
+        It is false if the delay is at the end of its range, beyond which it may lie.
         """
         return self.remaining_move < MAX_REMAINING_MOVE and not self.at_bound
 
@@ -149,7 +150,7 @@ class Identified:
     ) -> Identified:
         """The estimates at the end of a search."""
         fit, weights, F = cost.fit, cost.weights, normal.information()
-        deviations, correlation, combinations = determined(
+        deviations, correlation, combinations = error_analysis(
             F, record.sizes(result.point.theta), record.labels
         )
         residuals = fit.y - result.predicted.y
@@ -211,14 +212,14 @@ class Identified:
 
     @cached_property
     def marionette(self) -> Marionette:
-        """The puppet with the estimates; numbers not determined keep their initial values."""
+        """The puppet with the estimates; undetermined numbers keep their initial values."""
         unknowns = self.record.unknowns
-        begin = self.record.initial_values
+        initial_values = self.record.initial_values
         return self.record.marionette.with_parameters(
             {
-                unknown.name: float(x if np.isfinite(deviation) else b)
-                for unknown, x, b, deviation in zip(
-                    unknowns, self.values, begin, self.deviations, strict=False
+                unknown.name: float(x if np.isfinite(deviation) else initial)
+                for unknown, x, initial, deviation in zip(
+                    unknowns, self.values, initial_values, self.deviations, strict=False
                 )
             }
         )
@@ -226,7 +227,7 @@ class Identified:
     def save_puppet(self, path: str | Path) -> None:
         """Writes the puppet's file with the estimates; the rest of its text stays unchanged.
 
-        Numbers that are not determined stay. Offsets of driven coordinates, positions of markers
+        Undetermined numbers are not changed. Offsets of driven coordinates, positions of markers
         and the delay are not part of a puppet's file.
 
         Raises:
@@ -269,23 +270,23 @@ class Identified:
         )
         if self.at_bound:
             lines.append(
-                f"the delay is {DELAY_RANGE:g} s from its initial value, the largest change; "
-                "begin nearer"
+                f"the delay is {DELAY_RANGE:g} s from its initial value, the largest change; give "
+                "a better initial value"
             )
         return "\n".join(lines)
 
 
 def _remaining_move(normal: NormalEquations, deviations: Array) -> float:
-    """The largest move of a number in one more step, in its standard deviations."""
+    """Largest change of a number in one more step of the search [standard deviations]."""
     _, step = normal.step(np.full(len(normal.g), MIN_DAMPING), 0.0)
-    clear = np.isfinite(deviations) & (deviations > 0.0)
-    return float(np.max(np.abs(step[clear]) / deviations[clear], initial=0.0))
+    determined = np.isfinite(deviations) & (deviations > 0.0)
+    return float(np.max(np.abs(step[determined]) / deviations[determined], initial=0.0))
 
 
-def determined(
+def error_analysis(
     information: Array, scales: Array, names: tuple[str, ...]
 ) -> tuple[Array, Array, tuple[Combination, ...]]:
-    """Standard deviations, correlations, and combinations that are not determined.
+    """Standard deviations, correlations, and undetermined combinations.
 
     The eigenvectors of the information, scaled by the sizes of the numbers, are combinations with
     independent errors, whose standard deviations are 1 / sqrt(eigenvalue).

@@ -24,29 +24,32 @@ from fantoccini.base.documents import (
 )
 
 
-class MarkerFile(Model):
+class MarkerEntry(Model):
     """A point of a body whose position is measured."""
 
     body: Name
-    """The body that carries it."""
+    """The body that carries the marker."""
     at: Place = (0.0, 0.0, 0.0)
-    """Its position in the body's frame [m]."""
+    """Position of the marker in the body's frame [m]."""
     find: bool = False
-    """Whether `at` is only a guess, and the position is estimated."""
+    """Whether to estimate the position; `at` is then its initial value."""
 
 
-class ColumnFile(Model):
-    """A column with another name or unit: `coordinate` or `tension`, and `unit`."""
+class ColumnEntry(Model):
+    """The quantity and unit of a column: `coordinate` or `tension`, and `unit`.
+
+    Only columns that are not named after their coordinate, or not in SI units, need an entry.
+    """
 
     coordinate: str | None = None
-    """A scalar coordinate; a driven one holds its command."""
+    """Name of a scalar coordinate; of a driven one, the column contains the commanded values."""
     tension: Name | None = None
-    """A string."""
+    """Name of a string, whose tension was measured."""
     unit: Literal["rad", "deg", "m", "mm", "N"] | None = None
-    """Unit of its numbers; rad, m or N by default."""
+    """Unit of the column's numbers; rad, m or N by default."""
 
     @model_validator(mode="after")
-    def _is_one(self) -> ColumnFile:
+    def _has_one_quantity(self) -> ColumnEntry:
         if self.coordinate is not None and self.tension is not None:
             raise mistake("found `coordinate` and `tension`; needed: only one of them")
         if self.coordinate is None and self.tension is None and self.unit is None:
@@ -54,20 +57,20 @@ class ColumnFile(Model):
         return self
 
 
-class DelayFile(Model):
+class DelayEntry(Model):
     """An unknown delay."""
 
     about: Sized
-    """Initial value [s]; the delay is searched within 0.25 s of it."""
+    """Initial value [s]; the estimate is within 0.25 s of it."""
 
 
-class UnknownFile(Model):
+class UnknownEntry(Model):
     """Prior knowledge of an unknown number."""
 
     about: Real | None = None
-    """Initial value; the file's number by default."""
+    """Initial value; the puppet file's number by default."""
     known: Annotated[Positive, SIZED] | None = None
-    """Standard deviation of `about`, if it was measured beforehand."""
+    """Standard deviation of the initial value, if that was measured beforehand."""
 
 
 class RecordFile(Document):
@@ -78,27 +81,27 @@ class RecordFile(Document):
     record: Name
     """The record's name."""
     about: str | None = None
-    """A sentence."""
+    """Description of the record, in one sentence."""
     puppet: str
     """A puppet file beside this one, or a bundled puppet."""
     samples: str
     """A CSV file beside this one, with a column `time` [s]; empty cells are gaps."""
     inputs: str | None = None
-    """The inputs file or recording that was played; columns named after driven coordinates by
-    default."""
-    markers: dict[Name, MarkerFile] = Field(default_factory=dict)
+    """Inputs file or recorded performance that drove the puppet; by default the columns named
+    after driven coordinates did."""
+    markers: dict[Name, MarkerEntry] = Field(default_factory=dict)
     """Marker -> its body and position; its columns are `name.x`, `name.y` and `name.z` [m]."""
-    columns: dict[str, ColumnFile] = Field(default_factory=dict)
-    """Column with another name or unit -> its quantity and unit."""
+    columns: dict[str, ColumnEntry] = Field(default_factory=dict)
+    """Column -> its quantity and unit; by default those of the coordinate with the same name."""
     unit: Literal["m", "mm"] = "m"
     """Unit of the markers' columns."""
-    unknown: dict[str, UnknownFile | None] = Field(default_factory=dict)
-    """Unknowns: parameters of the puppet, or numbers in its file such as `forearm.mass`."""
+    unknown: dict[str, UnknownEntry | None] = Field(default_factory=dict)
+    """Unknown numbers: parameters of the puppet, or numbers in its file such as `forearm.mass`."""
     offsets: tuple[str, ...] = ()
     """Scalar driven coordinates whose commands are off by an unknown constant."""
-    delay: Sized | Literal["find"] | DelayFile = 0.0
-    """Time of the record's clock less that of the inputs' clock [s]; estimated with `find` or
-    `{about}`."""
+    delay: Sized | Literal["find"] | DelayEntry = 0.0
+    """Time of the record's clock minus that of the inputs' clock at the same instant [s]; estimated
+    with `find` or `{about}`."""
     noise: dict[str, Annotated[Size, SIZED]] = Field(default_factory=dict)
     """Marker or column -> standard deviation [m, rad or N]; estimated by default."""
     start: dict[str, Value] = Field(default_factory=dict)
@@ -107,7 +110,7 @@ class RecordFile(Document):
     @model_validator(mode="after")
     def _offsets_differ(self) -> RecordFile:
         refuse(
-            (("offsets", i), f"{name} is unknown twice")
+            (("offsets", i), f"{name} is listed twice")
             for i, name in enumerate(self.offsets)
             if name in self.offsets[:i]
         )

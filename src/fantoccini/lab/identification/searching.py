@@ -66,17 +66,17 @@ class SearchResult:
         point: the best point.
         predicted: its predictions.
         cost: its cost.
-        moves: number of moves.
-        settled: whether the last move hardly changed the costs.
+        iterations: number of iterations.
+        settled: whether the last iteration hardly changed the costs.
         poorly_predicted: (S,) bool, segments whose derivatives predicted neither of the last two
             moves well.
-        saved: the derivatives.
+        saved: the Jacobians of all segments, which a later search can reuse.
     """
 
     point: Point
     predicted: Predicted
     cost: float
-    moves: int
+    iterations: int
     settled: bool
     poorly_predicted: MaskRows
     saved: SavedJacobians
@@ -88,7 +88,7 @@ def search(
     positive: MaskRows,
     saved: SavedJacobians | None = None,
     *,
-    moves: int,
+    max_iterations: int,
     tolerance: float,
     extrapolated: bool = False,
     states_only: bool = False,
@@ -100,14 +100,15 @@ def search(
         cost: the cost.
         point: the initial point.
         positive: (P,) bool, unknowns that stay above zero.
-        saved: derivatives from an earlier search.
-        moves: maximum number of moves; four times as many tries while the cost falls steeply.
+        saved: Jacobians from an earlier search.
+        max_iterations: maximum number of iterations; more, with at most four times as many trials,
+            while the cost falls steeply.
         tolerance: relative fall of the cost that ends the search.
-        extrapolated: whether residuals are extrapolated to a step length of 0; derivatives are not.
+        extrapolated: whether residuals are extrapolated to a time step of 0; derivatives are not.
         states_only: whether the unknowns stay fixed.
-        progress: called with the cost, as ``best``, after every move.
+        progress: called with the cost, as ``best``, after every iteration.
     """
-    damping, n_moves, settled = np.full(len(point.q_D), FIRST_DAMPING), 0, False
+    damping, n_iterations, settled = np.full(len(point.q_D), FIRST_DAMPING), 0, False
     shared_damping = FIRST_DAMPING
     fit = cost.fit
     predicted = fit.predict(point, extrapolated=extrapolated)
@@ -126,7 +127,7 @@ def search(
     n_tries = n_failed = 0
     poorly_predicted = stale = np.zeros(len(point.q_D), dtype=bool)
     steep = False
-    while (n_moves < moves or steep) and not settled and n_tries < 4 * moves:
+    while (n_iterations < max_iterations or steep) and not settled and n_tries < 4 * max_iterations:
         n_tries += 1
         if normal is None:
             saved = saved.renewed(fit, point, positive)
@@ -161,7 +162,7 @@ def search(
         fall = float(np.sum(parts - trial_parts))
         settled = fall <= min_fall and bool(np.sum(change) <= MAX_COST_CHANGE * min_fall)
         steep = fall > STEEP_FALL * float(np.sum(parts))
-        shared_damping, n_moves = max(MIN_DAMPING, shared_damping / 8.0), n_moves + 1
+        shared_damping, n_iterations = max(MIN_DAMPING, shared_damping / 8.0), n_iterations + 1
         before, stale = stale, cost.stale(point, trial, predicted, trial_predicted, saved.jacobians)
         released = fit.released(trial, trial_predicted)
         poorly_predicted = before & stale
@@ -170,7 +171,7 @@ def search(
         if progress is not None:
             progress(Progress(best=float(np.sum(parts))))
     return SearchResult(
-        point, predicted, float(np.sum(parts)), n_moves, settled, poorly_predicted, saved
+        point, predicted, float(np.sum(parts)), n_iterations, settled, poorly_predicted, saved
     )
 
 

@@ -28,10 +28,10 @@ from fantoccini.base import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import checked_integer
 from fantoccini.lab.identification.cost import Cost
-from fantoccini.lab.identification.estimating import DRIFT, NoiseLevels, fit_of, one_blas_thread
+from fantoccini.lab.identification.estimating import DRIFT, NoiseLevels, make_fit, one_blas_thread
 from fantoccini.lab.identification.fit import continuous_point
 from fantoccini.lab.identification.record import Record
-from fantoccini.lab.identification.result import Combination, determined
+from fantoccini.lab.identification.result import Combination, error_analysis
 from fantoccini.lab.identification.search_point import Weights
 from fantoccini.motion import Input
 
@@ -157,7 +157,7 @@ def _candidate(
     columns = {column: np.zeros(len(t)) for column in record.channels.names}
     try:
         planned = replace(record, inputs=inputs, t=t + record.delay, columns=columns)
-        fit = fit_of(planned, segment, dt, threads)
+        fit = make_fit(planned, segment, dt, threads)
         point = continuous_point(fit, planned.start_state(fit.inputs, float(fit.starts[0])))
         noise = NoiseLevels.of(planned)
         levels = np.where(np.isfinite(noise.given), noise.given, noise.guess)
@@ -168,7 +168,7 @@ def _candidate(
         return Candidate(name, inputs, -np.inf, {}, (), np.inf, str(error))
     scaled = F * np.outer(record.scales, record.scales)
     eigenvalues = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 0.0)
-    deviations, _, combinations = determined(F, record.scales, record.labels)
+    deviations, _, combinations = error_analysis(F, record.scales, record.labels)
     return Candidate(
         name,
         inputs,

@@ -23,8 +23,10 @@ REPEAT = "repeat"
 CASE = "case"
 """Name of the axis of a list of cases."""
 
-Draw = tuple[float, float] | Callable[[np.random.Generator], Any]
-Over = Mapping[str, Any] | Sequence[Mapping[str, Any]]
+Distribution = tuple[float, float] | Callable[[np.random.Generator], Any]
+"""Range (low, high) of a uniform distribution, or a function that draws a value."""
+VariedValues = Mapping[str, Any] | Sequence[Mapping[str, Any]]
+"""Values to combine, name -> values, or a list of cases."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,9 @@ class Design:
         names: names of all values, in the order of tables.
         cases: all cases in order, without their marionettes.
         labels: per case, name -> label of the value in tables.
-        keys: per case, a digest of everything that defines it except the study and the seed.
-        puppets: label -> marionette.
+        keys: per case, a digest of everything that defines it except the study (the function that
+            is run for it) and the seed.
+        puppets: label -> compiled puppet.
     """
 
     axes: tuple[Axis, ...]
@@ -67,70 +70,69 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
-class Item:
-    """A varied value.
+class VariedValue:
+    """One value of a name that a sweep varies.
 
     Attributes:
         value: the value.
         label: its name in tables.
-        stream: identifies its random numbers.
-        key: digest that identifies its stored results.
+        random_key: seed for the random numbers of its cases.
+        store_key: digest that identifies its stored results.
     """
 
     value: Any
     label: Any
-    stream: Any
-    key: str
+    random_key: Any
+    store_key: str
 
 
 def make_design(
-    over: Over | None,
-    draw: Mapping[str, Draw] | None,
+    over: VariedValues | None,
+    draw: Mapping[str, Distribution] | None,
     seeds: int | None,
     seed: int,
     puppet: Marionette | Puppet | Scene | None,
 ) -> Design:
     """The cases of a sweep; the arguments are those of :func:`fantoccini.lab.sweep`."""
-    seed = check_whole("seed", seed, 0)
-    seeds = None if seeds is None else check_whole("seeds", seeds, 1)
+    seed = check_integer("seed", seed, 0)
+    n_repetitions = 1 if seeds is None else check_integer("seeds", seeds, 1)
     draw = dict(draw or {})
-    shared = None if puppet is None else _items(PUPPET, [puppet])[0]
+    common_puppet = None if puppet is None else _varied_values(PUPPET, [puppet])[0]
     axes, points = _points(over)
     names = (*points[0], *draw)
-    _check_names(names, points[0], draw, shared)
+    _check_names(names, points[0], draw, common_puppet)
     items = {item.label: item for p in points for n, item in p.items() if n == PUPPET}
-    items |= {} if shared is None else {shared.label: shared}
+    items |= {} if common_puppet is None else {common_puppet.label: common_puppet}
     puppets = {label: item.value for label, item in items.items()}
     _check_parameters(names, puppets)
-    streams = {name: int(digest(name), 16) for name in draw}
+    name_keys = {name: int(digest(name), 16) for name in draw}
     cases: list[Case] = []
     labels: list[dict[str, Any]] = []
     keys: list[str] = []
     for point in points:
-        stream = int(digest({n: item.stream for n, item in point.items()}), 16)
-        point_keys = {
-            n: item.key for n, item in (point | ({PUPPET: shared} if shared else {})).items()
-        }
-        for repeat in range(seeds or 1):
-            entropy = (seed, stream, repeat)
+        random_key = int(digest({n: item.random_key for n, item in point.items()}), 16)
+        with_puppet = point | ({PUPPET: common_puppet} if common_puppet else {})
+        store_keys = {n: item.store_key for n, item in with_puppet.items()}
+        for repeat in range(n_repetitions):
+            entropy = (seed, random_key, repeat)
             drawn = {
-                n: _draw(n, distribution, (*entropy, streams[n]))
+                n: _draw(n, distribution, (*entropy, name_keys[n]))
                 for n, distribution in draw.items()
             }
             values = {n: i.label if n == PUPPET else i.value for n, i in point.items()} | drawn
-            if shared is not None:
-                values = {PUPPET: shared.label} | values
+            if common_puppet is not None:
+                values = {PUPPET: common_puppet.label} | values
             cases.append(Case(len(cases), values, repeat, entropy))
             labels.append({n: item.label for n, item in point.items()} | drawn)
-            keys.append(digest([point_keys, drawn, stream, repeat]))
+            keys.append(digest([store_keys, drawn, random_key, repeat]))
     _check_unique(keys, labels)
     if seeds is not None:
-        axes = (*axes, Axis(REPEAT, tuple(range(seeds))))
+        axes = (*axes, Axis(REPEAT, tuple(range(n_repetitions))))
     return Design(axes, names, tuple(cases), tuple(labels), tuple(keys), puppets)
 
 
-def _points(over: Over | None) -> tuple[tuple[Axis, ...], list[dict[str, Item]]]:
-    """The axes, and all points: the product of a mapping's values, or a list of mappings."""
+def _points(over: VariedValues | None) -> tuple[tuple[Axis, ...], list[dict[str, VariedValue]]]:
+    """The axes, and all points: all combinations of a mapping's values, or a list of mappings."""
     if over is None or isinstance(over, Mapping):
         columns = {name: _column(name, values) for name, values in (over or {}).items()}
         axes = tuple(Axis(n, tuple(item.label for item in c)) for n, c in columns.items())
@@ -147,37 +149,41 @@ def _points(over: Over | None) -> tuple[tuple[Axis, ...], list[dict[str, Item]]]
         if set(point) != set(names):
             differing = ", ".join(sorted(set(point) ^ set(names)))
             raise ValueError(
-                f"cases 0 and {k} of over differ in {differing}; all need the same names"
+                f"`over` lists case 0 and case {k} with different names, {differing}; needed: the "
+                "same names in all"
             )
-    columns = {name: _items(name, [p[name] for p in points]) for name in names}
+    columns = {name: _varied_values(name, [p[name] for p in points]) for name in names}
     axis = Axis(CASE, tuple(range(len(points))))
     return (axis,), [{name: columns[name][k] for name in names} for k in range(len(points))]
 
 
-def _column(name: str, values: Any) -> list[Item]:
+def _column(name: str, values: Any) -> list[VariedValue]:
     """The values of an axis: a list, or a mapping label -> value."""
     if isinstance(values, str | Marionette) or not isinstance(values, Iterable):
         raise TypeError(
             f"{name} is {values!r:.80}; it must be a list of values, even for one value"
         )
     labels = [str(label) for label in values] if isinstance(values, Mapping) else None
-    items = _items(name, list(values.values() if isinstance(values, Mapping) else values), labels)
+    listed = list(values.values() if isinstance(values, Mapping) else values)
+    items = _varied_values(name, listed, labels)
     if not items:
         raise ValueError(f"{name} has no values; give at least one")
     used: set[str] = set()
     for item in items:
-        if repr(item.stream) in used:
+        if repr(item.random_key) in used:
             raise ValueError(f"{name} has {item.label!r} twice; seeds=N repeats every case N times")
-        used.add(repr(item.stream))
+        used.add(repr(item.random_key))
     return items
 
 
-def _items(name: str, values: list[Any], labels: list[str] | None = None) -> list[Item]:
+def _varied_values(
+    name: str, values: list[Any], labels: list[str] | None = None
+) -> list[VariedValue]:
     """Values with labels; equal objects share a label, others are numbered."""
-    items: list[Item] = []
+    items: list[VariedValue] = []
     by_key: dict[str, str] = {}
     label: Any
-    stream: Any
+    random_key: Any
     for k, value in enumerate(values):
         if name == PUPPET:
             value = _marionette(value)
@@ -185,27 +191,27 @@ def _items(name: str, values: list[Any], labels: list[str] | None = None) -> lis
             value = value.item()
         key = digest(value)
         if labels is not None:
-            label = stream = labels[k]
+            label = random_key = labels[k]
         elif isinstance(value, bool | int | float | str) and name != PUPPET:
-            label = stream = value
+            label = random_key = value
         elif isinstance(value, np.ndarray):
-            label, stream = value, key
+            label, random_key = value, key
         else:
             own_name = value.name if isinstance(value, Marionette | Input) else ""
             label = by_key.setdefault(
-                key, _unused_label(own_name or name, by_key, bare=bool(own_name))
+                key, _unused_label(own_name or name, by_key, unnumbered=bool(own_name))
             )
-            stream = label if own_name else key
-        items.append(Item(value, label, stream, key))
+            random_key = label if own_name else key
+        items.append(VariedValue(value, label, random_key, key))
     return items
 
 
-def _unused_label(base: str, by_key: dict[str, str], bare: bool) -> str:
-    """``base`` if it is unused and ``bare``, otherwise with the first free number appended."""
+def _unused_label(base: str, by_key: dict[str, str], unnumbered: bool) -> str:
+    """``base`` if it is unused and allowed ``unnumbered``, else with the first free number."""
     taken = set(by_key.values())
-    if bare and base not in taken:
+    if unnumbered and base not in taken:
         return base
-    numbered = (f"{base} {k}" for k in itertools.count(2 if bare else 0))
+    numbered = (f"{base} {k}" for k in itertools.count(2 if unnumbered else 0))
     return next(label for label in numbered if label not in taken)
 
 
@@ -244,23 +250,25 @@ def _draw(name: str, distribution: Any, entropy: tuple[int, ...]) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def check_whole(name: str, value: Any, minimum: int) -> int:
+def check_integer(name: str, value: Any, minimum: int) -> int:
     """The value as an int; ValueError unless it is an integer and at least ``minimum``."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < minimum:
         raise ValueError(f"{name} is {value!r}; it must be an integer, {minimum} or more")
     return int(value)
 
 
-def _check_names(names: tuple[str, ...], over: Any, draw: Any, shared: Item | None) -> None:
+def _check_names(
+    names: tuple[str, ...], over: Any, draw: Any, common_puppet: VariedValue | None
+) -> None:
     for name in names:
         if not isinstance(name, str) or not name:
-            raise TypeError(f"found the name {name!r} in over or draw; names must be texts")
+            raise TypeError(f"found the name {name!r} in `over` or `draw`; names must be strings")
         if name in over and name in draw:
-            raise ValueError(f"{name} is in over and in draw; a value is varied or drawn, not both")
+            raise ValueError(f"{name} is in both `over` and `draw`; needed: only one of them")
         if name in (REPEAT, CASE):
             raise ValueError(f"no value may be called {name!r}, the name of an axis of the results")
-    if PUPPET in draw or (PUPPET in names and shared is not None):
-        raise ValueError("give puppets in over, or one for all cases as puppet=")
+    if PUPPET in draw or (PUPPET in names and common_puppet is not None):
+        raise ValueError("give puppets in `over`, or one for all cases as puppet=")
 
 
 def _check_parameters(names: tuple[str, ...], puppets: dict[str, Marionette]) -> None:

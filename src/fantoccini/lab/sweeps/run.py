@@ -13,7 +13,13 @@ from typing import Any, Literal
 from fantoccini.base import OnProgress, Progress, SweepStopped, reporting
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.sweeps.case import Case
-from fantoccini.lab.sweeps.design import Design, Draw, Over, check_whole, make_design
+from fantoccini.lab.sweeps.design import (
+    Design,
+    Distribution,
+    VariedValues,
+    check_integer,
+    make_design,
+)
 from fantoccini.lab.sweeps.executors import Executor, ThreadExecutor
 from fantoccini.lab.sweeps.identity import study_digest, study_name
 from fantoccini.lab.sweeps.outcome import Failure, Job, Outcome, Study
@@ -47,10 +53,10 @@ DISPATCH = Dispatch()
 
 def sweep(
     study: Study,
-    over: Over | None = None,
+    over: VariedValues | None = None,
     *,
     puppet: Marionette | Puppet | Scene | None = None,
-    draw: Mapping[str, Draw] | None = None,
+    draw: Mapping[str, Distribution] | None = None,
     seeds: int | None = None,
     seed: int = 0,
     on: Literal["threads", "ray"] = "threads",
@@ -101,7 +107,7 @@ def sweep(
         raise TypeError(f"study is {study!r:.80}; it must be a function of a case, or a Trial")
     if on not in ("threads", "ray"):
         raise ValueError(f"on is {on!r}; it must be 'threads' or 'ray'")
-    workers = None if workers is None else check_whole("workers", workers, 1)
+    workers = None if workers is None else check_integer("workers", workers, 1)
     if address is not None and on != "ray":
         raise ValueError("address goes with on='ray'")
     design = make_design(over, draw, seeds, seed, puppet)

@@ -13,7 +13,7 @@ _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126:
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
-def whole(value: object, name: str) -> int:
+def check_natural(value: object, name: str) -> int:
     """The value, if it is a whole number of at least 0.
 
     Raises:
@@ -39,11 +39,11 @@ class Accessors:
 
     def count(self, index: int) -> int:
         """Number of elements of an array, without reading it."""
-        return _count(self.header["accessors"][whole(index, "an accessor")])
+        return _count(self.header["accessors"][check_natural(index, "an accessor")])
 
     def numbers(self, index: int, *widths: int) -> Array:
         """(n, width) floats, in one of ``widths``. Normalised integers are 0 to 1 or -1 to 1."""
-        about = self.header["accessors"][whole(index, "an accessor")]
+        about = self.header["accessors"][check_natural(index, "an accessor")]
         if index not in self._floats:
             self._left -= _count(about)
             if self._left < 0:
@@ -63,17 +63,17 @@ class Accessors:
 
     def whole_numbers(self, index: int) -> Indices:
         """(n,) whole numbers."""
-        raw = self._raw(self.header["accessors"][whole(index, "an accessor")])
+        raw = self._raw(self.header["accessors"][check_natural(index, "an accessor")])
         if raw.dtype.kind != "u" or raw.shape[1] != 1:
             raise ValueError(f"its accessor {index} has no indices")
         return raw[:, 0].astype(np.int64)
 
     def view(self, index: int) -> tuple[bytes, int | None]:
         """The bytes of a view, and its stride, if it has one."""
-        about = self.header["bufferViews"][whole(index, "a view of a buffer")]
-        buffer = self.buffers[whole(about["buffer"], "a buffer")]
-        start = whole(about.get("byteOffset", 0), "an offset")
-        end = start + whole(about["byteLength"], "a length")
+        about = self.header["bufferViews"][check_natural(index, "a view of a buffer")]
+        buffer = self.buffers[check_natural(about["buffer"], "a buffer")]
+        start = check_natural(about.get("byteOffset", 0), "an offset")
+        end = start + check_natural(about["byteLength"], "a length")
         if end > len(buffer):
             raise ValueError(f"its bufferView {index} reaches beyond its buffer")
         return buffer[start:end], about.get("byteStride")
@@ -88,7 +88,7 @@ class Accessors:
             out = np.zeros((count, width), dtype=kind)
         if "sparse" in about:
             sparse = about["sparse"]
-            n = whole(sparse["count"], "the count of an accessor")
+            n = check_natural(sparse["count"], "the count of an accessor")
             places = self._strided(sparse["indices"], None, 1, min(n, count))[:, 0]
             out = out.copy()
             out[places.astype(int)] = self._strided(sparse["values"], kind, width, len(places))
@@ -99,8 +99,8 @@ class Accessors:
     ) -> np.ndarray:
         kind = np.dtype(_KINDS[about["componentType"]]) if kind is None else kind
         content, stride = self.view(about["bufferView"])
-        start, row = whole(about.get("byteOffset", 0), "an offset"), width * kind.itemsize
-        stride = row if stride is None else whole(stride, "a byteStride")
+        start, row = check_natural(about.get("byteOffset", 0), "an offset"), width * kind.itemsize
+        stride = row if stride is None else check_natural(stride, "a byteStride")
         if count and (stride < row or start + (count - 1) * stride + row > len(content)):
             raise ValueError(f"an accessor reaches beyond its bufferView {about['bufferView']}")
         if not count:
@@ -110,7 +110,7 @@ class Accessors:
 
 def _count(about: dict[str, Any]) -> int:
     """Number of elements of an accessor."""
-    count = whole(about["count"], "the count of an accessor")
+    count = check_natural(about["count"], "the count of an accessor")
     if count > 3 * LIMITS.max_triangles:
         raise ValueError(f"it has an accessor of {count} elements")
     return count

@@ -12,7 +12,7 @@ from fantoccini.base import Array, Indices, MissingLibraryError
 from fantoccini.model.meshes.colours import Texture, linked_image, srgb
 from fantoccini.model.meshes.limits import LIMITS
 from fantoccini.model.meshes.linked_files import LinkedFiles
-from fantoccini.model.meshes.part import Y_UP, Count, Part, lost
+from fantoccini.model.meshes.part import Y_UP, Count, Part, ignored_properties
 
 _UP = {
     "Z_UP": np.eye(3),
@@ -101,7 +101,7 @@ def _lost(material: Any) -> frozenset[str]:
             transparent = share * max(clear[:3], default=0.0) > 0.0
         else:
             transparent = share * (clear[3] if len(clear) > 3 else 1.0) < 1.0
-    return lost(hasattr(look, "sampler"), transparent)
+    return ignored_properties(hasattr(look, "sampler"), transparent)
 
 
 def _colours(

@@ -1,6 +1,6 @@
 """glTF 2.0 (.glb, .gltf): nodes, triangles, base colours. y up becomes z up, as in Blender.
 
-Cameras, lights, animations, skins and morph targets are left out. No file is trusted: every index
+Cameras, lights, animations, skins and morph targets are ignored. Files are not trusted: every index
 and length is checked before memory is allocated.
 """
 
@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, Indices, rotation
-from fantoccini.model.meshes.accessors import Accessors, whole
+from fantoccini.model.meshes.accessors import Accessors, check_natural
 from fantoccini.model.meshes.colours import Texture, image, srgb
 from fantoccini.model.meshes.limits import LIMITS
 from fantoccini.model.meshes.linked_files import LinkedFiles
-from fantoccini.model.meshes.part import Y_UP, Count, Part, lost
+from fantoccini.model.meshes.part import Y_UP, Count, Part, ignored_properties
 
 _SUPPORTED = (
     "KHR_materials_",
@@ -46,7 +46,7 @@ def read_gltf(content: bytes, beside: LinkedFiles) -> list[Part]:
         ValueError: the file is broken, refers to a file that may not be read, or requires an
             unsupported extension.
     """
-    text, chunk = _unpacked(content)
+    text, chunk = _json_and_chunk(content)
     header = json.loads(text)
     if not isinstance(header, dict):
         raise ValueError("it is not a glTF file")
@@ -56,28 +56,29 @@ def read_gltf(content: bytes, beside: LinkedFiles) -> list[Part]:
     needed = header.get("extensionsRequired", [])
     unknown = sorted(name for name in needed if not name.startswith(_SUPPORTED))
     if unknown:
-        raise ValueError(f"it needs {', '.join(unknown)[:99]}: export it without compression")
+        reason = f"it needs the extensions {', '.join(unknown)[:99]}"
+        raise ValueError(f"{reason}; export it without them, for example without compression")
     return _Reader(header, chunk, beside).parts()
 
 
-def _unpacked(content: bytes) -> tuple[bytes, bytes | None]:
+def _json_and_chunk(content: bytes) -> tuple[bytes, bytes | None]:
     """The JSON and, for a .glb file, its binary chunk."""
     if content[:4] != b"glTF":
         return content, None
-    chunks, at = dict[int, bytes](), 12
-    while at + 8 <= len(content):
-        length, kind = struct.unpack_from("<II", content, at)
-        if at + 8 + length > len(content):
+    chunks, start = dict[int, bytes](), 12
+    while start + 8 <= len(content):
+        length, kind = struct.unpack_from("<II", content, start)
+        if start + 8 + length > len(content):
             raise ValueError("it ends in the middle of a chunk")
-        chunks.setdefault(kind, content[at + 8 : at + 8 + length])
-        at += 8 + length
+        chunks.setdefault(kind, content[start + 8 : start + 8 + length])
+        start += 8 + length
     if 0x4E4F534A not in chunks:
         raise ValueError("it has no chunk of JSON")
     return chunks[0x4E4F534A], chunks.get(0x004E4942)
 
 
 _Primitive = tuple[Array, Indices, Array | None, frozenset[str]]
-"""Vertices, faces, colours, and properties of the material that are not kept."""
+"""Vertices, faces, colours, and the ignored properties of the material."""
 
 
 class _Reader:
@@ -99,34 +100,36 @@ class _Reader:
 
     def parts(self) -> list[Part]:
         """The parts of all nodes of the scene."""
-        up = np.eye(4)
-        up[:3, :3] = Y_UP
+        to_z_up = np.eye(4)
+        to_z_up[:3, :3] = Y_UP
         nodes, seen = self.header.get("nodes", []), set[int]()
         parts: list[Part] = []
-        waiting = [(k, up) for k in reversed(self._roots(nodes))]
+        waiting = [(k, to_z_up) for k in reversed(self._roots(nodes))]
         while waiting:
-            k, above = waiting.pop()
-            if whole(k, "a node") in seen:
+            k, parent_matrix = waiting.pop()
+            if check_natural(k, "a node") in seen:
                 raise ValueError(f"its node {k} has two parents")
             if len(seen) > LIMITS.max_nodes:
                 raise ValueError(f"it has more than {LIMITS.max_nodes} nodes")
             seen.add(k)
-            matrix = above @ _pose(nodes[k])
+            matrix = parent_matrix @ _pose(nodes[k])
             waiting += [(child, matrix) for child in reversed(nodes[k].get("children", []))]
             if "mesh" in nodes[k]:
-                for primitive in self._mesh(whole(nodes[k]["mesh"], "a mesh")):
+                for primitive in self._mesh(check_natural(nodes[k]["mesh"], "a mesh")):
                     parts.append(Part.placed(matrix, *primitive))
         return parts
 
     def _roots(self, nodes: list[Any]) -> list[int]:
         scenes = self.header.get("scenes", [])
         if scenes:
-            return list(scenes[whole(self.header.get("scene", 0), "a scene")].get("nodes", []))
-        below = {child for node in nodes for child in node.get("children", [])}
-        return [k for k in range(len(nodes)) if k not in below]
+            return list(
+                scenes[check_natural(self.header.get("scene", 0), "a scene")].get("nodes", [])
+            )
+        children = {child for node in nodes for child in node.get("children", [])}
+        return [k for k in range(len(nodes)) if k not in children]
 
     def _mesh(self, index: int) -> list[_Primitive]:
-        """The primitives of a mesh that have triangles; counts the triangles."""
+        """The triangle primitives of a mesh; counts their triangles."""
         primitives = [
             p
             for p in self.header["meshes"][index]["primitives"]
@@ -148,24 +151,25 @@ class _Reader:
             corners = self.accessors.whole_numbers(primitive["indices"])
         else:
             corners = np.arange(len(vertices))
-        faces = _faces(corners, whole(primitive.get("mode", _TRIANGLES), "a mode"))
+        faces = _faces(corners, check_natural(primitive.get("mode", _TRIANGLES), "a mode"))
         if len(faces) and int(faces.max()) >= len(vertices):
             raise ValueError("a triangle has a corner that does not exist")
         colours = self._colours(primitive, attributes, faces)
-        used, renumbered = np.unique(faces, return_inverse=True)  # primitives may share vertices
-        return vertices[used], renumbered.reshape(-1, 3), colours, self._lost(primitive)
+        used, new_indices = np.unique(faces, return_inverse=True)  # primitives may share vertices
+        return vertices[used], new_indices.reshape(-1, 3), colours, self._ignored(primitive)
 
-    def _lost(self, primitive: dict[str, Any]) -> frozenset[str]:
+    def _ignored(self, primitive: dict[str, Any]) -> frozenset[str]:
+        """The properties of a primitive's material that are ignored."""
         if "material" not in primitive:
             return frozenset()
-        material = self.header["materials"][whole(primitive["material"], "a material")]
+        material = self.header["materials"][check_natural(primitive["material"], "a material")]
         textured = "baseColorTexture" in material.get("pbrMetallicRoughness", {})
-        return lost(textured, material.get("alphaMode", "OPAQUE") != "OPAQUE")
+        return ignored_properties(textured, material.get("alphaMode", "OPAQUE") != "OPAQUE")
 
     def _colours(
         self, primitive: dict[str, Any], attributes: dict[str, Any], faces: Indices
     ) -> Array | None:
-        """sRGB of triangles: base colour, vertex colours and texture, multiplied as linear RGB."""
+        """(m, 3) sRGB of triangles: base colour x vertex colours x texture, in linear RGB."""
         if "material" not in primitive and "COLOR_0" not in attributes:
             return None
         colours = np.ones((len(faces), 3))
@@ -173,51 +177,54 @@ class _Reader:
             corners = self.accessors.numbers(attributes["COLOR_0"], 3, 4)[:, :3]
             colours *= corners[faces].mean(axis=1)
         if "material" in primitive:
-            material = self.header["materials"][whole(primitive["material"], "a material")]
-            look = material.get("pbrMetallicRoughness", {})
-            colours *= np.array(look.get("baseColorFactor", [1.0] * 4), dtype=float)[:3]
-            if "baseColorTexture" in look:
-                colours *= self._texture(look["baseColorTexture"], attributes, faces)
+            material = self.header["materials"][check_natural(primitive["material"], "a material")]
+            base = material.get("pbrMetallicRoughness", {})
+            colours *= np.array(base.get("baseColorFactor", [1.0] * 4), dtype=float)[:3]
+            if "baseColorTexture" in base:
+                colours *= self._texture(base["baseColorTexture"], attributes, faces)
         return srgb(colours)
 
-    def _texture(self, about: dict[str, Any], attributes: dict[str, Any], faces: Indices) -> Array:
-        moved = about.get("extensions", {}).get("KHR_texture_transform", {})
-        name = f"TEXCOORD_{whole(moved.get('texCoord', about.get('texCoord', 0)), 'a texCoord')}"
+    def _texture(self, entry: dict[str, Any], attributes: dict[str, Any], faces: Indices) -> Array:
+        """(m, 3) linear RGB of triangles in a texture."""
+        transform = entry.get("extensions", {}).get("KHR_texture_transform", {})
+        texture_set = transform.get("texCoord", entry.get("texCoord", 0))
+        name = f"TEXCOORD_{check_natural(texture_set, 'a texCoord')}"
         if name not in attributes:
             return np.ones((len(faces), 3))
-        uv = self.accessors.numbers(attributes[name], 2) * moved.get("scale", [1.0, 1.0])
-        c, s = np.cos(moved.get("rotation", 0.0)), np.sin(moved.get("rotation", 0.0))
-        uv = uv @ np.array([[c, -s], [s, c]]) + moved.get("offset", [0.0, 0.0])
-        texture = self.header["textures"][whole(about["index"], "a texture")]
+        uv = self.accessors.numbers(attributes[name], 2) * transform.get("scale", [1.0, 1.0])
+        angle = transform.get("rotation", 0.0)
+        c, s = np.cos(angle), np.sin(angle)
+        uv = uv @ np.array([[c, -s], [s, c]]) + transform.get("offset", [0.0, 0.0])
+        texture = self.header["textures"][check_natural(entry["index"], "a texture")]
         webp = texture.get("extensions", {}).get("EXT_texture_webp", {})
-        source = whole(webp.get("source", texture.get("source")), "the source of a texture")
+        source = check_natural(webp.get("source", texture.get("source")), "the source of a texture")
         sampler: dict[str, Any] = {}
         if "sampler" in texture:
-            sampler = self.header["samplers"][whole(texture["sampler"], "a sampler")]
+            sampler = self.header["samplers"][check_natural(texture["sampler"], "a sampler")]
         repeats = sampler.get("wrapS") != _CLAMP_TO_EDGE, sampler.get("wrapT") != _CLAMP_TO_EDGE
         return Texture(self._image(source), repeats).over(uv[faces])
 
     def _image(self, index: int) -> np.ndarray:
         if index not in self._images:
-            about = self.header["images"][index]
-            if "uri" in about:
-                content = self._linked(about["uri"])
+            entry = self.header["images"][index]
+            if "uri" in entry:
+                content = self._linked(entry["uri"])
             else:
-                content = self.accessors.view(about["bufferView"])[0]
-            name = about.get("name") or str(about.get("uri", index))[:40]
+                content = self.accessors.view(entry["bufferView"])[0]
+            name = entry.get("name") or str(entry.get("uri", index))[:40]
             self._images = {index: image(content, repr(name))}
         return self._images[index]
 
-    def _buffer(self, index: int, about: dict[str, Any]) -> bytes:
-        if "uri" in about:
-            content = self._linked(about["uri"])
+    def _buffer(self, index: int, entry: dict[str, Any]) -> bytes:
+        if "uri" in entry:
+            content = self._linked(entry["uri"])
         elif index == 0 and self.chunk is not None:
             content = self.chunk
         else:
             raise ValueError(f"its buffer {index} has no content")
-        length = whole(about["byteLength"], "the length of a buffer")
+        length = check_natural(entry["byteLength"], "the length of a buffer")
         if length > len(content):
-            text = f"its buffer {index} has {len(content)} bytes; it says {length}"
+            text = f"its buffer {index} has {len(content)} bytes instead of {length}"
             raise ValueError(text)
         return content[:length]
 
@@ -235,7 +242,7 @@ class _Reader:
 
 
 def _faces(corners: Indices, mode: int) -> Indices:
-    """(m, 3) triangles of a list, a strip or a fan; in a strip, every second one is reversed."""
+    """(m, 3) triangles of a list, strip or fan; a strip has every second triangle reversed."""
     if mode == _TRIANGLES:
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
     if mode not in (_STRIP, _FAN):

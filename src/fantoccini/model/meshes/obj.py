@@ -16,7 +16,7 @@ from fantoccini.base import Array, decoded, lines_of
 from fantoccini.model.meshes.colours import Texture, linked_image, srgb
 from fantoccini.model.meshes.limits import LIMITS
 from fantoccini.model.meshes.linked_files import LinkedFiles
-from fantoccini.model.meshes.part import Count, Part, lost
+from fantoccini.model.meshes.part import Count, Part, ignored_properties
 
 _MIN_VALUES = {"v": 3, "vt": 1}
 """Keyword -> minimum number of values after it."""
@@ -128,9 +128,9 @@ class _Reader:
             colours = None if material is None else self._colours(material, faces)
             if material is None and np.isfinite(vertex_colours[used]).all():
                 colours = np.clip(vertex_colours[corners].mean(axis=1), 0.0, 1.0)
-            missing = lost(False, False)
+            missing = ignored_properties(False, False)
             if material is not None:
-                missing = lost(bool(material.image), material.transparent)
+                missing = ignored_properties(bool(material.image), material.transparent)
             yield Part(vertices[used], renamed.reshape(-1, 3), colours, missing)
 
     def _colours(self, material: _Material, faces: _Faces) -> Array | None:

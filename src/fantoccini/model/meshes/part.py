@@ -13,11 +13,11 @@ Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Rotation from y up to z up."""
 
 TEXTURES, TRANSPARENCY = "textures", "transparency"
-"""Properties of materials that are not kept: every triangle has one opaque colour."""
+"""Properties of materials that are ignored: every triangle has one opaque colour."""
 
 
-def lost(textures: bool, transparent: bool) -> frozenset[str]:
-    """The properties of a material that are not kept."""
+def ignored_properties(textures: bool, transparent: bool) -> frozenset[str]:
+    """Names of the properties of a material that are ignored."""
     properties = ((TEXTURES, textures), (TRANSPARENCY, transparent))
     return frozenset(name for name, present in properties if present)
 
@@ -30,7 +30,7 @@ class Part:
         vertices: (n, 3) positions.
         faces: (m, 3) indices of vertices, anticlockwise from outside.
         colours: (m, 3) sRGB of the faces; None without a material.
-        lost: properties of the material that are not kept.
+        lost: ignored properties of the material.
     """
 
     vertices: Array

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, decoded
-from fantoccini.model.meshes.part import Count, Part, lost
+from fantoccini.model.meshes.part import Count, Part, ignored_properties
 
 _HEADER_BYTES = 84
 """Size of a binary STL's header; its last four bytes are the number of triangles."""
@@ -93,4 +93,4 @@ def _colours(mesh: Any) -> tuple[Array | None, frozenset[str]]:
     if visual.kind not in ("face", "vertex"):
         return None, frozenset()
     colours = np.array(visual.face_colors, dtype=float)
-    return colours[:, :3] / 255.0, lost(False, bool(np.any(colours[:, 3] < 255)))
+    return colours[:, :3] / 255.0, ignored_properties(False, bool(np.any(colours[:, 3] < 255)))

@@ -7,18 +7,19 @@ from fantoccini.model.puppet.elements import Attachment
 from fantoccini.model.puppet.parts import Parts
 
 Carrier = tuple[str, str | Path | None, tuple[float, ...] | None]
-"""Kind and name of the carrier of a point, and the place on it."""
+"""Kind and name of a point's carrier, and the point's position there (None if unclear)."""
 
 
 def check_paths(parts: Parts) -> None:
     """Checks that the points of strings and springs exist and can change their distance."""
     for i, string in enumerate(parts.puppet.strings):
-        _path(parts, ("strings", i, "path"), string.path)
+        _check_path(parts, ("strings", i, "path"), string.path)
     for i, spring in enumerate(parts.puppet.springs):
-        _path(parts, ("springs", i, "between"), spring.between)
+        _check_path(parts, ("springs", i, "between"), spring.between)
 
 
-def _path(parts: Parts, path: Path, points: tuple[Attachment, ...]) -> None:
+def _check_path(parts: Parts, path: Path, points: tuple[Attachment, ...]) -> None:
+    """Adds the mistakes of the points at a path of keys."""
     all_carriers = [_carrier(parts, p, (*path, k)) for k, p in enumerate(points)]
     driven = [k for k, c in enumerate(all_carriers) if c and c[0] == "driven"]
     for k in driven:
@@ -27,7 +28,7 @@ def _path(parts: Parts, path: Path, points: tuple[Attachment, ...]) -> None:
         elif k not in (0, len(all_carriers) - 1):
             parts.add_mistake((*path, k, "driven"), "only a string's two ends can be driven")
     if len(driven) > 1 and path[0] == "strings":
-        text = "both ends are driven; let one be a body with a driven joint"
+        text = "both ends are driven; needed: a body with a driven joint at one of them"
         parts.add_mistake((*path, driven[1], "driven"), text)
     carriers = [c for c in all_carriers if c is not None]
     if len(all_carriers) < 2 or len(carriers) < len(all_carriers):
@@ -44,7 +45,7 @@ def _path(parts: Parts, path: Path, points: tuple[Attachment, ...]) -> None:
 
 
 def _carrier(parts: Parts, point: Attachment, path: Path) -> Carrier | None:
-    """The carrier of a point; None if unclear."""
+    """The carrier of a point; None if the file does not determine it."""
     if point is UNCLEAR:
         return None
     if point.driven is not None:
@@ -60,16 +61,23 @@ def _carrier(parts: Parts, point: Attachment, path: Path) -> Carrier | None:
     return None
 
 
-def _check_body(parts: Parts, name: str, path: Path, others: set[str]) -> bool:
-    """Whether a body has this name; reports a mistake otherwise."""
+def _check_body(parts: Parts, name: str, path: Path, other_names: set[str]) -> bool:
+    """Whether a body has this name; adds a mistake otherwise.
+
+    Args:
+        parts: parts of the puppet.
+        name: name in the file.
+        path: its path of keys.
+        other_names: other allowed names, for the message.
+    """
     if name not in parts.body_names:
-        hint = parts.hint(name, parts.body_names | others)
+        hint = parts.hint(name, parts.body_names | other_names)
         parts.add_mistake(path, f"no body is called {shown(name)}{hint}")
     return name in parts.body_names
 
 
 def _place(point: tuple[Number, ...]) -> tuple[float, ...] | None:
-    """Coordinates of a point; None if unclear."""
+    """Coordinates of a point; None if the file does not determine them."""
     if point is UNCLEAR or any(UNCLEAR in (x, getattr(x, "value", x)) for x in point):
         return None
     return tuple(map(value_of, point))

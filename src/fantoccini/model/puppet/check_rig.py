@@ -1,4 +1,4 @@
-"""Checks of the section `rig`: its names exist, and its chains are chains of the tree."""
+"""Checks of the section `rig` of a puppet file: its names exist, and limbs are chains of bodies."""
 
 from __future__ import annotations
 
@@ -19,30 +19,41 @@ def check_rig(parts: Parts) -> None:
     parents = _parents(parts)
     owner: dict[str, str] = {}
     for i, name in enumerate(rig.trunk or ()):
-        _body(parts, ("rig", "trunk", i), name, "the trunk", owner)
+        _assign_body(parts, ("rig", "trunk", i), name, "the trunk", owner)
     if rig.head:
-        _body(parts, ("rig", "head", "body"), rig.head.body, "the head", owner)
+        _assign_body(parts, ("rig", "head", "body"), rig.head.body, "the head", owner)
     if rig.control is not None and isinstance(rig.control, str):
-        _body(parts, ("rig", "control"), rig.control, "the control", owner)
+        _assign_body(parts, ("rig", "control"), rig.control, "the control", owner)
     for key in ("carrying", "looking"):
-        _strings(parts, ("rig", key), getattr(rig, key) or (), strings)
+        _check_strings(parts, ("rig", key), getattr(rig, key) or (), strings)
     for i, limb in enumerate(rig.limbs or ()):
-        at: Path = ("rig", "limbs", i)
-        _strings(parts, (*at, "strings"), limb.strings, strings)
-        above = ""
+        path: Path = ("rig", "limbs", i)
+        _check_strings(parts, (*path, "strings"), limb.strings, strings)
+        previous = ""
         for k, name in enumerate(limb.bodies):
-            spot = (*at, "bodies", k)
-            if not _body(parts, spot, name, f"limb {i + 1}", owner):
+            body_path = (*path, "bodies", k)
+            if not _assign_body(parts, body_path, name, f"limb {i + 1}", owner):
                 break
-            if above and above not in _ancestors(parents, name):
-                text = f"{shown(name)} is not carried by {shown(above)}, the body before it"
-                parts.add_mistake(spot, text)
-            above = name
+            if previous and previous not in _ancestors(parents, name):
+                text = f"{shown(name)} does not hang on {shown(previous)}, the body before it"
+                parts.add_mistake(body_path, text)
+            previous = name
     _check_mirror(parts, rig)
 
 
-def _body(parts: Parts, path: Path, name: object, part: str, owner: dict[str, str]) -> bool:
-    """Whether a body has this name and no other part; reports a mistake otherwise."""
+def _assign_body(parts: Parts, path: Path, name: object, part: str, owner: dict[str, str]) -> bool:
+    """Assigns a body to a part of the rig, or adds a mistake.
+
+    Args:
+        parts: parts of the puppet.
+        path: path of the name in the file.
+        name: name of the body.
+        part: part of the rig, such as "the trunk".
+        owner: body -> part of the rig; changed in place.
+
+    Returns:
+        Whether the body exists and had no part yet.
+    """
     if not isinstance(name, str):
         return False
     if name not in parts.body_names:
@@ -57,7 +68,8 @@ def _body(parts: Parts, path: Path, name: object, part: str, owner: dict[str, st
     return True
 
 
-def _strings(parts: Parts, path: Path, names: Iterable[object], known: set[str]) -> None:
+def _check_strings(parts: Parts, path: Path, names: Iterable[object], known: set[str]) -> None:
+    """Adds a mistake for every name that is not a string of the puppet."""
     for i, name in enumerate(names):
         if isinstance(name, str) and name not in known:
             parts.add_mistake(
@@ -66,7 +78,7 @@ def _strings(parts: Parts, path: Path, names: Iterable[object], known: set[str])
 
 
 def _parents(parts: Parts) -> dict[str, str]:
-    """Body -> its parent, twins included."""
+    """Body -> its parent, including mirrored twins."""
     parents: dict[str, str] = {}
     for body in parts.puppet.bodies:
         if isinstance(body.name, str) and isinstance(body.parent, str):
@@ -76,14 +88,15 @@ def _parents(parts: Parts) -> dict[str, str]:
 
 
 def _ancestors(parents: dict[str, str], name: str) -> set[str]:
-    above: set[str] = set()
-    while (name := parents.get(name, "world")) != "world" and name not in above:
-        above.add(name)
-    return above
+    """Names of the bodies between a body and the world."""
+    ancestors: set[str] = set()
+    while (name := parents.get(name, "world")) != "world" and name not in ancestors:
+        ancestors.add(name)
+    return ancestors
 
 
 def _check_mirror(parts: Parts, rig: Rig) -> None:
-    """Checks that a limb with a mirrored twin has a side."""
+    """Adds a mistake for a limb that has a mirrored twin and is in the middle."""
     for i, limb in enumerate(rig.limbs or ()):
         names = [name for name in limb.bodies if isinstance(name, str)]
         if any(parts.twin(name) != name for name in names) and limb.side == "middle":

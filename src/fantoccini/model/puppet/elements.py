@@ -54,13 +54,13 @@ class Drag(Model):
 
 
 def _check_inertia(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
-    """The inertia itself, if a solid can have it."""
+    """Returns the inertia; raises if no solid can have it."""
     ixx, iyy, izz, ixy, ixz, iyz = (*(value_of(n) for n in inertia), 0.0, 0.0, 0.0)[:6]
     a, b, c = np.linalg.eigvalsh([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    slack = 1e-9 * abs(c)  # far above rounding
-    if a < -slack:
+    tolerance = 1e-9 * abs(c)  # far above rounding
+    if a < -tolerance:
         raise mistake(f"found a principal moment of {a:g} kg m^2; none may be negative")
-    if a + b < c - slack:
+    if a + b < c - tolerance:
         raise mistake(
             f"found principal moments {a:g}, {b:g} and {c:g} kg m^2; no solid has one that is "
             "larger than the sum of the other two"
@@ -69,7 +69,7 @@ def _check_inertia(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
 
 
 SolidInertia = Annotated[tuple[Inertia, ...], sized(3, 6), AfterValidator(_check_inertia)]
-"""ixx, iyy, izz and perhaps ixy, ixz, iyz of a solid [kg m^2]."""
+"""ixx, iyy, izz and optionally ixy, ixz, iyz of a solid [kg m^2]."""
 
 
 class Body(Model):
@@ -80,32 +80,32 @@ class Body(Model):
     parent: str = "world"
     """Name of the parent body."""
     joint: Joint = Joint(type="fixed")
-    """Joint that carries it on its parent."""
+    """Joint between the body and its parent."""
     shapes: tuple[AnyShape, ...] = ()
     """Solids fixed on the body; those with mass or density give its inertia."""
     mass: Mass | None = None
-    """Mass [kg], instead of the shapes' sum."""
+    """Mass [kg], instead of the sum of the shapes."""
     com: Point | None = None
-    """Centre of mass in the body frame [m], instead of the shapes'."""
+    """Centre of mass in the body frame [m], instead of that of the shapes."""
     inertia: SolidInertia | None = None
-    """ixx, iyy, izz and perhaps ixy, ixz, iyz about the centre of mass [kg m^2]."""
+    """ixx, iyy, izz and optionally ixy, ixz, iyz about the centre of mass [kg m^2]."""
     drag: Drag | None = None
     """Air drag."""
 
 
 class Attachment(Model):
-    """A point of a string or spring: on a body, in the world, or (a string's end) driven."""
+    """A point of a string or spring, fixed on a body or in the world, or a string's driven end."""
 
     body: str | None = None
-    """Name of the body the point is fixed on."""
+    """Name of the body on which the point is fixed."""
     at: Point = (0.0, 0.0, 0.0)
-    """Position in the body frame; for a driven end its start position, on its parent [m]."""
+    """Position in the body frame; for a driven end the start position in its parent's frame [m]."""
     world: Point | None = None
     """Position in the world [m]."""
     driven: Axes | None = None
-    """Axes along which the string's end is moved by hand or motor."""
+    """Axes along which a hand or a motor moves the string's end."""
     parent: str = "world"
-    """Name of the body whose axes and origin a driven end has; by default the world."""
+    """Name of the body in whose frame a driven end moves."""
 
     @model_validator(mode="after")
     def _one_place(self) -> Attachment:
@@ -114,9 +114,9 @@ class Attachment(Model):
             text = " and ".join(keys) or "neither"
             raise mistake(f"found {text}; needed: exactly one of body, world, driven")
         if self.parent != "world" and self.driven is None:
-            raise mistake("found a parent of a point that is not driven; write body instead")
+            raise mistake("found parent for a point that is not driven; needed: body instead")
         if self.world is not None and "at" in self.model_fields_set:
-            raise mistake("found world and at; world gives the place")
+            raise mistake("found world and at; needed: only world, which is the position")
         return self
 
 
@@ -145,13 +145,13 @@ class String(Model):
     name: PartName
     """The string's name."""
     path: Annotated[tuple[Attachment, ...], entries(2)]
-    """The points it runs through, from end to end."""
+    """Points through which it runs, from end to end."""
     length: Length
     """Length L [m], or `driven` if it is wound in and out."""
     wire: bool = Field(default=False, strict=True)
     """True for a rod that also pushes (a two-sided constraint)."""
     restitution: Share = 0.0
-    """Coefficient of restitution of catches: 0 (none) to 1."""
+    """Coefficient of restitution when the string comes taut: 0 (none) to 1."""
     max_tension: PositiveForce | None = None
     """Tension at which its winch slips and lets string out [N]."""
     rewind_speed: Speed | None = None
@@ -162,11 +162,11 @@ class String(Model):
     """Colour as `"#rrggbb"`."""
 
     @model_validator(mode="after")
-    def _winch(self) -> String:
+    def _check_options(self) -> String:
         bounces = value_of(self.restitution) > 0
         if self.wire and (bounces or self.max_tension is not None):
-            what = "restitution" if bounces else "max_tension"
-            raise mistake(f"found wire: true and {what}; a wire neither bounces nor slips")
+            key = "restitution" if bounces else "max_tension"
+            raise mistake(f"found wire: true and {key}; a wire neither bounces nor slips")
         if self.rewind_speed is not None and self.max_tension is None:
             raise mistake("found rewind_speed without max_tension; only a winch that slips rewinds")
         if bounces and self.max_tension is not None:

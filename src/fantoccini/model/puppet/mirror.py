@@ -1,7 +1,8 @@
 """Reflection of one half of a puppet into the other, on plain data.
 
-With S the reflection (a diagonal of one -1 and two 1): points S p, rotations S R S, inertia S I S;
-the axis a of a rotation is a pseudo-vector, -S a, so that equal angles are mirror images.
+With the reflection S, diagonal with one -1 and two 1, mirror images are S p of points, S R S of
+rotations and S I S of inertias. The axis a of a rotation is a pseudo-vector: its mirror image is
+-S a, so that equal angles are mirror images.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ _INDEX = {"x": 0, "y": 1, "z": 2}
 
 
 def twin_name(name: str, token: str, to: str) -> str:
-    """The name of the twin; a part whose name does not contain the token is its own twin."""
+    """Name of the mirrored twin: that of the part itself if it does not contain the token."""
     return name.replace(token, to)
 
 
@@ -57,7 +58,7 @@ class Reflection:
     """Mirror images of the parts of a puppet.
 
     Attributes:
-        findings: mistakes for parameters that a mirror image would need with the opposite sign.
+        findings: mistakes about parameters whose mirror image would have the opposite sign.
     """
 
     def __init__(self, plane: str, token: str, to: str):
@@ -75,7 +76,7 @@ class Reflection:
         return contact | {"pairs": [*twins, *pairs]} if twins else contact
 
     def rig(self, rig: dict[str, Any]) -> dict[str, Any]:
-        """A rig with the twins of its limbs and strings, except those that it lists."""
+        """A rig with the twins of its limbs and strings, if it does not list them itself."""
         out = dict(rig)
         for key in ("carrying", "looking", "trunk"):
             if key in rig:
@@ -97,7 +98,7 @@ class Reflection:
         return out | {"end": self.vector(limb["end"])}
 
     def with_twins(self, names: list[str]) -> list[str]:
-        """The names, and those of their twins that are not among them."""
+        """The names, followed by those of their twins that are missing."""
         return list(dict.fromkeys([*names, *map(self.name, names)]))
 
     def body(self, body: dict[str, Any], path: Path = ()) -> dict[str, Any]:
@@ -121,8 +122,8 @@ class Reflection:
         if "name" in joint:
             out["name"] = self.name(joint["name"])
         if "axis" in joint:
-            turns = joint["type"] == "revolute"
-            out["axis"] = self.pseudo(joint["axis"]) if turns else self.vector(joint["axis"])
+            rotates = joint["type"] == "revolute"
+            out["axis"] = self.pseudo(joint["axis"]) if rotates else self.vector(joint["axis"])
         if "at" in joint:
             out["at"] = self.vector(joint["at"], (*path, "at"))
         if "orientation" in joint:

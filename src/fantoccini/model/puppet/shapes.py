@@ -1,6 +1,6 @@
 """Shapes: geometry for pictures and collisions, and inertia.
 
-A shape with a mass or a density counts towards its body's inertia.
+A shape with a mass or a density contributes to its body's inertia.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from fantoccini.model import meshes
 from fantoccini.model.puppet.quantities import QUANTITIES, Density, Mass, Scale, Size, Sizes, Vector
 
 MIN_MESH_VOLUME = 1e-15
-"""Smallest volume of a mesh with mass [m^3]; a smaller one is flat: its inertia is rounding."""
+"""Smallest volume of a mesh with mass [m^3]; the inertia of a flatter one is a rounding error."""
 
 
 def _colour(text: str) -> str:
@@ -147,21 +147,21 @@ class Mesh(Shape):
 
     @field_validator("file")
     @classmethod
-    def _inside(cls, file: str, info: ValidationInfo) -> str:
+    def _check_file(cls, file: str, info: ValidationInfo) -> str:
         folder = info.context.folder if isinstance(info.context, Located) else Path.cwd()
         path = PurePosixPath(file)
-        plain = file.isprintable() and "\\" not in file and ":" not in file and len(file) < 256
-        if not plain or path.is_absolute() or ".." in path.parts or not path.parts:
+        is_plain = file.isprintable() and "\\" not in file and ":" not in file and len(file) < 256
+        if not is_plain or path.is_absolute() or ".." in path.parts or not path.parts:
             raise mistake(f"found {shown(file)}; needed: a path inside the puppet file's folder")
         if path.suffix.lower() not in meshes.FORMATS:
             raise mistake(f"found {shown(file)}; allowed: {', '.join(meshes.FORMATS)} files")
         try:
-            place = Path(os.path.realpath(folder / path))
-            if not place.is_relative_to(os.path.realpath(folder)):
+            real_path = Path(os.path.realpath(folder / path))
+            if not real_path.is_relative_to(os.path.realpath(folder)):
                 raise mistake(f"found {shown(file)}; it leads out of the puppet file's folder")
-            if not place.is_file():
+            if not real_path.is_file():
                 raise mistake(f"found no file {shown(file)} in {folder}")
-            size = place.stat().st_size
+            size = real_path.stat().st_size
         except OSError as reason:
             raise mistake(f"found {shown(file)}, which cannot be read: {reason}") from None
         largest = meshes.LIMITS.max_bytes
@@ -178,7 +178,7 @@ class Mesh(Shape):
             self._origin = Origin(context.file, context.folder)
 
     @model_validator(mode="after")
-    def _readable(self) -> Mesh:
+    def _check_mesh(self) -> Mesh:
         try:
             load_mesh(self)
         except (OSError, ValueError) as reason:
@@ -196,14 +196,14 @@ class Mesh(Shape):
 
     def digest(self) -> str:
         """SHA-256 of the mesh file and the files to which it refers, in hexadecimal."""
-        own, *others = self.contents().items()
-        total = hashlib.sha256(own[1])
+        (_, content), *others = self.contents().items()
+        total = hashlib.sha256(content)
         for name, content in sorted(others):
             total.update(f"\n{name}\n".encode() + hashlib.sha256(content).digest())
         return total.hexdigest()
 
     def contents(self) -> dict[str, bytes]:
-        """Paths relative to the puppet file -> contents: the mesh file, then files it refers to."""
+        """Contents by path relative to the puppet file: the mesh file, then files it refers to."""
         files = meshes.contents(self.path, self._origin.folder)
         folder = PurePosixPath(self.file).parent
         return {self.file if n == "." else (folder / n).as_posix(): c for n, c in files.items()}
@@ -273,13 +273,13 @@ def shape_inertia(shape: Shape) -> tuple[float, UnitInertia]:
     """
     match shape:
         case Sphere(radius=r):
-            return 4 / 3 * math.pi * r**3, _placed(shape, (0.4 * r * r,) * 3)
+            return 4 / 3 * math.pi * r**3, _uniform_inertia(shape, (0.4 * r * r,) * 3)
         case Box(size=(x, y, z)):
             moments = (y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12
-            return x * y * z, _placed(shape, moments)
+            return x * y * z, _uniform_inertia(shape, moments)
         case Ellipsoid(radii=(a, b, c)):
             moments = (b * b + c * c) / 5, (a * a + c * c) / 5, (a * a + b * b) / 5
-            return 4 / 3 * math.pi * a * b * c, _placed(shape, moments)
+            return 4 / 3 * math.pi * a * b * c, _uniform_inertia(shape, moments)
         case Capsule():
             return _capsule(shape)
         case Mesh():
@@ -287,8 +287,10 @@ def shape_inertia(shape: Shape) -> tuple[float, UnitInertia]:
     raise TypeError(f"{type(shape).__name__} is not a shape")
 
 
-def _placed(shape: Box | Sphere | Ellipsoid, moments: tuple[float, float, float]) -> UnitInertia:
-    """R diag(moments) R^T at the shape's centre."""
+def _uniform_inertia(
+    shape: Box | Sphere | Ellipsoid, moments: tuple[float, float, float]
+) -> UnitInertia:
+    """R diag(moments) R^T about the shape's centre, for principal moments per unit mass [m^2]."""
     orientation = None if isinstance(shape, Sphere) else shape.orientation
     R = np.eye(3) if orientation is None else orientation.matrix
     return UnitInertia(np.array(shape.at), R @ np.diag(moments) @ R.T)
@@ -304,13 +306,13 @@ def _capsule(shape: Capsule) -> tuple[float, UnitInertia]:
     length = float(np.linalg.norm(end - start))
     cylinder, ball = math.pi * r * r * length, 4 / 3 * math.pi * r**3
     volume = cylinder + ball
-    along = (cylinder * r * r / 2 + ball * 0.4 * r * r) / volume
-    across = (
+    axial = (cylinder * r * r / 2 + ball * 0.4 * r * r) / volume
+    transverse = (
         cylinder * (length**2 / 12 + r * r / 4)
         + ball * (0.4 * r * r + length**2 / 4 + 0.375 * length * r)
     ) / volume
     axis = (end - start) / length if length > 0 else np.zeros(3)
-    inertia = across * np.eye(3) + (along - across) * np.outer(axis, axis)
+    inertia = transverse * np.eye(3) + (axial - transverse) * np.outer(axis, axis)
     return volume, UnitInertia((start + end) / 2, inertia)
 
 
@@ -345,21 +347,21 @@ def load_mesh(shape: Mesh) -> Any:
         text = f"{shape.file} measures {extent:g} m with its scale"
         raise ValueError(f"{text}; allowed: {length.min_size:g} to {length.max_size:g} m")
     if has_mass(shape) and not file.closed:
-        raise ValueError(f"{shape.file} {unclosed(mesh)}, so its mass has no centre")
+        raise ValueError(f"{shape.file} {unclosed(mesh)}, so its centre of mass is undefined")
     if mesh.volume < 0:
         mesh.invert()
     if has_mass(shape) and not mesh.volume >= MIN_MESH_VOLUME:
-        raise ValueError(f"{shape.file} has no volume, so its mass has no centre")
+        raise ValueError(f"{shape.file} has no volume, so its centre of mass is undefined")
     return mesh
 
 
 def unclosed(mesh: Any) -> str:
-    """The end of a message about a mesh that is not closed."""
+    """Predicate of a message about a mesh that is not closed, "is not closed" for example."""
     if mesh.is_watertight:
         return "has neighbouring triangles that face inwards and outwards"
     return "is not closed"
 
 
 def has_mass(shape: Shape) -> bool:
-    """Whether a shape counts towards its body's inertia."""
+    """Whether a shape contributes to its body's inertia."""
     return any(n is not None and value_of(n) > 0 for n in (shape.mass, shape.density))

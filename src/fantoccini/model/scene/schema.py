@@ -1,4 +1,4 @@
-"""The schema of a scene file: puppets with names, places and poses; props, obstacles, a floor."""
+"""Schema of scene files: puppets with names, positions and poses; props, obstacles, a floor."""
 
 from __future__ import annotations
 
@@ -46,50 +46,51 @@ def _puppet_kind(value: Any) -> str:
 
 
 class Member(Model):
-    """A puppet of a scene, and its place."""
+    """A puppet of a scene, with its position."""
 
     name: Name
-    """Its name in the scene; names of its parts and coordinates begin with this and a dot."""
+    """Name in the scene, such as `hans`; its parts are then `hans.arm` and so on."""
     puppet: Annotated[
         Annotated[str, Tag("<file>")] | Annotated[InstanceOf[Puppet], Tag("<puppet>")],
         Discriminator(_puppet_kind),
     ]
-    """Its file, relative to the scene's, or the name of a bundled one; in Python also a Puppet."""
+    """Path of the puppet file beside the scene's, or the name of a bundled puppet; in Python also a
+    Puppet."""
     at: Vector = (0.0, 0.0, 0.0)
-    """Place of the origin of its world in the scene [m]."""
+    """Position in the scene of the world origin of the puppet file [m]."""
     orientation: Orientation | None = None
-    """Orientation of the axes of its world in the scene."""
+    """Orientation in the scene of the world axes of the puppet file."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)
-    """Start values that replace those of its file, by the names in its file."""
+    """Start values that replace those of the puppet file; names are those of the file."""
     parameters: dict[str, Real] = Field(default_factory=dict)
-    """Values of its parameters that replace those of its file."""
+    """Parameter -> value that replaces the one in the puppet file."""
 
 
 class Prop(Model):
     """A rigid body that is not attached to anything: a ball, a chair, a hat."""
 
     name: Name
-    """Its name; its coordinates are `ball.x`, `ball.y`, `ball.z` and `ball.rotation`."""
+    """Name; the coordinates of `ball` are `ball.x`, `ball.y`, `ball.z` and `ball.rotation`."""
     shapes: Annotated[tuple[AnyShape, ...], entries(1)]
-    """Its solids; those with mass or density give its inertia."""
+    """Solids of the prop; those with mass or density give its inertia."""
     mass: Mass | None = None
-    """Mass [kg], instead of the shapes' sum."""
+    """Mass [kg], instead of the sum of the shapes."""
     com: Point | None = None
-    """Centre of mass in its frame [m], instead of the shapes'."""
+    """Centre of mass in the prop's frame [m], instead of that of the shapes."""
     inertia: SolidInertia | None = None
     """ixx, iyy, izz and optionally ixy, ixz, iyz about the centre of mass [kg m^2]."""
     drag: Drag | None = None
     """Air drag."""
     at: Vector = (0.0, 0.0, 0.0)
-    """Place of its frame at the start [m]."""
+    """Start position of the prop's frame [m]."""
     orientation: Orientation | None = None
-    """Orientation of its frame at the start."""
+    """Start orientation of the prop's frame."""
 
     @model_validator(mode="after")
     def _has_mass(self) -> Prop:
-        own = any(map(has_mass, self.shapes)) if self.mass is None else value_of(self.mass) > 0
-        if not own:
-            raise mistake("this prop has no mass; give it a mass, or one of its shapes")
+        shapes_have_mass = any(map(has_mass, self.shapes))
+        if not (shapes_have_mass if self.mass is None else value_of(self.mass) > 0):
+            raise mistake("this prop has no mass; give it a mass, or give one of its shapes a mass")
         return self
 
 
@@ -122,7 +123,12 @@ class Scene(Document):
         uses = Counter(name for _, name in self.names())
         world = {"world": "found 'world', which is the name of the world itself"}
         refuse(
-            (path, world.get(name, f"the name {name!r} is used {uses[name]} times; names differ"))
+            (
+                path,
+                world.get(
+                    name, f"the name {name!r} is used {uses[name]} times; needed: different names"
+                ),
+            )
             for path, name in self.names()
             if name in world or uses[name] > 1
         )
@@ -130,7 +136,7 @@ class Scene(Document):
 
     @classmethod
     def of(cls, *puppets: Puppet, name: str | None = None) -> Scene:
-        """The scene of several puppets, at the places given in their files.
+        """The scene of several puppets, at the positions in their files.
 
         Args:
             puppets: one or more puppets, with different names.

@@ -8,7 +8,7 @@ from fantoccini.base.documents import Number
 from fantoccini.model.puppet import UnitInertia
 from fantoccini.model.tree.coordinates import Role
 from fantoccini.model.tree.placement import Value, link_poses, point_position
-from fantoccini.model.tree.structure import WORLD, Link, Lump, Tree
+from fantoccini.model.tree.structure import WORLD, Link, MassShare, Tree
 
 
 def mass_link(name: str, mass: Number, n_masses: int) -> Link:
@@ -19,7 +19,7 @@ def mass_link(name: str, mass: Number, n_masses: int) -> Link:
         mass: mass of the whole string [kg].
         n_masses: number of point masses.
     """
-    point = Lump(mass, 1.0 / n_masses, UnitInertia(np.zeros(3), np.zeros((3, 3))))
+    point = MassShare(mass, 1.0 / n_masses, UnitInertia(np.zeros(3), np.zeros((3, 3))))
     return Link(
         name=name,
         parent=WORLD,
@@ -31,7 +31,7 @@ def mass_link(name: str, mass: Number, n_masses: int) -> Link:
         role=Role.DYNAMIC,
         q=slice(0, 0),
         v=slice(0, 0),
-        lumps=(point,),
+        mass_shares=(point,),
     )
 
 
@@ -59,7 +59,7 @@ def placed(
     poses = link_poses(tree.links, np.nan_to_num(q_D)[None], np.nan_to_num(q_K)[None], number)
     for chain in tree.chains:
         start, end = (point_position(poses, chain.points[k], number)[0] for k in (0, -1))
-        chain.just_reaches(float(np.linalg.norm(end - start)), q_D, q_K)
+        chain.set_unknown_length(float(np.linalg.norm(end - start)), q_D, q_K)
         line = _line(start, end, float(chain.unstretched_length(q_D, q_K, number)), chain.pieces)
         for point, at in zip(chain.points[1:-1], line, strict=True):
             q_slice = tree.links[point.link].q

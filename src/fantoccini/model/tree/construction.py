@@ -16,7 +16,7 @@ from fantoccini.model.tree.structure import (
     WORLD,
     ChainRow,
     LimitRow,
-    Lump,
+    MassShare,
     Point,
     SpringRow,
     StringRow,
@@ -66,7 +66,7 @@ class _TreeBuilder:
             armature=joint.armature,
             stiffness=joint.spring.stiffness if joint.spring else 0.0,
             rest=joint.spring.rest if joint.spring else 0.0,
-            lumps=_lumps(body),
+            mass_shares=_mass_shares(body),
             mass=body.mass,
             com=body.com,
             inertia=None if body.inertia is None else _six_entries(body.inertia),
@@ -224,14 +224,14 @@ def _point(attachment: Attachment, link_of: dict[str, int]) -> Point:
     return Point(link_of[attachment.body], attachment.at)
 
 
-def _lumps(body: Body) -> tuple[Lump, ...]:
-    lumps = []
+def _mass_shares(body: Body) -> tuple[MassShare, ...]:
+    mass_shares = []
     for shape in body.shapes:
         if shape.mass is not None:
-            lumps.append(Lump(shape.mass, 1.0, shape_inertia(shape)[1]))
+            mass_shares.append(MassShare(shape.mass, 1.0, shape_inertia(shape)[1]))
         elif shape.density is not None:
-            lumps.append(Lump(shape.density, *shape_inertia(shape)))
-    return tuple(lumps)
+            mass_shares.append(MassShare(shape.density, *shape_inertia(shape)))
+    return tuple(mass_shares)
 
 
 def _six_entries(inertia: tuple[Number, ...]) -> tuple[Number, ...]:

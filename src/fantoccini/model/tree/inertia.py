@@ -15,18 +15,18 @@ from fantoccini.model.tree.structure import WORLD, Link, Tree
 def link_inertia(link: Link, number: Value) -> tuple[float, np.ndarray, np.ndarray]:
     """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2], in body axes.
 
-    The link's lumps are summed; explicit mass, centre and inertia override the sum.
+    The link's mass shares are summed; explicit mass, centre and inertia override the sum.
 
     Args:
         link: the link.
         number: value of a number of the puppet.
     """
-    masses = np.array([number(lump.amount) * lump.volume for lump in link.lumps])
+    masses = np.array([number(share.amount) * share.volume for share in link.mass_shares])
     m, com, about_com = float(masses.sum()), np.zeros(3), np.zeros((3, 3))
     if m > 0:
-        com = sum(k * lump.unit.com for k, lump in zip(masses, link.lumps, strict=True)) / m
-        for k, lump in zip(masses, link.lumps, strict=True):
-            about_com = about_com + k * (lump.unit.inertia + _point(lump.unit.com - com))
+        com = sum(k * share.unit.com for k, share in zip(masses, link.mass_shares, strict=True)) / m
+        for k, share in zip(masses, link.mass_shares, strict=True):
+            about_com = about_com + k * (share.unit.inertia + _point(share.unit.com - com))
     if link.mass is not None:
         about_com = about_com * (number(link.mass) / m if m > 0 else 0.0)
         m = number(link.mass)
@@ -48,7 +48,7 @@ def joint_inertias(
 
     Args:
         tree: the tree.
-        q_D, q_K: (n_qD,), (n_qK,) configuration, all finite.
+        q_D, q_K: (n_qD,) dynamic and (n_qK,) driven (kinematic) configuration, all finite.
         number: value of a number of the puppet.
 
     Yields:

@@ -1,7 +1,7 @@
 """Links of joints, and the indices of their coordinates in q_D, v_D, q_K, v_K.
 
-A driven joint that a drive moves is dynamic, and its command is driven. If drives move only some
-coordinates of a joint, the joint is split: the part without drives carries the part with drives.
+A driven joint with a drive has dynamic coordinates, and driven commands. If only some coordinates
+of a joint have drives, the joint is split: the part without drives carries the part with drives.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from fantoccini.model.tree.structure import WORLD, DriveRow, Link
 AXES = ("x", "y", "z")
 
 _QUATERNION = (".qw", ".qx", ".qy", ".qz")
-_TURNING = (".wx", ".wy", ".wz")
+_ANGULAR_VELOCITY = (".wx", ".wy", ".wz")
 TURNS_WITH_LINK: dict[str, tuple[int, ...]] = {"ball": (0, 1, 2), "free": (3, 4, 5)}
-"""Kind of joint -> its velocities whose axes are fixed in the link that it carries."""
+"""Kind of joint -> indices of its velocities whose axes turn with the link that it carries."""
 _UNITS = {"revolute": "rad", ".x": "m", ".y": "m", ".z": "m", "prismatic": "m", ".length": "m"}
 
 
 def suffixes(kind: str, axes: tuple[str, ...] = ()) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Suffixes of the names of a joint's configuration numbers and velocities."""
+    """Suffixes of the names of a joint's coordinates in q and in v."""
     if kind == "translation":
         names = tuple(f".{a}" for a in axes)
         return names, names
@@ -34,7 +34,7 @@ def suffixes(kind: str, axes: tuple[str, ...] = ()) -> tuple[tuple[str, ...], tu
         return (".length",), (".length",)
     scalars = {"revolute": ("",), "prismatic": ("",), "free": suffixes("translation", AXES)[0]}
     first, turns = scalars.get(kind, ()), kind in ("ball", "free")
-    return first + _QUATERNION * turns, first + _TURNING * turns
+    return first + _QUATERNION * turns, first + _ANGULAR_VELOCITY * turns
 
 
 class Table:
@@ -65,11 +65,11 @@ class Table:
         """Adds coordinates of one role, and returns their indices in q and v.
 
         Args:
-            owner: prefix of their names.
+            owner: prefix of the names: name of the joint or string.
             kind: kind of the joint, or ``length``.
             role: role of the coordinates.
-            q, v: suffixes of the names of configuration numbers and velocities.
-            start: configuration in the file's pose.
+            q, v: suffixes of the names in q and in v.
+            start: values of q in the file's pose.
         """
         if role is Role.FIXED or not q:
             return slice(0, 0), slice(0, 0)
@@ -132,12 +132,13 @@ class Joints:
         """Adds the links of a body's joint.
 
         Args:
-            last: link of the body, without the fields that the joint determines.
+            last: link of the body, without the fields that depend on the joint; it is the last of
+                the joint's links.
             joint: joint of the file.
-            start: suffix -> configuration number in the file's pose.
+            start: suffix -> value of q in the file's pose.
 
         Returns:
-            The body's index.
+            Index of the body's link.
         """
         rotation = np.eye(3) if joint.orientation is None else joint.orientation.matrix
         offset, parent = joint.at, last.parent
@@ -164,7 +165,7 @@ class Joints:
         start = {f".{a}": value_of(x) for a, x in zip(AXES, at, strict=True)}
         x, y, z = (0.0 if a in axes else x for a, x in zip(AXES, at, strict=True))
         parts = list(self._parts(string, "translation", axes, True))
-        for n, (kind, own, role) in enumerate(parts, 1):
+        for n, (kind, part_axes, role) in enumerate(parts, 1):
             name = f"{string}.end" if n == len(parts) else f"{string}.carriage{n}"
             link = replace(
                 carriage(name, string),
@@ -172,9 +173,9 @@ class Joints:
                 kind=kind,
                 role=role,
                 offset=(x, y, z),
-                axes=columns(own, None),
+                axes=columns(part_axes, None),
             )
-            parent = self.add(link, kind, own, start)
+            parent = self.add(link, kind, part_axes, start)
             x = y = z = 0.0
         return parent
 
@@ -201,24 +202,24 @@ class Joints:
             link: link without q and v.
             kind: kind of the joint, or ``length``.
             axes: axes of a translation.
-            start: suffix -> configuration number in the file's pose; 0 by default.
+            start: suffix -> value of q in the file's pose; 0 by default.
         """
         names = suffixes(kind, axes)
         values = {s: start.get(s, 1.0 if s == ".qw" else 0.0) for s in names[0]}
         q, v = self.table.add(link.joint, kind, link.role, *names, list(values.values()))
         self.links.append(replace(link, q=q, v=v))
-        index, at_q, at_v = len(self.links) - 1, q.start, v.start
+        index, next_q, next_v = len(self.links) - 1, q.start, v.start
         axis = tuple((link.rotation @ link.axes).T.ravel().tolist())
         if kind in ("revolute", "prismatic") and link.role is Role.DRIVEN:
             self.table.axes[link.joint] = axis
-        has_place = link.role is Role.DRIVEN or kind in ("free", "translation")
-        is_carried = has_place and self._moves(link.parent, link.joint)
+        has_position = link.role is Role.DRIVEN or kind in ("free", "translation")
+        is_carried = has_position and self._moves(link.parent, link.joint)
         if is_carried:
             self.table.carried[link.joint] = None
         for name, own_q, own_v in _driveable(names):
             n_q, n_v = len(own_q), len(own_v)
-            slices = slice(at_q, at_q + n_q), slice(at_v, at_v + n_v)
-            at_q, at_v = at_q + n_q, at_v + n_v
+            slices = slice(next_q, next_q + n_q), slice(next_v, next_v + n_v)
+            next_q, next_v = next_q + n_q, next_v + n_v
             drive = self.motors.get(link.joint + name) if link.role is Role.DYNAMIC else None
             if drive is None:
                 continue
@@ -238,7 +239,7 @@ class Joints:
         return index
 
     def _moves(self, i: int, joint: str) -> bool:
-        """Whether a link moves other than by a joint."""
+        """Whether joints other than a given one move a link."""
         while i != WORLD:
             if self.links[i].role is not Role.FIXED and self.links[i].joint != joint:
                 return True
@@ -248,20 +249,20 @@ class Joints:
     def _parts(
         self, name: str, kind: str, axes: tuple[str, ...], driven: bool
     ) -> Iterator[tuple[str, tuple[str, ...], Role]]:
-        """Kind, axes and role of the joints that a joint is split into."""
+        """Kind, axes and role of the joints into which a joint is split."""
         if not driven:
             yield kind, axes, Role.FIXED if kind == "fixed" else Role.DYNAMIC
             return
-        moved = [s for s, _, _ in _driveable(suffixes(kind, axes)) if name + s in self.motors]
-        if kind == "free" and moved:
+        with_drive = [s for s, _, _ in _driveable(suffixes(kind, axes)) if name + s in self.motors]
+        if kind == "free" and with_drive:
             yield from self._parts(name, "translation", AXES, True)
             yield from self._parts(name, "ball", (), True)
             return
         if kind != "translation":
-            yield kind, axes, Role.DYNAMIC if moved else Role.DRIVEN
+            yield kind, axes, Role.DYNAMIC if with_drive else Role.DRIVEN
             return
-        by_hand = tuple(a for a in axes if f".{a}" not in moved)
-        by_motor = tuple(a for a in axes if f".{a}" in moved)
+        by_hand = tuple(a for a in axes if f".{a}" not in with_drive)
+        by_motor = tuple(a for a in axes if f".{a}" in with_drive)
         if by_hand:
             yield kind, by_hand, Role.DRIVEN
         if by_motor:
@@ -272,7 +273,7 @@ class Joints:
 
 
 def carriage(name: str, joint: str) -> Link:
-    """A massless link that a driven joint moves in the world."""
+    """A massless link on a driven joint, on the world."""
     empty = slice(0, 0)
     return Link(
         name=name,

@@ -1,7 +1,7 @@
 """The tree: links in topological order, and the rows of strings, springs, limits and drives.
 
-The derivation reads a :class:`Tree`. Every link carries one joint to its parent; every
-joint coordinate and every string length is one row of its
+The equations of motion are derived from a :class:`Tree`. Every link has one joint to its parent.
+Every joint coordinate and every string length is one row of its
 :class:`~fantoccini.model.tree.coordinates.CoordinateTable`.
 """
 
@@ -23,12 +23,12 @@ WORLD = -1
 
 
 @dataclass(frozen=True)
-class Lump:
-    """One contribution to a link's inertia.
+class MassShare:
+    """Contribution of one shape to a link's inertia.
 
     Attributes:
         amount: mass [kg], or density [kg/m^3].
-        volume: 1 for a mass; volume [m^3] for a density.
+        volume: factor on the amount: 1 for a mass, the volume [m^3] for a density.
         unit: centre of mass (3,) [m] and inertia per unit mass about it (3, 3) [m^2].
     """
 
@@ -56,9 +56,10 @@ class Link:
         q, v: indices of the joint's coordinates in (q_D, v_D) or (q_K, v_K), by role.
         damping: damping of every velocity of the joint [N s/m or N m s/rad].
         armature: rotor inertia of every velocity of the joint [kg or kg m^2].
-        stiffness, rest: joint spring [N/m or N m/rad], [m or rad].
-        lumps: contributions of the shapes to the inertia.
-        mass, com, inertia: explicit values that override the lumps, or None;
+        stiffness: stiffness of the joint's spring [N/m or N m/rad].
+        rest: rest position of that spring [m or rad].
+        mass_shares: contributions of the shapes to the inertia.
+        mass, com, inertia: explicit values that override those of the shapes, or None;
             the inertia is (ixx, iyy, izz, ixy, ixz, iyz) about the centre of mass.
         drag: (linear [N s/m], quadratic [N s^2/m^2], angular [N m s]).
         shapes: geometry, for pictures and collisions.
@@ -78,7 +79,7 @@ class Link:
     armature: Number = 0.0
     stiffness: Number = 0.0
     rest: Number = 0.0
-    lumps: tuple[Lump, ...] = ()
+    mass_shares: tuple[MassShare, ...] = ()
     mass: Number | None = None
     com: tuple[Number, Number, Number] | None = None
     inertia: tuple[Number, ...] | None = None
@@ -99,8 +100,8 @@ class Point:
     at: tuple[Number, Number, Number]
 
 
-class Lengthed:
-    """Base of rows with a length L, which is a number or a coordinate."""
+class WithLength:
+    """Base of strings and chains: their length L is a number, or a coordinate of the puppet."""
 
     name: str
     points: tuple[Point, ...]
@@ -115,24 +116,24 @@ class Lengthed:
 
     @property
     def wound_length(self) -> tuple[int, int] | None:
-        """Indices of the length in (q_D, v_D); None if no drive moves it."""
+        """Indices of the length in (q_D, v_D), as a drive's winch moves it; None otherwise."""
         return self.length_index if self.length_role is Role.DYNAMIC else None
 
-    def just_reaches(self, span: float, q_D: np.ndarray, q_K: np.ndarray) -> None:
-        """Sets a length that is a coordinate and nan to the length of the path.
+    def set_unknown_length(self, span: float, q_D: np.ndarray, q_K: np.ndarray) -> None:
+        """Sets the length to that of the path, if it is a coordinate whose value is NaN.
 
         Args:
             span: length of the path [m].
-            q_D, q_K: (n_qD,), (n_qK,) configuration, changed in place.
+            q_D, q_K: (n_qD,) dynamic, (n_qK,) kinematic (driven) configuration, changed in place.
         """
-        for own, q in ((self.driven_length, q_K), (self.wound_length, q_D)):
-            if own is not None and np.isnan(q[own[0]]):
-                q[own[0]] = span
+        for indices, q in ((self.driven_length, q_K), (self.wound_length, q_D)):
+            if indices is not None and np.isnan(q[indices[0]]):
+                q[indices[0]] = span
 
     def unstretched_length(
         self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
     ) -> np.ndarray:
-        """L [m], of shape (...) or (), at configurations (..., n_qD), (..., n_qK)."""
+        """Length L [m], of shape (...) or (), at configurations (..., n_qD), (..., n_qK)."""
         if self.length_index is not None:
             return (q_K if self.driven_length else q_D)[..., self.length_index[0]]
         assert self.length is not None, "a length is a coordinate or a number"
@@ -140,7 +141,7 @@ class Lengthed:
 
 
 @dataclass(frozen=True)
-class StringRow(Lengthed):
+class StringRow(WithLength):
     """A string: h = (path length) - L <= 0.
 
     Attributes:
@@ -151,10 +152,10 @@ class StringRow(Lengthed):
             None if it is a number.
         wire: True for a two-sided constraint (Sec. III-B).
         colour: "#rrggbb" or None.
-        restitution: part of the speed that a catch gives back.
+        restitution: coefficient of restitution when the string comes taut.
         max_tension: tension at which its winch slips [N]; None for no slip.
         rewind_speed: speed at which the winch rewinds the slip [m/s]; None for no rewinding.
-        length_role: role of a length that is a coordinate.
+        length_role: whether the length is a driven or a dynamic coordinate, if it is one.
     """
 
     name: str
@@ -171,7 +172,7 @@ class StringRow(Lengthed):
 
 @dataclass(frozen=True)
 class SpringRow:
-    """A spring between two points: V = stiffness/2 (d - rest)^2, with damping along the line."""
+    """A spring between two points at distance d: V = stiffness/2 (d - rest)^2; damping along d."""
 
     name: str
     points: tuple[Point, Point]
@@ -223,12 +224,12 @@ class DriveRow:
     def inertia(self, number: Callable[[Number], Any]) -> Any:
         """m + n^2 J: inertia of the drive at the coordinate [kg or kg m^2]."""
         mass, rotor = self.drive.mass, self.drive.inertia
-        own = 0.0 if mass is None else number(mass)
-        return own + (0.0 if rotor is None else number(rotor) * self.ratio(number) ** 2)
+        direct = 0.0 if mass is None else number(mass)
+        return direct + (0.0 if rotor is None else number(rotor) * self.ratio(number) ** 2)
 
 
 @dataclass(frozen=True)
-class ChainRow(Lengthed):
+class ChainRow(WithLength):
     """A string of point masses joined by springs: V = sum_k EA/(2 l) (d_k - l)^2, l = L / pieces.
 
     Attributes:
@@ -239,7 +240,7 @@ class ChainRow(Lengthed):
         length: relaxed length L [m]; None if it is driven.
         length_index: indices of the length, as in :class:`StringRow`.
         colour: "#rrggbb" or None.
-        length_role: role of a length that is a coordinate.
+        length_role: whether the length is a driven or a dynamic coordinate, if it is one.
     """
 
     name: str
@@ -265,7 +266,7 @@ class LimitRow:
     ``twist.lower``, ``twist.upper``: lower and upper for the twist of R about b.
 
     Attributes:
-        name: joint name, dot, side.
+        name: name of the joint and side: ``elbow.upper``.
         link: index of the link whose joint is limited.
         side: lower, upper, cone, twist.lower or twist.upper.
         bound: limit of the coordinate or angle [rad or m].
@@ -289,12 +290,12 @@ class Tree:
         gravity: acceleration of gravity [m/s^2].
         links: links, parents before children.
         strings, springs, limits: rows; the one-sided rows are the strings, then the limits.
-        drives: coordinates with drives.
+        drives: coordinates that drives move.
         coordinates: the coordinate table.
         parameters: names and values of the argument p.
         chains: strings modelled as masses and springs; they have no rows.
         n_contacts: maximum number of contact points in a step; 0 without contact.
-        n_pieces: additional solids of dented meshes, which consist of several solids.
+        n_pieces: number of solids of dented meshes, which consist of several, beyond one for each.
     """
 
     name: str
@@ -331,7 +332,7 @@ class Tree:
             "n_p": len(self.parameters),
             "n_links": len(self.links),
             "n_points": sum(len(s.points) for s in self.strings),
-            "n_motors": len(self.motor_places),
+            "n_motors": len(self.driven_v_D),
             "n_watched": len(self.watched),
             "n_contacts": self.n_contacts,
             "n_solids": self.n_pieces + sum(len(i.shapes) for i in self.links)
@@ -346,14 +347,14 @@ class Tree:
 
     @cached_property
     def limit_entries(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The limits' entries of A_D: limits, axes of their joints, and indices in v_D."""
+        """Entries of the limits in A_D: index of the limit, axis of its joint, and index in v_D."""
         slices = [self.links[limit.link].v for limit in self.limits]
         rows = [(i, k - v.start, k) for i, v in enumerate(slices) for k in range(v.start, v.stop)]
         limit, axis, velocity = np.array(rows, dtype=np.intp).reshape(-1, 3).T
         return limit, axis, velocity
 
     @property
-    def motor_places(self) -> list[int]:
+    def driven_v_D(self) -> list[int]:
         """Indices in v_D of the coordinates with drives, in the order of the drives."""
         return [k for row in self.drives for k in range(row.v.start, row.v.stop)]
 
@@ -367,7 +368,7 @@ class Tree:
         """Names to which a run's status may be attributed: rows, then watched drives."""
         return (*self.row_names, *(row.name for row in self.watched))
 
-    def lead(self, link: int) -> tuple[slice, slice] | None:
+    def commanding(self, link: int) -> tuple[slice, slice] | None:
         """Indices in (q_K, v_K) of a driven joint's coordinates, or of its drives' commands.
 
         None for a winch, and for a joint with a coordinate that is neither driven nor commanded.
@@ -383,8 +384,8 @@ class Tree:
         (first, (q, v)), (last, _) = rows[0], rows[-1]
         return slice(q, q + last.q.stop - first.q.start), slice(v, v + last.v.stop - first.v.start)
 
-    def length_lead(self, string: Lengthed) -> tuple[int, int] | None:
-        """Indices in (q_K, v_K) of a driven length, or of the command of its drive."""
+    def commanding_length(self, string: WithLength) -> tuple[int, int] | None:
+        """Indices in (q_K, v_K) of a string's length if it is driven, or of its drive's command."""
         if string.wound_length is None:
             return string.driven_length
         rows = [row for row in self.drives if row.name == f"{string.name}.length"]

@@ -1,6 +1,6 @@
-"""Refusal of models whose copied parts would take MuJoCo minutes, or unlimited time.
+"""Refusal of models with so many copied parts that MuJoCo would need too long to load them.
 
-MuJoCo's time for each copy, and for each element that copies, grows with the size of the model.
+The time to load each copy, and each element that makes copies, grows with the size of the model.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from fantoccini.output.exchange.model_file import Element, ModelFile, read_model
 _MAX_COPIES = 10_000
 """Largest number of copies of one element, including nested copying."""
 _MAX_WORK = 200_000_000
-"""Largest work of copying, in element copies: about ten seconds in MuJoCo."""
-_WORK_PER_COPYING = 20
-"""Work of a copying element, in copies with the same work."""
+"""Largest estimate of the work of copying: copies times elements, about ten seconds in MuJoCo."""
+_COPIES_PER_COPYING_ELEMENT = 20
+"""Number of copies that take as long as one element that makes copies."""
 _MAX_MODEL_DEPTH = 20
 """Largest number of levels of models within models."""
 _MAX_DIGITS = 9
@@ -27,7 +27,7 @@ _MAX_DIGITS = 9
 _ELEMENTS_PER_POINT = 4
 """Elements per point of a flexcomp: a body and three slides."""
 _POINT_BYTES = 40
-"""Approximate size of a point in a file of a flexcomp, with its share of the triangles [bytes]."""
+"""Approximate size of a flexcomp's file per point, including triangles [bytes]."""
 
 _COPYING_TAGS = ("replicate", "composite", "flexcomp")
 _TYPES_WITH_LISTED_POINTS = ("direct", "mesh", "gmsh")
@@ -38,38 +38,38 @@ class _Size(NamedTuple):
     """Size of the model that MuJoCo builds from a file.
 
     Attributes:
-        copies: number of copies.
-        copying: number of elements that copy others.
+        copies: number of copies that its elements make.
+        n_copying: number of elements that make copies.
         elements: number of elements, including copies.
     """
 
     copies: int = 0
-    copying: int = 0
+    n_copying: int = 0
     elements: int = 0
 
     @property
     def work(self) -> int:
-        return (self.copies + _WORK_PER_COPYING * self.copying) * self.elements
+        return (self.copies + _COPIES_PER_COPYING_ELEMENT * self.n_copying) * self.elements
 
-    def plus(self, times: int, copies: int, copying: int, elements: int) -> _Size:
+    def plus(self, times: int, copies: int, n_copying: int, elements: int) -> _Size:
         """The size with `times` copies of another size added."""
         return _Size(
             self.copies + times * copies,
-            self.copying + times * copying,
+            self.n_copying + times * n_copying,
             self.elements + times * elements,
         )
 
 
 def attached_models(file: ModelFile) -> tuple[ModelFile, ...]:
-    """Models that a file attaches, directly or through others, which come first.
+    """Checks the copies in a file; returns all models that it attaches, nested ones first.
 
     Raises:
         ExchangeError: elements are copied too often, a model contains itself, or MuJoCo would need
             too much memory.
     """
     sizes = _Sizes()
-    sizes.of(file)
-    counts = (sizes.sizes[os.path.realpath(model.name)].elements for model in sizes.files)
+    sizes.of_file(file)
+    counts = (sizes.by_path[os.path.realpath(model.name)].elements for model in sizes.files)
     refuse_large(zip(sizes.files, counts, strict=True))
     return tuple(sizes.files[:-1])
 
@@ -78,28 +78,29 @@ class _Sizes:
     """Sizes of files, each determined once.
 
     Attributes:
-        files: files that have been read.
-        sizes: real path -> size.
+        files: files that have been read, nested ones first.
+        by_path: real path -> size.
         open_files: real paths of the files that are being read, outermost first.
     """
 
     def __init__(self) -> None:
         self.files: list[ModelFile] = []
-        self.sizes: dict[str, _Size] = {}
+        self.by_path: dict[str, _Size] = {}
         self.open_files: list[str] = []
 
-    def of(self, file: ModelFile) -> _Size:
+    def of_file(self, file: ModelFile) -> _Size:
         """Size of a file, including the models that it names."""
         real_path = os.path.realpath(file.name)
-        if real_path in self.sizes:
-            return self.sizes[real_path]
+        if real_path in self.by_path:
+            return self.by_path[real_path]
         self.open_files.append(real_path)
         models = self._models(file)
-        largest = max(models.values(), default=_Size(), key=lambda size: size.elements)
+        largest_model = max(models.values(), default=_Size(), key=lambda size: size.elements)
         size, copies_of_ancestors, parts = _Size(), list[int](), _NamedParts()
         for element in file.elements:
             del copies_of_ancestors[element.depth :]
-            times, tag, attributes = math.prod(copies_of_ancestors), element.tag, element.attributes
+            tag, attributes = element.tag, element.attributes
+            times = math.prod(copies_of_ancestors)  # number of copies of this element
             parts.add(element, times, size.elements)
             count = _copy_count(file, element) if tag in _COPYING_TAGS else 1
             copies_of_ancestors.append(count)
@@ -114,11 +115,11 @@ class _Sizes:
                     size = size.plus(times, 0, 0, per_point * count)
             elif tag == "model":
                 size = size.plus(1, 0, 1, 0)
-                size = size.plus(1, *models.get(attributes.get("name", ""), largest))
+                size = size.plus(1, *models.get(attributes.get("name", ""), largest_model))
             elif tag == "attach":
                 n_inside = parts.elements(attributes, size.elements)
                 if "model" in attributes:
-                    n_inside = models.get(attributes["model"], largest).elements
+                    n_inside = models.get(attributes["model"], largest_model).elements
                 size = size.plus(times, 1, 1, n_inside)
             if size.work > _MAX_WORK:
                 text = (
@@ -127,7 +128,7 @@ class _Sizes:
                 )
                 raise file.mistake(text, element.line, tag)
         self.open_files.pop()
-        self.sizes[real_path] = size
+        self.by_path[real_path] = size
         self.files.append(file)
         return size
 
@@ -139,41 +140,44 @@ class _Sizes:
             folders = (os.path.dirname(file.name), os.path.dirname(file.place(element.line)[0]))
             name = find_file(file_name, *folders) if file_name else None
             if name is None:
-                continue  # MuJoCo reports it
+                continue  # MuJoCo reports the missing file
             if os.path.realpath(name) in self.open_files or len(self.open_files) > _MAX_MODEL_DEPTH:
                 text = f"{file_name[:100]!r} contains itself, or models are nested too deeply"
                 raise file.mistake(text, element.line, "model")
-            sizes[element.attributes.get("name", "")] = self.of(_read(file, name, element.line))
+            sizes[element.attributes.get("name", "")] = self.of_file(
+                _read(file, name, element.line)
+            )
         return sizes
 
 
 class _NamedParts:
-    """Numbers of elements in the named bodies and frames of a file, which `attach` may copy."""
+    """Numbers of elements in each named body and frame of a file; `attach` may copy these parts."""
 
     def __init__(self) -> None:
         self.sizes: dict[tuple[str, str], int] = {}
         self.open_parts: list[tuple[Element, int, int]] = []
 
-    def add(self, element: Element, times: int, before: int) -> None:
+    def add(self, element: Element, times: int, n_before: int) -> None:
         """Adds an element, after closing the open parts that do not contain it.
 
         Args:
             element: the element.
             times: number of its copies.
-            before: number of elements before it.
+            n_before: number of elements before it.
         """
         while self.open_parts and self.open_parts[-1][0].depth >= element.depth:
-            part, copies, first = self.open_parts.pop()
-            self.sizes[part.tag, part.attributes["name"]] = (before - first) // copies
+            part, copies, n_before_part = self.open_parts.pop()
+            n_inside = (n_before - n_before_part) // copies
+            self.sizes[part.tag, part.attributes["name"]] = n_inside
         if element.tag in ("body", "frame") and "name" in element.attributes:
-            self.open_parts.append((element, times, before))
+            self.open_parts.append((element, times, n_before))
 
-    def elements(self, attributes: dict[str, str], before: int) -> int:
-        """Number of elements of the part that an element copies; if unknown, of all before it."""
+    def elements(self, attributes: dict[str, str], n_before: int) -> int:
+        """Number of elements of the part that an `attach` copies; ``n_before`` if unknown."""
         for kind in ("body", "frame"):
             if kind in attributes:
-                return self.sizes.get((kind, attributes[kind]), before)
-        return 0  # MuJoCo reports it
+                return self.sizes.get((kind, attributes[kind]), n_before)
+        return 0  # no part is named
 
 
 def _read(file: ModelFile, name: str, line: int) -> ModelFile:
@@ -184,7 +188,7 @@ def _read(file: ModelFile, name: str, line: int) -> ModelFile:
 
 
 def _copy_count(file: ModelFile, element: Element) -> int:
-    """Number of copies of an element's content, or of points of a grid or cable."""
+    """Number of copies that an element makes of its content, or of points."""
     attributes, tag = element.attributes, element.tag
     listed = max(len(attributes.get(key, "").split()) // 3 for key in ("point", "vertex"))
     if tag == "flexcomp" and attributes.get("type") in _TYPES_WITH_LISTED_POINTS:

@@ -1,4 +1,4 @@
-"""Data of a puppet file's shapes for solids of other programs."""
+"""Shapes of a puppet file, as plain data, from the solids of other programs' models."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _SECTIONS = 32  # Sides of a cylinder's mesh
 _MIN_OPACITY = 1e-3  # Opacity above which a solid is visible
 
 
-def box(edges: Array, at: Array, turn: Quaternion) -> dict[str, Any]:
+def box(edges: Array, at: Array, orientation: Quaternion) -> dict[str, Any]:
     """Box with given edges [m]."""
-    return {"type": "box", "size": numbers(edges), **pose_keys(at, turn)}
+    return {"type": "box", "size": numbers(edges), **pose_keys(at, orientation)}
 
 
 def sphere(radius: float, at: Array) -> dict[str, Any]:
@@ -29,60 +29,61 @@ def sphere(radius: float, at: Array) -> dict[str, Any]:
     return {"type": "sphere", "radius": number(radius), **pose_keys(at)}
 
 
-def ellipsoid(radii: Array, at: Array, turn: Quaternion) -> dict[str, Any]:
+def ellipsoid(radii: Array, at: Array, orientation: Quaternion) -> dict[str, Any]:
     """Ellipsoid with given half axes [m]."""
-    return {"type": "ellipsoid", "radii": numbers(radii), **pose_keys(at, turn)}
+    return {"type": "ellipsoid", "radii": numbers(radii), **pose_keys(at, orientation)}
 
 
-def capsule(radius: float, half_length: float, at: Array, along: Array) -> dict[str, Any]:
-    """Capsule centred at ``at``, with its axis along the unit vector ``along`` [m]."""
-    ends = {"from": numbers(at - half_length * along), "to": numbers(at + half_length * along)}
+def capsule(radius: float, half_length: float, at: Array, axis: Array) -> dict[str, Any]:
+    """Capsule centred at ``at``, with its axis along the unit vector ``axis`` [m]."""
+    ends = {"from": numbers(at - half_length * axis), "to": numbers(at + half_length * axis)}
     return {"type": "capsule", **ends, "radius": number(radius)}
 
 
 def cylinder(
-    draft: Draft, radius: float, length: float, at: Array, turn: Quaternion
+    draft: Draft, radius: float, length: float, at: Array, orientation: Quaternion
 ) -> dict[str, Any]:
     """Cylinder along z, as a mesh with 32 sides; all cylinders of a puppet share one file."""
     scale = numbers([radius, radius, length])
-    return mesh(draft, ("cylinder",), cylinder_stl, at, turn, "cylinder") | {"scale": scale}
+    return mesh(draft, ("cylinder",), cylinder_stl, at, orientation, "cylinder") | {"scale": scale}
 
 
 def mesh(
     draft: Draft,
     key: Hashable,
-    content: Callable[[], bytes],
+    make_content: Callable[[], bytes],
     at: Array,
-    turn: Quaternion,
+    orientation: Quaternion,
     stem: str,
-    ending: str = "stl",
+    suffix: str = "stl",
 ) -> dict[str, Any]:
-    """Mesh; its file is added once for each key.
+    """Mesh; shapes with the same key share one file.
 
     Args:
-        draft: draft of the puppet.
+        draft: puppet that is being built from the model.
         key: key that identifies the mesh in the model.
-        content: function that returns the file's content.
-        at, turn: position and orientation.
-        stem, ending: parts of the file's name.
+        make_content: function that returns the file's content.
+        at: (3,) position [m].
+        orientation: (4,) w, x, y, z.
+        stem, suffix: name of the file, without the dot.
     """
     if key not in draft.mesh_paths:
-        draft.mesh_paths[key] = draft.mesh(stem, content(), ending)
-    return {"type": "mesh", "file": draft.mesh_paths[key], **pose_keys(at, turn)}
+        draft.mesh_paths[key] = draft.mesh(stem, make_content(), suffix)
+    return {"type": "mesh", "file": draft.mesh_paths[key], **pose_keys(at, orientation)}
 
 
 def stl(vertices: Array, faces: Array | Indices) -> bytes:
     """Binary STL file of triangles: (n, 3) corners, (m, 3) indices."""
     import trimesh
 
-    mesh_file = trimesh.Trimesh(np.asarray(vertices, float), np.asarray(faces), process=False)
-    return bytes(mesh_file.export(file_type="stl"))
+    triangles = trimesh.Trimesh(np.asarray(vertices, float), np.asarray(faces), process=False)
+    return bytes(triangles.export(file_type="stl"))
 
 
 def ply(vertices: Array, faces: Array | Indices, colours: Array) -> bytes:
-    """Binary PLY file of triangles, each with a colour: (m, 3), from 0 to 1; grey for nan.
+    """Binary PLY file of triangles with colours (m, 3) from 0 to 1; NaN means grey.
 
-    If the number of colours is at its limit, the colour nearest to grey replaces grey.
+    If there are ``LIMITS.max_colours`` colours already, the one nearest to grey is used for NaN.
     """
     import trimesh
 
@@ -91,13 +92,13 @@ def ply(vertices: Array, faces: Array | Indices, colours: Array) -> bytes:
     if len(used) >= LIMITS.max_colours:
         grey = used[np.argmin(np.linalg.norm(used - grey, axis=1))]
     filled = np.where(finite, colours, grey)
-    mesh_file = trimesh.Trimesh(
+    triangles = trimesh.Trimesh(
         np.asarray(vertices, float),
         np.asarray(faces),
         process=False,
         face_colors=np.round(255.0 * filled).astype(np.uint8),
     )
-    return bytes(mesh_file.export(file_type="ply"))
+    return bytes(triangles.export(file_type="ply"))
 
 
 def coloured(shape: dict[str, Any], rgba: Array) -> dict[str, Any]:

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.lab.identification import columns, doubts, from_before, jump_names, leaning, units
+from fantoccini.lab.identification import (
+    biased_jumps,
+    column_fits,
+    doubts,
+    jump_names,
+    prior_shares,
+    units,
+)
 from fantoccini.output.html import Page, Table, write_page
 from fantoccini.output.reports import identified_plots
 
@@ -89,13 +96,13 @@ def _key_numbers(result: Identified) -> str:
     return (
         f"{result.t[-1] - result.t[0]:.1f} s of the puppet {record.marionette.name}, "
         f"{len(result.t)} instants, {int(np.sum(np.isfinite(result.residuals)))} samples in "
-        f"{len(columns(result))} columns; {len(result.names)} unknowns, "
+        f"{len(column_fits(result))} columns; {len(result.names)} unknowns, "
         f"{len(result.starts)} segments. chi2 {result.chi2:.3f}, drift {result.drift:.2g}."
     )
 
 
 def _prior_note(result: Identified) -> str:
-    if not from_before(result):
+    if not prior_shares(result):
         return ""
     return (
         "Prior: the standard deviation of the start value. Prior share: the share of prior "
@@ -120,7 +127,7 @@ def _fixed_note(result: Identified) -> str:
 
 def number_table(result: Identified) -> Table:
     """Estimates with their intervals, start values and prior knowledge."""
-    unit, before = units(result.record), from_before(result)
+    unit, before = units(result.record), prior_shares(result)
     rows: list[tuple[str, ...]] = []
     wrong = set()
     priors = [unknown.known for unknown in result.record.unknowns]
@@ -245,13 +252,13 @@ def residual_table(result: Identified) -> Table:
             f"{column.noise:.3g}",
             "given" if column.given else "estimated",
             column.unit,
-            f"{100.0 * column.within:.1f} %",
-            "" if math.isnan(column.neighbours) else f"{column.neighbours:+.2f}",
+            f"{100.0 * column.within_two:.1f} %",
+            "" if math.isnan(column.correlation) else f"{column.correlation:+.2f}",
             str(column.outliers),
         )
-        for column in columns(result)
+        for column in column_fits(result)
     )
-    wrong = frozenset(k for k, column in enumerate(columns(result)) if column.doubtful)
+    wrong = frozenset(k for k, column in enumerate(column_fits(result)) if column.doubtful)
     header = (
         "column",
         "samples>",
@@ -294,7 +301,7 @@ def _jumps(page: Page, result: Identified) -> None:
         "complete, and show when and where it is not: a single large one is a catch in another "
         "order; a coordinate of one colour is a wrong force or position."
     )
-    page.items(str(line) for line in leaning(result)[:MAX_LISTED])
+    page.items(str(line) for line in biased_jumps(result)[:MAX_LISTED])
     page.text(_largest_jumps(result))
     page.text(f"Rejected segments, from: {', '.join(lost)}{rest}" if lost else "")
     page.plots([(identified_plots.jumps(result), "Jumps between segments, by coordinate")])

@@ -1,4 +1,4 @@
-"""Plan of a play's stage: marks, obstacles, start positions of players, and their walks."""
+"""Plan of a play's stage: marks, obstacles, start positions of players, and their paths."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _MARGIN = 0.12
 
 
 def plan(play: Play, reached: Box) -> Figure:
-    """The stage from above, the audience below.
+    """The stage from above, with the audience at the lower edge of the picture.
 
     Args:
         play: the compiled play.
-        reached: ((low, high) of x, (low, high) of y): range of the hands [m].
+        reached: ((low, high) of x, (low, high) of y): area in which the hands move in the play [m].
     """
     stage = overhead(play)
     low, high = _extent(play, stage, reached)
@@ -46,8 +46,8 @@ def plan(play: Play, reached: Box) -> Figure:
     )
     axes.set_ylabel("x, towards the audience [m]", color=LIGHT.text, fontsize=9)
     if stage.space is not None:
-        _box(axes, stage.space, "space of the hands", linestyle="--", color=LIGHT.muted)
-    _box(axes, reached, "range of the hands", linestyle=":", color=LIGHT.text)
+        _draw_box(axes, stage.space, "allowed area of the hands", linestyle="--", color=LIGHT.muted)
+    _draw_box(axes, reached, "area used by the hands", linestyle=":", color=LIGHT.text)
     for name, polygons in stage.standing.items():
         for polygon in polygons:
             axes.fill(polygon[:, 1], polygon[:, 0], color=STONE, linewidth=0.0, zorder=1.5)
@@ -56,7 +56,7 @@ def plan(play: Play, reached: Box) -> Figure:
         axes.plot(at[1], at[0], "+", color=LIGHT.muted, markersize=9.0, zorder=2.0)
         _write(axes, at, name, (6.0, -7.0), ha="left", va="top", color=LIGHT.muted)
     for k, name in enumerate(stage.starts):
-        _player(axes, play, stage, name, LIGHT.colour(k))
+        _draw_player(axes, play, stage, name, LIGHT.colour(k))
     axes.legend(
         loc="upper center",
         bbox_to_anchor=(0.5, 1.07),
@@ -68,8 +68,8 @@ def plan(play: Play, reached: Box) -> Figure:
     return figure
 
 
-def _player(axes: Axes, play: Play, stage: Overhead, name: str, colour: str) -> None:
-    """Draws a player's start and heading, and its walks with their start and end times."""
+def _draw_player(axes: Axes, play: Play, stage: Overhead, name: str, colour: str) -> None:
+    """Draws a player's start and heading, and its paths with their start and end times."""
     from matplotlib.patches import Circle
 
     start, radius = stage.starts[name], play.cast.players[name].radius
@@ -113,9 +113,10 @@ def _arrow(axes: Axes, at: Any, heading: float, length: float, colour: str) -> N
     )
 
 
-def _box(axes: Axes, box: Box, label: str, **style: Any) -> None:
-    (a, b), (c, d) = box
-    axes.plot([c, d, d, c, c], [a, a, b, b, a], linewidth=1.0, label=label, zorder=1.0, **style)
+def _draw_box(axes: Axes, box: Box, label: str, **style: Any) -> None:
+    (x_low, x_high), (y_low, y_high) = box
+    y, x = [y_low, y_high, y_high, y_low, y_low], [x_low, x_low, x_high, x_high, x_low]
+    axes.plot(y, x, linewidth=1.0, label=label, zorder=1.0, **style)
 
 
 def _write(
@@ -138,14 +139,14 @@ def _write(
 
 def _extent(play: Play, stage: Overhead, reached: Box) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest (x, y) of everything that is drawn [m]."""
-    corners = [np.array(reached).T]
+    drawn = [np.array(reached).T]
     if stage.space is not None:
-        corners.append(np.array(stage.space).T)
-    corners += [np.array([at]) for at in stage.marks.values()]
-    corners += [polygon for polygons in stage.standing.values() for polygon in polygons]
+        drawn.append(np.array(stage.space).T)
+    drawn += [np.array([at]) for at in stage.marks.values()]
+    drawn += [polygon for polygons in stage.standing.values() for polygon in polygons]
     for name, start in stage.starts.items():
         radius = play.cast.players[name].radius
-        corners += [np.array([[start.x, start.y]]) + sign * radius for sign in (-1.0, 1.0)]
-        corners += [way.places for way in stage.ways[name]]
-    points = np.concatenate(corners)
+        drawn += [np.array([[start.x, start.y]]) + sign * radius for sign in (-1.0, 1.0)]
+        drawn += [way.places for way in stage.ways[name]]
+    points = np.concatenate(drawn)
     return points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN

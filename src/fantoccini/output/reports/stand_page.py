@@ -31,7 +31,7 @@ def stand_report(
     Args:
         check: result of :func:`fantoccini.stand.check_stand`.
         path: path that ends in ``.html``.
-        slower: result of :func:`fantoccini.stand.slower`; left out by default.
+        slower: result of :func:`fantoccini.stand.find_slower_tempo`; left out by default.
 
     Returns:
         The path of the page.

@@ -54,7 +54,7 @@ class Still:
             ]
         )
         for span, string in zip(spans, strings, strict=True):
-            string.just_reaches(span, q_D, q_K)
+            string.set_unknown_length(span, q_D, q_K)
         initial_state.put_commands(self.tree.drives, (), q_D, q_K)
         taut = np.zeros(self.tree.n_rows, dtype=bool)
         lengths = self.string_lengths(q_D, q_K)[0]

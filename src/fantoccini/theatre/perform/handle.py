@@ -69,7 +69,7 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
     """
     handles = []
     for i, link in enumerate(marionette.tree.links):
-        lead = marionette.tree.lead(i)
+        lead = marionette.tree.commanding(i)
         if lead is None:
             continue
         R, r = frame(marionette, link, poses)

@@ -299,7 +299,7 @@ class Hands:
 def _winches(marionette: Marionette) -> dict[str, tuple[int, int]]:
     """String or chain -> index in (q_K, v_K) of its length, or of its drive's command."""
     tree = marionette.tree
-    places = {s.name: tree.length_lead(s) for s in (*tree.strings, *tree.chains)}
+    places = {s.name: tree.commanding_length(s) for s in (*tree.strings, *tree.chains)}
     return {name: place for name, place in places.items() if place is not None}
 
 

@@ -1,4 +1,4 @@
-"""Targets of hands: positions held, offsets played on top of them, or a law instead.
+"""Targets of hands: held positions plus played offsets; or a control law moves the hands.
 
 q_K(t) = q_K,held(t) + d(t),   d(t): sum of the gestures, the take and the score
 """
@@ -22,7 +22,7 @@ from fantoccini.theatre.perform.tick_run import TickRun
 
 
 class Targets:
-    """Targets of the hands of a run, initially their places, with a player on top of them.
+    """Targets of the hands of a run, initially their positions, and a player that adds offsets.
 
     Attributes:
         q_K: (n_qK,) targets, without the offsets of the player.
@@ -31,8 +31,8 @@ class Targets:
     Args:
         hands: hands whose targets they are.
         run: run in which the hands move.
-        influences: influences with a law that may move the hands instead.
-        player: player that continues; by default nothing is played.
+        influences: influences on the run; a control law among them moves the hands instead.
+        player: player of an earlier run, to continue; by default nothing is played.
     """
 
     def __init__(
@@ -45,12 +45,12 @@ class Targets:
         self.q_K: ConfigK = np.array(run.x.q_K)
 
     def keep(self, before: Targets) -> None:
-        """Takes over the targets of coordinates that exist in both."""
-        old, new = (own._hands.marionette.coordinates.q_K for own in (before, self))
-        places = {name: i for i, name in enumerate(old)}
+        """Takes over the earlier targets of all coordinates that exist in both puppets."""
+        old, new = (targets._hands.marionette.coordinates.q_K for targets in (before, self))
+        index = {name: i for i, name in enumerate(old)}
         for i, name in enumerate(new):
-            if name in places:
-                self.q_K[i] = before.q_K[places[name]]
+            if name in index:
+                self.q_K[i] = before.q_K[index[name]]
 
     def check_free(self) -> None:
         """Raises StateError while a law moves the hands."""
@@ -58,13 +58,13 @@ class Targets:
             raise StateError("a law moves the hands; they take no targets until set_hand_law(None)")
 
     def velocity(self) -> VecK:
-        """(n_vK,) wanted velocities after the next tick; the player advances by it."""
+        """(n_vK,) wanted velocities after the next tick; advances the player by this tick."""
         x, player = self._run.x, self.player
         law = self._influences.law
         if law is not None:
-            asked = law.acceleration(x.replace(t=self._run.t))
+            acceleration = law.acceleration(x.replace(t=self._run.t))
             self.q_K = np.array(x.q_K)
-            return self._hands.bounded(x.v_K + self._run.tick * asked)
+            return self._hands.bounded(x.v_K + self._run.tick * acceleration)
         if player.is_idle:
             return self._hands.wanted_velocity(x, self.q_K, self._run.tick)
         velocity = self._hands.wanted_velocity(x, self.q_K, self._run.tick, player.step())
@@ -78,11 +78,11 @@ class Targets:
         return self._hands.place(name, self._run.x)
 
     def target(self, name: str) -> Place:
-        """Target of a handle, as :meth:`place`."""
+        """Target of a handle, in the form of :meth:`place`."""
         return self._hands.place_at(name, self.q_K, self._run.x)
 
     def aim(self, name: str) -> Place:
-        """Target of a handle with the player's present offsets, as :meth:`place`."""
+        """Target of a handle plus the player's present offsets, in the form of :meth:`place`."""
         aimed = self.q_K
         if not self.player.is_idle:
             aimed = self._hands.moved(aimed, self.player.offsets().d)
@@ -114,10 +114,10 @@ class Targets:
             StateError: the length is not a finite number, or a law moves the hands.
         """
         self.check_free()
-        place = self._hands.length_index(string)
+        index = self._hands.length_index(string)
         if not np.isfinite(length):
             raise StateError(f"{string}: found {length}; a length is a finite number")
-        self.q_K[place] = np.clip(length, *self._hands.lengths[string])
+        self.q_K[index] = np.clip(length, *self._hands.lengths[string])
 
     def length(self, string: str) -> float:
         """Present length of a driven string [m]."""
@@ -163,10 +163,10 @@ class Targets:
         self.player.finish(name)
 
     def go_home(self, start: State) -> None:
-        """Returns from all gestures; if there are none, the hands return to their start.
+        """Moves the hands back from all gestures; if there are none, back to their start.
 
         Args:
-            start: state at their start.
+            start: start state of the hands.
 
         Raises:
             StateError: a law moves the hands.
@@ -182,19 +182,19 @@ class Targets:
         self._add_to_targets(self.player.stop_take())
 
     def play_score(self, score: Score, *, armed: Collection[str] = ()) -> ScoreVoice:
-        """Plays a score from its start, on top of the held positions; returns ``score``.
+        """Plays a score from its start, on top of the held positions; returns ``player.score``.
 
         ::
 
             live.play_score(fan.load_score(puppet, "number.yaml"))
             live.advance(10.0)
-            live.score.conductor.go()       # where it waits
-            live.score.running = False      # a pause
-            live.score.seek("turn")         # a mark; the way there keeps the bounds
+            live.score.conductor.go()       # continues at a wait
+            live.score.running = False      # pauses
+            live.score.seek("turn")         # moves to a mark, within the bounds
 
         Args:
             score: score of this puppet.
-            armed: lanes that the score does not move.
+            armed: lanes that the score does not move, because the hands will record them.
 
         Raises:
             StateError: a law moves the hands.
@@ -211,7 +211,7 @@ class Targets:
         self.player.stop_score()
 
     def leave_lanes(self, lanes: Collection[str]) -> None:
-        """Leaves lanes of the score to the hands; these stop, and the others play on.
+        """Leaves lanes of the score to the hands, which stop; other lanes are played further.
 
         Raises:
             StateError: no score is played, or a law moves the hands.
@@ -222,11 +222,11 @@ class Targets:
         self._played_score().leave(places.v)
 
     def lead_back(self, lanes: Collection[str], start: State) -> None:
-        """Returns lanes from the present place of the hands to the score's motion, within bounds.
+        """Moves lanes from the hands' present positions back to the score's motion, within bounds.
 
         Args:
             lanes: names of the lanes.
-            start: state with the later targets of their hands.
+            start: state whose q_K are the targets of their hands when they are back.
 
         Raises:
             StateError: no score is played, or a law moves the hands.
@@ -237,9 +237,11 @@ class Targets:
         self.check_free()
         rate = np.array(x.v_K)
         for _, w in table.quaternions_K:
-            rate[w : w + 3] = 0.0  # not the rate of the rotation vector; the way starts at rest
-        away = self._hands.away(start.q_K, x.q_K)
-        self._played_score().lead_back(places.v, away, rate)
+            rate[w : w + 3] = (
+                0.0  # rotations begin at rest: v_K is not the rate of a rotation vector
+            )
+        offset = self._hands.away(start.q_K, x.q_K)
+        self._played_score().lead_back(places.v, offset, rate)
         self.q_K = np.where(places.q, start.q_K, self.q_K)
 
     # -- inside ------------------------------------------------------------------------------

@@ -29,15 +29,15 @@ class CueOfPlay:
         wanted: wanted time of the cue, or of the mark in ``on`` [s].
         max_delay: allowed delay [s].
         start, end: beginning and end of all its motion [s].
-        mark: mark in ``on``; "" if the beginning counts.
+        mark: mark of the cue's gesture (key ``on``) that should be at ``wanted``; "" for its
+            beginning.
         go: whether a live show waits for GO before it.
         says: its caption.
         refused: reason why it cannot be done; "" if it can.
         passes: notes on players that it passes, and on who gives way; "" without any.
         optional: whether it may be left out.
         with_prop: whether a prop or a seat is handled.
-        marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; for its actual
-            players.
+        marks: times of the hands [s], by player and by moment: a mark, ``start`` or ``end``.
     """
 
     number: int
@@ -145,11 +145,12 @@ class Play:
         return self.score.inputs(self.x0)
 
     def runs(self, *, exact: bool = False) -> Runs:
-        """Runs of all companies; their parts are cached.
+        """Runs of the play, one for each company; cached.
+
+        A company is a group of players and props that touch, so that they are simulated together.
 
         Args:
-            exact: whether companies that touch are simulated event-driven, instead of in time
-                steps.
+            exact: whether to simulate companies with method ``event`` instead of in time steps.
         """
         return runs_of(self.cast, self.motions, self.starts, self.meetings, self.cache, exact=exact)
 
@@ -173,7 +174,7 @@ class Play:
 
     @property
     def remarks(self) -> tuple[Mistake, ...]:
-        """Changes that do not refuse a cue: touches, or work not finished in time."""
+        """Changes other than refused cues, such as touches."""
         refusals = {(cue.line, cue.change) for cue in self.cues if cue.refused}
         return tuple(
             change for change in self.changes if (change.line, change.message) not in refusals

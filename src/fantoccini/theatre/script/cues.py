@@ -199,7 +199,7 @@ class PlayCue(CueFile):
     """A player, several, or `all`."""
     when: When | None = None
     """Time at which it begins: a beat of the act, a named time of the play, a moment of a cue
-    (`bow.low`), `NAME arrives` or `NAME is done`, with an offset in beats; or the latest of such."""
+    (`bow.low`), `NAME arrives` or `NAME is done`, with an offset in beats; of several the last."""
     after: NotNegative = 0.0
     """Delay after that time [beats]."""
     may_wait: NotNegative | None = Field(None, alias="may wait")

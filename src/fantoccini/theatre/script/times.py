@@ -1,4 +1,4 @@
-"""Times of scores and plays: numbers, or marks and moments of cues with an offset.
+"""Times in scores and plays: a number, or the name of a mark or of a cue's moment, and an offset.
 
 t = (mark or moment) + offset * beat
 """
@@ -17,10 +17,11 @@ from fantoccini.theatre.script.log import ScriptLog
 from fantoccini.theatre.script.values import Spot, Time
 
 _OFFSET = r"(?: *([-+]) *(\d+\.?\d*|\.\d+))?"
-_SHORT = NAME.replace("{0,63}", "{0,63}?")
-# A dash may belong to a name: a name that matches the whole text has precedence.
-_FORMS = [
-    re.compile(rf"({name})(?:\.({name}(?: \d+)?))?{_OFFSET}", re.ASCII) for name in (NAME, _SHORT)
+_NON_GREEDY_NAME = NAME.replace("{0,63}", "{0,63}?")
+# A dash may belong to a name or begin an offset: the longest known name has precedence.
+_PATTERNS = [
+    re.compile(rf"({name})(?:\.({name}(?: \d+)?))?{_OFFSET}", re.ASCII)
+    for name in (NAME, _NON_GREEDY_NAME)
 ]
 
 
@@ -29,19 +30,19 @@ class Timed(Protocol):
 
     @property
     def spot(self) -> Spot:
-        """Keys that lead to it in the file."""
+        """Path of the cue's keys in the file."""
 
     @property
     def name(self) -> str:
-        """Name by which times refer to it; "" if none can."""
+        """Name of the cue in times; "" if it has none."""
 
     @property
     def is_named(self) -> bool:
-        """True if the file gives it a name of its own."""
+        """Whether the file names the cue with the key `name`."""
 
     @property
     def known(self) -> tuple[str, ...]:
-        """Names of its moments."""
+        """Names of the cue's moments, such as ``start``."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Reference:
         spot: keys of the mark or the cue.
         moment: moment of the cue; "" for a mark.
         offset: offset [beats].
-        in_act: whether a time in an earlier act counts as the start of the cue's own act.
+        in_act: whether to use the start of the present act if the time is in an earlier one.
     """
 
     spot: Spot
@@ -66,7 +67,7 @@ Ref = float | Reference
 
 
 class Times:
-    """Meaning of names in the times of a script, or of a phrase of it.
+    """Resolver of the names in the times of a script, or of one of its phrases.
 
     Args:
         marks: mark of the file -> its keys.
@@ -89,23 +90,23 @@ class Times:
                 self._own[cue.name] = cue
 
     def read(self, given: Time, spot: Spot) -> Ref:
-        """Time of the file: a number [beats] or a reference; 0 after a mistake."""
+        """Resolves a time of the file to a number [beats] or a reference; 0 after a mistake."""
         if not isinstance(given, str):
             return given
-        matches = [match for form in _FORMS if (match := form.fullmatch(given.strip()))]
+        matches = [match for pattern in _PATTERNS if (match := pattern.fullmatch(given.strip()))]
         if not matches:
             self._record_unknown(spot, given, "")
             return 0.0
         names = {*self._marks, *self._own, *self._cues}
-        match = next((form for form in matches if form[1] in names), matches[-1])
-        # `wave.end-1` is a beat before the end, unless a mark is called `end-1`.
+        match = next((other for other in matches if other[1] in names), matches[-1])
+        # `wave.end-1` is a beat before the end, unless wave has a moment called `end-1`.
         cues = [self._own[match[1]]] if match[1] in self._own else self._cues.get(match[1], [])
         if match[2] and not any(match[2] in cue.known for cue in cues):
             match = next(
                 (
-                    form
-                    for form in matches
-                    if form[1] == match[1] and any(form[2] in cue.known for cue in cues)
+                    other
+                    for other in matches
+                    if other[1] == match[1] and any(other[2] in cue.known for cue in cues)
                 ),
                 match,
             )
@@ -137,8 +138,8 @@ class Times:
         if not others:
             return first
         lines = [str(self._log.located.line(cue.spot)) for cue in (first, *others)]
-        text = f"{len(lines)} cues play {name!r}, on lines {', '.join(lines)}; give one of them a "
-        self._log.mistakes.add(spot, text + "name: and use that")
+        text = f"{len(lines)} cues play {name!r}, on lines {', '.join(lines)}; give one of them "
+        self._log.mistakes.add(spot, text + "a `name`, and use it here")
         return None
 
     def _record_unknown(self, spot: Spot, given: str, name: str) -> None:
@@ -156,16 +157,16 @@ def circular_wait(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[S
 
     Args:
         needs: keys of a cue or mark -> keys of those before it.
-        located: lines of the file.
+        located: finder of keys' lines in the file.
     """
     try:
         TopologicalSorter(needs).prepare()
     except CycleError as error:
-        ring = error.args[1][:-1]
+        cycle = error.args[1][:-1]
     else:
         return None
-    first = min(ring, key=lambda spot: located.line(spot) or 0)
-    others = [spot for spot in ring if spot != first]
+    first = min(cycle, key=lambda spot: located.line(spot) or 0)
+    others = [spot for spot in cycle if spot != first]
     if not others:
         return first, "waits for itself"
     others_text = ", ".join(

@@ -46,8 +46,8 @@ enum Status : int {
   RUNNING = 1,  // the run has not reached its end yet
   IMPOSSIBLE_INPUT = 2,  // the inputs ask for a motion that no puppet on these strings can follow
   TENSION_CAP = 3,  // a tension exceeded the largest one that a string may have
-  STEP_TOO_SMALL = 4,  // the step size fell below what the clock can resolve
-  TOO_MANY_EVENTS = 5,  // strings caught and released more often than the bound on events
+  STEP_TOO_SMALL = 4,  // the step size fell below the rounding error of the time
+  TOO_MANY_EVENTS = 5,  // strings came taut and slack more often than the limit on events
   TOO_MANY_STEPS = 6,  // the bound on the number of steps was reached
   NOT_FINITE = 7,  // a state or a force is no longer a finite number
   COLLAPSED = 8,  // two neighbouring points of a taut string came together
@@ -55,18 +55,18 @@ enum Status : int {
   PROJECTION_FAILED = 10,  // the strings could not be brought back to their lengths
   STOPPED = 11,  // the run was stopped from outside
   SINGULAR_MASS = 12,  // the mass matrix is singular: a joint moves no mass
-  NOT_SETTLED = 13,  // the equations of a step could not be solved
-  LOST_STEPS = 14,  // a stepper lost steps on the way; the run went on to its end
-  // a load dragged a drive away although its motor or controller gave all it can; the run ends
-  // early where it is gone too far
+  NOT_SETTLED = 13,  // the solution of a step's equations did not converge
+  LOST_STEPS = 14,  // a stepper motor lost steps; the run continued to its end
+  // a load moved a drive against the full torque of its motor or controller; the run ends
+  // early if the drive moved too far
   RUNAWAY = 15,
   TOO_MANY_SAMPLES = 16,  // the samples of the run reached the bound on memory
-  REDUNDANT_STRINGS = 17,  // redundant strings contradict one another
-  OVERSTEPPED = 18,  // the run went on, but strings, limits or contacts were overstepped
+  REDUNDANT_STRINGS = 17,  // the lengths of redundant strings are inconsistent
+  OVERSTEPPED = 18,  // the run went on, but strings, limits or contacts were violated
   GAINED_ENERGY = 19,  // the run went on, but the fixed step made energy out of nothing
   TOO_MANY_CONTACTS = 20,  // more points touched at once than a step has room for
-  NO_UNIQUE_MOTION = 21,  // friction jams what slides (Painlevé): no finite force, or several
-  UNBALANCED = 22,  // the run went on, but the ledger of the fixed steps does not balance
+  NO_UNIQUE_MOTION = 21,  // friction jams (Painlevé): no finite contact force, or several
+  UNBALANCED = 22,  // the run went on, but the energy balance of the fixed steps has a residual
   OUT_OF_TIME = 23,  // the time limit on computing ended the run
 };
 
