@@ -86,19 +86,19 @@ def test_every_output_is_written(played, folder):
 def test_a_film_on_a_stage_has_captions_only_if_asked(
     folder, tmp_path, monkeypatch, options, captions, shots, look
 ):
-    given = {}
+    film_arguments = {}
 
     def film(marionette, run, path, **arguments):
-        given.update(arguments)
+        film_arguments.update(arguments)
         path.touch()
 
     monkeypatch.setattr(view, "film", film)
     path = write_play(folder, more="    camera: [{at: one}]\n")
     result = fantoccini("play", path, "--out", tmp_path / "a.mp4", *options)
     assert result.exit_code == 0, result.stderr
-    assert bool(given.get("captions")) is captions
-    assert len(given.get("shots", ())) == shots
-    assert given.get("look") == look
+    assert bool(film_arguments.get("captions")) is captions
+    assert len(film_arguments.get("shots", ())) == shots
+    assert film_arguments.get("look") == look
 
 
 def test_a_cue_that_cannot_be_done_ends_with_1_and_its_line(tmp_path):
