@@ -289,6 +289,16 @@ def test_a_score_is_an_input_of_the_command_line(tmp_path):
         assert fantoccini("schema", kind).exit_code == 0
 
 
+def test_check_calls_an_exceeded_bound_a_warning(marionette, tmp_path):
+    """It counted "1 warning" below a line without this word."""
+    number = written(tmp_path, NUMBER.replace("lasts: 4", "lasts: 1"))
+    result = fantoccini("check", "marionette", "--inputs", number)
+    lines = [line for line in result.stderr.splitlines() if "the bound is 12" in line]
+    assert lines and all(line.startswith(f"{number}:8: ") for line in lines)
+    assert all(": warning: " in line for line in result.stderr.splitlines())
+    assert f"{len(result.stderr.splitlines())} warning" in result.stdout
+
+
 def test_on_beat_rehearses_scores_only(tmp_path):
     quick = "score: q\nlanes: {legs: [{gesture: march}]}\n"
     done = fantoccini(
