@@ -33,7 +33,8 @@ def _placed_by_joint(key: str, allowed: Collection[str]) -> str | None:
 def _advice(key: str, allowed: Collection[str]) -> str | None:
     """Advice for a key that has another place; None for other keys."""
     if key == "mirror":
-        return "`mirror` is a key of the puppet file as a whole: mirror: {plane: xz, from: left, to: right}"
+        rule = "mirror: {plane: xz, from: left, to: right}"
+        return f"`mirror` is a key of the puppet file as a whole: {rule}"
     return _placed_by_joint(key, allowed)
 
 

@@ -2,6 +2,7 @@
 
 from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts
+from fantoccini.theatre.gestures.beside import gesture_beside
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
 from fantoccini.theatre.gestures.ends import Complex, ComplexCurve, Curve, Ends, times
@@ -93,6 +94,7 @@ __all__ = [
     "bundled",
     "check_parts",
     "feet",
+    "gesture_beside",
     "gesture_names",
     "gesture_of_take",
     "gesture_schema",

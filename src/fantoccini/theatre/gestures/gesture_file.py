@@ -43,7 +43,7 @@ from fantoccini.theatre.gestures.aiming import To
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
 from fantoccini.theatre.gestures.reachable import reachable_part
-from fantoccini.theatre.gestures.roles import Roles, SizeKind, moves_of
+from fantoccini.theatre.gestures.roles import Roles, SizeKind, moves_of, not_driven
 
 _FOLDER = Path(__file__).parent / "marionette"
 _MAX_REST_PEAK = 1e-9
@@ -268,7 +268,8 @@ def _of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     for name, (part, move) in parts.items():
         channel = moves.meaning(name, table)[0]
         if channel not in known:
-            reason = f"its move {part} would move {channel}, which is not a driven coordinate"
+            reason = not_driven(channel, on_control=bool(file.on_control))
+            reason = f"its move {part} would move {reason}"
             raise _not_for_this_puppet(file, reason)
         is_length = units[known[channel]][1] == "m"
         if channel in offsets and move.kind in file.sizes and is_length:

@@ -27,6 +27,19 @@ _TURN_DIGITS = 9
 """Decimals of the heading of a puppet [rad]."""
 
 
+def not_driven(name: str, on_control: bool) -> str:
+    """Name of a coordinate that a gesture moves and a puppet lacks, and what the gesture needs.
+
+    Args:
+        name: name of the coordinate.
+        on_control: whether the gesture has moves for puppets on controls.
+    """
+    needed = "strings with driven lengths and with ends driven in x and y"
+    if on_control:
+        needed += ", or a driven control that carries the trunk on strings of fixed length"
+    return f"{name}, which is not a driven coordinate; needed: {needed} (docs/gestures.md)"
+
+
 @dataclass(frozen=True)
 class Move:
     """A string or a bar, and a direction, that a part's name means.

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from fantoccini.base import Array, FileError, InputError, StateError, UnknownNameError, nearest
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
+from fantoccini.theatre.gestures.beside import gesture_beside
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.gesture_file import bundled, gesture_names, load_gesture
 from fantoccini.theatre.gestures.parameters import Parameters, made_gesture, member_prefix
@@ -69,16 +72,8 @@ class ScoreGestures:
             return self._files[name, of, parameters]
         self._files[name, of, parameters] = None
         before = len(self._log.mistakes)
-        path, is_bundled = self._log.located.beside(name), False
-        if path is None and name in gesture_names():
-            path, is_bundled = bundled(name), True
-        if path is None:
-            text = "no gesture file in this one's folder, and no bundled gesture, is called "
-            message = f"{text}{name!r}{nearest(name, gesture_names())}"
-            self._log.mistakes.add((*spot, "gesture"), message)
-            self._wrong[name, of, parameters] = [(("gesture",), message)]
-            return None
         try:
+            path, is_bundled = self._path(name)
             if is_bundled and parameters.makes(name):
                 prefix = member_prefix(self._marionette.coordinates, of)
                 gesture = made_gesture(self._marionette, name, parameters, prefix, self._start)
@@ -100,6 +95,20 @@ class ScoreGestures:
             (path[len(spot) :], text) for path, text in self._log.mistakes.found[before:]
         ]
         return self._files[name, of, parameters]
+
+    def _path(self, name: str) -> tuple[Path, bool]:
+        """File of a gesture, and whether it is bundled.
+
+        Raises:
+            StateError: no gesture has this name, or several have it.
+        """
+        path = gesture_beside(self._log.located, name, gesture_names())
+        if path is not None:
+            return path, False
+        if name in gesture_names():
+            return bundled(name), True
+        text = "no gesture file in this one's folder, and no bundled gesture, is called "
+        raise StateError(f"{text}{name!r}{nearest(name, gesture_names())}")
 
     def _phrase(self, name: str, spot: Spot) -> Gesture | None:
         """A phrase as one gesture, from the puppet's rest; it ends at rest."""
