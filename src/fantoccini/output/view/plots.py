@@ -264,7 +264,7 @@ def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
             label = f"{names[q].rsplit('.', 1)[0]}.rotation {axis}"
             style = line_style(theme, 3 * n + i)
             axes.plot(run.t, vector[:, i], **style, linewidth=1.2, label=label)
-    axes.set_ylabel("driven rotation [rad]", color=theme.ink)
+    axes.set_ylabel("driven\nrotation [rad]", color=theme.ink)
     use_powers_of_ten(axes, theme)
     legend(axes, theme)
 
