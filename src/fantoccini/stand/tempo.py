@@ -26,7 +26,7 @@ COMPARISON_RATE = 120.0
 """Rate at which two motions are compared [1/s]."""
 SAVE_RATE = 500.0
 """Samples per second of a slower run."""
-UNDETERMINED = "slower does not help: the motion does not determine all torques"
+UNDETERMINED = "whether slower helps is not determined: other torques give the same motion"
 MIN_TIME_STEP = 1e-4
 """Smallest step of a run with a fixed step [s]."""
 

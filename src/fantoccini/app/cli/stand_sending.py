@@ -8,6 +8,7 @@ import select
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from types import FrameType
 
@@ -17,7 +18,7 @@ import typer
 from fantoccini.app.cli.perform import target_address
 from fantoccini.app.cli.stand_arguments import StandStreamArguments
 from fantoccini.app.cli_support import FAILED, INTERRUPTED, Steps, fail, say, write
-from fantoccini.base import PacketError, StreamError
+from fantoccini.base import PacketError, StandError, StreamError
 from fantoccini.stand import (
     STOPPED,
     ArtNet,
@@ -48,6 +49,11 @@ _POLL_INTERVAL = 0.1
 def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
     """Sends G-code to the serial port of every controller, or prints it with ``--dry-run``."""
     _check_line_options(points, arguments)
+    ports = {} if arguments.dry_run else _ports(points.parts, arguments.port or [])
+    for name, device in ports.items():
+        if os.path.isabs(device) and not os.path.exists(device):
+            owner = f"the controller {name}" if name else "the controller"
+            raise StandError(f"there is no serial port {device}, which is that of {owner}")
     with Steps(arguments.quiet) as steps:
         steps.step("timing the moves")
         if arguments.from_time is not None:
@@ -63,7 +69,9 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
             for line in program_lines:
                 write(f"{name}: {line.text}" if name else line.text)
         return
-    ports = _ports(parts, arguments.port or [])
+    if not arguments.quiet:
+        say("sending; Ctrl-C holds")
+    started = time.monotonic()
     counts = {name: Streamed() for name in parts}
     try:
         with contextlib.ExitStack() as stack:
@@ -96,6 +104,7 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
                 f"{before}{count.acknowledged} lines; "
                 f"up to {count.max_unanswered} characters in transit"
             )
+        say(f"all lines acknowledged after {time.monotonic() - started:.1f} s")
 
 
 def _check_line_options(points: SetPoints, arguments: StandStreamArguments) -> None:
