@@ -40,12 +40,12 @@ def test_names_do_not_matter(puppets):
 def test_a_head_on_a_pair_of_strings_ends_in_the_plane_of_symmetry():
     """Its end was the tie of the right string."""
     text = fan.puppets.path("marionette").read_text()
-    one = """  - name: head
+    single = """  - name: head
     path: [{body: skull, at: [0, 0, 0.137]}, {driven: [x, y], at: [0, 0, 1.2]}]"""
     pair = """  - name: head_left
     path: [{body: skull, at: [0, 0.03, 0.137]}, {driven: [x, y], at: [0, 0.03, 1.2]}]"""
-    assert one in text and "  head.length" in text
-    text = text.replace(one, pair).replace("  head.length", "  head_left.length")
+    assert single in text and "  head.length" in text
+    text = text.replace(single, pair).replace("  head.length", "  head_left.length")
     body_map = Marionette(loads(text)).body_map
     assert body_map.looking == ("head_left", "head_right")
     assert body_map.head is not None
