@@ -2,7 +2,6 @@
 
 from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts
-from fantoccini.theatre.gestures.beside import gesture_beside
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
 from fantoccini.theatre.gestures.ends import Complex, ComplexCurve, Curve, Ends, times
@@ -40,6 +39,7 @@ from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.theatre.gestures.roles import Roles
 from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
+from fantoccini.theatre.gestures.score_gestures import gesture_beside
 from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
 from fantoccini.theatre.gestures.styling import Style
