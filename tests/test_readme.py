@@ -63,10 +63,10 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
             puppet.loads(json.dumps(joined(first.model_dump(exclude_unset=True), block)))
         elif re.search("^gesture:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
-            assert fan.theatre.load_gesture(fan.puppets.marionette(), folder / title[1]).uses
+            assert fan.theatre.load_gesture(performer(first, title[2]), folder / title[1]).uses
         elif re.search("^score:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
-            assert fan.load_score(fan.puppets.marionette(), folder / title[1])
+            assert fan.load_score(performer(first, title[2]), folder / title[1])
         elif re.search("^play:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert fan.theatre.verify_play(fan.load_play(folder / title[1]))
@@ -98,6 +98,14 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
                 puppet_of_page.state()  # a ball in the air has no rest
             else:
                 puppet_of_page.rest()
+
+
+def performer(of_page: Puppet | None, name: str | None) -> fan.Marionette:
+    """Puppet of a gesture or score: as its title or its page says, or the marionette."""
+    if name is None and of_page is not None:
+        return fan.Marionette(of_page)
+    marionette: fan.Marionette = getattr(fan.puppets, name or "marionette")()
+    return marionette
 
 
 def joined(whole: dict, part: str) -> dict:

@@ -37,6 +37,21 @@ def test_names_do_not_matter(puppets):
     assert (body_map.facing, body_map.doubts) == ((1.0, 0.0, 0.0), ())
 
 
+def test_a_head_on_a_pair_of_strings_ends_in_the_plane_of_symmetry():
+    """Its end was the tie of the right string."""
+    text = fan.puppets.path("marionette").read_text()
+    single = """  - name: head
+    path: [{body: skull, at: [0, 0, 0.137]}, {driven: [x, y], at: [0, 0, 1.2]}]"""
+    pair = """  - name: head_left
+    path: [{body: skull, at: [0, 0.03, 0.137]}, {driven: [x, y], at: [0, 0.03, 1.2]}]"""
+    assert single in text and "  head.length" in text
+    text = text.replace(single, pair).replace("  head.length", "  head_left.length")
+    body_map = Marionette(loads(text)).body_map
+    assert body_map.looking == ("head_left", "head_right")
+    assert body_map.head is not None
+    assert body_map.head.end == pytest.approx((0.0, 0.0, 0.137), abs=1e-9)
+
+
 def test_a_waist(puppets):
     body_map = puppets["waisted"].body_map
     assert body_map.trunk == ("pelvis", "chest")

@@ -31,6 +31,17 @@ def test_the_weight_hangs_from_the_shorter_string(tmp_path):
     assert ["loose", "0.450000", "0.0000", "slack", "by", "50.0", "mm"] in lines
 
 
+def test_a_string_that_carries_nothing_is_not_called_taut(tmp_path):
+    """A level string on an upright slide."""
+    path = tmp_path / "hung.yaml"
+    text = HUNG.replace("[0, 0, 1]}], length: driven", "[0.3, 0, 0.6]}], length: driven")
+    path.write_text(text, encoding="utf-8")
+    done = fantoccini("rest", path, "--start", "reel.length=0.3", "--quiet")
+    assert done.exit_code == 0, done.stderr
+    (line,) = [line.split() for line in done.stdout.splitlines() if line.startswith("reel ")]
+    assert line[2:] == ["0.0000", "straight,", "without", "tension"]
+
+
 def test_its_last_lines_begin_a_file_of_inputs(tmp_path):
     done = fantoccini("rest", "arm2d", "--start", "hand.length=0.8", "--quiet")
     assert done.exit_code == 0, done.stderr
@@ -64,3 +75,12 @@ WRONG = {
 @pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
 def test_wrong_arguments_are_mistakes(arguments, message):
     assert message in " ".join(mistake("rest", *arguments).split())
+
+
+def test_runs_and_stands_are_no_puppets(tmp_path):
+    """A run was "larger than 2 MB", and a bundled stand an unknown puppet."""
+    with pytest.raises(
+        fan.errors.PuppetError, match=r"found a run or inputs.*fan\.Trajectory\.load"
+    ):
+        fan.load(tmp_path / "run.npz")
+    assert "found a bundled stand" in fantoccini("info", "six_winches").stderr

@@ -160,9 +160,13 @@ def test_a_missing_file_is_named(marionette):
 OTHER_STRINGS = {
     "wave": (
         "gesture wave: its move arm_right.forward would move hand_inner_right.x, which is not a "
-        "driven coordinate"
+        "driven coordinate; needed: strings with driven lengths and with ends driven in x and y, "
+        "or a driven control that carries the trunk on strings of fixed length (docs/gestures.md)"
     ),
-    "look": "gesture look: its move head.left would move head.y, which is not a driven coordinate",
+    "look": (
+        "gesture look: its move head.left would move head.y, which is not a driven coordinate; "
+        "needed: strings with driven lengths and with ends driven in x and y (docs/gestures.md)"
+    ),
 }
 
 

@@ -173,6 +173,27 @@ def test_gestures_may_be_in_the_folder_of_the_score(marionette, tmp_path):
     assert moved[i] == pytest.approx(-0.18) and np.count_nonzero(moved) == 1
 
 
+def test_files_in_the_folder_may_be_named_without_their_ending(marionette, tmp_path):
+    """`{gesture: wag}` did not find wag.yaml; a file of another kind is no gesture."""
+    lift = "gesture: lift\nmoves: {hand_left.up: [[0, 0], [1, 9 cm]]}\n"
+    (tmp_path / "lift.yaml").write_text(lift, encoding="utf-8")
+    (tmp_path / "bow.yaml").write_text("score: bow\nlanes: {arm: [{gesture: bow}]}\n")
+    text = "score: own\nlanes: {arm: [{gesture: lift}], body: [{gesture: bow, at: 2}]}\n"
+    score = fan.load_score(marionette, written(tmp_path, text))
+    assert len(of(score, "lift").marks) == 0 and of(score, "bow").marks
+    (tmp_path / "bow.yaml").write_text(lift.replace("lift", "bow"))
+    message = "'bow' is bow.yaml and a bundled gesture; write bow.yaml for the file, or rename it"
+    with pytest.raises(FileError, match=f"number.yaml:2: lanes.body.0..gesture: {message}"):
+        fan.load_score(marionette, written(tmp_path, text))
+    (tmp_path / "lift.yml").write_text(lift, encoding="utf-8")
+    with pytest.raises(FileError, match=r"'lift' is lift\.yaml and lift\.yml; write"):
+        fan.load_score(marionette, written(tmp_path, text))
+    with pytest.raises(FileError, match="no bundled gesture, is called 'lfit'"):
+        fan.load_score(
+            marionette, written(tmp_path, text.replace("gesture: lift", "gesture: lfit"))
+        )
+
+
 def test_the_schema_takes_scores_and_refuses_others(tmp_path):
     schema = score_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -287,6 +308,16 @@ def test_a_score_is_an_input_of_the_command_line(tmp_path):
     assert "waits for GO at curtain" in done.stdout
     for kind in ("gesture", "score"):
         assert fantoccini("schema", kind).exit_code == 0
+
+
+def test_check_calls_an_exceeded_bound_a_warning(marionette, tmp_path):
+    """It counted "1 warning" below a line without this word."""
+    number = written(tmp_path, NUMBER.replace("lasts: 4", "lasts: 1"))
+    result = fantoccini("check", "marionette", "--inputs", number)
+    lines = [line for line in result.stderr.splitlines() if "the bound is 12" in line]
+    assert lines and all(line.startswith(f"{number}:8: ") for line in lines)
+    assert all(": warning: " in line for line in result.stderr.splitlines())
+    assert f"{len(result.stderr.splitlines())} warning" in result.stdout
 
 
 def test_on_beat_rehearses_scores_only(tmp_path):

@@ -206,6 +206,7 @@ IN_BODY = [
     ("joint: {type: translation, axes: [x, w]}", 4, "joint.axes[1]", "found 'w'; allowed: x, y, z"),
     ("joint: {axis: [0, 0, 1]}", 4, "joint.type", "missing"),
     ("at: [0, 0, 1]", 4, "at", "a body is placed by its joint: joint: {at: [x, y, z]"),
+    ("mirror: true", 4, "mirror", "a key of the puppet file as a whole: mirror: {plane: xz, from"),
     (
         "joint: {type: revolute, axis: [0, 1, 0], limits: [-1, 1]}",
         4,

@@ -71,7 +71,15 @@ def test_pairs_are_found_by_name_without_a_mirror() -> None:
 strings:"""
     assert arm in swapped
     both = swapped.replace("strings:", twin)
-    assert remarks(both) == []
+    (remark,) = remarks(both)
+    assert remark.startswith("found 'hand_left' and no string 'hand_right'")
+    assert "such as arm_left and arm_right" in remark
+    for name in ("hand_right", "other"):  # a string of the twin body is the twin by any name
+        tied = f"""
+  - {{name: {name}, path: [{{body: arm_right}}, {{driven: [x], at: [0, -0.06, 1.0]}}],
+     length: driven}}
+pose:"""
+        assert remarks(both.replace("\npose:", tied)) == []
     held = both.replace("name: hand_left, path", "name: hand_right, path")
     (remark,) = remarks(held)
     assert remark.startswith("found 'hand_right' for a string that holds")

@@ -41,6 +41,9 @@ def test_the_torque_of_a_winch_that_lifts_a_mass(hoist, lifted):
     assert check.first.quantity == "speed" and check.first.axis == "winch"
     assert check.first.broken == pytest.approx(0.1 + 0.5 * s, abs=2e-3)
     assert "cannot do it: at t = 0.2" in check.summary()
+    # The first broken limit is not the worst.
+    worst = replace(limits["speed"], axis="other", margin=-90.0, broken=0.5, value=7.5)
+    assert "other" in replace(check, limits=(*check.limits, worst)).summary().split("at worst")[1]
 
 
 @pytest.mark.parametrize("gear, efficiency", [(1.0, 1.0), (4.0, 0.8)])

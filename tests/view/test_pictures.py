@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,12 +13,14 @@ from matplotlib.image import imread
 
 from fantoccini.base.errors import PictureError
 from fantoccini.model.puppet import loads
+from fantoccini.motion.columns import Columns
 from fantoccini.output import view
 from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.compose import compose
 from fantoccini.output.view.drawing import PictureOptions, layout_of, one_line
 from fantoccini.output.view.films import Frames
 from fantoccini.output.view.geometry import geometry_at, geometry_of
+from fantoccini.output.view.pictures import strip_figure
 from fantoccini.output.view.theme import DARK
 from view.still_life import StillLife, bundled, swinging
 
@@ -70,6 +73,31 @@ def test_pose_times(swung):
     assert view.pose_times(m, run, 3, [0.5, 0.2]).tolist() == [0.2, 0.5]
     with pytest.raises(ValueError, match="poses, events, even"):
         view.pose_times(m, run, 5, "odd")
+
+
+def test_a_strip_leaves_out_no_long_part(swung):
+    """A nod in the first 2.7 s of 7 s was left out for the walk after it."""
+    m, run = swung
+    late = np.where(np.arange(len(run)) < 25, 0, np.arange(len(run)))
+    still = replace(run, q_D=np.array(run.q_D)[late])  # it moves in the last part only
+    for n in (4, 5, 6, 9):
+        times = view.pose_times(m, still, n)
+        assert len(times) == n
+        assert np.diff(times).max() <= 1.5 / (n - 1) + 0.01
+
+
+def test_the_scale_of_a_strip_tells_of_a_short_peak(tmp_path, swung, monkeypatch):
+    """A peak of 8.87 N between the drawn times stood beside a scale that ended at 4 N."""
+    m, run = swung
+    values = np.array(run.tension.values)
+    t = np.array(run.t)
+    values[17, 0], t[17] = 5.0 * values.max(), t[16] + 1e-7  # between the times of the scale
+    t[18] = t[16] + 2e-7
+    peaked = replace(run, t=t, tension=Columns(run.tension.names, values, "string"))
+    options = PictureOptions.of("auto", "all", "light", None)
+    texts = [x.get_text() for x in strip_figure(m, peaked, 3, "even", options).axes[0].texts]
+    (end,) = [text for text in texts if text.endswith(" N")]
+    assert end.startswith("\N{GREATER-THAN OR EQUAL TO} ")
 
 
 def test_a_plot_shows_every_string(tmp_path, swung):

@@ -20,6 +20,15 @@ bodies:
 strings:
 """
 
+CROSS = """\
+  - name: cross
+    joint: {type: free, driven: true}
+    shapes: [{type: box, size: [0.2, 0.02, 0.01]}]
+strings:
+  - {name: line, path: [{body: ball}, {body: cross}], length: driven}
+pose: {cross.z: 0.5}
+"""
+
 # Machado, Oliveira and Fernandes (2009): sight without one kind of cone, in linear RGB.
 CONES_OF_VISION = {
     "all cones": np.eye(3),
@@ -86,6 +95,22 @@ def test_a_bar_that_turns_is_in_the_plot():
     assert lines["bar.rotation y"].get_ydata()[[0, -1]] == pytest.approx([0.0, 1.0])
     assert np.abs(lines["bar.rotation x"].get_ydata()).max() < 1e-9
     assert {"bar.x", "bar.y", "bar.z"} <= set(lines)
+
+
+def test_a_control_that_moves_is_in_the_plot_beside_lengths():
+    """Plots left out the place of a control whose strings are wound."""
+    m = StillLife(loads(BALL.replace("strings:", CROSS)))
+    run = swinging(m)
+    q_K = np.array(run.q_K)
+    names = list(run.coordinates.q_K)
+    q_K[:, names.index("cross.x")] = 0.2 * run.t
+    figure = view.plot(replace(run, q_K=q_K))
+    panels = {axes.get_ylabel(): axes for axes in figure.axes}
+    (line,) = panels["driven [m or rad]"].get_lines()
+    assert line.get_label() == "cross.x" and line.get_ydata()[-1] == pytest.approx(0.2)
+    assert [x.get_label() for x in panels["driven length [m]"].get_lines()] == ["line"]
+    figure = view.plot(run)
+    assert "driven [m or rad]" not in [axes.get_ylabel() for axes in figure.axes]
 
 
 def many_strings(n: int) -> StillLife:

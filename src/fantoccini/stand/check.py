@@ -186,10 +186,11 @@ class StandCheck:
                 f"{name} can do it: the smallest margin is {worst.margin:.0f} %, the "
                 f"{worst.quantity} of {worst.axis} at t = {worst.t:.3f} s"
             )
+        worst = min(self.broken, key=lambda limit: limit.margin)
         return (
             f"{name} cannot do it: at t = {first.broken:.3f} s the {first.quantity} of "
-            f"{first.axis} is insufficient; at worst, at t = {first.t:.3f} s, {first} "
-            f"({first.over} too much)"
+            f"{first.axis} is insufficient; at worst, at t = {worst.t:.3f} s, {worst} "
+            f"({worst.over} too much)"
         )
 
 

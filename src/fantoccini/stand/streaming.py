@@ -7,6 +7,7 @@ own clock.
 
 from __future__ import annotations
 
+import os
 import re
 import threading
 import time
@@ -347,7 +348,8 @@ def serial_port(name: str, baud: int) -> Iterator[Port]:
     try:
         port = serial.Serial(name, baud, timeout=0.1, write_timeout=SILENCE)
     except (OSError, ValueError) as error:  # serial.SerialException is an OSError
-        raise StandError(f"cannot open {name}: {error}") from None
+        code = getattr(error, "errno", None)  # pyserial repeats name and code in its text
+        raise StandError(f"cannot open {name}: {os.strerror(code) if code else error}") from None
     with port:
         end = time.monotonic() + GREETING_TIME
         while time.monotonic() < end:

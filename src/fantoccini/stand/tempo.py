@@ -26,7 +26,7 @@ COMPARISON_RATE = 120.0
 """Rate at which two motions are compared [1/s]."""
 SAVE_RATE = 500.0
 """Samples per second of a slower run."""
-UNDETERMINED_TEXT = "slower does not help: the motion does not determine all torques"
+UNDETERMINED_TEXT = "whether slower helps is not determined: other torques give the same motion"
 MIN_TIME_STEP = 1e-4
 """Smallest step of a run with a fixed step [s]."""
 
@@ -131,7 +131,7 @@ def find_slower_tempo(check: StandCheck) -> tuple[SlowedRun | None, str]:
         if last.check.ok:
             return last, str(last)
         if last.check.undetermined:
-            return None, f"{UNDETERMINED_TEXT}, at {factor:.3g} times as long"
+            return None, f"{UNDETERMINED_TEXT} (at {factor:.3g} times the duration, too)"
         factor *= FACTOR_GROWTH
     if last is None:
         return None, f"slower does not help within {MAX_FACTOR:g} times as long"

@@ -145,7 +145,7 @@ def _check_inputs(puppet: Marionette, path: Path, quiet: bool) -> bool:
         _print_problems(error.mistakes)
         return False
     inputs = file_motion.inputs
-    problems = [*file_motion.changes, *inputs_warnings(puppet, inputs, path)]
+    problems = inputs_warnings(puppet, inputs, path, file_motion.changes)
     _print_problems(problems)
     if not quiet:
         print_output(

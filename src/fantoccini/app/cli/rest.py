@@ -67,8 +67,11 @@ def _print_strings(puppet: Marionette, x: State, run: Trajectory) -> None:
     for i, (name, points) in enumerate(puppet.string_points(x.q_D, x.q_K).items()):
         span = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
         slack = 1e3 * max(0.0, float(lengths[i]) - span)
-        state = "taut" if run.taut.values[0, i] else f"slack by {slack:.1f} mm"
-        lines.append((name, f"{lengths[i]:.6f}", f"{run.tension.values[0, i]:.4f}", state))
+        tension = f"{run.tension.values[0, i]:.4f}"
+        state = "taut" if float(tension) > 0.0 else "straight, without tension"
+        if not run.taut.values[0, i]:
+            state = f"slack by {slack:.1f} mm"
+        lines.append((name, f"{lengths[i]:.6f}", tension, state))
     print_table("Strings", ("name", "length [m]>", "tension [N]>", ""), lines)
 
 

@@ -8,6 +8,7 @@ import select
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from types import FrameType
 
@@ -24,7 +25,7 @@ from fantoccini.app.cli_support import (
     print_message,
     print_output,
 )
-from fantoccini.base import PacketError, StreamError
+from fantoccini.base import PacketError, StandError, StreamError
 from fantoccini.stand import (
     STOPPED,
     ArtNet,
@@ -55,6 +56,11 @@ _POLL_INTERVAL = 0.1
 def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
     """Sends G-code to the serial port of every controller, or prints it with ``--dry-run``."""
     _check_line_options(points, arguments)
+    ports = {} if arguments.dry_run else _ports(points.parts, arguments.port or [])
+    for name, device in ports.items():
+        if os.path.isabs(device) and not os.path.exists(device):
+            owner = f"the controller {name}" if name else "the controller"
+            raise StandError(f"there is no serial port {device}, which is that of {owner}")
     with ProgressDisplay(arguments.quiet) as display:
         display.stage("timing the moves")
         if arguments.from_time is not None:
@@ -70,7 +76,9 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
             for line in program_lines:
                 print_output(f"{name}: {line.text}" if name else line.text)
         return
-    ports = _ports(by_controller, arguments.port or [])
+    if not arguments.quiet:
+        print_message("sending; Ctrl-C holds")
+    started = time.monotonic()
     counts = {name: Streamed() for name in by_controller}
     try:
         with contextlib.ExitStack() as stack:
@@ -105,6 +113,7 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
                 f"{prefix}{count.acknowledged} lines; "
                 f"up to {count.max_unanswered} characters in transit"
             )
+        print_message(f"all lines acknowledged after {time.monotonic() - started:.1f} s")
 
 
 def _check_line_options(points: SetPoints, arguments: StandStreamArguments) -> None:

@@ -56,6 +56,11 @@ def puppet_path(name: str) -> Path:
     if name in names:
         return bundled_files.path(name)
     if missing and path.name == name and not path.suffix:
+        from fantoccini.stand import stand_names
+
+        if name in stand_names():
+            message = f"found a bundled stand; needed: a puppet. `fantoccini stand check {name}`"
+            raise PuppetError([Mistake(name, None, "", f"{message} is for stands")])
         hint = nearest(name, names)
         message = f"no such file, and no bundled puppet or scene with this name{hint}"
         raise PuppetError([Mistake(name, None, "", message)])

@@ -42,17 +42,20 @@ def _member_warnings(puppet: Puppet, findings: Iterable[Finding]) -> list[Mistak
     return mistakes
 
 
-def inputs_warnings(marionette: Marionette, inputs: Input, path: Path) -> list[Mistake]:
+def inputs_warnings(
+    marionette: Marionette, inputs: Input, path: Path, changes: Iterable[Mistake] = ()
+) -> list[Mistake]:
     """Warnings about inputs of a puppet, in file order.
 
     Args:
         marionette: the marionette.
         inputs: inputs of the file.
         path: path of the inputs file.
+        changes: deviations of the inputs from the text of a score.
     """
     is_yaml = path.suffix.lower() in (".yaml", ".yml")
     located = read_file(path) if is_yaml else Located(file=str(path), folder=path.parent)
-    mistakes = []
+    mistakes = [*changes]
     for warning in input_warnings(marionette, inputs):
         place = _waypoint(marionette, located.data, warning.name, warning.t)
         mistakes.append(located.problem(place, f"at t = {warning.t:g} s it {warning.message}"))

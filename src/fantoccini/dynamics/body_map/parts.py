@@ -32,6 +32,10 @@ CLEAR_MARGIN, CLEAR_RISE = 0.5, 0.1
 """Margin of scores, and height above the trunk relative to the puppet's height, above which a head
 is not doubtful."""
 
+MIN_ASIDE = 1e-3
+"""Smallest distance of an end from the plane of symmetry that is not rounding, relative to the
+puppet's size."""
+
 
 @dataclass(frozen=True, eq=False)
 class Branch:
@@ -103,12 +107,27 @@ def parts_of(anatomy: Anatomy, name: str) -> Parts:
             odd = replace(_branch(anatomy, k), kind=_kind(anatomy, trunk, k))
             limbs.append(odd.doubted("it has no twin on the other side"))
     head, tails = _head(anatomy, trunk, middles)
+    head = None if head is None else _in_plane(anatomy, plane, head)
+    tails = [_in_plane(anatomy, plane, tail) for tail in tails]
     doubts: tuple[str, ...] = ()
     if plane.rival:
         doubts = (
             "its two ends are as alike as its two sides, so that front and side may be swapped",
         )
     return Parts(trunk, head, (*_without_wings_as_legs(anatomy, limbs), *tails), plane, doubts)
+
+
+def _in_plane(anatomy: Anatomy, plane: Plane, branch: Branch) -> Branch:
+    """The branch of a body in the middle with its end in the plane of symmetry.
+
+    A head on a pair of strings ends between their ties.
+    """
+    own = anatomy.segments[branch.chain[-1]]
+    R, r = own.pose[:, :3], own.pose[:, 3]
+    distance = plane.side(R @ branch.end + r)
+    if abs(distance) < MIN_ASIDE * anatomy.size:
+        return branch
+    return replace(branch, end=branch.end - distance * (plane.across @ R))
 
 
 def is_limb_pair(anatomy: Anatomy, pair: tuple[int, int]) -> bool:

@@ -37,8 +37,10 @@ def sides(
     mirror = puppet.mirror
     words = _WORDS if mirror is None else (mirror.from_, mirror.to)
     yield from _twins(puppet, words, _centres(tree, poses, number), size)
+    single = {} if mirror is not None else _single_strings(puppet, words)
     for i, string in enumerate(puppet.strings):
-        if text := _wrong_string(string, words, mirrored=mirror is not None):
+        text = _wrong_string(string, words, mirrored=mirror is not None) or single.get(i, "")
+        if text:
             yield ("strings", i, "name"), text
 
 
@@ -78,9 +80,49 @@ def _twins(
                 yield ("bodies", i, "joint"), f"{text}, which the others named {words[0]} are not"
 
 
+def _single_strings(puppet: Puppet, words: tuple[str, str]) -> dict[int, str]:
+    """Strings named after a side that have no twin, in a puppet whose bodies come in pairs.
+
+    A string whose bodies are the twins of another one's is its twin, whatever its name.
+
+    Returns:
+        Index of the string -> remark.
+    """
+    pairs: dict[str, tuple[str, str]] = {}  # by member of a scene
+    bodies = {body.name for body in puppet.bodies}
+    for body in puppet.bodies:
+        twin = _twin(body.name, words)
+        if twin != body.name and twin in bodies:
+            pairs.setdefault(body.name.rpartition(".")[0], (body.name, twin))
+    names = {string.name for string in puppet.strings}
+    ends = [_bodies(string) for string in puppet.strings]
+    remarks = {}
+    for i, string in enumerate(puppet.strings):
+        twin, pair = _twin(string.name, words), pairs.get(string.name.rpartition(".")[0])
+        across = [_twin(body, words) for body in ends[i]]
+        has_twin = twin in names or (across != ends[i] and across in ends)
+        if pair is None or twin == string.name or has_twin:
+            continue
+        text = f"found {string.name!r} and no string {twin!r}, although the bodies come in pairs"
+        remarks[i] = f"{text}, such as {pair[0]} and {pair[1]}: is a string missing?"
+    return remarks
+
+
+def _twin(name: str, words: tuple[str, str]) -> str:
+    """Name of a part or of a scene member's part, with left and right exchanged."""
+    member, dot, own = name.rpartition(".")
+    twin = twin_name(own, *words)
+    return member + dot + (twin if twin != own else twin_name(own, *words[::-1]))
+
+
+def _bodies(string: String) -> list[str]:
+    """Names of the bodies to which a string is tied, in the order of its path."""
+    return [end.body for end in string.path if end.body]
+
+
 def _wrong_string(string: String, words: tuple[str, str], mirrored: bool) -> str:
     """Remark on a string whose name contradicts the sides of its bodies; may be empty."""
-    bodies = [end.body for end in string.path if end.body]
+    bodies = _bodies(string)
     name = string.name.rpartition(".")[2]
     sides_of = {word for word in words for body in bodies if word in body.rpartition(".")[2]}
     if len(sides_of) != 1:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, get_args
 
-from fantoccini.base import OnProgress
+from fantoccini.base import Mistake, OnProgress, PuppetError
 from fantoccini.dynamics.marionette.marionette import Marionette
 from fantoccini.model import scene
 from fantoccini.model.puppet import Puppet
@@ -30,6 +30,10 @@ def load(
     Raises:
         PuppetError: the file has mistakes; the message lists all of them.
     """
+    if Path(path).suffix.lower() == ".npz":
+        text = "found a run or inputs; needed: a puppet. fan.Trajectory.load reads a run, "
+        text += "fan.Input.load inputs"
+        raise PuppetError([Mistake(str(path), None, "", text)])
     return Marionette(_with_strings(scene.load(path), string_model), progress)
 
 

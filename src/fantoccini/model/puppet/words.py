@@ -30,5 +30,13 @@ def _placed_by_joint(key: str, allowed: Collection[str]) -> str | None:
     return None
 
 
-WORDS = Words(OWN_WORDS, _placed_by_joint)
+def _advice(key: str, allowed: Collection[str]) -> str | None:
+    """Advice for a key that has another place; None for other keys."""
+    if key == "mirror":
+        rule = "mirror: {plane: xz, from: left, to: right}"
+        return f"`mirror` is a key of the puppet file as a whole: {rule}"
+    return _placed_by_joint(key, allowed)
+
+
+WORDS = Words(OWN_WORDS, _advice)
 """Hints for every file that describes bodies, joints or shapes."""

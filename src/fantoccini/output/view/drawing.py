@@ -332,9 +332,8 @@ class Sheet:
         right = self.width - 1.6 * unit if right is None else right
         left = right - length
         self.image(layout.colours[None, :, :], (left, right, y, y + thickness), 4.0)
-        largest = max(
-            float(np.nanmax(np.abs(x), initial=0.0)) for x in (geometry.tension, geometry.pulls)
-        )
+        drawn = (np.nanmax(np.abs(x), initial=0.0) for x in (geometry.tension, geometry.pulls))
+        largest = max(geometry.peak, *map(float, drawn))
         sign = "\N{GREATER-THAN OR EQUAL TO} " if largest > 1.001 * layout.full_scale else ""
         for x, text, side in (
             (left, "0", "left"),

@@ -71,6 +71,7 @@ class Geometry:
         tree: links and strings, with values in place of parameters.
         arrows: (n, 2, 3) foot and head of the arrows of forces at each time [m]; empty for none.
         guides: (T, n, 3) polylines that the motion is compared with, drawn in front of it [m].
+        peak: largest tension of the run, also between the times; 0 if unknown [N].
     """
 
     title: str
@@ -95,6 +96,7 @@ class Geometry:
     tree: Tree
     arrows: tuple[np.ndarray, ...] = ()
     guides: tuple[np.ndarray, ...] = ()
+    peak: float = 0.0
 
     def with_guides(self, guides: Guides | None) -> Geometry:
         """The geometry with lines that the motion is compared with.

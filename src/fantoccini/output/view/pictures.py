@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +32,8 @@ FORMATS = (".png", ".svg", ".pdf")
 """File endings of pictures."""
 _GAP = 6.0
 """Distance between the stages of a strip [px]."""
+MAX_GAP = 1.5
+"""Largest time between neighbouring poses of a strip, relative to equal steps."""
 
 
 def strip(
@@ -91,6 +96,8 @@ def strip_figure(
     sample_times = pose_times(marionette, run, n, times)
     geometry = geometry_of(marionette, run.resample(sample_times), forces).with_guides(guides)
     motion = geometry_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
+    peaks = run.tension.values[np.isfinite(run.tension.values)]
+    motion = replace(motion, peak=float(np.max(peaks, initial=0.0)))
     n = len(sample_times)
     if options.size is None:
         panel = panel_size(geometry, options)
@@ -227,7 +234,8 @@ def pose_times(
     """Times [s] at which a strip shows the puppet, in order.
 
     ``poses`` begins with the first and last time and repeatedly adds the time whose pose differs
-    most from all poses so far; the difference includes the distance in time.
+    most from all poses so far; the difference includes the distance in time. Neighbours are at most
+    :data:`MAX_GAP` even steps apart.
 
     Args:
         marionette: the puppet.
@@ -257,12 +265,22 @@ def pose_times(
         )
         chosen += [int(np.searchsorted(grid, catch_times[k])) for k in spread]
         chosen = sorted({min(k, len(grid) - 1) for k in chosen})
+    max_gap = math.ceil(MAX_GAP * (len(grid) - 1) / (n - 1))
     while len(chosen) < n:
         distances = np.linalg.norm(features[:, None] - features[chosen][None], axis=2).min(axis=1)
         if distances.max() <= 0.0:
             break
+        left = n - len(chosen) - 1
+        closes = [_n_missing([*chosen, k], max_gap) <= left for k in range(len(grid))]
+        if any(closes):
+            distances = np.where(closes, distances, -1.0)
         chosen.append(int(np.argmax(distances)))
     return grid[sorted(chosen)]
+
+
+def _n_missing(chosen: list[int], max_gap: int) -> int:
+    """Number of further samples after which no two neighbours are more than a gap apart."""
+    return sum(max(0, b - a - 1) // max_gap for a, b in pairwise(sorted(chosen)))
 
 
 def _features(marionette: Drawable, run: Trajectory) -> np.ndarray:

@@ -25,6 +25,10 @@ Styles = dict[str, dict[str, Any]]
 
 MAX_LINES = 24
 """Largest number of driven coordinates that are drawn."""
+_LENGTH = ".length"
+"""Ending of the name of a driven length."""
+_MIN_MOVE = 1e-9
+"""Smallest range of a coordinate that moves [m or rad]."""
 _LEGEND_SIZE = 8.0
 """Font size of legends [pt]."""
 _ROW_GAP = 0.3
@@ -45,8 +49,8 @@ def plot(
     """Plots of a run against time, as one matplotlib figure.
 
     From the top: tensions; active set, with marks at catches; energy ledger, with potential energy
-    relative to the start; driven lengths or, if no length is driven, the other driven coordinates;
-    driven orientations, as rotation vectors. Empty panels are left out.
+    relative to the start; driven lengths; the other driven coordinates, of which those that move
+    if lengths are driven; driven orientations, as rotation vectors. Empty panels are left out.
 
     Args:
         run: the motion.
@@ -70,8 +74,11 @@ def plot(
         height = min(3.4, 0.7 + 0.2 * len(strings))
         panels.append((height, lambda axes: _active_set(axes, run, styles, theme)))
     panels.append((2.4, lambda axes: _energy(axes, run, theme)))
-    if len(run.coordinates.q_K) > 4 * len(run.coordinates.quaternions_K):
-        panels.append((2.4, lambda axes: _driven(axes, run, styles, theme)))
+    lengths, others = _driven_scalars(run)
+    if lengths:
+        panels.append((2.4, lambda axes: _driven(axes, run, lengths, styles, theme)))
+    if others:
+        panels.append((2.4, lambda axes: _driven(axes, run, others, styles, theme)))
     if run.coordinates.quaternions_K:
         panels.append((2.0, lambda axes: _rotations(axes, run, theme)))
     ratios = [share for share, _ in panels]
@@ -203,19 +210,30 @@ def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
     legend(axes, theme)
 
 
-def _driven(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
+def _driven_scalars(run: Trajectory) -> tuple[list[int], list[int]]:
+    """Indices in q_K of driven lengths, and of other scalars to draw.
+
+    Of the others, those at rest are left out if lengths are driven.
+    """
+    names = run.coordinates.q_K
+    # Orientations have their own panel.
+    in_quaternions = {q + i for q, _ in run.coordinates.quaternions_K for i in range(4)}
+    lengths = [k for k, name in enumerate(names) if name.endswith(_LENGTH)]
+    others = [k for k in range(len(names)) if k not in {*lengths, *in_quaternions}]
+    if lengths:
+        others = [k for k in others if np.ptp(run.q_K[:, k]) > _MIN_MOVE]
+    return lengths, others
+
+
+def _driven(axes: Axes, run: Trajectory, chosen: list[int], styles: Styles, theme: Theme) -> None:
+    """Panel of driven coordinates; either all of them are lengths, or none is."""
     names = list(run.coordinates.q_K)
-    chosen = [k for k, name in enumerate(names) if name.endswith(".length")]
-    label = "driven length [m]"
-    if not chosen:
-        # Orientations have their own panel.
-        in_quaternions = {q + i for q, _ in run.coordinates.quaternions_K for i in range(4)}
-        chosen = [k for k in range(len(names)) if k not in in_quaternions]
-        label = "driven [m or rad]"
+    is_length = names[chosen[0]].endswith(_LENGTH)
+    label = "driven length [m]" if is_length else "driven [m or rad]"
     driven_by = {command: name for name, command in run.coordinates.commands.items()}
     for n, k in enumerate(chosen[:MAX_LINES]):
         name = driven_by.get(names[k], names[k])
-        owner = name.removesuffix(".length")
+        owner = name.removesuffix(_LENGTH)
         style = styles.get(owner, line_style(theme, n))
         if name == names[k]:
             axes.plot(run.t, run.q_K[:, k], **style, linewidth=1.2, label=owner)
@@ -246,7 +264,7 @@ def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
             label = f"{names[q].rsplit('.', 1)[0]}.rotation {axis}"
             style = line_style(theme, 3 * n + i)
             axes.plot(run.t, vector[:, i], **style, linewidth=1.2, label=label)
-    axes.set_ylabel("driven rotation [rad]", color=theme.text)
+    axes.set_ylabel("driven\nrotation [rad]", color=theme.text)
     use_powers_of_ten(axes, theme)
     legend(axes, theme)
 

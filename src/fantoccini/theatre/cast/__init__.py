@@ -3,7 +3,7 @@
 from fantoccini.theatre.cast import prop_gestures
 from fantoccini.theatre.cast.actors import Actor, Corrections
 from fantoccini.theatre.cast.casting import Cast, read_cast
-from fantoccini.theatre.cast.clips import Clip, is_clip, read_clip
+from fantoccini.theatre.cast.clips import CLIP_ENDING, Clip, is_clip, read_clip
 from fantoccini.theatre.cast.companies import (
     Company,
     Meeting,
@@ -51,6 +51,7 @@ from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
 
 __all__ = [
+    "CLIP_ENDING",
     "ERRORS",
     "NUMBERS",
     "OTHER_SIDE",

@@ -41,9 +41,13 @@ _SPEED_FACTORS = (0.8, 0.64, 0.5)
 """Factors of the speed that are tried if a clip is too fast."""
 
 
+CLIP_ENDING = ".bvh"
+"""Ending of the name of a clip."""
+
+
 def is_clip(path: Path) -> bool:
     """Whether a file's name is that of a clip."""
-    return path.suffix.lower() == ".bvh"
+    return path.suffix.lower() == CLIP_ENDING
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, UnknownNameError
+from fantoccini.base import Array, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.cast.contacts import ContactBodies
@@ -107,8 +107,7 @@ class Player:
         """Ends of its strings, for a gesture.
 
         Raises:
-            StateError: it has no body map.
-            UnknownNameError: an end or length of a string is not driven.
+            StateError: it has no body map, or an end or length of a string is not driven.
         """
         return Ends(BodyParts.of(self.marionette), self.rest_state)
 
@@ -123,7 +122,7 @@ def middle_of(marionette: Marionette, rest_state: State) -> complex:
     """Middle x + i y between the ends of the carrying strings; 0 without a body map [m]."""
     try:
         return Ends(BodyParts.of(marionette), rest_state).middle
-    except (StateError, UnknownNameError):
+    except StateError:
         return 0j
 
 

@@ -122,7 +122,6 @@ class Gait:
         Raises:
             ValueError: there are no steps, or they are too long.
             StateError: the puppet cannot walk; the message has the reason.
-            UnknownNameError: an end or length of a string is not driven.
         """
         if steps < 1:
             raise ValueError(f"steps is {steps!r}; at least 1 is needed")
@@ -144,7 +143,7 @@ class Gait:
             lengths: result of :func:`standing_lengths`, if known already.
 
         Raises:
-            StateError, UnknownNameError: see :meth:`inputs`.
+            StateError: see :meth:`inputs`.
         """
         if lengths is None:
             lengths = standing_lengths(ends.body_parts, ends.start)

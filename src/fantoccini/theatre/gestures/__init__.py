@@ -39,6 +39,7 @@ from fantoccini.theatre.gestures.performing import (
 from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
+from fantoccini.theatre.gestures.score_gestures import gesture_beside
 from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
 from fantoccini.theatre.gestures.styling import Style
@@ -93,6 +94,7 @@ __all__ = [
     "bundled",
     "check_parts",
     "feet",
+    "gesture_beside",
     "gesture_names",
     "gesture_of_take",
     "gesture_schema",

@@ -122,8 +122,7 @@ def check_parts(puppet: Marionette, start: State, name: str) -> None:
     """Checks that a puppet has the parts of the body for ``look`` or ``point``.
 
     Raises:
-        StateError: one is missing.
-        UnknownNameError: an end or length of a string is not driven.
+        StateError: one is missing, or an end or length of a string is not driven.
     """
     ends = Ends(BodyParts.of(puppet), start)
     for part in ("arm_left", "arm_right") if name == "point" else ("head",):

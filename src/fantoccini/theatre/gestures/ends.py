@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fantoccini.base import Array, Times, UnknownNameError, polynomial
+from fantoccini.base import Array, StateError, Times, polynomial
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pieces
 from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.moves import not_driven
 
 Curve = tuple[Array, Array, Array]
 """Values and their first and second derivatives with respect to time."""
@@ -45,7 +46,7 @@ class Ends:
         start: state at rest.
 
     Raises:
-        UnknownNameError: an end or length of a string that carries head or trunk is not driven.
+        StateError: an end or length of a string that carries head or trunk is not driven.
     """
 
     body_parts: BodyParts
@@ -82,11 +83,11 @@ class Ends:
         return self.body_parts.prefix
 
     def check_driven(self, string: str) -> None:
-        """Raises UnknownNameError unless a string's end moves along x and y, and it is wound."""
+        """Raises StateError unless a string's end moves along x and y, and it is wound."""
         known = pieces.channel_names(self.table)
         for part in ("x", "y", "length"):
             if f"{self.prefix}{string}.{part}" not in known:
-                raise UnknownNameError("driven coordinate", f"{self.prefix}{string}.{part}", known)
+                raise StateError(f"it moves {not_driven(f'{self.prefix}{string}.{part}', True)}")
 
     def carry(
         self,

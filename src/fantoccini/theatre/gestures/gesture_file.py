@@ -42,6 +42,7 @@ from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import AimTarget
 from fantoccini.theatre.gestures.body_parts import BodyParts, OwnAxes, SizeKind, moves_of
 from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.moves import not_driven
 from fantoccini.theatre.gestures.parameters import (
     COMPUTED_GESTURES,
     Parameters,
@@ -285,7 +286,8 @@ def _gesture_of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     for name, (part, move) in parts.items():
         channel = moves.driven_coordinate(name, table)[0]
         if channel not in known:
-            reason = f"its move {part} would move {channel}, which is not a driven coordinate"
+            reason = not_driven(channel, on_control=bool(file.on_control))
+            reason = f"its move {part} would move {reason}"
             raise _not_for_this_puppet(file, reason)
         is_length = units[known[channel]][1] == "m"
         if channel in offsets and move.kind in file.sizes and is_length:

@@ -279,3 +279,16 @@ def _unknown(name: str, channel: str, table: CoordinateTable) -> str:
     ]
     needed = "a driven coordinate, or a string or a driven body and a direction"
     return f"is not {needed}{nearest(name, names)}"
+
+
+def not_driven(name: str, on_control: bool) -> str:
+    """Name of a coordinate that a gesture moves and a puppet lacks, and what the gesture needs.
+
+    Args:
+        name: name of the coordinate.
+        on_control: whether the gesture has moves for puppets on controls.
+    """
+    needed = "strings with driven lengths and with ends driven in x and y"
+    if on_control:
+        needed += ", or a driven control that carries the trunk on strings of fixed length"
+    return f"{name}, which is not a driven coordinate; needed: {needed} (docs/gestures.md)"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from fantoccini.base import UnknownNameError
+from fantoccini.base import StateError, UnknownNameError
 from fantoccini.base.documents import Mistakes
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, Table
@@ -70,12 +70,15 @@ def computed_gesture(
 
     Raises:
         InputError: the parameters have mistakes; all of them are listed.
-        StateError: the puppet lacks a part of the body.
-        UnknownNameError: an end or length of a string is not driven.
+        StateError: the puppet lacks a part of the body, or an end or length of a string is not
+            driven.
     """
     given.refuse(name, COMPUTED_GESTURES[name])
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{name} begins where the puppet hangs; it takes a Marionette")
+    if puppet.puppet.members and not prefix:
+        members = ", ".join(puppet.puppet.members)
+        raise StateError(f"{name} needs `of`, a member of the scene: {members}")
     start, mistakes = puppet.rest() if start is None else start, Mistakes.of_inputs()
     body_parts = BodyParts.of(puppet, prefix.removesuffix("."))
     if name == "walk" and body_parts.on_control:

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from pathlib import Path
+
 from fantoccini.base import Array, FileError, InputError, StateError, UnknownNameError, nearest
+from fantoccini.base.documents import Located
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
-from fantoccini.theatre.gestures.gesture_file import bundled, gesture_names, load_gesture
+from fantoccini.theatre.gestures.gesture_file import (
+    bundled,
+    gesture_names,
+    is_gesture,
+    load_gesture,
+)
 from fantoccini.theatre.gestures.parameters import Parameters, computed_gesture, member_prefix
 from fantoccini.theatre.gestures.placing import place_lanes
 from fantoccini.theatre.gestures.styling import Style, StyleError
 from fantoccini.theatre.script import GestureCue, PhraseCue, PlayedCue, ScoreFile, ScriptLog, Spot
 
+_TAKE = ".npz"
+_ENDINGS = (".yaml", ".yml", _TAKE)
+"""Endings that may be left out."""
 _MAX_DEPTH = 30
 """Largest depth of phrases within phrases."""
 
@@ -73,16 +85,8 @@ class ScoreGestures:
             return self._files[name, of, parameters]
         self._files[name, of, parameters] = None
         before = len(self._log.mistakes)
-        path, is_bundled = self._log.located.beside(name), False
-        if path is None and name in gesture_names():
-            path, is_bundled = bundled(name), True
-        if path is None:
-            text = "no gesture file in this one's folder, and no bundled gesture, is called "
-            message = f"{text}{name!r}{nearest(name, gesture_names())}"
-            self._log.mistakes.add((*spot, "gesture"), message)
-            self._wrong[name, of, parameters] = [(("gesture",), message)]
-            return None
         try:
+            path, is_bundled = self._path(name)
             if is_bundled and parameters.computes(name):
                 prefix = member_prefix(self._marionette.coordinates, of)
                 gesture = computed_gesture(self._marionette, name, parameters, prefix, self._start)
@@ -104,6 +108,20 @@ class ScoreGestures:
             (path[len(spot) :], text) for path, text in self._log.mistakes.found[before:]
         ]
         return self._files[name, of, parameters]
+
+    def _path(self, name: str) -> tuple[Path, bool]:
+        """File of a gesture, and whether it is bundled.
+
+        Raises:
+            StateError: no gesture has this name, or several have it.
+        """
+        path = gesture_beside(self._log.located, name, gesture_names())
+        if path is not None:
+            return path, False
+        if name in gesture_names():
+            return bundled(name), True
+        text = "no gesture file in this one's folder, and no bundled gesture, is called "
+        raise StateError(f"{text}{name!r}{nearest(name, gesture_names())}")
 
     def _phrase(self, name: str, spot: Spot) -> Gesture | None:
         """A phrase as one gesture, from the puppet's rest; it ends at rest."""
@@ -136,3 +154,37 @@ class ScoreGestures:
                 marks[numbered(mark, marks)] = t
         (line,) = placed.hands.lanes
         return Gesture(self._marionette.coordinates, *line.motion, name, marks, placed.turns)
+
+
+def gesture_beside(
+    located: Located, name: str, bundled: Collection[str], endings: Collection[str] = ()
+) -> Path | None:
+    """File beside a script that a gesture's name means, with or without its ending.
+
+    Args:
+        located: the script.
+        name: name of a gesture in the script.
+        bundled: names of bundled gestures.
+        endings: endings of further files that may be left out.
+
+    Returns:
+        The file; None if there is none, so that the name may be that of a bundled gesture.
+
+    Raises:
+        StateError: the name without ending has several meanings.
+    """
+    if (exact := located.beside(name)) is not None:
+        return exact
+    files: dict[str, Path] = {}
+    for ending in (*_ENDINGS, *endings):
+        path = located.beside(name + ending)
+        if path is not None and (ending in (_TAKE, *endings) or is_gesture(path)):
+            files[path.name] = path
+    if not files:
+        return None
+    meanings = [*files, *(["a bundled gesture"] if name in bundled else [])]
+    if len(meanings) > 1:
+        text = f"{name!r} is {' and '.join(meanings)}; write {' or '.join(files)} for the file"
+        raise StateError(text + ", or rename it for the bundled gesture" * (name in bundled))
+    (path,) = files.values()
+    return path

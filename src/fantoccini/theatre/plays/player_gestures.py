@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from fantoccini.base import Array, FileError, InputError, StateError, UnknownNam
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.capture import bundled_clip, clip_names
 from fantoccini.theatre.cast import (
+    CLIP_ENDING,
     Cast,
     Clip,
     Footing,
@@ -32,6 +32,7 @@ from fantoccini.theatre.gestures import (
     Style,
     bundled,
     check_parts,
+    gesture_beside,
     gesture_names,
     load_gesture,
     steps,
@@ -199,7 +200,11 @@ class PlayerGestures:
 
     def _loaded(self, player: Player, name: str) -> Gesture | Clip | str:
         """Result of :meth:`_read`, without the cache."""
-        path: Path | None = self._log.located.beside(name)
+        known = (*gesture_names(), *clip_names())
+        try:
+            path = gesture_beside(self._log.located, name, known, (CLIP_ENDING,))
+        except StateError as error:
+            return str(error)
         if path is None and name in gesture_names():
             if not bundled(name).is_file():
                 verb = {"walk": "walks to"}.get(name, name)
@@ -209,9 +214,7 @@ class PlayerGestures:
             path = bundled_clip(name)
         if path is None:
             text = f"no file beside this one, and no bundled gesture or clip, is called {name!r}"
-            return text + nearest(
-                name, sorted({*gesture_names(), *clip_names()} - {*COMPUTED_GESTURES})
-            )
+            return text + nearest(name, sorted({*known} - {*COMPUTED_GESTURES}))
         try:
             if is_clip(path):
                 return read_clip(player, path)
