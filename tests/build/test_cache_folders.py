@@ -80,7 +80,7 @@ def test_without_a_writable_folder_there_is_an_error(tmp_path, key, source, monk
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path / "file" / "cache"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "file" / "temporary"))
-    with pytest.raises(BuildError, match="no place for the compiled puppet"):
+    with pytest.raises(BuildError, match="no folder can store the compiled puppet"):
         build.obtain(key, source)
 
 

@@ -101,7 +101,7 @@ def test_a_mapping_file_of_twenty_lines_is_enough(tmp_path):
         assert len(lines["joints"]) + 3 <= 20
     names = tuple(f"b{i}" for i in range(len(NAMES)))
     skeleton = Skeleton(names, (-1,) * len(names), np.zeros((len(names), 3)))
-    with pytest.raises(FileError, match=r"in no bundled mapping.*the joints are b0, b1"):
+    with pytest.raises(FileError, match=r"no bundled mapping.*the joints are b0, b1"):
         find_mapping(skeleton)
     usual = load_mapping("motionbuilder").joints
     text = "mapping: mine\njoints:\n" + "".join(
@@ -403,7 +403,7 @@ def test_clips_that_show_no_person_are_refused(marionette):
 def test_two_people_in_one_file_are_distinguished():
     names = tuple(f"{who}:{name}" for who in ("a", "b") for name in NAMES)
     skeleton = Skeleton(names, (-1,) * len(names), np.zeros((len(names), 3)))
-    with pytest.raises(FileError, match="in no bundled mapping"):
+    with pytest.raises(FileError, match="no bundled mapping"):
         find_mapping(skeleton)
     usual = load_mapping("motionbuilder")
     second = usual.model_copy(update={"joints": {p: f"b:{j}" for p, j in usual.joints.items()}})

@@ -25,7 +25,7 @@ BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
 HOSTILE = {
     "ten megabytes": ("#" * 10_000_000, None, "larger than 2 MB"),
     "an alias bomb": (BOMB, 5, "aliases repeat more than"),
-    "an alias of itself": ("a: &a [*a]", 1, "no finished anchor"),
+    "an alias of itself": ("a: &a [*a]", 1, "needs an anchor before it"),
     "an alias as a key": ("a: &a b\n*a : 1", 2, "an alias cannot be a key"),
     "lists in lists": ("puppet: p\nbodies: " + "[" * 3000, 2, "nested deeper than 40 levels"),
     "mappings in mappings": (

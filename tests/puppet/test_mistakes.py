@@ -173,7 +173,7 @@ AFTER = [
     ("colours:\n  a: #b53", 8, "colours.a", 'found no value: # begins a comment; write "#b53"'),
     ("floor: 1: 2", 7, "", "not YAML: mapping values are not allowed here"),
     ("? [a, b]\n: 1", 7, "", "a key must be a word"),
-    ("floor: *missing", 7, "floor", "no finished anchor"),
+    ("floor: *missing", 7, "floor", "needs an anchor before it"),
 ]
 
 
