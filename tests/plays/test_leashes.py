@@ -30,7 +30,7 @@ def distance(play: fan.theatre.Play, run: fan.Trajectory) -> np.ndarray:
     m = play.marionette
     poses = m.poses(run.q_D, run.q_K)
     arm = poses[:, m.link_index("pierrot.forearm_left")]
-    hand = np.array(play.cast.players["pierrot"].alone.body_map.parts["arm_left"].end)
+    hand = np.array(play.cast.players["pierrot"].marionette.body_map.parts["arm_left"].end)
     neck = poses[:, m.link_index("columbine.skull"), :, 3]
     return np.linalg.norm(arm[:, :, :3] @ hand + arm[:, :, 3] - neck, axis=1)
 

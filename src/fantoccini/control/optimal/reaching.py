@@ -58,8 +58,8 @@ def reach(
         start: a state that hangs at rest, from which the search begins; ``marionette.rest()`` by
             default.
         bounds: see :class:`Bounds`; speeds, accelerations and jerks other than 0 are ignored. By
-            default, driven strings are at least 1 cm long, coordinates move by at most 100 m or rad, and
-            tensions are at most 100 times the weight.
+            default, driven strings are at least 1 cm long, coordinates move by at most 100 m or
+            rad, and tensions are at most 100 times the weight.
         parameters: name -> lowest and highest value of parameters that may be chosen, too.
         slack: whether strings that pull at the start may go slack. Slack strings may always become
             taut.
