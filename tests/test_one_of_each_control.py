@@ -229,7 +229,7 @@ def test_files_of_both_kinds_are_tasks_for_plans_and_optimisations(tmp_path: Pat
         "task: t\npuppet: arm2d\nduration: [1, 3]\nslack: true\nend: {hand.length: 0.7}\n"
     )
     problem = fan.control.load_problem(tmp_path / "task.yaml", tolerance=0.2)
-    assert problem.longest == 3.0 and problem.tolerance == 0.2
+    assert problem.max_duration == 3.0 and problem.tolerance == 0.2
 
 
 def test_options_are_a_few_objects():
