@@ -194,12 +194,30 @@ def test_one_reader_opens_the_files_of_control():
     assert issubclass(TaskFile, ControlFile) and issubclass(ProblemFile, ControlFile)
 
 
+def boxes_in_python() -> fan.control.Problem:
+    """The bundled problem ``arm3d_boxes``, written out by hand."""
+    arm = fan.puppets.arm3d()
+    start = {"shoulder.rotation": [0.0, 0.0, 0.0], "elbow": np.radians(6.0)}
+    pose = {"shoulder.rotation": [0.0, np.radians(-80.0), 0.0], "elbow": np.radians(80.0)}
+    return fan.control.Problem(
+        arm,
+        arm.rest({**start, "hand.x": 0.3, "hand.length": 1.32}),
+        fan.control.Goal.pose(arm, pose, speed_weight=0.1),
+        [
+            {"name": "low", "type": "box", "size": [0.14, 0.4, 0.12], "at": [0.25, 0.0, -0.42]},
+            {"name": "high", "type": "box", "size": [0.1, 0.16, 0.2], "at": [0.32, -0.12, -0.1]},
+        ],
+        tolerance=0.25,
+        bounds=fan.control.Bounds(speed=0.5, acceleration=2.0, clearance=0.005),
+        slack=False,
+    )
+
+
 def test_files_of_both_kinds_are_tasks_for_plans_and_optimisations(tmp_path: Path):
     """A problem file gives a task with all that plans need; a task file with an end is planned."""
     task = fan.control.load_task("arm3d_boxes")
     assert type(task) is fan.Task and task.conditions.tolerance == 0.25 and len(task.obstacles) == 2
-    problem = fan.control.load_problem("arm3d_boxes")
-    assert fan.control.Problem.of(task).fingerprint == problem.fingerprint
+    assert fan.control.Problem.of(task).fingerprint == boxes_in_python().fingerprint
     text = "problem: p\npuppet: arm2d\ngoal: {pose: {elbow: 0.3}}\nobjective: time\nsegment: 0.2\n"
     (tmp_path / "own.yaml").write_text(text + "strings: false\nreserve: 0.1\nduration: [1, 3]\n")
     conditions = fan.control.load_task(tmp_path / "own.yaml").conditions
@@ -211,7 +229,7 @@ def test_files_of_both_kinds_are_tasks_for_plans_and_optimisations(tmp_path: Pat
         "task: t\npuppet: arm2d\nduration: [1, 3]\nslack: true\nend: {hand.length: 0.7}\n"
     )
     problem = fan.control.load_problem(tmp_path / "task.yaml", tolerance=0.2)
-    assert problem.longest == 3.0 and problem.tolerance == 0.2
+    assert problem.max_duration == 3.0 and problem.tolerance == 0.2
 
 
 def test_options_are_a_few_objects():

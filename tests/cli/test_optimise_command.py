@@ -119,6 +119,11 @@ def test_a_file_is_only_checked(task) -> None:
     assert "optimising" not in result.stderr
 
 
+def test_a_check_refuses_what_the_search_would_refuse() -> None:
+    assert "the task has no duration" in mistake("optimise", "arm3d_boxes", "--check")
+    assert "bundled task or problem" in mistake("optimise", "arm3d_boxse", "--check")
+
+
 def test_a_motion_beyond_its_bounds_is_exit_code_one(tmp_path) -> None:
     (tmp_path / "leap.yaml").write_text(TOO_FAR)
     result = fantoccini(

@@ -100,16 +100,18 @@ def test_a_film_of_a_part_and_its_captions(tmp_path):
 
 def test_a_film_beside_its_captions_does_not_show_them_twice(tmp_path):
     play, look = write_play(tmp_path), ("--size", "160x120", "--fps", "4", "--quiet")
-    for name in ("alone", "beside"):
+    for name in ("alone", "beside", "asked"):
         files = [f"--out={tmp_path / name}.mp4"]
-        files += [f"--out={tmp_path / name}.srt"] if name == "beside" else []
+        files += [] if name == "alone" else [f"--out={tmp_path / name}.srt"]
+        files += ["--captions"] if name == "asked" else []
         assert fantoccini("play", play, *files, *look).exit_code == 0
     frames = {}
-    for name in ("alone", "beside"):
+    for name in ("alone", "beside", "asked"):
         reader = imageio_ffmpeg.read_frames(str(tmp_path / f"{name}.mp4"))
         next(reader)
         frames[name] = np.frombuffer([*reader][3], np.uint8).astype(float)  # at 0.75 s
     assert np.abs(frames["alone"] - frames["beside"]).max() > 60.0
+    assert np.array_equal(frames["alone"], frames["asked"])
 
 
 def test_captions_are_those_of_scores_and_plays(swung, tmp_path):

@@ -63,7 +63,7 @@ def test_no_plan_is_exit_code_one() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("arm3d_boxse",), "found nothing here"),
+        (("arm3d_boxse",), "or the name of a bundled problem or task"),
         (("arm3d_boxes", "--planner", "rrt"), "rrt"),
         (("arm3d_boxes", "--objective", "speed"), "speed"),
         (("arm3d_boxes", "--seed", "-1"), "negative"),

@@ -134,8 +134,11 @@ def test_free_durations_ends_and_slack(tmp_path):
     )
     assert task.bounds.tension == {}
     firm = fan.control.load_task(written(tmp_path, CRANE.replace("slack: true\n", "")))
-    low, high = firm.bounds.tension["hoist"]
+    assert not firm.conditions.slack and firm.bounds.tension == {}
+    best = fan.optimise(firm, iterations=0)
+    low, high = best.bounds.tension["hoist"]
     assert 0.0 < low < 0.1 * crane.weight and high == np.inf
+    assert fan.control.Problem.of(firm).fingerprint == fan.control.Problem.of(best.task).fingerprint
 
 
 def test_paths_from_csv(tmp_path):

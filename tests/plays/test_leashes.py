@@ -20,7 +20,7 @@ NEARBY = HEAD.replace("east: {at: [0, -0.6]}", "east: {at: [0, 0.1]}")
 ACT = "acts:\n  - act: one\n    cues:\n"
 
 
-def leash(length: float) -> str:
+def leash(length: float | str) -> str:
     ends = "held by: pierrot, side: left, to: columbine"
     return f"leashes:\n  lead: {{{ends}, length: {length}}}\n"
 
@@ -30,7 +30,7 @@ def distance(play: fan.theatre.Play, run: fan.Trajectory) -> np.ndarray:
     m = play.marionette
     poses = m.poses(run.q_D, run.q_K)
     arm = poses[:, m.link_index("pierrot.forearm_left")]
-    hand = np.array(play.cast.players["pierrot"].alone.body_map.parts["arm_left"].end)
+    hand = np.array(play.cast.players["pierrot"].marionette.body_map.parts["arm_left"].end)
     neck = poses[:, m.link_index("columbine.skull"), :, 3]
     return np.linalg.norm(arm[:, :, :3] @ hand + arm[:, :, 3] - neck, axis=1)
 
@@ -64,7 +64,7 @@ def test_a_long_leash_stays_slack_and_is_drawn(walk):
 
 def test_a_cue_that_would_stretch_a_leash_is_refused_with_the_length_it_needs(walk):
     plays, cues = walk
-    play = fan.load_play(plays.written(leash(0.7) + ACT + cues, NEARBY))
+    play = fan.load_play(plays.written(leash("70 cm") + ACT + cues, NEARBY))
     (change,) = play.changes
     assert "columbine: walks to [0.5, -0.6] cannot be done: lead, 0.7 m long, would" in str(change)
     assert str(change).split(":")[1] == str(play.cues[1].line)
@@ -77,10 +77,34 @@ def test_a_cue_that_would_stretch_a_leash_is_refused_with_the_length_it_needs(wa
     assert len(shorter.changes) == 1
 
 
+def test_the_walk_is_refused_and_not_the_wave_of_the_player_who_stays(walk):
+    plays, _ = walk
+    cues = (
+        "      - {who: columbine, walks to: [0.5, -0.6], when: 0.5}\n"
+        "      - {who: pierrot, does: nod, when: 1}\n"
+    )
+    play = fan.load_play(plays.written(leash(0.7) + ACT + cues, NEARBY))
+    (change,) = play.changes
+    assert "columbine: walks to [0.5, -0.6] cannot be done: lead, 0.7 m long" in str(change)
+
+
+def test_the_length_that_a_refusal_at_the_start_gives_suffices(walk):
+    plays, _ = walk
+    cues = "      - {who: columbine, does: nod}\n"
+    with pytest.raises(fan.errors.FileError) as caught:
+        fan.load_play(plays.written(leash(0.2) + ACT + cues, NEARBY))
+    needed = float(str(caught.value).split("at the start: ")[1].split(" m")[0])
+    with pytest.raises(fan.errors.FileError, match="needed at the start"):
+        fan.load_play(plays.written(leash(needed - 0.01) + ACT + cues, NEARBY))
+    stage = plays.written(leash(needed) + ACT + cues, NEARBY)
+    assert check_play(stage).leashes["lead"].length == needed
+
+
 @pytest.mark.parametrize(
     ("given", "text"),
     [
-        (leash(0.2), "found 0.2 m; needed: more than"),
+        (leash(0.2), r"found 0\.2 m; needed at the start: 0\.\d\d m"),
+        (leash("-5 cm"), "needed: a positive number"),
         (leash(1.0).replace("columbine", "colombine"), "did you mean 'columbine'"),
         (leash(1.0).replace("columbine", "pierrot"), "found 'pierrot' at both ends"),
         (leash(1.0).replace("lead", "west"), "is the name of a mark"),

@@ -183,6 +183,20 @@ def test_names_of_the_scene_are_not_those_of_its_only_puppets_parts(tmp_path) ->
     assert loads_scene("scene: s\npuppets: [{name: a, puppet: a.yaml}]\n", folder=tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("end", "length", "message"),
+    [
+        ("body: one.b", "1", r"duet.yaml:14: strings\[0\].path\[1\].body: no body is called"),
+        ("driven: [x]", "1", r"duet.yaml:14: strings\[0\].path\[1\].driven: found a driven end"),
+        ("body: one.a", "driven", r"duet.yaml:14: strings\[0\].length: found 'driven'"),
+    ],
+)
+def test_strings_of_a_scene_are_checked_at_their_lines(tmp_path, end, length, message) -> None:
+    string = f"strings:\n  - {{name: tie, path: [{{body: ball}}, {{{end}}}], length: {length}}}\n"
+    with pytest.raises(PuppetError, match=message):
+        load(written(tmp_path, DUET.replace("obstacles:", string + "obstacles:")))
+
+
 def test_mistakes_in_a_members_file_are_its_own(tmp_path) -> None:
     with pytest.raises(PuppetError, match=r"a\.yaml:4: bodies\[0\].joint.type: found 'fre'"):
         load(written(tmp_path, body=BODY.replace("type: free", "type: fre")))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,19 @@ def spread(geometry, frames: Frames, k: int, names: tuple[str, ...]) -> np.ndarr
 def test_without_shots_one_camera_is_fixed(geometry):
     frames = Frames(geometry, OPTIONS)
     assert len({id(camera) for camera in frames.cameras}) == 1
+
+
+def test_a_body_without_a_pose_does_not_attract_the_camera(geometry):
+    """A shot at two bodies, of which one has no pose, is aimed as a shot at the other alone."""
+    poses = geometry.poses.copy()
+    (lost,) = (i for i, link in enumerate(geometry.tree.links) if link.name == ARM[0])
+    poses[:, lost] = np.nan
+    broken = replace(geometry, poses=poses)
+    eyes = [
+        Frames(broken, OPTIONS, shots=(Shot(0.0, bodies=bodies),)).cameras[-1].eye
+        for bodies in (ARM, ARM[1:])
+    ]
+    assert eyes[0] == pytest.approx(eyes[1], abs=1e-6)
 
 
 def test_a_cut_is_between_two_frames(geometry):

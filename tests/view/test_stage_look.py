@@ -122,6 +122,11 @@ def test_a_strip_shows_one_stage_for_each_pose(tmp_path, swung):
         assert light[100:200, 200 * k + 60 : 200 * k + 130].mean() > 0.15
 
 
+def test_a_theme_with_the_look_of_a_stage_is_refused(tmp_path, swung):
+    with pytest.raises(ValueError, match="has its own colours; leave it out"):
+        view.film(*swung, tmp_path / "a.mp4", theme="dark", look="stage")
+
+
 def test_an_unknown_look_is_refused(tmp_path, swung):
     with pytest.raises(ValueError, match="diagram or stage"):
         view.film(*swung, tmp_path / "a.mp4", look="theatre")

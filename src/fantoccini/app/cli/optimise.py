@@ -21,7 +21,7 @@ from fantoccini.app.cli_support import (
     print_table,
     write_outputs,
 )
-from fantoccini.control.optimal import Optimum, optimise, out_of_reach
+from fantoccini.control.optimal import Optimum, check_task, optimise, out_of_reach
 from fantoccini.control.tasks import AnswerStatus, load_task, task_names
 from fantoccini.theatre.perform import Recording
 
@@ -40,6 +40,7 @@ def optimise_file(arguments: OptimiseArguments) -> None:
     with ProgressDisplay(arguments.quiet) as display:
         task = load_task(arguments.file, progress=display.update)
         if arguments.check:
+            check_task(task)
             if not arguments.quiet:
                 print_output(f"{arguments.file}: no mistakes")
             return

@@ -100,7 +100,7 @@ def write_outputs(
         poses: times of a strip's poses; see :func:`fantoccini.output.strip`.
         output_options: options of the files.
         films: captions, sounds and shots, as arguments of :func:`fantoccini.output.film`. A film
-            beside a file with its captions (``bows.mp4``, ``bows.srt``) does not show them.
+            beside a file with its captions (``bows.mp4``, ``bows.srt``) shows them only if asked.
         guides: guides in strips and films, as for :func:`fantoccini.output.film`.
 
     Raises:
@@ -127,9 +127,10 @@ def write_outputs(
                 else:
                     film_options = dict(films or {})
                     # Players read a file of captions beside a film.
+                    has_file = path.suffix.lower() == ".mp4" and path.with_suffix("") in subtitled
                     if path.suffix.lower() in FILM_SUFFIXES and (
                         not output_options.shows_captions
-                        or (path.suffix.lower() == ".mp4" and path.with_suffix("") in subtitled)
+                        or (has_file and output_options.captions is None)
                     ):
                         film_options.pop("captions", None)
                     _write(

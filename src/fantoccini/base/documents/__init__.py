@@ -28,7 +28,15 @@ from fantoccini.base.documents.located import (
 from fantoccini.base.documents.mistakes import Mistakes
 from fantoccini.base.documents.partial import UNCLEAR, valid_parts
 from fantoccini.base.documents.references import unknown_names
-from fantoccini.base.documents.sized_values import SIZED, Length, Place, Size, Sized, Value
+from fantoccini.base.documents.sized_values import (
+    SIZED,
+    Length,
+    Place,
+    PositiveLength,
+    Size,
+    Sized,
+    Value,
+)
 from fantoccini.base.documents.units import ANGLES, LENGTHS, quantity_schema, without_unit
 from fantoccini.base.documents.values import (
     NAME,
@@ -91,6 +99,7 @@ __all__ = [
     "Path",
     "Place",
     "Positive",
+    "PositiveLength",
     "Real",
     "RealShare",
     "Share",

@@ -88,10 +88,17 @@ class Kind(NamedTuple):
         files = () if self.folder is None else self.folder.glob("*.yaml")
         return tuple(sorted(path.stem for path in files))
 
-    def missing(self, name: str, names: Collection[str]) -> FileError:
-        """The error of a missing file, with the nearest of the bundled names as a hint."""
-        text = f"found nothing here; a {self.name} file is needed, or the name of a bundled "
-        return self.error([Mistake(name, None, "", f"{text}{self.name}{nearest(name, names)}")])
+    def missing(self, name: str, names: Collection[str], *others: str) -> FileError:
+        """The error of a missing file, with the nearest of the bundled names as a hint.
+
+        Args:
+            name: name of the file.
+            names: names of the bundled files of all possible kinds.
+            others: names of other possible kinds with bundled files.
+        """
+        kinds = " or ".join((self.name, *others))
+        text = f"found nothing here; a {kinds} file is needed, or the name of a bundled {kinds}"
+        return self.error([Mistake(name, None, "", text + nearest(name, names))])
 
 
 class Document(Model):
@@ -153,7 +160,8 @@ def read_document(path: str | os.PathLike[str], *kinds: type[DocumentT]) -> Docu
     if name in folders and not os.path.isfile(name):
         path = FilePath(folders[name] or "", f"{name}.yaml")
     elif kind.folder is not None and not os.path.exists(name):
-        raise kind.missing(name, folders)
+        others = [model.kind.name for model in kinds[1:] if model.kind.folder is not None]
+        raise kind.missing(name, folders, *others)
     return _validated(read_file(path, kind.error), kinds)
 
 

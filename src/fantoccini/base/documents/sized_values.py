@@ -7,7 +7,15 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
 
 from fantoccini.base.documents.units import LENGTHS, quantity_schema
-from fantoccini.base.documents.values import Angle, Positive, Real, Vector, mistake, read_length
+from fantoccini.base.documents.values import (
+    Angle,
+    Positive,
+    Real,
+    Vector,
+    mistake,
+    positive,
+    read_length,
+)
 
 _MAX_SIZE = 1e6
 """Largest allowed magnitude [m, rad or s]."""
@@ -30,6 +38,8 @@ Length = Annotated[
     float, BeforeValidator(read_length), SIZED, WithJsonSchema(quantity_schema(LENGTHS))
 ]
 """A number of metres, or a length with its unit, such as `12 cm`."""
+PositiveLength = Annotated[Length, AfterValidator(positive)]
+"""The same, greater than 0."""
 Value = Annotated[
     Angle | tuple[Angle, ...], SIZED, WithJsonSchema({"type": ["number", "string", "array"]})
 ]

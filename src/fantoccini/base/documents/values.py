@@ -161,7 +161,8 @@ def number_kind(value: Any) -> str:
     return "<parameter>" if isinstance(value, (dict, Parameter)) else "<number>"
 
 
-def _positive(number: float) -> float:
+def positive(number: float) -> float:
+    """The number; refuses it unless it is greater than 0."""
     if number <= 0:
         raise mistake(f"found {number:g}; needed: a positive number")
     return number
@@ -171,7 +172,7 @@ Number = Annotated[
     Annotated[Real, Tag("<number>")] | Annotated[Parameter, Tag("<parameter>")],
     Discriminator(number_kind),
 ]
-Positive = Annotated[Real, AfterValidator(_positive)]
+Positive = Annotated[Real, AfterValidator(positive)]
 
 
 def _not_negative(number: float) -> float:

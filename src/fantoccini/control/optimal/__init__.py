@@ -1,6 +1,6 @@
 """Optimal control: minimum-cost motions of a puppet within bounds."""
 
-from fantoccini.control.optimal.api import follow, optimise, refuse_winches
+from fantoccini.control.optimal.api import check_task, follow, optimise, refuse_winches
 from fantoccini.control.optimal.iterations import Improvable, Limits, improve
 from fantoccini.control.optimal.mpc import MPC, MPCStatus
 from fantoccini.control.optimal.outlook import out_of_reach
@@ -20,6 +20,7 @@ __all__ = [
     "ReachedPoses",
     "TargetKey",
     "Tuned",
+    "check_task",
     "follow",
     "improve",
     "optimise",

@@ -44,12 +44,14 @@ from fantoccini.control.optimal.result import Optimum
 from fantoccini.control.optimal.shooting import EventRuns, StepRuns
 from fantoccini.control.optimal.sqp import Search
 from fantoccini.control.tasks import (
+    Answer,
     AnswerStatus,
     Bounds,
     ChosenParameters,
     Clip,
     GuessLike,
     Nodes,
+    PlanConditions,
     Smooth,
     Target,
     Task,
@@ -113,12 +115,14 @@ def optimise(
     """
     check_positive(tolerance=tolerance, time_limit=time_limit)
     began = time.perf_counter()
-    _check(task)
-    if not task.conditions.slack:
-        task = replace(task, bounds=task.bounds.staying_taut(task.marionette, task.x0))
+    check_task(task)
     if task.obstacles:
         marionette, obstacles = task.world
         task = replace(task, marionette=marionette, obstacles=obstacles)
+    answered = task
+    if not task.conditions.slack:
+        # The answer keeps the bounds of the task, since plans support none of tension.
+        task = replace(task, bounds=task.bounds.staying_taut(task.marionette, task.x0))
     marionette = task.marionette
     rotates = bool(marionette.coordinates.rotations)
     if exact and rotates:
@@ -204,7 +208,7 @@ def optimise(
                 at.nodes, steps.linearise(at.nodes), objective.end_gap(at.nodes)
             )
     return Optimum(
-        task,
+        answered,
         status,
         run,
         at.nodes.inputs(),
@@ -265,13 +269,19 @@ def follow(
     x0 = marionette.rest() if x0 is None else x0
     tracks = tracks_of(marionette, targets, x0.t, duration, weight)
     bounds = Bounds() if bounds is None else bounds
-    if not slack and not explore:
-        bounds = bounds.staying_taut(marionette, x0)
     h = min(max(duration / 50.0, 0.01), 0.04) if interval is None else interval
     task = Task(
-        marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h, explore=explore
+        marionette,
+        x0,
+        duration,
+        tracks,
+        smooth or Smooth(),
+        bounds,
+        interval=h,
+        explore=explore,
+        conditions=PlanConditions(slack=slack or bool(explore)),
     )
-    _check(task)
+    check_task(task)
     for text in out_of_reach(task):
         warnings.warn(text, stacklevel=2)
     return optimise(task, **options)
@@ -331,8 +341,8 @@ def _clearance_violation(objective: Objective, runs: EventRuns, nodes: Nodes) ->
     return clearance_residual(clear, nodes_and_run[1])
 
 
-def _check(task: Task) -> None:
-    """Raises StateError if a task has no derivatives, or starts beyond its bounds."""
+def check_task(task: Task) -> None:
+    """Raises StateError if a task cannot be optimised, or starts beyond its bounds."""
     marionette = task.marionette
     refuse_winches(marionette, "optimise")
     if task.end is not None and task.required_end is None:
@@ -362,7 +372,11 @@ def first_nodes(task: Task, chosen: ChosenParameters, guess: GuessLike | None) -
     """The nodes of the first motion, with the accelerations of a guess clipped to their bounds.
 
     If the duration is free, it is that of a plan; otherwise the longest.
+
+    Raises:
+        StateError: guess that is no motion, or a plan that does not arrive.
     """
+    _check_guess(guess)
     N, (shortest, longest) = task.n_intervals, task.durations
     nodes = Nodes.still(task.marionette, task.x0, longest, N)
     values = chosen.own_values
@@ -387,6 +401,23 @@ def first_nodes(task: Task, chosen: ChosenParameters, guess: GuessLike | None) -
         acc_K=np.clip(nodes.acc_K, -max_acceleration, max_acceleration),
         parameters=np.clip(values, chosen.low, chosen.high),
     )
+
+
+def _check_guess(guess: GuessLike | None) -> None:
+    """Raises StateError for a guess that is no motion, or a plan that does not arrive."""
+    if guess is None or isinstance(guess, (Input, Optimum)):
+        return
+    if not isinstance(getattr(guess, "inputs", None), Input) or not hasattr(guess, "duration"):
+        raise StateError(
+            f"optimise: the guess is {guess!r}; needed: an input, a plan or an optimum"
+        )
+    if isinstance(guess, Answer) and not guess.holds:
+        if guess.status is AnswerStatus.UNCONFIRMED:
+            return
+        raise StateError(
+            f"optimise: the guess is a plan that does not arrive ({guess.message}); needed: one "
+            "that does, or an input"
+        )
 
 
 def _sampled(path: Target, start: float, duration: float, width: int) -> Target:

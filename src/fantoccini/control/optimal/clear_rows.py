@@ -5,7 +5,7 @@ d_i(q_{i+1}) >= margin, with one row for every body and string
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,8 @@ class ClearanceRows:
         margin: see above.
         own_body: whether bodies of one puppet that no joint connects are kept clear of one another.
         obstacles: obstacles in addition to the puppet's.
+        strings: whether strings are kept clear of obstacles, too.
+        free: pairs of names that may touch.
     """
 
     def __init__(
@@ -44,9 +46,14 @@ class ClearanceRows:
         margin: float,
         own_body: bool,
         obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
+        *,
+        strings: bool = True,
+        free: Collection[frozenset[str]] = (),
     ):
         self.margin = margin
-        self.whole = Clearance(marionette, obstacles, self_collision=own_body)
+        self.whole = Clearance(
+            marionette, obstacles, strings=strings, self_collision=own_body, free=free
+        )
         parts = self.whole.parts()
         self.names, self._parts = tuple(parts), tuple(parts.values())
         self._table = marionette.coordinates

@@ -59,7 +59,13 @@ def _farthest_place(
 ) -> str:
     """A note on the place that a point misses by the largest distance; empty if it reaches all."""
     try:
-        poses = reach(task.marionette, {(body, at): places}, start, bounds=task.bounds, slack=True)
+        poses = reach(
+            task.marionette,
+            {(body, at): places},
+            start,
+            bounds=task.bounds,
+            slack=task.conditions.slack,
+        )
     except StateError:  # the start is beyond bounds or hangs unstably: the search reports that
         return ""
     worst = int(np.argmax(poses.distance))

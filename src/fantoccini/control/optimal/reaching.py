@@ -57,9 +57,9 @@ def reach(
             a value or (n,) values [rad or m]. NaN leaves a direction free.
         start: a state that hangs at rest, from which the search begins; ``marionette.rest()`` by
             default.
-        bounds: see :class:`Bounds`; those of speed, acceleration and jerk are ignored. By default,
-            driven strings are at least 1 cm long, coordinates move by at most 100 m or rad, and
-            tensions are at most 100 times the weight.
+        bounds: see :class:`Bounds`; speeds, accelerations and jerks other than 0 are ignored. By
+            default, driven strings are at least 1 cm long, coordinates move by at most 100 m or
+            rad, and tensions are at most 100 times the weight.
         parameters: name -> lowest and highest value of parameters that may be chosen, too.
         slack: whether strings that pull at the start may go slack. Slack strings may always become
             taut.
@@ -91,7 +91,8 @@ def reach(
     marionette.check_state(start)
     start_at_rest = start.replace(v_D=np.zeros_like(start.v_D), v_K=np.zeros_like(start.v_K))
     bounds = Bounds() if bounds is None else bounds
-    bounds = replace(bounds, speed=np.inf, acceleration=np.inf, jerk=np.inf)
+    held = tuple(bounds.held_velocities(marionette.coordinates).values())
+    bounds = replace(bounds, speed=np.inf, acceleration=np.inf, jerk=np.inf, held=held)
     if not slack:
         bounds = bounds.staying_taut(marionette, start_at_rest)
     bounds.check_state(marionette, start_at_rest, "at the start")
@@ -210,8 +211,7 @@ def _variable_bounds(
     for string in tree.strings:
         if string.driven_length and (v := string.driven_length[1]) in start_values:
             low[v] = min(max(low[v], _MIN_LENGTH), start_values[v])
-    for name in bounds.held:
-        v = table.v_K.index(name)
+    for v in bounds.held_velocities(table):
         low[v] = high[v] = start_values.get(v, 0.0)
     index = marionette.parameter_index
     for name, (a, b) in parameters.items():

@@ -16,6 +16,7 @@ from fantoccini.control.optimal.sqp import Iterate
 from fantoccini.control.tasks import (
     Answer,
     AnswerStatus,
+    Bounds,
     NodeKinematics,
     Nodes,
     Task,
@@ -87,6 +88,11 @@ class Optimum(Answer):
         return self._iterate.nodes
 
     @property
+    def bounds(self) -> Bounds:
+        """Bounds of the search: the task's, and those of strings that must stay taut."""
+        return self._objective.task.bounds
+
+    @property
     def parameters(self) -> dict[str, float]:
         """The values of the parameters that were chosen."""
         names = self._runs.chosen.names
@@ -123,6 +129,7 @@ class Optimum(Answer):
         linear = self._runs.linearise(at.nodes, at.ends)
         task = replace(
             self.task,
+            bounds=self.bounds,
             marionette=self.marionette,
             parameters={},
             duration=self.nodes.interval * len(self.nodes),

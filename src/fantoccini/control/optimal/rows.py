@@ -12,7 +12,7 @@ from fantoccini.control.optimal.clear_rows import ClearanceRows
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.force_rows import ForceRows
 from fantoccini.control.optimal.motor_rows import MotorRows
-from fantoccini.control.tasks import ChosenParameters, Nodes, Task, entry_names
+from fantoccini.control.tasks import KEEP_OFF, ChosenParameters, Nodes, Task, Touches, entry_names
 
 _BOUND_TOLERANCE = 1e-3
 """Distance of a tension, force or voltage at its bound, relative to the largest such value."""
@@ -50,9 +50,9 @@ class Rows:
         clearance = task.bounds.clearance
         if clearance is None and task.obstacles:
             clearance = 0.0  # as plans do
-        self.clear = None
+        self.clear: ClearanceRows | None = None
         if clearance is not None:
-            self.clear = ClearanceRows(marionette, clearance, task.bounds.own_body, task.obstacles)
+            self.clear = _clearance_rows(task, clearance)
 
     @property
     def names(self) -> list[tuple[str, int]]:
@@ -132,3 +132,15 @@ class Rows:
     def n_slack(self, ends: Ends) -> int:
         """Number of slack strings that must be taut, summed over all nodes."""
         return int(np.sum((ends.tension[:, self._taut] == 0.0) & (self._tension_low > 0.0)))
+
+
+def _clearance_rows(task: Task, margin: float) -> ClearanceRows | None:
+    """The rows that keep a margin [m]; None if there is nothing to keep clear of."""
+    marionette, own_body, conditions = task.marionette, task.bounds.own_body, task.conditions
+    free: frozenset[frozenset[str]] = frozenset()
+    if conditions.contact != KEEP_OFF:
+        free = Touches(marionette, conditions.contact, self_collision=own_body).free
+    rows = ClearanceRows(
+        marionette, margin, own_body, task.obstacles, strings=conditions.rollouts.strings, free=free
+    )
+    return rows if len(rows) else None

@@ -50,7 +50,7 @@ def plan(
 
     Args:
         marionette, start, goal, obstacles, options: see :class:`Problem`. Or a :class:`Task` alone,
-            with ``rollouts`` as the only other option.
+            with ``rollouts`` as the only other option, which replaces those of its conditions.
         planner, time_limit, iterations, improve, confirm, objective, seed: see
             :class:`SearchOptions`.
 

@@ -115,7 +115,7 @@ class Problem:
 
         Args:
             task: the task; its tracks and smoothness are ignored.
-            rollouts: options of rollouts, instead of those of the task's conditions.
+            rollouts: options of rollouts; they replace those of the task's conditions.
 
         Raises:
             StateError: task without an end, or with parts that plans do not support.

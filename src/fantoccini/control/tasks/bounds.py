@@ -43,7 +43,8 @@ class Bounds:
     Attributes:
         position: driven scalar coordinate -> lowest and highest value [m or rad].
         speed, acceleration, jerk: largest magnitudes of the driven velocities and their rates, by
-            name of the velocity or for all; unlimited by default.
+            name of the velocity or for all; unlimited by default. Velocities with a speed or an
+            acceleration of 0 by name stay 0.
         tension: string -> lowest and highest tension [N]; (0.1, inf) stays taut.
         force: driven velocity -> lowest and highest force that drives it, a run's ``effort`` [N or
             N m].
@@ -84,18 +85,27 @@ class Bounds:
         magnitudes = np.full(table.n_vK, np.inf)
         if isinstance(bound, Mapping):
             for k, (_, value) in by_driven(table, table.v_K, bound, kind).items():
-                magnitudes[k] = value
+                is_held = value == 0.0 and kind in ("speed", "acceleration")
+                magnitudes[k] = np.inf if is_held else value
         else:
             magnitudes[:] = bound
         if not np.all(magnitudes > 0.0):
             raise StateError(f"the bound of {kind} is {bound!r}; it must be greater than 0")
         if kind in ("acceleration", "jerk"):
-            magnitudes[list(self._held(table))] = 0.0
+            magnitudes[list(self.held_velocities(table))] = 0.0
         return magnitudes
 
-    def _held(self, table: CoordinateTable) -> dict[int, str]:
-        """Indices of the driven velocities that stay 0, and their names."""
+    def held_velocities(self, table: CoordinateTable) -> dict[int, str]:
+        """Indices of the driven velocities that stay 0, and their names.
+
+        They are in ``held``, or have a bound of speed or acceleration of 0.
+        """
         held = by_driven(table, table.v_K, dict.fromkeys(self.held), "held")
+        for kind in ("speed", "acceleration"):
+            bound = getattr(self, kind)
+            if isinstance(bound, Mapping):
+                still = [name for name, value in bound.items() if value == 0.0]
+                held |= by_driven(table, table.v_K, dict.fromkeys(still), kind)
         return {k: name for k, (name, _) in held.items()}
 
     def staying_taut(self, marionette: Marionette, x0: State) -> Bounds:
@@ -154,7 +164,7 @@ class Bounds:
         """
         t = marionette.coordinates
         checked = np.ones(2 * (t.n_vD + t.n_vK), dtype=bool) if required is None else required
-        for k, name in self._held(t).items():
+        for k, name in self.held_velocities(t).items():
             if checked[2 * t.n_vD + t.n_vK + k] and abs(x.v_K[k]) > _STATE_TOLERANCE:
                 raise StateError(f"{name} is held, but moves {when}")
         low, high = self.intervals(marionette)
@@ -170,7 +180,7 @@ class Bounds:
         change = end.gap(Nodes.still(marionette, x0, 1.0, 1))
         names = entry_names(marionette.coordinates)
         first_driven = 2 * marionette.coordinates.n_vD
-        for k in self._held(marionette.coordinates):
+        for k in self.held_velocities(marionette.coordinates):
             index = first_driven + k
             if abs(change[index]) > _STATE_TOLERANCE:
                 raise StateError(

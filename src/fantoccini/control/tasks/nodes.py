@@ -15,6 +15,9 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import Input, State, Trajectory
 
+_ROUNDING = 1e-9
+"""Time by which a node may follow the end of an input and still have its velocity [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
@@ -61,11 +64,15 @@ class Nodes:
     def of_input(
         cls, marionette: Marionette, x0: State, inputs: Input, duration: float, n: int
     ) -> Nodes:
-        """The state x0 at every node, with accelerations from the velocities of an input."""
+        """The state x0 at every node, with accelerations from the velocities of an input.
+
+        Beyond the input's end the driven coordinates stand still.
+        """
         nodes = cls.still(marionette, x0, duration, n)
         bound = inputs.bound(x0.q_K, x0.t)
         times = np.clip(nodes.t, bound.start, bound.end)
         v_K = bound.evaluate(times)[1]
+        v_K[nodes.t > bound.end + _ROUNDING] = 0.0
         v_K[0] = x0.v_K
         return replace(nodes, acc_K=np.diff(v_K, axis=0) / nodes.interval)
 

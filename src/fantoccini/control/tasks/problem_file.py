@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -23,7 +25,7 @@ from fantoccini.base.documents import (
     entries,
     mistake,
 )
-from fantoccini.control.tasks.bounds import Bounds
+from fantoccini.control.tasks.bounds import Bounds, Magnitudes, by_driven
 from fantoccini.control.tasks.control_file import ControlFile, Reading, check_one_of
 from fantoccini.control.tasks.driven_bounds import DrivenBounds
 from fantoccini.control.tasks.goals import Goal
@@ -127,7 +129,7 @@ class ProblemFile(ControlFile):
     speed: Real | dict[str, Real] = 0.5
     """Bound for all driven coordinates, or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0
-    """Bound for all driven coordinates, or by name [m/s^2 or rad/s^2]."""
+    """Bound for all driven coordinates, or by name; others hold still [m/s^2 or rad/s^2]."""
     reserve: Real = 0.0
     """Share of these bounds that plans reserve for feedback, 0 to less than 1."""
     segment: Positive | None = None
@@ -176,6 +178,11 @@ def task_of_problem(reading: Reading[ProblemFile]) -> Task:
     if file.goal.point is not None and file.goal.point.by is not None:
         goal = _goal(reading, start)
     assert goal is not None and n_checks is not None  # otherwise mistakes were reported
+    bounds = replace(
+        bounds,
+        speed=_all_named(marionette, file.speed, "speed"),
+        acceleration=_all_named(marionette, file.acceleration, "acceleration"),
+    )
     conditions = PlanConditions(
         file.tolerance,
         file.hold,
@@ -197,6 +204,15 @@ def task_of_problem(reading: Reading[ProblemFile]) -> Task:
             conditions=conditions,
         ),
     )
+
+
+def _all_named(marionette: Marionette, bound: Magnitudes, kind: str) -> Magnitudes:
+    """A bound of a file; coordinates that it does not name have 0, as plans hold them still."""
+    if not isinstance(bound, Mapping):
+        return bound
+    names = marionette.coordinates.q_K
+    named = by_driven(marionette.coordinates, names, bound, kind)
+    return {**bound, **{name: 0.0 for k, name in enumerate(names) if k not in named}}
 
 
 def _n_checks(segment: float | None) -> int:

@@ -109,6 +109,10 @@ class Task:
                 "explore excludes bounds of forces, voltages and currents: explore "
                 "first, then give the motion found as a guess"
             )
+        if self.explore and not self.conditions.slack:
+            raise StateError(
+                "explore searches motions with slack strings; needed: conditions with slack=True"
+            )
         if self.explore and self.touches:
             raise StateError(
                 "explore excludes touches: explore first, then give the motion as a guess"

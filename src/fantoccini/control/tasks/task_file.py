@@ -18,6 +18,7 @@ from fantoccini.control.tasks.control_file import Reading
 from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.ends import End
 from fantoccini.control.tasks.nodes import Nodes
+from fantoccini.control.tasks.plan_conditions import PlanConditions
 from fantoccini.control.tasks.residuals import residual_of
 from fantoccini.control.tasks.schema import CircleFile, RunFile, TaskFile, TouchFile, TrackFile
 from fantoccini.control.tasks.shapes import Circle
@@ -82,8 +83,6 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
     if file.guess is not None:
         guess = check(("guess",), lambda: _guess(reading))
     check.refuse()
-    if not file.slack:
-        bounds = bounds.staying_taut(marionette, x0)
     smooth = Smooth(file.smooth.acceleration, file.smooth.jerk)
     return check.need(
         (),
@@ -104,6 +103,7 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
             periodic=file.periodic,
             guess=guess,
             touches=[touch for touch in touches if touch is not None],
+            conditions=PlanConditions(slack=file.slack),
         ),
     )
 

@@ -71,6 +71,7 @@ def assembled(scene: Scene) -> Puppet:
         for key in ("gravity", "floor")
     }
     shared["contact"] = _contact(scene, placements, findings)
+    findings += _string_findings(scene, placements)
     if findings:
         raise located.error(findings, PuppetError)
     folder = _mesh_folder(placements, located)
@@ -123,6 +124,28 @@ def _name_clashes(scene: Scene, placements: list[_Placement]) -> list[Finding]:
         for path, name in scene.names()
         if name in taken - unused
     ]
+
+
+def _string_findings(scene: Scene, placements: list[_Placement]) -> list[Finding]:
+    """Findings for strings of the scene with unknown bodies, or that a hand would move."""
+    bodies = {prop.name for prop in scene.props}
+    bodies |= {p.part_name(body.name) for p in placements for body in p.puppet.bodies}
+    bodies |= {p.frame for p in placements} - {"world"}
+    by_hand = "which no puppet of the scene would own; needed:"
+    findings: list[Finding] = []
+    for i, string in enumerate(scene.strings):
+        if string.length == "driven":
+            text = f"found 'driven', {by_hand} a length"
+            findings.append((("strings", i, "length"), text))
+        for k, end in enumerate(string.path):
+            path = ("strings", i, "path", k)
+            if end.driven is not None:
+                text = f"found a driven end, {by_hand} `body` or `world`"
+                findings.append(((*path, "driven"), text))
+            elif end.body is not None and end.body not in bodies:
+                text = f"no body is called {shown(end.body)}{nearest(end.body[:64], bodies)}"
+                findings.append(((*path, "body"), text))
+    return findings
 
 
 def _puppet(member: Member, at: tuple[str | int, ...], located: Located) -> Puppet:

@@ -70,6 +70,10 @@ class PictureOptions:
         if focus not in ("all", "bodies"):
             raise ValueError(f"focus is {focus!r}; it can be all or bodies")
         named = theme_of(theme)
+        if stage and isinstance(theme, str) and theme != "light":
+            raise ValueError(
+                f"theme is {theme!r} with look='stage', which has its own colours; leave it out"
+            )
         return cls(view, focus, STAGE if stage and named is not theme else named, size, look)
 
 

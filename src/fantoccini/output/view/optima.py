@@ -172,7 +172,7 @@ def _plot_errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme
 
 
 def _plot_tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
-    run, bounds = optimum.run, optimum.task.bounds.tension
+    run, bounds = optimum.run, optimum.bounds.tension
     for k, name in enumerate(run.tension.names):
         style = line_style(theme, k)
         axes.plot(run.t, run.tension[name], **style, linewidth=1.2, label=one_line(name, 24))
@@ -197,8 +197,9 @@ def _plot_inputs(
     theme: Theme,
 ) -> None:
     """Plots driven velocities or accelerations of the inputs that are not held."""
-    table, held = optimum.task.marionette.coordinates, optimum.task.bounds.held
-    moving = [k for k, name in enumerate(table.v_K) if name not in held]
+    table = optimum.task.marionette.coordinates
+    held = optimum.task.bounds.held_velocities(table)
+    moving = [k for k in range(table.n_vK) if k not in held]
     for n, k in enumerate(moving):
         line, style = (
             line_style(theme, n),

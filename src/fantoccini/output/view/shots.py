@@ -149,7 +149,9 @@ def _path(geometry: Geometry, solids: tuple[Solid, ...], within: np.ndarray) -> 
     for solid in solids:
         pose = geometry.poses[:, solid.link]
         middles.append(pose[..., :3] @ solid.axis.mean(axis=0) + pose[..., 3])
-    middle = np.mean(np.nan_to_num(middles), axis=0)
+    finite = np.isfinite(middles).all(axis=2, keepdims=True)
+    n_finite = np.maximum(finite.sum(axis=0), 1)
+    middle = np.where(finite, middles, 0.0).sum(axis=0) / n_finite
     path = smoothed(geometry.t, middle, _SMOOTHING)
     path[:, 2] = np.mean(middle[within, 2])
     return path

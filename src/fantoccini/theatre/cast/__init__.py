@@ -26,6 +26,7 @@ from fantoccini.theatre.cast.contacts import (
 from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_timeline, when_of_shot
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
+from fantoccini.theatre.cast.leashes import needed_lengths, rounded_up
 from fantoccini.theatre.cast.physique import Physique
 from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.cast.prop_gestures import (
@@ -91,11 +92,13 @@ __all__ = [
     "lane_name",
     "member_gesture",
     "member_name",
+    "needed_lengths",
     "obstacle_top",
     "play_timeline",
     "prop_gestures",
     "read_cast",
     "read_clip",
+    "rounded_up",
     "run_format",
     "shifted",
     "sign_of",

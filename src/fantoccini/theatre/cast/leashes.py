@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from fantoccini.base import StateError, nearest
+from fantoccini.base import Array, StateError, nearest
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap
 from fantoccini.model.puppet import Attachment, String
@@ -17,6 +18,11 @@ from fantoccini.theatre.script import PlayFile, ScriptLog, Spot
 
 _LEATHER = "#8a5a34"
 """Colour of leashes."""
+_SPARE = 0.02
+"""Least difference of a leash's length and the distance of its ends [m]: the distance of ends that
+part at 1 m/s grows by this much between samples, which are 0.02 s apart."""
+_ROUNDING = 1e-9
+"""Rounding error of a length [cm]."""
 
 
 def read_leashes(
@@ -53,13 +59,31 @@ def read_leashes(
 
 def check_leashes(file: PlayFile, whole: Marionette, x0: State, log: ScriptLog) -> None:
     """Records leashes that are stretched at the start."""
-    points = whole.string_points(x0.q_D, x0.q_K)
-    for name, leash in file.leashes.items():
-        start, end = points[name]
-        distance = float(np.linalg.norm(end - start))
-        if distance > leash.length:
-            text = f"found {leash.length:g} m; needed: more than {distance:.3g} m, its length at "
-            log.mistakes.add(("leashes", name, "length"), text + "the start")
+    for name, lengths in needed_lengths(file, whole, x0.q_D[None], x0.q_K[None]).items():
+        length = file.leashes[name].length
+        if lengths[0] > length:
+            text = f"found {length:g} m; needed at the start: {rounded_up(lengths[0]):.2f} m"
+            log.mistakes.add(("leashes", name, "length"), text)
+
+
+def needed_lengths(file: PlayFile, whole: Marionette, q_D: Array, q_K: Array) -> dict[str, Array]:
+    """Name of each leash -> (T,) length with which it stays slack [m].
+
+    Args:
+        file: play.
+        whole: the stage with all players.
+        q_D, q_K: (T, ...) configurations of the stage.
+    """
+    points = whole.string_points(q_D, q_K)
+    return {
+        name: np.linalg.norm(points[name][:, 1] - points[name][:, 0], axis=1) + _SPARE
+        for name in file.leashes
+    }
+
+
+def rounded_up(length: float) -> float:
+    """The length in whole centimetres, rounded up [m]."""
+    return 0.01 * math.ceil(100.0 * length - _ROUNDING)
 
 
 def _hand(body_map: BodyMap, side: str) -> tuple[str, tuple[float, float, float]] | None:

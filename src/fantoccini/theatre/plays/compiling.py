@@ -14,7 +14,7 @@ from fantoccini.theatre.gestures import Part, Placed
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
 from fantoccini.theatre.plays.lateness_rules import advance_hands, mark_lateness, refuse_late
-from fantoccini.theatre.plays.leashes import refuse_stretched
+from fantoccini.theatre.plays.leashes import refuse_stretched, stretches_in
 from fantoccini.theatre.plays.placing import IN_TIME, Placement
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.reading import read_play
@@ -283,6 +283,7 @@ def _try_cue(stage: Stage, results: Results, spot: Spot, report: OnProgress) -> 
     succeeds = succeeds and not failures(
         stage.script.cast, this_round.placement.meetings, this_round.runs
     )
+    succeeds = succeeds and not stretches_in(stage, this_round)
     return results, succeeds and not _touches(stage, this_round, report)
 
 
@@ -308,6 +309,8 @@ def _play(
         touch_at_start |= {owners} if touch.t <= 0.0 else set()
         spot: Spot = ("acts",) if touch.t > 0.0 else ("cast",)
         log.change(spot, f"{touch} {this_round.in_words(touch.t)}")
+    for stretch in stretches_in(stage, this_round):
+        log.change(("acts",), f"{stretch} {this_round.in_words(stretch.t)}")
     for failure in failures(cast, placement.meetings, this_round.runs):
         log.change(("acts",), f"{failure.text} {this_round.in_words(failure.t)}")
     for stop in this_round.runs.stops:

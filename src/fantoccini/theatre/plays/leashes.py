@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.cast import Cast
+from fantoccini.theatre.cast import Cast, needed_lengths, rounded_up
 from fantoccini.theatre.plays.rounds import Results, Round, Rule, Stage
 from fantoccini.theatre.plays.stage_run import SAMPLE, together
 from fantoccini.theatre.plays.touching import SAMPLE_STRIDE
 
-_SPARE = 0.02
-"""Least difference of a leash's length and the distance of its ends [m]: the distance of ends that
-part at 2 m/s grows by this much between samples."""
+_WITHDRAWAL_TIME = 1.0
+"""Time before a stretch over which the motions of a leash's ends are compared [s]."""
 
 
 @dataclass(frozen=True)
@@ -51,27 +50,47 @@ def stretches(cast: Cast, run: Trajectory, every: int = SAMPLE_STRIDE) -> list[S
     listed: list[Stretch] = []
     if not cast.file.leashes:
         return listed
-    points = cast.whole.string_points(run.q_D[::every], run.q_K[::every])
-    for name, leash in cast.file.leashes.items():
-        distance = np.linalg.norm(points[name][:, 1] - points[name][:, 0], axis=1) + _SPARE
-        if np.any(distance > leash.length):
-            first = float(run.t[::every][int(np.argmax(distance > leash.length))])
-            # Rounded up to whole centimetres.
-            needed = 0.01 * float(np.ceil(100.0 * np.max(distance)))
-            listed.append(Stretch(first, name, leash.length, needed))
+    lengths = needed_lengths(cast.file, cast.whole, run.q_D[::every], run.q_K[::every])
+    for name, needed in lengths.items():
+        length = cast.file.leashes[name].length
+        if np.any(needed > length):
+            first = float(run.t[::every][int(np.argmax(needed > length))])
+            listed.append(Stretch(first, name, length, rounded_up(float(np.max(needed)))))
     return sorted(listed, key=lambda stretch: stretch.t)
 
 
+def stretches_in(stage: Stage, this_round: Round) -> list[Stretch]:
+    """Leashes that do not stay slack in a round, in order of time."""
+    cast = stage.script.cast
+    if not cast.file.leashes:
+        return []
+    return stretches(cast, together(cast, this_round.runs, SAMPLE_STRIDE * SAMPLE), every=1)
+
+
 def refuse_stretched(stage: Stage, results: Results, this_round: Round) -> Rule:
-    """Refuses the first cue in which a leash would be stretched."""
+    """Refuses the first cue in which a leash would be stretched.
+
+    It is a cue of the player whose end moves away; of the other if that one has no cue.
+    """
     cast = stage.script.cast
     if not cast.file.leashes:
         return results, False
     run = together(cast, this_round.runs, SAMPLE_STRIDE * SAMPLE)
     for stretch in stretches(cast, run, every=1):
-        leash = cast.file.leashes[stretch.leash]
-        cue = this_round.cue_during(stretch.t, {leash.held_by, leash.to})
-        after = results.with_refusal(cue, f"{stretch} {this_round.in_words(stretch.t)}")
-        if after is not None:
-            return after, True
+        for player in _by_withdrawal(cast, run, stretch):
+            cue = this_round.cue_during(stretch.t, {player})
+            after = results.with_refusal(cue, f"{stretch} {this_round.in_words(stretch.t)}")
+            if after is not None:
+                return after, True
     return results, False
+
+
+def _by_withdrawal(cast: Cast, run: Trajectory, stretch: Stretch) -> list[str]:
+    """The two players of a leash; first the one whose end withdrew farther before a stretch."""
+    leash = cast.file.leashes[stretch.leash]
+    rows = np.searchsorted(run.t, [max(stretch.t - _WITHDRAWAL_TIME, run.t[0]), stretch.t])
+    before, after = cast.whole.string_points(run.q_D[rows], run.q_K[rows])[stretch.leash]
+    along = after[1] - after[0]
+    holder, other = (after - before) @ along
+    players = [leash.held_by, leash.to]
+    return players if -holder > other else players[::-1]

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from fantoccini.base import nearest
+from fantoccini.dynamics.compiled import relations
 from fantoccini.theatre.cast import Cast, Places, when_of_shot
 from fantoccini.theatre.plays.placing import Placement
 from fantoccini.theatre.script import PlayCue, PlayFile, ScriptLog, Timeline
@@ -83,6 +86,11 @@ def shots_of(
 
 
 def _bodies(cast: Cast, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Bodies in the scene of players and props."""
-    links = [link.name for link in cast.whole.tree.links]
-    return tuple(link for link in links if cast.owner(link) in names)
+    """Bodies in the scene of players and props, without controls and other driven bodies."""
+    tree, n_D = cast.whole.tree, cast.whole.coordinates.n_vD
+    moves_freely = np.any(relations(tree)[0][:, :n_D], axis=1)
+    return tuple(
+        link.name
+        for link, is_free in zip(tree.links, moves_freely, strict=True)
+        if is_free and cast.owner(link.name) in names
+    )

@@ -15,6 +15,7 @@ from fantoccini.base.documents import (
     Model,
     Name,
     NotNegative,
+    PositiveLength,
     Real,
     Size,
     entries,
@@ -137,7 +138,7 @@ class LeashFile(Model):
     """Side of the hand."""
     to: Name
     """The player on whose neck it ends."""
-    length: Size
+    length: PositiveLength
     """Largest distance of hand and neck [m]."""
 
     def model_post_init(self, context: Any, /) -> None:
