@@ -263,6 +263,36 @@ def test_turns_that_add_up_to_more_than_half_a_circle_are_refused(control, tmp_p
         fan.load_score(control, path)
 
 
+def test_a_turn_too_far_is_located_at_its_moves(control, tmp_path):
+    text = "gesture: over\nmoves:\n  rock: [[0, 0], [1, 9 deg], [2, 0]]\n"
+    text += "  bar.tip_forward: [[0, 0], [1, 150 deg], [2, 0]]\n"
+    text += "  bar.turn_left: [[0, 0], [1, 150 deg], [2, 0]]\n"
+    poses = "poses:\n  strings: [bar]\n  at: [0, 1]\n  points: {bob: [[0, 0, 0], [0, 0, 0]]}\n"
+    path = tmp_path / "over.yaml"
+    for more in ("", poses):
+        path.write_text(text + more)
+        with pytest.raises(FileError, match=r"bar\.rotation turns by 212 deg") as error:
+            fan.theatre.load_gesture(control, path)
+        for key, line in (("tip_forward", 4), ("turn_left", 5)):
+            assert f"over.yaml:{line}: moves.bar.{key}: " in str(error.value)
+        assert "travels" not in str(error.value) and "rock" not in str(error.value)
+
+
+def test_a_turn_too_far_names_a_cue_of_its_time(control, tmp_path):
+    """The cue that turns the bar farthest is over when two others turn it too far together."""
+    for name, angle in (("tip", 100), ("far", 170)):
+        (tmp_path / f"{name}.yaml").write_text(
+            f"gesture: {name}\nmoves: {{bar.tip_forward: [[0, 0], [5, {angle} deg], [10, 0]]}}\n"
+        )
+    path = tmp_path / "twice.yaml"
+    path.write_text(
+        "score: twice\nlanes:\n  one: [{gesture: far.yaml, at: 0}, {gesture: tip.yaml, at: 12}]\n"
+        "  other: [{gesture: tip.yaml, at: 12}]\n"
+    )
+    with pytest.raises(FileError, match=r"lanes\.one\[1\]: bar\.rotation turns by 200"):
+        fan.load_score(control, path)
+
+
 def test_key_poses_tip_a_control(control, tmp_path):
     """A bob on a string from the bar's front comes down as the bar is tipped, and only tipped."""
     path = tmp_path / "dip.yaml"

@@ -56,7 +56,7 @@ class ScoreGestures:
             return style.varied(
                 gesture,
                 self._marionette,
-                cue.heading,
+                heading=cue.heading,
                 speed=file.speed,
                 acceleration=file.acceleration,
             )
