@@ -13,7 +13,16 @@ from tests.body_map import zoo
 import fantoccini as fan
 from fantoccini.base.errors import FileError, StateError
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.theatre.gestures import BodyParts, bundled, gesture_names, load_gesture
+from fantoccini.theatre.gestures import (
+    ACCELERATION,
+    SPEED,
+    BodyParts,
+    bundled,
+    gesture_names,
+    limits,
+    load_gesture,
+)
+from fantoccini.theatre.gestures.body_parts import moves_of
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
@@ -285,15 +294,15 @@ strings:
 - {name: left, path: [{body: trunk, at: [0, 0.1, 0]}, {at: [0, 0.1, 1], driven: [x, y]}], length: 1}
 - {name: right, path: [{body: trunk, at: [0, -0.1, 0]}, {at: [0, -0.1, 1], driven: [x, y]}],
    length: 1}
-- {name: winch, path: [{body: tail, at: [-0.2, 0, 0]}, {at: [-0.3, 0, 1]}], length: {driven: true}}
+- {name: winch, path: [{body: tail, at: [-0.2, 0, 0]}, {at: [-0.3, 0, 1]}], length: driven}
 - {name: sail, path: [{body: fin, at: [0, 0, 0.2]}, {at: [0, 0, 1], driven: [y]}], length: 0.8}
 rig:
   trunk: [trunk]
   facing: [1, 0, 0]
   carrying: [left, right]
   limbs:
-  - {kind: tail, bodies: [tail], strings: [winch]}
-  - {kind: wing, bodies: [fin], strings: [sail]}
+  - {kind: tail, bodies: [tail], end: [-0.2, 0, 0], strings: [winch]}
+  - {kind: wing, bodies: [fin], end: [0, 0, 0.2], strings: [sail]}
 """
 
 

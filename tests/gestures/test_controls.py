@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 import fantoccini as fan
 from fantoccini.base.errors import FileError, InputError, StateError
 from fantoccini.theatre import Gesture
+from fantoccini.theatre.gestures import Hands, Line, limits
+from fantoccini.theatre.gestures.turns import TurnError
 
 pytestmark = pytest.mark.medium
 
@@ -291,6 +293,24 @@ def test_a_turn_too_far_names_a_cue_of_its_time(control, tmp_path):
     )
     with pytest.raises(FileError, match=r"lanes\.one\[1\]: bar\.rotation turns by 200"):
         fan.load_score(control, path)
+
+
+def test_hands_are_checked_where_a_lane_is_added(control):
+    """Turns of two lanes add, also those before the last motion of a lane."""
+    table = control.coordinates
+    tip = Gesture.of(control, {"bar.tip_forward": [(0, 0), (5, "100 deg"), (10, 0)]})
+    hands = Hands((Line.empty(limits(table, 1.0, 6.0)),))
+    one, _ = hands.add(0, tip, 0.0)
+    two, _ = one.add(0, tip, 20.0)
+    for before, after in ((hands, one), (one, two), (two, two.add(1, tip, 31.0)[0])):
+        after.check_turns(table, before)
+    for begin, t in ((1.0, 5.5), (20.0, 25.0)):
+        with pytest.raises(TurnError) as error:
+            two.add(1, tip, begin)[0].check_turns(table, two)
+        assert error.value.t == pytest.approx(t, abs=0.3)
+        both, _ = two.add(1, tip, begin)
+        with pytest.raises(TurnError, match="bar.rotation turns by"):
+            both.motion(table, ["one", "other"], both.end)
 
 
 def test_key_poses_tip_a_control(control, tmp_path):

@@ -203,20 +203,25 @@ rig: {trunk: [trunk], facing: [0, 1, 0], limbs: [], carrying: [left, right]}
         load_gesture(puppet, path)
 
 
-def test_a_driven_joint_called_x_is_no_end_of_a_string():
-    puppet = fan.loads("""
-scene: two
-puppets: [{name: pierrot, puppet: {
-  puppet: turning,
-  bodies: [
-    {name: trunk, joint: {type: free}, mass: 1.0, com: [0, 0, 0], inertia: [0.01, 0.01, 0.01]},
-    {name: vane, parent: trunk, joint: {name: x, type: revolute, axis: [0, 0, 1], driven: true}}],
-  strings: [
-    {name: left, path: [{body: trunk, at: [0, 0.1, 0]}, {at: [0, 0.1, 1], driven: [x]}], length: 1},
-    {name: right, path: [{body: trunk, at: [0, -0.1, 0]}, {at: [0, -0.1, 1], driven: [x]}],
-     length: 1}],
-  rig: {trunk: [trunk], facing: [1, 0, 0], limbs: [], carrying: [left, right]}}}]
+def test_a_driven_joint_called_x_is_no_end_of_a_string(tmp_path):
+    (tmp_path / "turning.yaml").write_text("""
+puppet: turning
+bodies:
+- {name: trunk, joint: {type: free}, mass: 1.0, com: [0, 0, 0], inertia: [0.01, 0.01, 0.01]}
+- name: vane
+  parent: trunk
+  joint: {name: x, type: revolute, axis: [0, 0, 1], driven: true}
+  mass: 0.1
+  com: [0, 0, 0]
+  inertia: [1e-4, 1e-4, 1e-4]
+strings:
+- {name: left, path: [{body: trunk, at: [0, 0.1, 0]}, {at: [0, 0.1, 1], driven: [x]}], length: 1}
+- {name: right, path: [{body: trunk, at: [0, -0.1, 0]}, {at: [0, -0.1, 1], driven: [x]}], length: 1}
+rig: {trunk: [trunk], facing: [1, 0, 0], limbs: [], carrying: [left, right]}
 """)
+    path = tmp_path / "two.yaml"
+    path.write_text("scene: two\npuppets: [{name: pierrot, puppet: turning.yaml}]\n")
+    puppet = fan.load(path)
     turn = Gesture.of(puppet, {"pierrot.x": [(0, 0), (1, "20 deg")]})
     np.testing.assert_allclose(turn.mirrored(puppet).offsets(1.0)[0], -turn.offsets(1.0)[0])
     np.testing.assert_allclose(turn.turned(0.3).offsets(1.0)[0], turn.offsets(1.0)[0])
