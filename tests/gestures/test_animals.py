@@ -294,7 +294,7 @@ strings:
 - {name: left, path: [{body: trunk, at: [0, 0.1, 0]}, {at: [0, 0.1, 1], driven: [x, y]}], length: 1}
 - {name: right, path: [{body: trunk, at: [0, -0.1, 0]}, {at: [0, -0.1, 1], driven: [x, y]}],
    length: 1}
-- {name: winch, path: [{body: tail, at: [-0.2, 0, 0]}, {at: [-0.3, 0, 1]}], length: driven}
+- {name: winch, path: [{body: tail, at: [-0.2, 0, 0]}, {world: [-0.3, 0, 1]}], length: driven}
 - {name: sail, path: [{body: fin, at: [0, 0, 0.2]}, {at: [0, 0, 1], driven: [y]}], length: 0.8}
 rig:
   trunk: [trunk]

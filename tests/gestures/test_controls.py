@@ -309,7 +309,7 @@ def test_hands_are_checked_where_a_lane_is_added(control):
             two.add(1, tip, begin)[0].check_turns(table, two)
         assert error.value.t == pytest.approx(t, abs=0.3)
         both, _ = two.add(1, tip, begin)
-        with pytest.raises(TurnError, match="bar.rotation turns by"):
+        with pytest.raises(TurnError, match=r"bar\.rotation turns by"):
             both.motion(table, ["one", "other"], both.end)
 
 

@@ -220,7 +220,10 @@ strings:
 rig: {trunk: [trunk], facing: [1, 0, 0], limbs: [], carrying: [left, right]}
 """)
     path = tmp_path / "two.yaml"
-    path.write_text("scene: two\npuppets: [{name: pierrot, puppet: turning.yaml}]\n")
+    path.write_text(
+        "scene: two\npuppets:\n- {name: pierrot, puppet: turning.yaml}\n"
+        "- {name: columbine, puppet: turning.yaml, at: {x: 1}}\n"
+    )
     puppet = fan.load(path)
     turn = Gesture.of(puppet, {"pierrot.x": [(0, 0), (1, "20 deg")]})
     np.testing.assert_allclose(turn.mirrored(puppet).offsets(1.0)[0], -turn.offsets(1.0)[0])
