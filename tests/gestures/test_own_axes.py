@@ -222,7 +222,7 @@ rig: {trunk: [trunk], facing: [1, 0, 0], limbs: [], carrying: [left, right]}
     path = tmp_path / "two.yaml"
     path.write_text(
         "scene: two\npuppets:\n- {name: pierrot, puppet: turning.yaml}\n"
-        "- {name: columbine, puppet: turning.yaml, at: {x: 1}}\n"
+        "- {name: columbine, puppet: turning.yaml, at: [1, 0, 0]}\n"
     )
     puppet = fan.load(path)
     turn = Gesture.of(puppet, {"pierrot.x": [(0, 0), (1, "20 deg")]})
