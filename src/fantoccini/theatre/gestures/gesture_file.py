@@ -298,7 +298,7 @@ def _gesture_of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         body_parts = BodyParts.of(puppet, prefix.removesuffix("."))
         key = "on_control" if file.on_control and body_parts.on_control else "parts"
         points: dict[str, Any] = getattr(file, key)
-        still = {name for name, given in points.items() if _is_still(given)}
+        still = {part for part in points if _is_still(points[part])}
         parts = moves_of(body_parts, points, file.scaled_by, still)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
