@@ -11,9 +11,18 @@ from ruamel.yaml import YAML
 from tests.body_map import zoo
 
 import fantoccini as fan
-from fantoccini.base.errors import FileError
+from fantoccini.base.errors import FileError, StateError
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.theatre.gestures import Roles, bundled, gesture_names, load_gesture
+from fantoccini.theatre.gestures import (
+    ACCELERATION,
+    SPEED,
+    BodyParts,
+    bundled,
+    gesture_names,
+    limits,
+    load_gesture,
+)
+from fantoccini.theatre.gestures.body_parts import moves_of
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
@@ -176,14 +185,16 @@ def test_birds_do_what_the_name_says(puppets, bird, name):
     assert own.lowest_foot() > -FLOOR_MARGIN
 
 
+DOG_HAS = (
+    "dachshund has trunk, trunk_front, trunk_hind, head, leg_front_left, leg_front_right, "
+    "leg_hind_left, leg_hind_right, tail"
+)
 LACKS = {
     ("heron", "wag"): "gesture wag: it moves tails; heron has trunk, head, wing_left, wing_right, "
     "leg_left, leg_right, neck",
     ("heron", "beg"): "gesture beg: it moves trunk_front, which no string of heron moves",
-    ("dachshund", "flap"): "gesture flap: it moves wings; dachshund has trunk, head, "
-    "leg_front_left, leg_front_right, leg_hind_left, leg_hind_right, tail",
-    ("dachshund", "peck"): "gesture peck: it moves necks; dachshund has trunk, head, "
-    "leg_front_left, leg_front_right, leg_hind_left, leg_hind_right, tail",
+    ("dachshund", "flap"): f"gesture flap: it moves wings; {DOG_HAS}",
+    ("dachshund", "peck"): f"gesture peck: the size of a neck scales its moves; {DOG_HAS}",
 }
 
 
@@ -202,7 +213,7 @@ def test_ends_of_a_trunk_are_told_by_the_places_of_the_carrying_strings(puppets)
         "other bird": (("front",), ("back_l", "back_r")),
     }
     for name, (front, hind) in expected.items():
-        assert Roles.of(puppets[name]).trunk_ends == {"trunk_front": front, "trunk_hind": hind}
+        assert BodyParts.of(puppets[name]).trunk_ends == {"trunk_front": front, "trunk_hind": hind}
 
 
 def test_sizes_of_other_parts_scale_offsets(puppets, tmp_path):
@@ -242,7 +253,70 @@ def test_mistakes_in_scaled_by(entry, puppets, tmp_path, monkeypatch):
 def test_limbs_without_strings_stay_out_of_a_plural(puppets):
     body = puppets["other bird"].body_map
     assert body.parts["neck"].strings == ()
-    assert Roles.of(puppets["other bird"]).moves("necks.up") == []
+    body_parts = BodyParts.of(puppets["other bird"])
+    assert body_parts.moves("necks.up") == []
+    with pytest.raises(StateError, match="it moves neck, which no string of heron moves"):
+        body_parts.moves("neck.up")
+    with pytest.raises(StateError, match="it moves necks, which no string of heron moves"):
+        moves_of(body_parts, ["necks.up"])
+
+
+def test_only_moves_that_a_puppet_has_need_a_size(puppets):
+    scaled_by = {"trunk": "whole", "wings": "wing"}
+    moves = moves_of(BodyParts.of(puppets["dachshund"]), ["trunk.up", "wings.up"], scaled_by)
+    assert {part for part, _ in moves.values()} == {"trunk.up"}
+
+
+@pytest.mark.parametrize("name", [*DOG, *BIRD])
+def test_they_keep_to_the_default_bounds(puppets, name):
+    puppets = {**puppets, "dragon": fan.puppets.dragon()} if name == "wag" else puppets
+    n = 0
+    for animal, puppet in puppets.items():
+        try:
+            gesture = load_gesture(puppet, name)
+        except FileError:
+            continue
+        n += 1
+        peaks = gesture.peaks / limits(puppet.coordinates, SPEED, ACCELERATION)
+        assert np.max(peaks) < 1.0 + 2e-3, animal
+    assert n >= 2
+
+
+WOUND = """
+puppet: wound
+bodies:
+- {name: trunk, joint: {type: free}, mass: 1.0, com: [0, 0, 0], inertia: [0.01, 0.01, 0.01]}
+- {name: tail, parent: trunk, joint: {type: ball, at: [-0.1, 0, 0]}, mass: 0.1, com: [-0.1, 0, 0],
+   inertia: [1e-4, 1e-4, 1e-4]}
+- {name: fin, parent: trunk, joint: {type: ball, at: [0, 0, 0.05]}, mass: 0.1, com: [0, 0, 0.1],
+   inertia: [1e-4, 1e-4, 1e-4]}
+strings:
+- {name: left, path: [{body: trunk, at: [0, 0.1, 0]}, {at: [0, 0.1, 1], driven: [x, y]}], length: 1}
+- {name: right, path: [{body: trunk, at: [0, -0.1, 0]}, {at: [0, -0.1, 1], driven: [x, y]}],
+   length: 1}
+- {name: winch, path: [{body: tail, at: [-0.2, 0, 0]}, {world: [-0.3, 0, 1]}], length: driven}
+- {name: sail, path: [{body: fin, at: [0, 0, 0.2]}, {at: [0, 0, 1], driven: [y]}], length: 0.8}
+rig:
+  trunk: [trunk]
+  facing: [1, 0, 0]
+  carrying: [left, right]
+  limbs:
+  - {kind: tail, bodies: [tail], end: [-0.2, 0, 0], strings: [winch]}
+  - {kind: wing, bodies: [fin], end: [0, 0, 0.2], strings: [sail]}
+"""
+
+
+def test_parts_that_stay_need_no_driven_coordinate(tmp_path):
+    """A tail whose string is only wound, and a wing in the middle that moves along y alone."""
+    puppet = fan.loads(WOUND)
+    path = tmp_path / "still.yaml"
+    rows = ("trunk.forward", "tails.up", "tails.forward", "wings.forward", "wings.out")
+    text = "".join(f"  {row}: [[0, 0], [0.4, 0]]\n" for row in rows)
+    path.write_text(f"gesture: still\nparts:\n{text}")
+    assert set(load_gesture(puppet, path).uses) == {"left", "right", "winch", "sail"}
+    path.write_text("gesture: go\nparts: {tails.forward: [[0, 0], [0.4, 1 cm]]}\n")
+    with pytest.raises(FileError, match=r"would move winch\.x, which is not a driven coordinate"):
+        load_gesture(puppet, path)
 
 
 def test_hang_brings_back_wings_and_tail(puppets):

@@ -106,8 +106,8 @@ def test_a_missing_part_is_named_in_one_sentence(dachshund):
     with pytest.raises(FileError) as error:
         load_gesture(dachshund, "wave")
     assert str(error.value) == (
-        "gesture wave: it moves arm_right; dachshund has trunk, head, leg_front_left, "
-        "leg_front_right, leg_hind_left, leg_hind_right, neck, tail"
+        "gesture wave: it moves arm_right; dachshund has trunk, trunk_front, trunk_hind, head, "
+        "leg_front_left, leg_front_right, leg_hind_left, leg_hind_right, neck, tail"
     )
     with pytest.raises(FileError, match="gesture nod: arm2d has no body map: no two branches"):
         load_gesture(fan.puppets.arm2d(), "nod")

@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 import fantoccini as fan
 from fantoccini.base.errors import FileError, InputError, StateError
 from fantoccini.theatre import Gesture
+from fantoccini.theatre.gestures import Hands, Line, limits
+from fantoccini.theatre.gestures.turns import TurnError
 
 pytestmark = pytest.mark.medium
 
@@ -261,6 +263,54 @@ def test_turns_that_add_up_to_more_than_half_a_circle_are_refused(control, tmp_p
         FileError, match=r"twice\.yaml:3: lanes\.one\[0\]: bar\.rotation turns by 200"
     ):
         fan.load_score(control, path)
+
+
+def test_a_turn_too_far_is_located_at_its_moves(control, tmp_path):
+    text = "gesture: over\nmoves:\n  rock: [[0, 0], [1, 9 deg], [2, 0]]\n"
+    text += "  bar.tip_forward: [[0, 0], [1, 150 deg], [2, 0]]\n"
+    text += "  bar.turn_left: [[0, 0], [1, 150 deg], [2, 0]]\n"
+    poses = "poses:\n  strings: [bar]\n  at: [0, 1]\n  points: {bob: [[0, 0, 0], [0, 0, 0]]}\n"
+    path = tmp_path / "over.yaml"
+    for more in ("", poses):
+        path.write_text(text + more)
+        with pytest.raises(FileError, match=r"bar\.rotation turns by 212 deg") as error:
+            fan.theatre.load_gesture(control, path)
+        for key, line in (("tip_forward", 4), ("turn_left", 5)):
+            assert f"over.yaml:{line}: moves.bar.{key}: " in str(error.value)
+        assert "travels" not in str(error.value) and "rock" not in str(error.value)
+
+
+def test_a_turn_too_far_names_a_cue_of_its_time(control, tmp_path):
+    """The cue that turns the bar farthest is over when two others turn it too far together."""
+    for name, angle in (("tip", 100), ("far", 170)):
+        (tmp_path / f"{name}.yaml").write_text(
+            f"gesture: {name}\nmoves: {{bar.tip_forward: [[0, 0], [5, {angle} deg], [10, 0]]}}\n"
+        )
+    path = tmp_path / "twice.yaml"
+    path.write_text(
+        "score: twice\nlanes:\n  one: [{gesture: far.yaml, at: 0}, {gesture: tip.yaml, at: 12}]\n"
+        "  other: [{gesture: tip.yaml, at: 12}]\n"
+    )
+    with pytest.raises(FileError, match=r"lanes\.one\[1\]: bar\.rotation turns by 200"):
+        fan.load_score(control, path)
+
+
+def test_hands_are_checked_where_a_lane_is_added(control):
+    """Turns of two lanes add, also those before the last motion of a lane."""
+    table = control.coordinates
+    tip = Gesture.of(control, {"bar.tip_forward": [(0, 0), (5, "100 deg"), (10, 0)]})
+    hands = Hands((Line.empty(limits(table, 1.0, 6.0)),))
+    one, _ = hands.add(0, tip, 0.0)
+    two, _ = one.add(0, tip, 20.0)
+    for before, after in ((hands, one), (one, two), (two, two.add(1, tip, 31.0)[0])):
+        after.check_turns(table, before)
+    for begin, t in ((1.0, 5.5), (20.0, 25.0)):
+        with pytest.raises(TurnError) as error:
+            two.add(1, tip, begin)[0].check_turns(table, two)
+        assert error.value.t == pytest.approx(t, abs=0.3)
+        both, _ = two.add(1, tip, begin)
+        with pytest.raises(TurnError, match=r"bar\.rotation turns by"):
+            both.motion(table, ["one", "other"], both.end)
 
 
 def test_key_poses_tip_a_control(control, tmp_path):

@@ -178,3 +178,53 @@ rig: {trunk: [trunk], facing: [0.8, 0.6, 0], limbs: [], carrying: [left, right]}
     path.write_text("gesture: lean\nparts: {trunk.forward: [[0, 0], [1, 1 cm]]}\n")
     with pytest.raises(FileError, match=r"it moves left\.x, and left\.y is not driven"):
         load_gesture(puppet, path)
+
+
+def test_an_end_that_moves_along_its_own_forward_axis_alone(tmp_path):
+    """The puppet looks along y, and its strings move along y of the file only."""
+    puppet = fan.loads("""
+puppet: sideways
+bodies:
+- {name: trunk, joint: {type: free}, mass: 1.0, com: [0, 0, 0], inertia: [0.01, 0.01, 0.01]}
+strings:
+- {name: left, path: [{body: trunk, at: [-0.1, 0, 0]}, {at: [-0.1, 0, 1], driven: [y]}], length: 1}
+- {name: right, path: [{body: trunk, at: [0.1, 0, 0]}, {at: [0.1, 0, 1], driven: [y]}], length: 1}
+rig: {trunk: [trunk], facing: [0, 1, 0], limbs: [], carrying: [left, right]}
+""")
+    path = tmp_path / "lean.yaml"
+    path.write_text("gesture: lean\nparts: {trunk.forward: [[0, 0], [1, 1 cm]]}\n")
+    lean = load_gesture(puppet, path)
+    offsets = dict(zip(puppet.coordinates.v_K, lean.offsets(1.0)[0], strict=True))
+    assert offsets == pytest.approx({"left.y": 0.01, "right.y": 0.01})
+    image = lean.mirrored(puppet)
+    np.testing.assert_allclose(image.offsets(1.0)[0], lean.offsets(1.0)[0])
+    path.write_text("gesture: lean\nparts: {trunk.left: [[0, 0], [1, 1 cm]]}\n")
+    with pytest.raises(FileError, match=r"its move trunk\.left would move left\.y"):
+        load_gesture(puppet, path)
+
+
+def test_a_driven_joint_called_x_is_no_end_of_a_string(tmp_path):
+    (tmp_path / "turning.yaml").write_text("""
+puppet: turning
+bodies:
+- {name: trunk, joint: {type: free}, mass: 1.0, com: [0, 0, 0], inertia: [0.01, 0.01, 0.01]}
+- name: vane
+  parent: trunk
+  joint: {name: x, type: revolute, axis: [0, 0, 1], driven: true}
+  mass: 0.1
+  com: [0, 0, 0]
+  inertia: [1e-4, 1e-4, 1e-4]
+strings:
+- {name: left, path: [{body: trunk, at: [0, 0.1, 0]}, {at: [0, 0.1, 1], driven: [x]}], length: 1}
+- {name: right, path: [{body: trunk, at: [0, -0.1, 0]}, {at: [0, -0.1, 1], driven: [x]}], length: 1}
+rig: {trunk: [trunk], facing: [1, 0, 0], limbs: [], carrying: [left, right]}
+""")
+    path = tmp_path / "two.yaml"
+    path.write_text(
+        "scene: two\npuppets:\n- {name: pierrot, puppet: turning.yaml}\n"
+        "- {name: columbine, puppet: turning.yaml, at: [1, 0, 0]}\n"
+    )
+    puppet = fan.load(path)
+    turn = Gesture.of(puppet, {"pierrot.x": [(0, 0), (1, "20 deg")]})
+    np.testing.assert_allclose(turn.mirrored(puppet).offsets(1.0)[0], -turn.offsets(1.0)[0])
+    np.testing.assert_allclose(turn.turned(0.3).offsets(1.0)[0], turn.offsets(1.0)[0])

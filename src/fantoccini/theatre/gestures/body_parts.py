@@ -3,42 +3,25 @@
 A puppet on a control has bars as parts, too: the control, and for each kind of limb the bar to
 which all its strings are tied. A gesture moves parts by offsets for a body of certain sizes; for
 another body they are multiplied by the ratio of the sizes.
-
-Directions are the puppet's own: forward, to its left and up. Coordinates may have other axes:
-
-    d = (R_h^T R)^T d_own
-
-d_own is an offset or a rotation vector along the puppet's own axes; R_h turns x to the direction in
-which the puppet looks in its file, and R are the axes of the coordinate in that file: those of the
-joint for an offset, those of the body for a rotation vector.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, StateError, rotation
+from fantoccini.base import Array, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap
-from fantoccini.model.tree import (
-    COMMAND,
-    WORLD,
-    CoordinateTable,
-    Role,
-    Tree,
-    measure,
-    point_position,
-)
-from fantoccini.motion import pieces
-from fantoccini.theatre.gestures.joining import Motion
+from fantoccini.model.tree import WORLD, Role, measure, point_position
 
 KINDS = ("arm", "leg", "wing", "tail", "neck")
 """Kinds of limbs; a plural means all limbs of the kind, and none if the puppet has none."""
+_PLURALS = tuple(f"{kind}s" for kind in KINDS)
 SizeKind: TypeAlias = Literal["whole", "arm", "leg", "wing", "tail", "neck"]
 """Kind of limb, or the whole body, whose size scales offsets of trunk and head."""
 TRUNK_ENDS = ("trunk_front", "trunk_hind")
@@ -47,12 +30,8 @@ _MIN_TRUNK_SPAN = 0.1
 """Smallest distance between carrying strings along a trunk with two ends, relative to the size."""
 _HEADING_DECIMALS = 9
 """Decimals to which the heading of a puppet is rounded [rad]."""
-_AXES = "xyz"
-_ROUNDING = 1e-12
-"""Smaller entries of a matrix of axes are 0."""
-_STRAIGHT = 1e-6
-"""Smaller components of an offset need no coordinate, relative to the offset."""
-_NOT_DRIVEN = -1
+_SAME_PLACE = 1e-9
+"""Tolerance of places along a trunk, relative to the size."""
 
 
 @dataclass(frozen=True)
@@ -171,20 +150,33 @@ class BodyParts:
             return self.body_map.size
         lengths = [limb.length for limb in self.body_map.limbs if limb.kind == kind]
         if not lengths:
-            raise self.lacks(f"{kind}s")
+            raise StateError(f"the size of a {kind} scales its moves; {self._has}")
         return max(lengths)
 
-    def lacks(self, part: str) -> StateError:
-        """Error of a gesture that moves a part which the puppet lacks."""
-        body = self.body_map
-        have = ("trunk", *(("head",) if body.head else ()), *body.parts, *self.bars)
-        return StateError(f"it moves {part}; {self._name} has {', '.join(have)}")
+    def lacks(self, parts: Collection[str]) -> StateError:
+        """Error of a gesture that moves only parts which the puppet lacks, or no string moves."""
+        kinds = {limb.kind for limb in self.body_map.limbs}
+        if still := [part for part in parts if part.removesuffix("s") in kinds]:
+            return self._moved_by_no_string(" and ".join(still))
+        return StateError(f"it moves {' and '.join(parts)}; {self._has}")
+
+    def _moved_by_no_string(self, part: str) -> StateError:
+        return StateError(f"it moves {part}, which no string of {self._name} moves")
+
+    @property
+    def _has(self) -> str:
+        """Parts of the puppet, for messages."""
+        head = ("head",) if self.body_map.head else ()
+        ends = (end for end, strings in self.trunk_ends.items() if strings)
+        have = ("trunk", *ends, *head, *self.body_map.parts, *self.bars)
+        return f"{self._name} has {', '.join(have)}"
 
     @cached_property
     def trunk_ends(self) -> dict[str, tuple[str, ...]]:
         """Strings that carry the front and the hind part of the trunk; none if it has no length.
 
-        A string is of the front if it is tied before the middle between the first and the last one.
+        A string is of the front if it is tied before the middle between the first and the last one;
+        one in the middle is of the hind part.
         """
         tree, number = self.marionette.tree, self.marionette.number
         poses = measure(tree, number).poses
@@ -199,7 +191,7 @@ class BodyParts:
         first, last = max(ahead.values(), default=0.0), min(ahead.values(), default=0.0)
         if first - last < _MIN_TRUNK_SPAN * self.body_map.size:
             return dict.fromkeys(TRUNK_ENDS, ())
-        middle = 0.5 * (first + last)
+        middle = 0.5 * (first + last) + _SAME_PLACE * self.body_map.size
         front = tuple(name for name, x in ahead.items() if x > middle)
         hind = tuple(name for name in ahead if name not in front)
         return dict(zip(TRUNK_ENDS, (front, hind), strict=True))
@@ -225,15 +217,15 @@ class BodyParts:
         ]
         if part in ("trunk", *TRUNK_ENDS, "head"):
             parts = [(part, "whole", body.size, "middle")]
-        is_plural = part.removesuffix("s") in KINDS
+        is_plural = part in _PLURALS
         if (not parts and not is_plural) or (part == "head" and body.head is None):
-            raise self.lacks(part)
+            raise self.lacks([part])
         moves = []
         for part_name, kind, size, side in parts:
             is_end = part_name in TRUNK_ENDS
             strings = self.trunk_ends[part_name] if is_end else body.strings_of(part_name)
             if not (strings or is_plural):
-                raise StateError(f"it moves {part_name}, which no string of {self._name} moves")
+                raise self._moved_by_no_string(part_name)
             direction = self._left_or_right(way, side)
             moves += [Move(string, direction, kind, size) for string in strings]
         return moves
@@ -253,7 +245,10 @@ class BodyParts:
 
 
 def moves_of(
-    body_parts: BodyParts, names: Iterable[str], scaled_by: Mapping[str, SizeKind] | None = None
+    body_parts: BodyParts,
+    names: Iterable[str],
+    scaled_by: Mapping[str, SizeKind] | None = None,
+    still: Collection[str] = (),
 ) -> dict[str, tuple[str, Move]]:
     """Moves of strings for names of parts and directions, such as ``arm_right.up``.
 
@@ -261,187 +256,29 @@ def moves_of(
         body_parts: parts of the puppet's body.
         names: parts and directions, such as ``trunk.down``.
         scaled_by: part -> kind of limb whose size scales its moves, in place of its own.
+        still: names whose offsets are all 0; ``out`` and ``in`` of them mean ``left``, so that they
+            are also for parts in the middle.
 
     Returns:
         String and direction, such as ``hand_right.up`` -> the part's name, and the move.
 
     Raises:
-        StateError: the puppet lacks a part, none of the names moves a string, or two parts move a
-            string in one direction.
+        StateError: the puppet lacks a part, or a limb whose size is needed; none of the names
+            moves a string; or two parts move a string in one direction.
     """
-    sizes = {part: (kind, body_parts.size_of(kind)) for part, kind in (scaled_by or {}).items()}
     moves: dict[str, tuple[str, Move]] = {}
     parts: dict[str, None] = {}
     for name in names:
-        part = name.rpartition(".")[0]
+        part, _, way = name.rpartition(".")
         parts[part] = None
-        for move in body_parts.moves(name):
+        is_aside = name in still and way in ("in", "out")
+        for move in body_parts.moves(f"{part}.left" if is_aside else name):
             key = f"{move.string}.{move.way}"
             if key in moves:
                 raise StateError(f"it moves {name} and {moves[key][0]}, which both move {key}")
-            kind, size = sizes.get(part, (move.kind, move.size))
-            moves[key] = name, replace(move, kind=kind, size=size)
+            kind = (scaled_by or {}).get(part)
+            scaled = replace(move, kind=kind, size=body_parts.size_of(kind)) if kind else move
+            moves[key] = name, scaled
     if not moves:
-        raise body_parts.lacks(" and ".join(parts))
+        raise body_parts.lacks([*parts])
     return moves
-
-
-@dataclass(frozen=True, eq=False)
-class _Triple:
-    """Three coordinates that are one vector: an offset, or a rotation vector.
-
-    Attributes:
-        name: name of the end or body.
-        places: (3,) indices in v_K; -1 for a component that is not driven.
-        axes: (3, 3) axes of the coordinates in the puppet's own axes, as columns.
-    """
-
-    name: str
-    places: Indices
-    axes: Array
-
-
-@dataclass(frozen=True, eq=False)
-class OwnAxes:
-    """Axes of a puppet's driven coordinates in its own axes.
-
-    Attributes:
-        coordinates: table of the puppet or scene.
-        own: the same table, with axes of joints in the puppet's own axes.
-        triples: coordinates whose axes are not the puppet's own.
-    """
-
-    coordinates: CoordinateTable
-    own: CoordinateTable
-    triples: tuple[_Triple, ...]
-
-    @classmethod
-    def of(cls, puppet: Marionette, body_parts: Iterable[BodyParts]) -> OwnAxes:
-        """Axes of one or several members of a scene, or of a single puppet."""
-        table = puppet.coordinates
-        triples: list[_Triple] = []
-        axes = dict(table.axes)
-        for own in body_parts:
-            frames = _Frames.of(own)
-            triples += frames.triples()
-            axes |= frames.joint_axes()
-        return cls(table, replace(table, axes=axes), tuple(triples))
-
-    @classmethod
-    def moved_by(cls, uses: Iterable[str], puppet: Marionette) -> OwnAxes:
-        """Axes of the members whose strings are moved; those without a body map keep theirs."""
-        moving = {name.partition(".")[0] for name in uses}
-        moving_parts = []
-        for member in puppet.puppet.members or ("",):
-            if member and member not in moving:
-                continue
-            try:
-                moving_parts.append(BodyParts.of(puppet, member))
-            except StateError:
-                continue
-        return cls.of(puppet, moving_parts)
-
-    def placed(self, motion: Motion) -> Motion:
-        """Motion of the puppet, from offsets along its own axes.
-
-        Raises:
-            StateError: it moves an end or a body along an axis that is not driven.
-        """
-        return self._changed(motion, inverse=False)
-
-    def seen(self, motion: Motion) -> Motion:
-        """Offsets along the puppet's own axes, of a motion: the inverse of :meth:`placed`.
-
-        Raises:
-            StateError: an own axis along which it moves is not driven.
-        """
-        return self._changed(motion, inverse=True)
-
-    def _changed(self, motion: Motion, *, inverse: bool) -> Motion:
-        coef, travel, named = np.array(motion.coef), np.array(motion.travel), motion.named.copy()
-        for triple in self.triples:
-            matrix = triple.axes if inverse else triple.axes.T
-            is_driven = np.asarray(triple.places != _NOT_DRIVEN)
-            moved = np.zeros(3, dtype=bool)
-            moved[is_driven] = motion.named[triple.places[is_driven]]
-            reached = np.asarray(np.abs(matrix[:, moved]))
-            if lacking := np.flatnonzero(~is_driven & (reached > _STRAIGHT).any(axis=1)).tolist():
-                first, other = _AXES[int(np.argmax(moved))], _AXES[lacking[0]]
-                name = triple.name
-                raise StateError(f"it moves {name}.{first}, and {name}.{other} is not driven")
-            at, own = triple.places[is_driven], matrix[np.ix_(is_driven, is_driven)]
-            coef[:, at] = own @ motion.coef[:, at]
-            travel[at] = own @ motion.travel[at]
-            named[at] = np.any(reached[is_driven] > 0.0, axis=1)
-        return Motion(motion.breaks, coef, named, travel)
-
-
-@dataclass(frozen=True, eq=False)
-class _Frames:
-    """Axes of the joints of one member.
-
-    Attributes:
-        body_parts: parts of the member.
-        turn: (3, 3) R_h.
-        links: (n_links, 3, 3) axes of links in the member's file, as columns.
-        world: (3, 3) axes of the world in that file.
-    """
-
-    body_parts: BodyParts
-    turn: Array
-    links: Array
-    world: Array
-
-    @classmethod
-    def of(cls, body_parts: BodyParts) -> _Frames:
-        turn = rotation.matrix(rotation.exp(np.array([0.0, 0.0, body_parts.heading])))
-        return cls(body_parts, turn, *body_parts.axes_in_file())
-
-    def joint(self, name: str, *, first: bool) -> int:
-        """Index of the first or last link that a joint, a string's end or a drive moves."""
-        joint = name.removesuffix(COMMAND)
-        links = [i for i, x in enumerate(self._tree.links) if x.joint == joint]
-        return links[0] if first else links[-1]
-
-    def triples(self) -> list[_Triple]:
-        """Offsets and rotation vectors along other axes than the puppet's own."""
-        table = self.body_parts.marionette.coordinates
-        places: dict[str, Indices] = {}
-        for name, (_, v) in pieces.channel_names(table).items():
-            owner, _, part = name.rpartition(".")
-            if name.startswith(self.body_parts.prefix) and owner and part in _AXES:
-                own = places.setdefault(owner, np.full(3, _NOT_DRIVEN))
-                own[_AXES.index(part)] = v.start
-        triples = [_Triple(name, v, self._carrying(name)) for name, v in places.items()]
-        for name, (_, first) in table.rotations.items():
-            if name.startswith(self.body_parts.prefix):
-                owner = name.rpartition(".")[0]
-                body = self.links[self.joint(owner, first=False)]
-                triples.append(_Triple(owner, np.arange(first, first + 3), self._seen(body)))
-        return [triple for triple in triples if not np.array_equal(triple.axes, np.eye(3))]
-
-    def joint_axes(self) -> dict[str, tuple[float, ...]]:
-        """Driven joint -> its axis, in the puppet's own axes."""
-        axes = {}
-        for name, axis in self.body_parts.marionette.coordinates.axes.items():
-            if name.startswith(self.body_parts.prefix):
-                carrier = self._tree.links[self.joint(name, first=True)].parent
-                axes[name] = tuple((self._seen(self._axes(carrier)) @ axis).tolist())
-        return axes
-
-    def _carrying(self, owner: str) -> Array:
-        """Axes along which a joint or a string's end moves, in the puppet's own axes."""
-        link = self._tree.links[self.joint(owner, first=True)]
-        return self._seen(self._axes(link.parent) @ link.rotation)
-
-    def _axes(self, link: int) -> Array:
-        return self.world if link == WORLD else self.links[link]
-
-    def _seen(self, axes: Array) -> Array:
-        """Axes of the file, in the puppet's own axes."""
-        own = self.turn.T @ axes
-        return np.where(np.abs(own) < _ROUNDING, 0.0, own)
-
-    @property
-    def _tree(self) -> Tree:
-        return self.body_parts.marionette.tree

@@ -12,14 +12,13 @@ import numpy as np
 from fantoccini.base import Array, FileError, InputError, UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
-from fantoccini.theatre.gestures.bounding import note_exceeded
+from fantoccini.theatre.gestures.checking import moving, note_exceeded, note_moving
 from fantoccini.theatre.gestures.placing import PlacedLanes, place_lanes
 from fantoccini.theatre.gestures.score import Caption, Score, Wait
 from fantoccini.theatre.gestures.score_gestures import ScoreGestures
 from fantoccini.theatre.gestures.sounding import read_sounds, spot_of_sound
 from fantoccini.theatre.gestures.transitions import limits
 from fantoccini.theatre.gestures.turns import TurnError
-from fantoccini.theatre.gestures.waiting import note_moving
 from fantoccini.theatre.script import LATE, ScoreFile, ScriptLog, Spot, read_script
 
 _TRIAL_BOUNDS = {"speed": 1.0, "acceleration": 1.0}
@@ -77,7 +76,7 @@ class _Compiler:
         try:
             whole, lane_motions = placed.hands.motion(self._table, [*file.lanes], end)
         except TurnError as error:
-            spot = self._moving_cue(placed, error.channel)
+            spot = self._moving_cue(placed, error.channel, error.t)
             raise log.located.error([(spot, str(error))], FileError) from None
         note_exceeded(whole, bounds, placed.played, log)
         note_moving(whole, waits, placed.played, log)
@@ -132,14 +131,15 @@ class _Compiler:
         self._log.mistakes.refuse()
         return limits(self._table, **options)
 
-    def _moving_cue(self, placed: PlacedLanes, channel: str) -> Spot:
-        """Keys of the cue that moves a coordinate farthest."""
+    def _moving_cue(self, placed: PlacedLanes, channel: str, t: float | None = None) -> Spot:
+        """Keys of the cue that moves a coordinate farthest, of those that move it at a time [s]."""
         places = pieces.channel_names(self._table)
         if channel not in places or not placed.played:
             return ("lanes",)
         v = places[channel][1]
-        sizes = [np.max(np.abs(motion.coef[:, v, 0])) for _, _, motion in placed.played]
-        return placed.played[int(np.argmax(sizes))][0].spot
+        cues = range(len(placed.played)) if t is None else moving(placed.played, t, v.start)
+        sizes = {i: np.max(np.abs(placed.played[i][2].coef[:, v, 0])) for i in cues}
+        return placed.played[max(sizes, key=lambda i: sizes[i])][0].spot if sizes else ("lanes",)
 
     def _caption(self, placed: PlacedLanes, i: int) -> Caption:
         """Caption i of the file, with its times."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.base.documents import Mistakes
-from fantoccini.theatre.gestures.body_parts import BodyParts, OwnAxes, moves_of
+from fantoccini.theatre.gestures.body_parts import BodyParts, moves_of
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
+from fantoccini.theatre.gestures.own_axes import OwnAxes
 from fantoccini.theatre.gestures.walking import walk_parameters
 
 _STEP_TIME = 0.8

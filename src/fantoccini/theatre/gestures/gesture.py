@@ -18,8 +18,8 @@ from fantoccini.base import Array, MaskRows, StateError, Times, VecK, check_posi
 from fantoccini.base.documents import Mistakes
 from fantoccini.motion import SAME_TIME, Input, State, Table, binding, pieces, reading
 from fantoccini.theatre.gestures import moves, piecewise
-from fantoccini.theatre.gestures.body_parts import OwnAxes
 from fantoccini.theatre.gestures.joining import Line, Motion
+from fantoccini.theatre.gestures.own_axes import OwnAxes
 from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, Limit, limits
 from fantoccini.theatre.gestures.turns import check_turns, end_shift, from_start, with_rotations
 
@@ -156,6 +156,7 @@ class Gesture:
 
         Raises:
             InputError: the points have mistakes; all of them are listed.
+            StateError: see :meth:`of_offsets`.
             ValueError: nothing moves, or a mark is not within the gesture.
         """
         if not points:
@@ -183,6 +184,7 @@ class Gesture:
             travels, name, marks: see :meth:`of`.
 
         Raises:
+            TurnError: a driven body turns by nearly 180 degrees or more.
             StateError: it travels, and a driven body ends turned.
         """
         channels = with_rotations(table, pieces.through_waypoints(table, offsets))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -24,6 +24,7 @@ from fantoccini.base.documents import (
     Model,
     Name,
     NotNegative,
+    Path as Keys,
     Place,
     document_schema,
     has_key,
@@ -40,9 +41,10 @@ from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import AimTarget
-from fantoccini.theatre.gestures.body_parts import BodyParts, OwnAxes, SizeKind, moves_of
+from fantoccini.theatre.gestures.body_parts import BodyParts, SizeKind, moves_of
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.moves import not_driven
+from fantoccini.theatre.gestures.own_axes import OwnAxes
 from fantoccini.theatre.gestures.parameters import (
     COMPUTED_GESTURES,
     Parameters,
@@ -50,6 +52,7 @@ from fantoccini.theatre.gestures.parameters import (
     member_prefix,
 )
 from fantoccini.theatre.gestures.reachable import reachable_part
+from fantoccini.theatre.gestures.turns import TurnError
 
 _FOLDER = Path(__file__).parent / "marionette"
 _MAX_REST_PEAK = 1e-9
@@ -245,15 +248,37 @@ def _gesture_of_strings(
                 mistakes.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
     mistakes.refuse()
-    return _gesture_through(file, table, offsets)
+    return _gesture_through(file, table, offsets, _spots_of_moves(file, prefix))
+
+
+def _spots_of_moves(file: GestureFile, prefix: str) -> dict[str, Keys]:
+    """Moved name -> its keys in a file that moves strings of a certain puppet."""
+    return {prefix + name: ("moves", name) for name in file.moves}
 
 
 def _gesture_through(
-    file: GestureFile, table: CoordinateTable, offsets: dict[str, Points]
+    file: GestureFile, table: CoordinateTable, offsets: dict[str, Points], spots: Mapping[str, Keys]
 ) -> Gesture:
-    """Gesture of a file through offsets."""
+    """Gesture of a file through offsets.
+
+    Args:
+        file, table: the file, and names of the coordinates.
+        offsets: coordinate -> times and offsets.
+        spots: moved name -> its keys in the file.
+
+    Raises:
+        FileError: it turns a body too far, or travels and ends with a body turned.
+    """
     try:
         return Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+    except TurnError as error:
+        own = moves.parts(error.channel, table)
+        turning = {
+            spot: str(error)
+            for name, spot in spots.items()
+            if {*own} & {*moves.parts(moves.driven_coordinate(name, table)[0], table)}
+        }
+        raise file.located.error([*turning.items()], FileError) from None
     except StateError as error:
         raise file.located.error([(("travels",), str(error))], FileError) from None
 
@@ -274,12 +299,20 @@ def _gesture_of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         body_parts = BodyParts.of(puppet, prefix.removesuffix("."))
         key = "on_control" if file.on_control and body_parts.on_control else "parts"
         points: dict[str, Any] = getattr(file, key)
-        parts = moves_of(body_parts, points, file.scaled_by)
+        still = {part for part in points if _is_still(points[part])}
+        parts = moves_of(body_parts, points, file.scaled_by, still)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
     axes = OwnAxes.of(puppet, [body_parts])
     table, string_mistakes = axes.own, Mistakes.of_inputs()
     known = moves.scalar_indices(table)
+    # Parts that stay need no driven coordinate.
+    going = {
+        name: (part, move)
+        for name, (part, move) in parts.items()
+        if part not in still or moves.driven_coordinate(name, table)[0] in known
+    }
+    parts = going or parts
     waypoints = {name: points[part] for name, (part, _) in parts.items()}
     offsets = moves.read(table, waypoints, string_mistakes, (key,))
     units = moves.names_and_units(table)
@@ -296,11 +329,19 @@ def _gesture_of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
     for (_, string, *rest), text in string_mistakes.found:
         mistakes.add((key, parts[str(string)][0], *rest), text)
     mistakes.refuse()
-    gesture = _gesture_through(file, table, offsets)
+    spots: dict[str, Keys] = {name: (key, part) for name, (part, _) in parts.items()}
+    gesture = _gesture_through(file, table, offsets, spots)
     try:
         return gesture.placed(axes)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
+
+
+def _is_still(points: Any) -> bool:
+    """Whether all offsets of a list are 0."""
+    return isinstance(points, list) and all(
+        isinstance(point, list) and len(point) == 2 and point[1] == 0 for point in points
+    )
 
 
 def _not_for_this_puppet(file: GestureFile, reason: str) -> FileError:
@@ -377,7 +418,8 @@ def _pose_offsets(
     q_K_of_moves = None
     if moved:
         t = x0.t + np.array(poses.at)
-        q_K_of_moves = Gesture.of_offsets(table, moved).inputs(x0).evaluate(t)[0]
+        own = _gesture_through(file, table, moved, _spots_of_moves(file, prefix))
+        q_K_of_moves = own.inputs(x0).evaluate(t)[0]
     for i in range(len(poses.at)):
         start_of_search = x0
         if q_K_of_moves is not None:

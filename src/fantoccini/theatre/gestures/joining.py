@@ -115,6 +115,12 @@ class Line:
         still[0, :, 0] = self.d
         return self._with_pieces(np.array([until]), still)
 
+    def after(self, t: float) -> tuple[Times, Array]:
+        """Breaks and coefficients of the motions that end after a time [s], of which it has one."""
+        k = next(k for k, own in enumerate(self.breaks) if own[-1] > t)
+        first = self.breaks[k - 1][-1:]
+        return np.concatenate([first, *self.breaks[k:]]), np.concatenate(self.coef[k - 1 :])
+
     @property
     def _moves(self) -> bool:
         return bool(np.any(np.abs(self.rate) > _MAX_REST_RATE))

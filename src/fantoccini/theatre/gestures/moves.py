@@ -86,7 +86,7 @@ def reflection(name: str, table: CoordinateTable) -> Array | None:
     """
     if name.endswith(".rotation"):
         return np.array([-1.0, 1.0, -1.0])
-    if owner_of(name)[2]:
+    if owner_of(name)[2] and name not in table.axes:
         return np.array([-1.0 if name.endswith(".y") else 1.0])
     if twin(name) != name:
         return np.array([1.0])
@@ -133,7 +133,7 @@ def xy_indices(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]
     known, ends = pieces.channel_names(table), dict[str, tuple[int, int]]()
     for name, (_, v) in known.items():
         owner, _, part = name.rpartition(".")
-        if owner in table.carried:
+        if owner in table.carried or name in table.axes:  # a joint may have the name x
             continue
         if named[v.start] and owner and part in ("x", "y"):
             other = f"{owner}.{'y' if part == 'x' else 'x'}"
@@ -155,14 +155,14 @@ def read(
     for name, points in given.items():
         path = (*at, str(name))
         channel, sign = driven_coordinate(str(name), table)
-        parts = _parts(channel, table)
-        if not parts:
+        scalars = parts(channel, table)
+        if not scalars:
             mistakes.add(path, _unknown(str(name), channel, table))
             continue
-        if others := [movers[part] for part in parts if part in movers]:
+        if others := [movers[part] for part in scalars if part in movers]:
             mistakes.add(path, f"moves {channel}, as {others[0]} does; leave one out")
             continue
-        movers |= dict.fromkeys(parts, str(name))
+        movers |= dict.fromkeys(scalars, str(name))
         series = reading.series(points, mistakes, path, _reader(channel, table))
         if series is None:
             continue
@@ -170,8 +170,8 @@ def read(
         if t[0] < 0.0:
             mistakes.add((*path, 0), f"comes at {t[0]:g} s; a gesture begins at 0 s")
             continue
-        columns = values.reshape(len(t), len(parts)).T
-        read |= {part: (t, sign * column) for part, column in zip(parts, columns, strict=True)}
+        columns = values.reshape(len(t), len(scalars)).T
+        read |= {part: (t, sign * column) for part, column in zip(scalars, columns, strict=True)}
     return read
 
 
@@ -209,7 +209,7 @@ def _commanded(owner: str, part: str, table: CoordinateTable) -> str:
     return table.commands.get(f"{owner}.{part}", f"{owner}.{part}")
 
 
-def _parts(channel: str, table: CoordinateTable) -> list[str]:
+def parts(channel: str, table: CoordinateTable) -> list[str]:
     """Scalars that a channel consists of; none if it is not driven."""
     if channel in table.rotations:
         v = table.rotations[channel][1]

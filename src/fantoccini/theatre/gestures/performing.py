@@ -14,8 +14,11 @@ import numpy as np
 
 from fantoccini.base import MaskRows
 from fantoccini.model.tree import CoordinateTable
+from fantoccini.motion import pieces
+from fantoccini.theatre.gestures import piecewise
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.joining import Continued, Line
+from fantoccini.theatre.gestures.turns import check_turns
 from fantoccini.theatre.script import END, Cue, CueFile, Moments, Spot, Timeline
 
 CueT = TypeVar("CueT", bound=CueFile)
@@ -138,6 +141,28 @@ class Hands:
             line.rested() if lane in (None, i) else line for i, line in enumerate(self.lanes)
         )
         return replace(self, lanes=lines)
+
+    def check_turns(self, table: CoordinateTable, before: Hands) -> None:
+        """Checks the turns of bodies by all lanes together, where lanes have been added.
+
+        Args:
+            table: coordinates of the puppet.
+            before: the hands without what has been added.
+
+        Raises:
+            TurnError: a body turns too far.
+        """
+        ends = [line.end for line in before.lanes] + [0.0] * len(self.lanes)
+        since = min(
+            (end for line, end in zip(self.lanes, ends, strict=False) if line.end > end),
+            default=self.end,
+        )
+        if not table.rotations or since >= self.end:
+            return
+        later = [line.held(self.end).after(since) for line in self.lanes]
+        clock = pieces.clock([breaks[breaks > since] for breaks, _ in later] + [np.array([since])])
+        coef = [piecewise.on(pieces.snap(breaks, clock), own, clock) for breaks, own in later]
+        check_turns(table, clock, np.sum(coef, axis=0))
 
     def motion(
         self, table: CoordinateTable, labels: Sequence[str], until: float

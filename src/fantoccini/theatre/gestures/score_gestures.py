@@ -68,7 +68,7 @@ class ScoreGestures:
             return style.varied(
                 gesture,
                 self._marionette,
-                cue.heading,
+                heading=cue.heading,
                 speed=file.speed,
                 acceleration=file.acceleration,
             )

@@ -63,8 +63,8 @@ class Style:
         self,
         gesture: Gesture,
         puppet: Marionette,
-        heading: float | None = None,
         *,
+        heading: float | None = None,
         speed: Limit = SPEED,
         acceleration: Limit = ACCELERATION,
     ) -> tuple[Gesture, Gesture]:

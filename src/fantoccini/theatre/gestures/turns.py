@@ -37,7 +37,7 @@ class TurnError(StateError):
     """
 
     def __init__(self, channel: str, angle: float, t: float):
-        self.channel = channel
+        self.channel, self.t = channel, t
         super().__init__(
             f"{channel} turns by {np.degrees(angle):.0f} deg from rest at {t:.2f} s; a gesture, "
             f"and the sum of several at a time, turns a body by at most "

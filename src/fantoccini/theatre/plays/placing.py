@@ -179,16 +179,25 @@ class _Verbs:
             CannotBe: the cue cannot be done.
         """
         self._check_begin(turn)
-        stage = replace(stage, parts=())
+        after, moments = self._after(replace(stage, parts=()), turn)
+        for name, actor in after.actors.items():
+            table = actor.player.marionette.coordinates
+            try:
+                actor.hands.check_turns(table, stage.actors[name].hands)
+            except StateError as error:
+                raise CannotBe(str(error)) from None
+        return after, after.parts, moments
+
+    def _after(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
+        """Stage after a cue, and the cue's moments."""
         if isinstance(turn.given, PropCue):
-            stage, moments = self._do_with_prop(stage, turn)
-            return stage, stage.parts, moments
+            return self._do_with_prop(stage, turn)
         for name in turn.who:
             stage = self._do_alone(stage, turn, name)
         moments = {
             moment: max(_moment(part, moment) for part in stage.parts) for moment in turn.cue.known
         }
-        return stage, stage.parts, moments
+        return stage, moments
 
     def _do_alone(self, stage: OnStage, turn: Turn[PlayCue], name: str) -> OnStage:
         """Stage after the part of one player in a cue without a prop."""
@@ -223,7 +232,8 @@ class _Verbs:
                 after = self._walk(stage, turn, name, absent=other)
                 if later.wanted > after.actors[name].done:
                     continue
-                leaves = self._walk(after, later, other).actors[other].ways[-1].begin
+                way = self._walk(after, later, other).actors[other].ways[-1]
+                leaves = way.begin if way.steps else np.inf
             except CannotBe:
                 continue
             actor, stands = after.actors[name], after.actors[other]
@@ -299,10 +309,7 @@ class _Verbs:
             )
         hands, start = actor.hands.add_busy(lane, gesture, start)
         self._check_time(turn, name, start - wanted, start)
-        actor = replace(actor, hands=hands)
-        if actor.player.marionette.coordinates.rotations:
-            actor.motion(hands.end)  # refuses lanes that turn a body too far together
-        return stage.with_part(actor, lane, gesture, start)
+        return stage.with_part(replace(actor, hands=hands), lane, gesture, start)
 
     def _walk(
         self,

@@ -239,7 +239,11 @@ class PlayerGestures:
                 style = replace(style, faster=1.0, lasts=None)  # which are those of the clip
             angle = heading - player.facing
             _, whole = style.varied(
-                loaded, player.marionette, angle, speed=stage.speed, acceleration=stage.acceleration
+                loaded,
+                player.marionette,
+                heading=angle,
+                speed=stage.speed,
+                acceleration=stage.acceleration,
             )
             return whole
         except StateError as error:

@@ -1,4 +1,7 @@
-"""Checks that the hands stand still at waits of live performances, and that loops close."""
+"""Checks of a score's motion, with the cues that move there.
+
+They report exceeded bounds, hands that move at waits, and loops that do not close.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,50 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fantoccini.base import Array
 from fantoccini.theatre.gestures import piecewise
-from fantoccini.theatre.gestures.bounding import Cues, moving
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.score import Wait
-from fantoccini.theatre.script import ScriptLog, Spot
+from fantoccini.theatre.gestures.joining import Motion
+from fantoccini.theatre.gestures.moves import names_and_units
+from fantoccini.theatre.gestures.score import Played, Wait
+from fantoccini.theatre.script import Cue, ScoreCue, ScriptLog, Spot
 
+_ROUNDING = 2e-3
+"""Tolerance of a bound, relative to it: computed peaks of speeds are upper bounds."""
 _TOLERANCE = 1e-6
 """Tolerance for equal offsets and rates [m or rad, s]."""
+
+Cues = Sequence[tuple[Cue[ScoreCue], Played, Motion]]
+
+
+def note_exceeded(whole: Gesture, bounds: Array, cues: Cues, log: ScriptLog) -> None:
+    """Records where a speed or an acceleration exceeds its bound, once for each cue."""
+    sizes, middle = whole.peaks_of_pieces, 0.5 * (whole.breaks[1:] + whole.breaks[:-1])
+    over = sizes > bounds * (1.0 + _ROUNDING)
+    worst: dict[tuple[int, int, int], int] = {}
+    driven = names_and_units(whole.coordinates)
+    for piece, row, v in np.argwhere(over).tolist():
+        for i in moving(cues, float(middle[piece]), v):
+            before = worst.setdefault((i, row, v), piece)
+            if sizes[piece, row, v] > sizes[before, row, v]:
+                worst[i, row, v] = piece
+    for (i, row, v), piece in worst.items():
+        what, per = (("moves at", "s"), ("changes by", "s^2"))[row]
+        name, unit = driven[v][0], f"{driven[v][1]}/{per}"
+        log.change(
+            cues[i][0].spot,
+            f"{name} {what} {sizes[piece, row, v]:.4g} {unit} "
+            f"{log.in_words(whole.breaks[piece])}; the bound is {bounds[row, v]:.4g}: play it "
+            "smaller or slower",
+        )
+
+
+def moving(cues: Cues, t: float, v: int) -> list[int]:
+    """Indices of cues that move a driven velocity at a time, else of the next one that does."""
+    own = [i for i, (_, _, motion) in enumerate(cues) if motion.named[v]]
+    now = [i for i in own if cues[i][1].start <= t < cues[i][1].end]
+    later = [i for i in own if cues[i][1].start >= t]
+    return now or [min(later, key=lambda i: cues[i][1].start)] if later else now or own[-1:]
 
 
 def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, log: ScriptLog) -> None:
