@@ -73,7 +73,8 @@ def load_play(
     the nearest alternative; the rest is compiled.
 
     Args:
-        path: path of the file, or the name of a bundled play: ``trio``, ``chase`` or ``duet``.
+        path: path of the file, or the name of a bundled play: ``trio``, ``chase``,
+            ``duet`` or ``park``.
         progress: called with the present stage of the work and its completed share.
         before: earlier version of the play, whose runs are used for all unchanged parts.
         within: time after which compiling stops [s], but not before the first round is complete.

@@ -137,7 +137,7 @@ class LeashFile(Model):
     """Side of the hand."""
     to: Name
     """The player on whose neck it ends."""
-    length: Size
+    length: Annotated[Length, Field(gt=0.0)]
     """Largest distance of hand and neck [m]."""
 
     def model_post_init(self, context: Any, /) -> None:
