@@ -100,8 +100,8 @@ def test_a_leash_needs_a_hand_and_a_head(tmp_path):
 
 def test_its_length_may_have_a_unit(tmp_path):
     path = tmp_path / "play.yaml"
-    path.write_text(NEARBY + leash("60 cm") + ACT + "      - {who: pierrot, does: nod}\n")
-    assert check_play(path).leashes["lead"].length == 0.6
-    path.write_text(path.read_text().replace("60 cm", "0 cm"))
+    path.write_text(NEARBY + leash("160 cm") + ACT + "      - {who: pierrot, does: nod}\n")
+    assert check_play(path).leashes["lead"].length == 1.6
+    path.write_text(path.read_text().replace("160 cm", "0 cm"))
     with pytest.raises(fan.errors.FileError, match=r"leashes\.lead\.length: found"):
         check_play(path)
