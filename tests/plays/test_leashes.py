@@ -120,3 +120,12 @@ def test_a_leash_needs_a_hand_and_a_head(tmp_path):
     path = write_play(tmp_path, CUES, "leashes: {lead: {held by: one, to: two, length: 1}}\n")
     with pytest.raises(fan.errors.FileError, match=r"leashes.lead\['held by'\]: bob.yaml: player"):
         check_play(path)
+
+
+def test_its_length_may_have_a_unit(tmp_path):
+    path = tmp_path / "play.yaml"
+    path.write_text(NEARBY + leash("160 cm") + ACT + "      - {who: pierrot, does: nod}\n")
+    assert check_play(path).leashes["lead"].length == 1.6
+    path.write_text(path.read_text().replace("160 cm", "0 cm"))
+    with pytest.raises(fan.errors.FileError, match=r"leashes\.lead\.length: found"):
+        check_play(path)

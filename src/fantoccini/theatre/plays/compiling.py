@@ -73,7 +73,8 @@ def load_play(
     the nearest alternative; the rest is compiled.
 
     Args:
-        path: path of the file, or the name of a bundled play: ``trio``, ``chase`` or ``duet``.
+        path: path of the file, or the name of a bundled play: ``trio``, ``chase``, ``duet`` or
+            ``park``.
         progress: called with a name of the present work, and its completed share.
         before: earlier version of the play, whose runs are used for all unchanged parts.
         within: time limit [s]; the first round is always completed. If the limit passes, the play
