@@ -77,7 +77,10 @@ def test_all_cues_are_of_the_table():
 
 def test_only_cues_are_timed_by_marks_or_moments():
     timed = {part for part in models() if {"on", "when", "may_wait"} & {*part.model_fields}}
-    assert {part.__name__ for part in timed if not issubclass(part, CueFile)} == {"PropFile"}
+    assert {part.__name__ for part in timed if not issubclass(part, CueFile)} == {
+        "PropFile",
+        "ShotFile",
+    }
 
 
 def test_scores_and_plays_take_the_verbs_of_the_table():

@@ -300,9 +300,9 @@ def test_hands_are_checked_where_a_lane_is_added(control):
     table = control.coordinates
     tip = Gesture.of(control, {"bar.tip_forward": [(0, 0), (5, "100 deg"), (10, 0)]})
     hands = Hands((Line.empty(limits(table, 1.0, 6.0)),))
-    one, _ = hands.add(0, tip, 0.0)
-    two, _ = one.add(0, tip, 20.0)
-    for before, after in ((hands, one), (one, two), (two, two.add(1, tip, 31.0)[0])):
+    first, _ = hands.add(0, tip, 0.0)
+    two, _ = first.add(0, tip, 20.0)
+    for before, after in ((hands, first), (first, two), (two, two.add(1, tip, 31.0)[0])):
         after.check_turns(table, before)
     for begin, t in ((1.0, 5.5), (20.0, 25.0)):
         with pytest.raises(TurnError) as error:

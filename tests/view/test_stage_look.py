@@ -105,7 +105,7 @@ def test_the_curtain_is_behind_the_puppets_from_every_side(swung, azimuth):
     camera = layout_of(geometry, frame, options).camera
     stage = layout_of(geometry, frame, PictureOptions.of(look="stage")).stage
     rays = camera.rays(np.array([[120.0, y] for y in (10.0, 120.0, 230.0)]), frame)
-    depth = stage._depth_of_curtain(camera.eye, rays)
+    depth = stage.curtain_depth(camera.eye, rays)
     farthest = camera.to_camera(geometry.balls(strings=False)[0])[:, 2].max()
     assert depth.min() > farthest
     hits = camera.eye[:2] + depth[:, None] * rays[:, :2]

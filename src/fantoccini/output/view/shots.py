@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fantoccini.base import polynomial
 from fantoccini.model.tree import WORLD
 from fantoccini.output.view.camera import Camera, axes, fit
 from fantoccini.output.view.compose import Layout
@@ -83,7 +84,7 @@ def _progress(t: np.ndarray, begin: float, duration: float) -> np.ndarray:
     if duration <= 0.0:
         return np.where(t >= begin - _ROUNDING, 1.0, 0.0)
     s = np.clip((t - begin) / duration, 0.0, 1.0)
-    return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s * s))
+    return polynomial.minimum_jerk(s)[0]
 
 
 def _aims_of(

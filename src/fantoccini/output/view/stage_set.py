@@ -89,13 +89,13 @@ class StageSet:
         rays = camera.rays(np.stack(np.meshgrid(x, y), axis=-1), viewport)
         with np.errstate(divide="ignore", invalid="ignore"):
             to_floor = (self.floor - camera.eye[2]) / rays[..., 2]
-        to_curtain = self._depth_of_curtain(camera.eye, rays)
+        to_curtain = self.curtain_depth(camera.eye, rays)
         is_floor = (to_floor > 0.0) & (to_floor < to_curtain)
         points = camera.eye + np.where(is_floor, to_floor, to_curtain)[..., None] * rays
         colours = np.where(is_floor[..., None], self._boards(points), self._curtain(points))
         return np.clip(colours, 0.0, 1.0)
 
-    def _depth_of_curtain(self, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    def curtain_depth(self, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
         """Depth (...) at which rays (..., 3) meet the far side of the cylinder [m].
 
         A ray that misses it counts as touching it where it is nearest.

@@ -306,16 +306,17 @@ class Gesture:
             StateError: it moves a joint in the middle whose axis is neither along y nor across it,
                 or its image would move an end along an axis that is not driven.
         """
+        axes, own = None, self
         if puppet is not None:
             axes = OwnAxes.moved_by(self.uses, puppet)
             own = replace(self, coordinates=axes.own, **axes.seen(self.motion)._asdict())
-            return own.mirrored().placed(axes)
-        coef, travel = np.zeros_like(self.coef), np.zeros_like(self.travel)
-        named = np.zeros_like(self.named)
-        for v, to, sign in moves.mirror_images(self.coordinates, self.named):
-            coef[:, to] = sign[:, None] * self.coef[:, v]
-            named[to], travel[to] = self.named[v], sign * self.travel[v]
-        return replace(self, coef=coef, named=named, travel=travel)
+        coef, travel = np.zeros_like(own.coef), np.zeros_like(own.travel)
+        named = np.zeros_like(own.named)
+        for v, to, sign in moves.mirror_images(own.coordinates, own.named):
+            coef[:, to] = sign[:, None] * own.coef[:, v]
+            named[to], travel[to] = own.named[v], sign * own.travel[v]
+        image = replace(own, coef=coef, named=named, travel=travel)
+        return image if axes is None else image.placed(axes)
 
     def placed(self, axes: OwnAxes) -> Gesture:
         """Gesture of the puppet, from offsets along its own axes; see :meth:`OwnAxes.placed`."""
