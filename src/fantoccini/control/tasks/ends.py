@@ -1,4 +1,4 @@
-"""Required ends of motions, as numbers of the last state."""
+"""Required final states of motions, in whole or in part."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class End:
 
     @classmethod
     def whole(cls, table: CoordinateTable, state: State) -> End:
-        """The end in a state, driven coordinates and velocities included."""
+        """The end that requires a whole state, driven coordinates and velocities included."""
         return cls(state, np.ones(2 * (table.n_vD + table.n_vK), dtype=bool))
 
     @classmethod
     def of_goal(cls, goal: Goal, x0: State) -> End | None:
-        """The end at a pose; None for goals that are no values of coordinates.
+        """The end at a goal's pose; None for goals that do not fix values of coordinates.
 
-        Dynamic velocities are 0 if the goal weights them, and so are driven velocities.
+        Velocities that the goal weights are required, too: dynamic and driven ones have own weights.
 
         Args:
             goal: goal of a plan.

@@ -26,7 +26,7 @@ class RolloutOptions:
     Attributes:
         dt: step of the time-stepper [s].
         steps_per_check: number of steps between checks for collisions and the goal.
-        n_checks: number of checks in a segment, over which accelerations are constant: 0.1 s by
+        n_checks: number of checks in a segment of constant accelerations, which lasts 0.1 s by
             default, 10 s at most. Rollouts of ``"est-2007"`` last 1 to 5 times as long.
         threads: number of threads, all processors by default; results do not depend on it.
         reserve: share of the bounds of speed and acceleration that plans leave unused, 0 to less
@@ -74,7 +74,7 @@ class RolloutOptions:
 
 
 def whole_checks(segment: float, interval: float) -> int:
-    """The number of checks of a segment; both durations in seconds.
+    """Number of checks in a segment; both arguments are durations [s].
 
     Raises:
         ValueError: segment that is too long, or not a whole number of intervals.

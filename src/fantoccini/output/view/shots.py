@@ -90,7 +90,7 @@ def _progress(t: np.ndarray, begin: float, duration: float) -> np.ndarray:
 def _aims_of(
     geometry: Geometry, layout: Layout, shot: Shot, end: float, whole: tuple[np.ndarray, np.ndarray]
 ) -> _Aims:
-    """Aims of a shot, whose target just fills the picture at zoom 1 until a time [s].
+    """Aims of a shot; at zoom 1 its target just fills the picture until the time ``end`` [s].
 
     The balls ``whole`` cover the whole motion.
     """
@@ -119,7 +119,7 @@ def _aims_of(
 
 
 def _around(camera: Camera, middle: np.ndarray, n: int) -> _Aims:
-    """Aims (n times the same) of a camera, with the focus as deep as a point (3,)."""
+    """Aims of a fixed camera for n samples; the focus is at the depth of a point (3,)."""
     back = camera.axes[2]
     distance = max(float((camera.eye - middle) @ back), 1e-6)
     azimuth, elevation = np.arctan2(back[1], back[0]), np.arcsin(np.clip(back[2], -1.0, 1.0))
@@ -145,7 +145,7 @@ def _solids(geometry: Geometry, shot: Shot) -> tuple[Solid, ...]:
 
 
 def _path(geometry: Geometry, solids: tuple[Solid, ...], within: np.ndarray) -> np.ndarray:
-    """(T, 3) smoothed middle of solids [m], at one height: their mean in the samples ``within``."""
+    """(T, 3) smoothed middle of solids [m], at its mean height over the samples ``within``."""
     middles = []
     for solid in solids:
         pose = geometry.poses[:, solid.link]

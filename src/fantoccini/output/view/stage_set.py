@@ -33,12 +33,12 @@ STAGE = replace(
 _CURTAIN, _BOARDS = rgb("#27505a"), rgb("#a8794c")
 _PIXEL = 3.0
 """Distance between the pixels for which the set is computed [px]."""
-_DISTANCE, _MIN_DISTANCE = 1.25, 0.6
-"""Distance of the curtain from the motion, relative to the height and to the width of the
+_HEIGHT_MARGIN, _WIDTH_MARGIN = 1.25, 0.6
+"""Terms of the curtain's distance from the motion: shares of the height and of the width of the
 motion."""
 _FOLD_WIDTH, _BOARD_WIDTH = 0.16, 0.15
 """Width of a fold of the curtain and of a board, relative to the height of the motion."""
-_RAY = (0.20, -0.30)
+_SHADOW_OFFSET = (0.20, -0.30)
 """Displacement of shadows to the right and towards the first camera, relative to the height."""
 _FOLD_DEPTH, _BOARD_CONTRAST = 0.30, 0.07
 """Darkening in the folds, and difference between boards, relative to the brightness."""
@@ -71,10 +71,10 @@ class StageSet:
         low, high = centres.min(axis=0), centres.max(axis=0)
         height = max(float(np.max(centres[:, 2] + radii)) - geometry.floor, 1e-6)
         width = float(np.hypot(*(high - low)[:2]))
-        radius = 0.5 * width + _DISTANCE * height + _MIN_DISTANCE * width
+        radius = 0.5 * width + _HEIGHT_MARGIN * height + _WIDTH_MARGIN * width
         right = camera.axes[0]
         back = np.array([right[1], -right[0], 0.0])  # level, towards the camera
-        ray = _RAY[0] * right + _RAY[1] * back - [0.0, 0.0, 1.0]
+        ray = _SHADOW_OFFSET[0] * right + _SHADOW_OFFSET[1] * back - [0.0, 0.0, 1.0]
         return cls(0.5 * (low + high)[:2], geometry.floor, height, radius, right[:2], ray)
 
     def pixels(self, camera: Camera, viewport: Viewport, frame: Viewport) -> np.ndarray:
@@ -98,7 +98,7 @@ class StageSet:
     def curtain_depth(self, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
         """Depth (...) at which rays (..., 3) meet the far side of the cylinder [m].
 
-        A ray that misses it counts as touching it where it is nearest.
+        A ray that misses the cylinder gets the depth of its point nearest to the axis.
         """
         start, level = eye[:2] - self.middle, rays[..., :2]
         a = np.maximum(np.sum(level * level, axis=-1), 1e-12)
@@ -114,7 +114,7 @@ class StageSet:
         shade = np.modf(np.sin(12.9898 * board) * 43758.5453)[0]
         light = 0.10 + 1.02 * np.exp(-((distance / 0.62) ** 2))
         light *= 1.0 - _BOARD_CONTRAST * shade
-        # The foot of the curtain is dark, which hides the edge between both.
+        # The floor is dark at the foot of the curtain, which hides the edge between the two.
         light *= _smooth((1.0 - distance) / 0.22) * 0.9 + 0.1
         return light[..., None] * _BOARDS
 

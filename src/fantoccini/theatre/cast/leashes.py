@@ -18,9 +18,9 @@ from fantoccini.theatre.script import PlayFile, ScriptLog, Spot
 
 _LEATHER = "#8a5a34"
 """Colour of leashes."""
-_SPARE = 0.02
-"""Least difference of a leash's length and the distance of its ends [m]: the distance of ends that
-part at 1 m/s grows by this much between samples, which are 0.02 s apart."""
+_MIN_SLACK = 0.02
+"""Minimum slack of a leash: its length minus the distance between its ends [m]. Ends that
+separate at 1 m/s move this much farther apart between samples, which are 0.02 s apart."""
 _ROUNDING = 1e-9
 """Rounding error of a length [cm]."""
 
@@ -28,7 +28,7 @@ _ROUNDING = 1e-9
 def read_leashes(
     file: PlayFile, players: Mapping[str, Player], log: ScriptLog
 ) -> tuple[String, ...]:
-    """Leashes as strings of the stage; records unknown players, and players without the parts."""
+    """Leashes as strings of the stage; records unknown players and missing body parts."""
     strings = []
     for name, leash in file.leashes.items():
         ends = []
@@ -67,7 +67,7 @@ def check_leashes(file: PlayFile, whole: Marionette, x0: State, log: ScriptLog) 
 
 
 def needed_lengths(file: PlayFile, whole: Marionette, q_D: Array, q_K: Array) -> dict[str, Array]:
-    """Name of each leash -> (T,) length with which it stays slack [m].
+    """Name of each leash -> (T,) minimum length at which it counts as slack [m].
 
     Args:
         file: play.
@@ -76,7 +76,7 @@ def needed_lengths(file: PlayFile, whole: Marionette, q_D: Array, q_K: Array) ->
     """
     points = whole.string_points(q_D, q_K)
     return {
-        name: np.linalg.norm(points[name][:, 1] - points[name][:, 0], axis=1) + _SPARE
+        name: np.linalg.norm(points[name][:, 1] - points[name][:, 0], axis=1) + _MIN_SLACK
         for name in file.leashes
     }
 
@@ -87,11 +87,11 @@ def rounded_up(length: float) -> float:
 
 
 def _hand(body_map: BodyMap, side: str) -> tuple[str, tuple[float, float, float]] | None:
-    """Body of a hand and the hand's place in its frame; None without the arm."""
+    """Body of a hand, and the hand's position in that body's frame; None without the arm."""
     arm = body_map.parts.get(f"arm_{side}")
     return None if arm is None else (arm.bodies[-1], arm.end)
 
 
 def _neck(body_map: BodyMap) -> tuple[str, tuple[float, float, float]] | None:
-    """Body of the head and the place of its joint in its frame; None without a head."""
+    """Body of the head, and its joint's position in that body's frame; None without a head."""
     return None if body_map.head is None else (body_map.head.body, (0.0, 0.0, 0.0))

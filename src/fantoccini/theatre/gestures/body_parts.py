@@ -27,7 +27,7 @@ SizeKind: TypeAlias = Literal["whole", "arm", "leg", "wing", "tail", "neck"]
 TRUNK_ENDS = ("trunk_front", "trunk_hind")
 """Ends of the trunk of an animal, each with the carrying strings that are tied there."""
 _MIN_TRUNK_SPAN = 0.1
-"""Smallest distance between carrying strings along a trunk with two ends, relative to the size."""
+"""Minimum span of the carrying strings along a trunk with two ends, relative to the size."""
 _HEADING_DECIMALS = 9
 """Decimals to which the heading of a puppet is rounded [rad]."""
 _SAME_PLACE = 1e-9
@@ -175,8 +175,8 @@ class BodyParts:
     def trunk_ends(self) -> dict[str, tuple[str, ...]]:
         """Strings that carry the front and the hind part of the trunk; none if it has no length.
 
-        A string is of the front if it is tied before the middle between the first and the last one;
-        one in the middle is of the hind part.
+        A string belongs to the front if tied ahead of the middle between the first and the last;
+        one tied in the middle belongs to the hind part.
         """
         tree, number = self.marionette.tree, self.marionette.number
         poses = measure(tree, number).poses
@@ -256,8 +256,8 @@ def moves_of(
         body_parts: parts of the puppet's body.
         names: parts and directions, such as ``trunk.down``.
         scaled_by: part -> kind of limb whose size scales its moves, in place of its own.
-        still: names whose offsets are all 0; ``out`` and ``in`` of them mean ``left``, so that they
-            are also for parts in the middle.
+        still: names whose offsets are all 0; their ``out`` and ``in`` are read as ``left``, so that
+            they also work for parts in the middle.
 
     Returns:
         String and direction, such as ``hand_right.up`` -> the part's name, and the move.

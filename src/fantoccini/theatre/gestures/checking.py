@@ -1,4 +1,4 @@
-"""Checks of a score's motion, with the cues that move there.
+"""Checks of a score's motion; each finding names the cue that moves at its time.
 
 They report exceeded bounds, hands that move at waits, and loops that do not close.
 """
@@ -18,9 +18,9 @@ from fantoccini.theatre.gestures.score import Played, Wait
 from fantoccini.theatre.script import Cue, ScoreCue, ScriptLog, Spot
 
 _ROUNDING = 2e-3
-"""Tolerance of a bound, relative to it: computed peaks of speeds are upper bounds."""
+"""Tolerance of a bound, relative to it: computed peak speeds are upper bounds of the true ones."""
 _TOLERANCE = 1e-6
-"""Tolerance for equal offsets and rates [m or rad, s]."""
+"""Tolerance for equal offsets [m or rad] and equal rates [m/s or rad/s]."""
 
 Cues = Sequence[tuple[Cue[ScoreCue], Played, Motion]]
 
@@ -48,7 +48,7 @@ def note_exceeded(whole: Gesture, bounds: Array, cues: Cues, log: ScriptLog) -> 
 
 
 def moving(cues: Cues, t: float, v: int) -> list[int]:
-    """Indices of cues that move a driven velocity at a time, else of the next one that does."""
+    """Indices of cues that move a driven coordinate at a time; else the next one, else the last."""
     own = [i for i, (_, _, motion) in enumerate(cues) if motion.named[v]]
     now = [i for i in own if cues[i][1].start <= t < cues[i][1].end]
     later = [i for i in own if cues[i][1].start >= t]

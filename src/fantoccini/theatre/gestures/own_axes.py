@@ -1,4 +1,4 @@
-"""Axes of a puppet's driven coordinates in its own axes: forward, to its left and up.
+"""Axes of driven coordinates, expressed in the puppet's own axes: forward, left and up.
 
     d = (R_h^T R)^T d_own
 
@@ -6,8 +6,8 @@ d_own is an offset or a rotation vector along the puppet's own axes; R_h turns x
 which the puppet looks in its file, and R are the axes of the coordinate in that file: those of the
 joint for an offset, those of the body for a rotation vector.
 
-A string's end that is driven along y alone, of a puppet that looks along y, is driven along its own
-x alone. Such own coordinates have the places of the file's, and their own names.
+If a puppet looks along y, an end of a string that is driven along y alone is driven along its own
+x alone. Such own coordinates keep the indices of the file's, but have names of their own.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from fantoccini.theatre.gestures.joining import Motion
 
 _AXES = "xyz"
 _ROUNDING = 1e-8
-"""Entries of a matrix of axes that are nearer to 0 or 1 are so, as the heading is rounded, too."""
-_NEEDED = 1e-6
-"""Smaller components of an offset need no coordinate, relative to the offset."""
+"""Tolerance for rounding entries of axis matrices to -1, 0 or 1; the heading is rounded, too."""
+_MIN_COMPONENT = 1e-6
+"""Component of an offset, relative to the offset, above which its coordinate must be driven."""
 _NOT_DRIVEN = -1
 
 
@@ -48,7 +48,7 @@ class _Triple:
 
     @property
     def _order(self) -> Indices:
-        """(3,) coordinate along each own axis; unchanged if all are driven, or they lie askew."""
+        """(3,) index of the coordinate along each own axis; 0, 1, 2 if all are driven or askew."""
         is_askew = np.any(np.count_nonzero(self.axes, axis=0) != 1)
         if is_askew or np.all(self.places != _NOT_DRIVEN):
             return np.arange(3)
@@ -56,7 +56,7 @@ class _Triple:
 
     @property
     def own_names(self) -> dict[str, str]:
-        """Coordinate, or its command -> its own name, after the own axis along which it lies."""
+        """Coordinate or its command -> its own name, which ends in the own axis that it lies on."""
         return {
             f"{owner}.{_AXES[j]}": f"{owner}.{_AXES[i]}"
             for owner in (self.name, self.name.removesuffix(COMMAND))
@@ -65,7 +65,7 @@ class _Triple:
         }
 
     def renamed(self) -> _Triple:
-        """Itself with :attr:`own_names`."""
+        """The triple with :attr:`own_names`, in the order of the own axes."""
         order = self._order
         return replace(self, places=self.places[order], axes=self.axes[:, order])
 
@@ -93,7 +93,7 @@ class OwnAxes:
     Attributes:
         coordinates: table of the puppet or scene.
         own: the same table, with axes of joints in the puppet's own axes, and with own names for
-            ends and bodies whose axes lie along others of its own and are not all driven.
+            ends and bodies whose x, y or z lies along another own axis, unless all are driven.
         triples: coordinates whose axes are not the puppet's own.
     """
 
@@ -117,7 +117,7 @@ class OwnAxes:
 
     @classmethod
     def moved_by(cls, uses: Iterable[str], puppet: Marionette) -> OwnAxes:
-        """Axes of the members whose strings are moved; those without a body map keep theirs."""
+        """Axes of the members in ``uses``; those without a body map keep the axes of the file."""
         moving = {name.partition(".")[0] for name in uses}
         moving_parts = []
         for member in puppet.puppet.members or ("",):
@@ -130,7 +130,7 @@ class OwnAxes:
         return cls.of(puppet, moving_parts)
 
     def placed(self, motion: Motion) -> Motion:
-        """Motion of the puppet, from offsets along its own axes.
+        """Motion of the driven coordinates, from one along the puppet's own axes.
 
         Raises:
             StateError: it moves an end or a body along an axis that is not driven.
@@ -138,7 +138,7 @@ class OwnAxes:
         return self._changed(motion, inverse=False)
 
     def seen(self, motion: Motion) -> Motion:
-        """Offsets along the puppet's own axes, of a motion: the inverse of :meth:`placed`.
+        """Motion along the puppet's own axes, from one of the coordinates; inverts :meth:`placed`.
 
         Raises:
             StateError: an own axis along which it moves is not driven.
@@ -153,11 +153,11 @@ class OwnAxes:
             moved = np.zeros(3, dtype=bool)
             moved[is_driven] = motion.named[triple.places[is_driven]]
             reached = np.asarray(np.abs(matrix[:, moved]))
-            # Those that stay where they are need no other coordinate.
-            goes = moved & np.any(motion.coef[:, triple.places], axis=(0, 2))
-            needed = np.asarray(np.abs(matrix[:, goes]) > _NEEDED).any(axis=1)
+            # Components whose offsets are all 0 need no other coordinate.
+            has_offset = moved & np.any(motion.coef[:, triple.places], axis=(0, 2))
+            needed = np.asarray(np.abs(matrix[:, has_offset]) > _MIN_COMPONENT).any(axis=1)
             if lacking := np.flatnonzero(~is_driven & needed).tolist():
-                first, other = _AXES[int(np.argmax(goes))], _AXES[lacking[0]]
+                first, other = _AXES[int(np.argmax(has_offset))], _AXES[lacking[0]]
                 name = triple.name
                 raise StateError(f"it moves {name}.{first}, and {name}.{other} is not driven")
             at, own = triple.places[is_driven], matrix[np.ix_(is_driven, is_driven)]

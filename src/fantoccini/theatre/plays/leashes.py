@@ -70,7 +70,7 @@ def stretches_in(stage: Stage, this_round: Round) -> list[Stretch]:
 def refuse_stretched(stage: Stage, results: Results, this_round: Round) -> Rule:
     """Refuses the first cue in which a leash would be stretched.
 
-    It is a cue of the player whose end moves away; of the other if that one has no cue.
+    The cue is that of the player whose end moves away, or else that of the other player.
     """
     cast = stage.script.cast
     if not cast.file.leashes:
@@ -86,7 +86,7 @@ def refuse_stretched(stage: Stage, results: Results, this_round: Round) -> Rule:
 
 
 def _by_withdrawal(cast: Cast, run: Trajectory, stretch: Stretch) -> list[str]:
-    """The two players of a leash; first the one whose end withdrew farther before a stretch."""
+    """Players of a leash; the one whose end moved farther away before a stretch comes first."""
     leash = cast.file.leashes[stretch.leash]
     rows = np.searchsorted(run.t, [max(stretch.t - _WITHDRAWAL_TIME, run.t[0]), stretch.t])
     before, after = cast.whole.string_points(run.q_D[rows], run.q_K[rows])[stretch.leash]

@@ -26,7 +26,7 @@ class Shot:
         bodies: names of the bodies that it shows and follows; () for everything or a place.
         place: x, y and possibly z of a place that it shows [m]; None for bodies or everything.
         azimuth, elevation: direction from which it sees them [rad].
-        zoom: size in the picture, relative to that at which they just fill it.
+        zoom: size in the picture, relative to the size at which the target just fills it.
     """
 
     t: float
@@ -39,7 +39,7 @@ class Shot:
 
 
 def check_shots(file: PlayFile, log: ScriptLog) -> None:
-    """Records unknown names in shots, and places that are not alone."""
+    """Records unknown names in shots, and places listed together with other names."""
     moving = {*file.cast, *file.props}
     still = {*file.stage.marks, *(obstacle.name for obstacle in file.stage.obstacles), _EVERYTHING}
     known = sorted(moving | still)
