@@ -35,7 +35,7 @@ class End:
     def of_goal(cls, goal: Goal, x0: State) -> End | None:
         """The end at a goal's pose; None for goals that do not fix values of coordinates.
 
-        Velocities that the goal weights are required, too: dynamic and driven ones have own weights.
+        Velocities that the goal weights are required, too: dynamic and driven ones separately.
 
         Args:
             goal: goal of a plan.
