@@ -18,7 +18,7 @@ def test_a_puppet_on_a_control_follows_a_clip(tmp_path):
     placed = fan.theatre.retarget.place_clip(airplane, bow, end=1.2)
     followed = fan.theatre.follow_clip(airplane, placed)
     assert followed, followed.status
-    assert followed.far < 0.06
+    assert followed.error < 0.06
     places = channel_names(airplane.coordinates)
     inputs = followed.inputs
     q_K = np.array([inputs.evaluate(t)[0] for t in np.linspace(inputs.start, inputs.end, 50)])

@@ -136,7 +136,7 @@ def test_polish_says_that_polished_versions_are_too_long(monkeypatch):
     """The allowed time is a tenth of the duration of a plan."""
     boxes = fan.control.load_problem("arm3d_boxes")
     plan = first_plan(boxes)
-    monkeypatch.setattr(plan.search.problem, "longest", 0.1 * plan.duration)
+    monkeypatch.setattr(plan.search.problem, "max_duration", 0.1 * plan.duration)
     tried = plan.polish(1e-3, seconds=0.0)
     assert tried.polished.status is PolishStatus.TOO_LONG and tried.path == plan.path
     assert "take longer than the problem allows" in tried.message and tried.refused == plan.refused

@@ -207,7 +207,7 @@ def test_doubts_are_on_the_page(identified, tmp_path):
 
 
 def test_segments_that_do_not_count_are_shaded(identified):
-    lost = replace(identified, lost=tuple(identified.starts[[5, 9]].tolist()))
+    lost = replace(identified, rejected=tuple(identified.starts[[5, 9]].tolist()))
     (figure, _), *_ = identified_plots.residuals(lost)
     red = [p for p in figure.axes[0].patches if p.get_facecolor()[0] > 0.6 and p.get_x() > 0]
     assert np.allclose([p.get_x() for p in red], identified.starts[[5, 9]] + identified["delay"])
@@ -218,7 +218,7 @@ def test_a_record_of_one_segment_has_a_page(tmp_path):
     data = record(arm(), 2.0, 4)
     result = fan.identify(data, segment=4.0)
     assert len(result.starts) == 1 and len(result.jumps) == 0
-    once = replace(result, lost=(float(result.starts[0]),))
+    once = replace(result, rejected=(float(result.starts[0]),))
     page = Page(reports.identified_report(once, tmp_path / "x.html").read_text(encoding="utf-8"))
     assert len(page.sources) == 3 and "Jumps" not in page.words
 
