@@ -157,8 +157,8 @@ def test_ctrl_c_keeps_the_best_motion(task, monkeypatch) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("cran",), "the name of a bundled task; did you mean 'crane'?"),
-        (("ball",), "the names are circle, crane, swing_up"),
+        (("cran",), "the name of a bundled task or problem; did you mean 'crane'?"),
+        (("ball",), "the names are arm3d_boxes, circle, crane, marionette_bell, marionette_stand, swing_up"),
         (("ring.yaml", "--tolerance", "0"), "not a positive number"),
         (("ring.yaml", "--iterations", "0"), "iterations"),
         (("ring.yaml", "--time-limit", "-1"), "not a positive number"),

@@ -58,7 +58,7 @@ def test_it_refuses_bundled_puppets_scenes_and_puppets_without_limbs(tmp_path):
 
 def test_info_prints_the_map_or_the_reason():
     done = fantoccini("info", "marionette_bar")
-    assert "the strings hang from bar" in done.stdout
+    assert "its strings hang from bar" in done.stdout
     assert "no body map: crane has no body map" in fantoccini("info", "crane").stdout
 
 

@@ -64,7 +64,7 @@ def test_export_writes_a_program_for_each_controller(files, tmp_path):
         (("--from-line", "9"), "needed: --from-time S"),
         (("--port", "/dev/x"), "needed: NAME=PORT, NAME one of left, right"),
         (("--port", "lfet=/dev/x"), "needed: NAME=PORT"),
-        (("--to", "127.0.0.1:9000"), "the controller is fluidnc, fluidnc"),
+        (("--to", "127.0.0.1:9000"), "but this stand has fluidnc, fluidnc"),
     ],
 )
 def test_options_that_do_not_apply_are_refused(files, options, words):
