@@ -158,7 +158,10 @@ def test_ctrl_c_keeps_the_best_motion(task, monkeypatch) -> None:
     ("arguments", "message"),
     [
         (("cran",), "the name of a bundled task or problem; did you mean 'crane'?"),
-        (("ball",), "the names are arm3d_boxes, circle, crane, marionette_bell, marionette_stand, swing_up"),
+        (
+            ("ball",),
+            "the names are arm3d_boxes, circle, crane, marionette_bell, marionette_stand, swing_up",
+        ),
         (("ring.yaml", "--tolerance", "0"), "not a positive number"),
         (("ring.yaml", "--iterations", "0"), "iterations"),
         (("ring.yaml", "--time-limit", "-1"), "not a positive number"),
