@@ -101,8 +101,8 @@ def _check_folder(folder: Path, force: bool) -> None:
 
 def _write_files(files: dict[str, str], folder: Path) -> None:
     """Writes into a temporary folder, then renames the folder or moves the files."""
-    beside = folder if folder.exists() else folder.absolute().parent
-    temporary = Path(tempfile.mkdtemp(prefix=".fantoccini-", dir=beside))
+    existing = folder if folder.exists() else folder.absolute().parent
+    temporary = Path(tempfile.mkdtemp(prefix=".fantoccini-", dir=existing))
     try:
         for name, text in files.items():
             (temporary / name).write_text(text, encoding="utf-8")

@@ -126,7 +126,7 @@ def write_outputs(
                     _plot(whole_run, path, display, output_options)
                 else:
                     film_options = dict(films or {})
-                    # Players read a file of captions beside a film.
+                    # Video players show the captions of an .srt file with the film's name.
                     has_file = path.suffix.lower() == ".mp4" and path.with_suffix("") in subtitled
                     if path.suffix.lower() in FILM_SUFFIXES and (
                         not output_options.shows_captions

@@ -65,7 +65,7 @@ class Method(Protocol[MotionT, StepT]):
     best: MotionT
 
     def step(self) -> StepT | None:
-        """A step from the best motion; None if there is none. Updates the motion's residuals."""
+        """Next step from the best motion, or None; updates the motion's residuals."""
 
     def try_step(self, step: StepT) -> MotionT | None:
         """The motion after a step; None if the step is rejected."""

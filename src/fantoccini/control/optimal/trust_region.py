@@ -138,7 +138,7 @@ class TrustRegionSearch:
         return cost + self._free.price * self._elastic_violation(nodes, ends)
 
     def step(self) -> _Step | None:
-        """A step from the best motion; None if there is none. Updates the motion's residuals."""
+        """Next step from the best motion, or None; updates the motion's residuals."""
         at, objective = self.best, self._objective
         if self._linear is None:
             self._linear = self._linearise()
