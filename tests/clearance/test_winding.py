@@ -16,7 +16,7 @@ def watched(t, low, high) -> StringMotion:
     """Strings between low and high (T, n, 3)."""
     marionette = balls(np.shape(low)[1])
     q = carried(marionette, np.asarray(low, dtype=float), np.asarray(high, dtype=float))
-    return StringsApart(marionette).over(*q, t)
+    return StringsApart(marionette).motion(*q, t)
 
 
 def test_a_passage_between_two_samples_is_found():

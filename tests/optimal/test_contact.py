@@ -126,12 +126,12 @@ def test_the_derivatives_are_those_of_the_time_steps_of_the_search(block: fan.Ma
 
 def test_periodic_ends_are_the_start_moved(block: fan.Marionette):
     task = pulled(block, 0.01, periodic={"body.x": WAY, "line.x": WAY})
-    goal, x0 = task.goal, task.x0
-    assert goal is not None
-    assert goal.q_K[0] == pytest.approx(x0.q_K[0] + WAY)
-    assert goal.q_D[0] == pytest.approx(x0.q_D[0] + WAY)
-    assert np.array_equal(goal.q_D[1:], x0.q_D[1:])
-    assert np.array_equal(goal.v_D, x0.v_D)
+    end, x0 = task.required_end, task.x0
+    assert end is not None
+    assert end.state.q_K[0] == pytest.approx(x0.q_K[0] + WAY)
+    assert end.state.q_D[0] == pytest.approx(x0.q_D[0] + WAY)
+    assert np.array_equal(end.state.q_D[1:], x0.q_D[1:])
+    assert np.array_equal(end.state.v_D, x0.v_D)
 
 
 def test_mistakes_of_periodic_tasks(block: fan.Marionette):

@@ -264,7 +264,7 @@ def test_puppets_with_contact_have_tasks_with_periodic_ends_and_guesses(tmp_path
     written(tmp_path, f"name: g\nduration: 1\n{moves}\n", "g.yaml")
     more = "periodic: {torso.x: 0.03, head.x: 0.03}\nguess: g.yaml\n"
     task = fan.control.load_task(written(tmp_path, STAGE + more))
-    assert task.goal.q_K[0] - task.x0.q_K[0] == pytest.approx(0.03)
+    assert task.required_end.state.q_K[0] - task.x0.q_K[0] == pytest.approx(0.03)
     assert task.guess.evaluate(1.0)[0][0] == pytest.approx(0.03)
 
 

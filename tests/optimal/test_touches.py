@@ -299,7 +299,7 @@ pose: {hand.x: 0.1, hand.z: -0.31}
     gaps = [touches.gap(nodes.moved(x * z, zeros, x * c)) for x in (-step, step)]
     change = -(gaps[1] - gaps[0]) / (2.0 * step)
     at = touches.moments(nodes)
-    assert at.edge[0] != 0.0 and at.at[0] == 1
+    assert at.edge[0] != 0.0 and at.intervals[0] == 1
     moved = np.concatenate([z[1], z[2], c])
     assert change == pytest.approx(at.by[0] @ moved, abs=1e-6 * np.max(np.abs(change)))
 
@@ -373,7 +373,7 @@ def test_a_file_equals_a_gesture_in_python(tmp_path, arm: fan.Marionette):
         (("[0.1, null]", "[0.9, null]"), 6, "touches[0].between", "the motion is from 0 s to 0.8"),
         (("[0.3, 0.6]", "[0.6, 0.3]"), 9, "touches[1].between", "a time and a later one"),
         (("[0.1, null]", "[0.7, null]"), 9, "touches[1].between", "in turn, and by 0.6 s"),
-        (("interval", "slack: true\nexplore: 1\ninterval"), 12, "explore", "together with touches"),
+        (("interval", "slack: true\nexplore: 1\ninterval"), 12, "explore", "it excludes touches"),
     ],
 )
 def test_mistakes_in_a_file_have_places(tmp_path, change, line: int, key: str, words: str):

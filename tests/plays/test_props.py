@@ -129,7 +129,7 @@ def least_distance(scene, run, kind: str, arms: tuple[str, ...]) -> float:
     # Bodies of one puppet may touch each other, but not the prop.
     own = [frozenset(pair) for pair in combinations([x for x in links if x != kind], 2)]
     distances.append(Clearance(scene, free=[*free, *own]).at(q_D, q_K).min())
-    strings = StringsApart(scene).over(q_D, q_K, t)
+    strings = StringsApart(scene).motion(q_D, q_K, t)
     assert not strings.crossings()
     near = strings.nearest()
     owner = [
