@@ -356,6 +356,7 @@ def test_a_dry_run_sends_nothing(files):
         ("artnet", ("--to", "nowhere"), "needed: HOST:PORT"),
         ("artnet", ("--to", "nowhere", "--dry-run"), "needed: HOST:PORT"),
         ("artnet", ("--to", "127.0.0.1:0"), "found port 0"),
+        ("grbl", (), "names no port; needed: --port PORT"),
     ],
 )
 def test_options_of_the_other_kind_are_refused(files, kind, option, message):
@@ -364,6 +365,13 @@ def test_options_of_the_other_kind_are_refused(files, kind, option, message):
     )
     assert done.exit_code == 2
     assert message in " ".join(done.stderr.split())
+
+
+def test_a_missing_port_is_reported_before_the_run_is_read(files):
+    arguments = (files / "stand.yaml", files / "no run.npz", "--controller", "grbl")
+    done = fantoccini("stand", "stream", *arguments, "--port", "/dev/none")
+    assert done.exit_code == 1
+    assert "there is no serial port /dev/none" in " ".join(done.stderr.split())
 
 
 @pytest.mark.parametrize("dry", [(), ("--dry-run",)])

@@ -32,7 +32,19 @@ def test_a_parser_of_gcode_finds_the_set_points_and_their_times(conduct, kind, s
     end = text.splitlines().index("; end")
     for line in parse_gcode_lines(text):
         command, values = line.command_str, line.params
-        assert command in ("G1", "G4", "G10", "G21", "G28", "G90", "G92", "G93", "G94", "M2")
+        assert command in (
+            "G1",
+            "G4",
+            "G10",
+            "G21",
+            "G28",
+            "G90",
+            "G92",
+            "G93",
+            "G94",
+            "M2",
+            "M400",
+        )
         if command in ("G93", "G94"):
             linear = command
         before = {**at}

@@ -89,7 +89,7 @@ def test_marlin_counts_its_path_over_x_y_z_alone(conduct):
     points = set_points("six_winches", conduct, controller="marlin")
     lines = gcode(points).splitlines()
     first = next(line for line in lines[lines.index("; motion") + 1 :] if line.count("A"))
-    assert "G93" not in lines and "M2" not in lines
+    assert "G93" not in lines and "M2" not in lines and lines[-1] == "M400"
     # The emulator measures paths over all axes; if only the ratio of speeds differs, F must too.
     other = gcode(set_points("six_winches", conduct, controller="grbl"), False).splitlines()
     k = lines.index(first) - lines.index("; motion") + other.index("; motion")
@@ -168,7 +168,10 @@ def test_impossible_motions_of_a_stand_are_refused(lifted, hoist, tmp_path):
     weak = loads_stand(ABLE.replace("0.5, i", "0.01, i"))
     with pytest.raises(StandError, match="cannot"):
         set_points(weak, lifted, hoist, controller="grbl")
-    assert len(set_points(weak, lifted, hoist, controller="grbl", force=True)) == 76
+    forced = set_points(weak, lifted, hoist, controller="grbl", force=True)
+    assert len(forced) == 76 and gcode(forced).splitlines()[-1] == "M2"
+    title = "; exported with --force: one_winch cannot do it: at t = 0.000 s the torque"
+    assert gcode(forced).splitlines()[1].startswith(title)
     able = loads_stand(ABLE)
     with pytest.raises(FileError, match="controller"):
         set_points(able, lifted, hoist)

@@ -210,7 +210,8 @@ class GcodeWriter:
         park = self.points.target_after()
         if park is not None:
             lines += self._slow_move(self.points.motion.position[-1], park)
-        return lines if self.marlin else [*lines, "M2"]
+        # Both wait for the end of all moves before they are acknowledged.
+        return [*lines, "M400" if self.marlin else "M2"]
 
     def _slow_move(self, first: Array, last: Array) -> list[str]:
         """A slow move to positions [m or rad]."""
@@ -268,10 +269,16 @@ class GcodeWriter:
         )
 
 
-def _header(points: SetPoints, settings: GrblSettings, marlin: bool) -> list[str]:
-    """Comment lines: the stand, the letter of every axis, and the controller's settings."""
+def _title(points: SetPoints) -> list[str]:
+    """Comment lines: the stand, the size of the motion and the warning, if there is one."""
     name, seconds = points.map.stand.name, points.motion.t[-1]
     lines = [f"; {name}: {len(points)} set points in {seconds:.3f} s"]
+    return [*lines, f"; exported with --force: {points.warning}"] if points.warning else lines
+
+
+def _header(points: SetPoints, settings: GrblSettings, marlin: bool) -> list[str]:
+    """Comment lines: the stand, the letter of every axis, and the controller's settings."""
+    lines = _title(points)
     for letter, axis in zip(settings.letters, points.axes, strict=True):
         lines.append(f"; {letter} = {axis.name} [{'mm' if axis.unit == 'm' else 'deg'}]")
     if not marlin:
@@ -322,7 +329,7 @@ def _klipper(points: SetPoints) -> str:
     ]
     points.map.stand.refuse([*mistakes])
     scale, motion = gcode_units(points.axes), points.motion
-    lines = [f"; {points.map.stand.name}: {len(points)} set points in {motion.t[-1]:.3f} s"]
+    lines = _title(points)
     start = points.home_position() if points.home else motion.position[0]
     for k, (name, axis) in enumerate(zip(names, points.axes, strict=True)):
         if points.home and axis.file.home is not None:

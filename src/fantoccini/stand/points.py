@@ -66,6 +66,7 @@ class SetPoints:
         park: whether the axes go home at the end.
         resumed: (T,) times in the whole motion, of one that was stopped and goes on: the controller
             knows the positions of its axes, and moves them slowly to the first point.
+        warning: why the stand cannot do the motion, if it is exported nevertheless.
     """
 
     map: AxisMap
@@ -75,6 +76,7 @@ class SetPoints:
     slack: float = 0.0
     park: bool = False
     resumed: Times | None = None
+    warning: str = ""
 
     def __len__(self) -> int:
         return len(self.motion)
@@ -225,7 +227,8 @@ def set_points(
         home: let the controller home the axes first (G-code).
         slack: length that drums let out and wind in again before the start [m].
         park: go home at the end.
-        force: export the run even if :func:`check_stand` finds that the stand cannot do it.
+        force: export the run even if :func:`check_stand` finds that the stand cannot do it; its
+            reason becomes the ``warning`` of the set points and a comment in their G-code.
 
     Raises:
         FileError: the stand does not fit the run, or has no controller.
@@ -239,10 +242,12 @@ def set_points(
         raise ValueError(f"rate: found {rate:g}; needed: 1 to 10000 set points per second")
     if not 0.0 <= slack <= 1.0:
         raise ValueError(f"slack: found {slack:g}; needed: 0 to 1 m")
-    if not force:
-        check = check_stand(stand, run, marionette)
-        if not check.ok:
-            raise StandError(f"{check.summary()}; `force` exports it all the same")
+    check = check_stand(stand, run, marionette)
+    if not check.ok and not force:
+        raise StandError(
+            f"{check.summary()}; `fantoccini stand check` lists remedies; --force (force=True) "
+            "exports the run nevertheless"
+        )
     n = int(np.floor(run.duration * rate + 1e-9))
     t = np.arange(n + 1) / rate
     if run.duration - t[-1] > 1e-6:
@@ -250,7 +255,8 @@ def set_points(
     bound = AxisMap.of(chosen, run.coordinates)
     moved = bound.motion_of(run, run.t[0] + t)
     motion = AxisMotion(moved.axes, t, moved.position, moved.velocity, moved.acceleration)
-    points = SetPoints(bound, rate, motion, home, slack, park)
+    warning = "" if check.ok else check.summary()
+    points = SetPoints(bound, rate, motion, home, slack, park, warning=warning)
     _check_sequences(stand, points)
     return points
 

@@ -18,7 +18,7 @@ from fantoccini.app.cli.stand_arguments import (
     StandMotionOptions,
     StandStreamArguments,
 )
-from fantoccini.app.cli.stand_sending import send_lines, send_packets
+from fantoccini.app.cli.stand_sending import send_lines, send_packets, serial_ports
 from fantoccini.app.cli_support import (
     ProgressDisplay,
     check_output,
@@ -40,7 +40,6 @@ from fantoccini.stand import (
     Receiver,
     SetPoints,
     Stand,
-    check_stand,
     controlled,
     grbl_settings,
     load_stand,
@@ -79,6 +78,7 @@ def _path_of(out: Path, name: str) -> Path:
 
 def stream_run(arguments: StandStreamArguments) -> None:
     """Sends the set points of a run: G-code to a serial port, or packets over a network."""
+    serial_ports(controlled(load_stand(arguments.stand), arguments.controller), arguments)
     with ProgressDisplay(arguments.quiet) as display:
         points = _points(arguments, arguments.stand, arguments.run, display)
     controllers = [part.controller for part in points.parts.values()]
@@ -200,19 +200,10 @@ def _positions_csv(end: float, positions: Callable[[Times], Array], names: list[
 def _points(
     options: StandMotionOptions, stand: str, run: Path, display: ProgressDisplay
 ) -> SetPoints:
-    loaded_stand = load_stand(stand)
     marionette, trajectory = motion_of(run, options.puppet, display)
-    if not (options.force or options.anyway):
-        display.stage("checking")
-        check = check_stand(loaded_stand, trajectory, marionette)
-        if not check.ok:
-            raise StandError(
-                f"{check.summary()}; `fantoccini stand check` lists remedies; --force exports the "
-                "run nevertheless"
-            )
-    display.stage("computing set points")
+    display.stage("checking, and computing set points")
     return set_points(
-        loaded_stand,
+        stand,
         trajectory,
         marionette,
         rate=options.rate,
@@ -220,5 +211,5 @@ def _points(
         home=options.home,
         slack=1e-3 * options.slack,
         park=options.park,
-        force=True,
+        force=options.force or options.anyway,
     )

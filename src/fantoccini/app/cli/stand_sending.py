@@ -31,9 +31,11 @@ from fantoccini.stand import (
     ArtNet,
     Channel,
     Grbl,
+    Marlin,
     Program,
     Sending,
     SetPoints,
+    Stand,
     Streamed,
     check_first,
     first_lost,
@@ -55,12 +57,7 @@ _POLL_INTERVAL = 0.1
 
 def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
     """Sends G-code to the serial port of every controller, or prints it with ``--dry-run``."""
-    _check_line_options(points, arguments)
-    ports = {} if arguments.dry_run else _ports(points.parts, arguments.port or [])
-    for name, device in ports.items():
-        if os.path.isabs(device) and not os.path.exists(device):
-            owner = f"the controller {name}" if name else "the controller"
-            raise StandError(f"there is no serial port {device}, which is that of {owner}")
+    ports = serial_ports(points.map.stand, arguments)
     with ProgressDisplay(arguments.quiet) as display:
         display.stage("timing the moves")
         if arguments.from_time is not None:
@@ -116,10 +113,10 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
         print_message(f"all lines acknowledged after {time.monotonic() - started:.1f} s")
 
 
-def _check_line_options(points: SetPoints, arguments: StandStreamArguments) -> None:
+def _check_line_options(stand: Stand, arguments: StandStreamArguments) -> None:
     """Raises a usage error for options that do not apply to the controllers."""
-    kinds = ", ".join(part.controller.type for part in points.parts.values())
-    are_several = "" not in points.parts
+    kinds = ", ".join(part.controller.type for part in stand.parts.values())
+    are_several = "" not in stand.parts
     if arguments.to is not None:
         fail(f"applies to osc and artnet, but this stand has {kinds}", "--to")
     if arguments.from_time is not None and not are_several:
@@ -130,11 +127,24 @@ def _check_line_options(points: SetPoints, arguments: StandStreamArguments) -> N
         fail(f"{text}; needed: --from-time S", "--from-line")
 
 
-def _ports(parts: Mapping[str, SetPoints], given: list[str]) -> dict[str, str]:
-    """Name of a controller -> its serial port: as given, otherwise that of the stand's file."""
-    ports = {name: part.controller.port for name, part in parts.items()}
-    are_several = "" not in parts
-    for text in given:
+def serial_ports(stand: Stand, arguments: StandStreamArguments) -> dict[str, str]:
+    """Name of a controller -> its serial port: as given, otherwise that of the stand's file.
+
+    Empty for a dry run and for controllers without serial ports. Options that do not apply to the
+    controllers are usage errors.
+
+    Raises:
+        StandError: a port does not exist.
+    """
+    controllers = {name: part.controller for name, part in stand.parts.items()}
+    if not all(isinstance(controller, Grbl | Marlin) for controller in controllers.values()):
+        return {}
+    _check_line_options(stand, arguments)
+    if arguments.dry_run:
+        return {}
+    ports: dict[str, str] = {name: c.port for name, c in controllers.items()}
+    are_several = "" not in ports
+    for text in arguments.port or []:
         name, _, port = text.partition("=") if are_several else ("", "", text)
         if name not in ports or not port:
             names = ", ".join(ports)
@@ -147,6 +157,10 @@ def _ports(parts: Mapping[str, SetPoints], given: list[str]) -> dict[str, str]:
     for port in ports.values():
         if list(ports.values()).count(port) > 1:
             fail(f"found {port!r} for several controllers; needed: one port each", "--port")
+    for name, device in ports.items():
+        if os.path.isabs(device) and not os.path.exists(device):
+            owner = f"the controller {name}" if name else "the controller"
+            raise StandError(f"there is no serial port {device}, which is that of {owner}")
     return ports
 
 
