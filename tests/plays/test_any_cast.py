@@ -23,7 +23,7 @@ from fantoccini.theatre.gestures import Step
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.reading import read_play
 from fantoccini.theatre.plays.sitting import sit
-from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.plays.walk_planner import WalkPlanner
 
 SOURCE = Path(fan.__file__).parent / "theatre"
 ROLES = {"head", "hand", "foot"}
@@ -314,13 +314,15 @@ def test_steps_and_clearances_are_those_of_the_player(tmp_path):
     path = tmp_path / "holds.yaml"
     path.write_text(HOLDS.replace("puppet: she.yaml", "puppet: hans"), encoding="utf-8")
     script = read_play(path, cast.ResultCache())
-    she, walks = script.cast.players["she"], Walks(script.cast, script.log)
+    she, planner = script.cast.players["she"], WalkPlanner(script.cast, script.log)
     ratio = 0.25824 / 0.26417
     assert she.leg_ratio == pytest.approx(ratio)
-    assert walks.clearance(she) == pytest.approx(she.radius + ratio * 0.026)
+    assert planner.clearance(she) == pytest.approx(she.radius + ratio * 0.026)
     # Chest, neck and crown of the file, lifted by 2.5 cm; the head leans a little at rest.
     assert she.height == pytest.approx(0.388 + 0.122 + 0.181 + 0.025, abs=0.01)
     goal = cast.Footing(0.1, 0.2, she.start.heading)
-    free = dict(begin=0.0, wait=0.0, others=(), near=0.0, arrives=None, free_from=0.0)
-    way, _ = walks.way(she, she.start, [goal], act_start=0.0, **free)
-    assert max(step.length for step in way.steps) == pytest.approx(0.4 / 5)
+    free = dict(
+        begin=0.0, max_wait=0.0, tracks=(), max_goal_distance=0.0, arrival_time=None, free_time=0.0
+    )
+    walk, _ = planner.plan(she, she.start, [goal], act_start=0.0, **free)
+    assert max(step.length for step in walk.steps) == pytest.approx(0.4 / 5)

@@ -125,7 +125,7 @@ def test_the_limbs_follow_the_clip(
     q_K = run.q_K[:, [table.q_K.index(f"{who}.{name}") for name in own.q_K]]
     seen = places_in(retargeted.figure, player.marionette.poses(q_D, q_K))
     xy, heading = [player.start.x, player.start.y], player.start.heading
-    for way in play.ways[who]:
+    for way in play.walks[who]:
         (xy,), (heading,) = way.footing(np.array([start]))
     turn = Rotation.from_euler("z", heading).as_matrix()
     middle = np.array([player.middle.real, player.middle.imag, 0.0])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.theatre.cast.companies import Company, Meeting, Span, spans
+from fantoccini.theatre.cast.companies import Company, Meeting, Span, company_spans
 from fantoccini.theatre.cast.contacts import ContactBodies, hanging_pair
-from fantoccini.theatre.plays.handled import failures
-from fantoccini.theatre.plays.stage_run import together
+from fantoccini.theatre.plays.failures import find_failures
+from fantoccini.theatre.plays.stage_run import combine_runs
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
@@ -43,7 +43,9 @@ def meeting(begin: float, end: float, players: str, props: str = "p") -> Meeting
 
 
 def test_companies_are_players_connected_by_meetings():
-    companies = spans("abc", [meeting(0, 4, "a"), meeting(4, 6, "ab"), meeting(6, 9, "b")], 9.0)
+    companies = company_spans(
+        "abc", [meeting(0, 4, "a"), meeting(4, 6, "ab"), meeting(6, 9, "b")], 9.0
+    )
     assert companies == (
         Span(Company(("a",), ("p",), meeting(0, 4, "a").pairs), 0.0, 4.0),
         Span(Company(("b",)), 0.0, 4.0),
@@ -65,7 +67,7 @@ def test_at_every_time_each_player_and_prop_is_in_one_company(seed):
             who = "".join(sorted(rng.choice(list(players), rng.integers(1, 3), replace=False)))
             met.append(meeting(t, end, who, prop))
             t = end + rng.choice([0.0, 1.0])
-    companies = spans(players, met, 8.0)
+    companies = company_spans(players, met, 8.0)
     for t in rng.uniform(0.0, 8.0, 30):
         now = [company.company for company in companies if company.begin <= t < company.end]
         assert sorted(name for company in now for name in company.players) == list(players)
@@ -125,20 +127,20 @@ def test_a_ball_is_given_in_a_play(gift):
 def test_the_run_of_the_stage_is_that_of_its_companies(gift):
     """Energies and places are continuous between companies."""
     runs = gift.runs()
-    whole = together(gift.cast, runs)
+    whole = combine_runs(gift.cast, runs)
     for company in runs.companies:
-        if "ball" not in company.staged.props:
+        if "ball" not in company.scene.props:
             continue
-        local = company.staged.props["ball"]
+        local = company.scene.props["ball"]
         t = np.linspace(company.begin, company.end, 7)[1:-1]
-        own = company.whole.resample(t - company.begin)
+        own = company.trajectory.resample(t - company.begin)
         for axis in "xyz":
             assert whole.resample(t)[f"ball.{axis}"] == pytest.approx(
                 own[f"{local}.{axis}"], abs=2e-4
             )
     steps = np.abs(np.diff(whole["ball.z"]))
     assert steps.max() < 0.005  # no jumps
-    assert not failures(gift.cast, gift.meetings, runs)
+    assert not find_failures(gift.cast, gift.meetings, runs)
     # Energy gained = work done - losses in contact, strings and air.
     ledger = whole.ledger
     energy = ledger["kinetic"] + ledger["potential"]

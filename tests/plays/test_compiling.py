@@ -12,7 +12,7 @@ import fantoccini as fan
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.theatre.cast.companies import Meeting
 from fantoccini.theatre.plays.placing import IN_TIME
-from fantoccini.theatre.plays.touching import HANDLING_DISTANCE, touches
+from fantoccini.theatre.plays.touching import HANDLING_DISTANCE, find_touches
 from plays.conftest import HEAD, Plays
 from plays.tiny import TOUCHES, write_play
 
@@ -33,7 +33,7 @@ def test_a_play_is_performed_as_written(plays: Plays):
     """)
     assert play, play.changes
     walk, wave, look, both = play.cues
-    xy, heading = play.ways["pierrot"][-1].footing(np.array([walk.end]))
+    xy, heading = play.walks["pierrot"][-1].footing(np.array([walk.end]))
     assert np.allclose(xy[0], [0.3, 0.1], atol=1e-9)
     assert abs(heading[0] - 0.5 * np.pi) < 1e-9
     assert look.start == pytest.approx(walk.end + 2 * 0.6, abs=1e-9)
@@ -44,7 +44,7 @@ def test_a_play_is_performed_as_written(plays: Plays):
     assert {seen_cue.cue.number for seen_cue in verification.cues} == {1, 2, 3, 4}
     # The limb turns on the beat: its hand leads by its lag.
     (seen,) = [seen_cue for seen_cue in verification.cues if seen_cue.cue is wave]
-    assert seen.limb
+    assert seen.is_limb_time
     assert abs(seen.observed - 5 * 0.6) <= IN_TIME
     assert wave.marks["columbine"]["second"] < 5 * 0.6 - IN_TIME
 
@@ -117,7 +117,7 @@ def test_optional_cues_are_left_out(plays: Plays):
 def test_a_place_may_be_adjusted(plays: Plays):
     play = plays.compiled("{who: pierrot, walks to: table_side, near: 50 cm}")
     assert play, play.changes
-    xy, _ = play.ways["pierrot"][-1].footing(np.array([play.duration]))
+    xy, _ = play.walks["pierrot"][-1].footing(np.array([play.duration]))
     assert 0.1 < abs(complex(*xy[0]) - complex(-0.5, 0.5)) <= 0.5
 
 
@@ -218,7 +218,7 @@ def test_players_may_be_near_only_while_they_handle_a_prop(plays: Plays):
 
     def seen(run: fan.Trajectory, begin: float, end: float) -> list[float]:
         asked = Meeting(begin, end, ("pierrot", "columbine"), (), frozenset(), "given")
-        return [touch.t for touch in touches(play.cast, run, [asked])]
+        return [touch.t for touch in find_touches(play.cast, run, [asked])]
 
     end = float(run.t[-1])
     assert not seen(near, 0.0, end)
@@ -231,10 +231,10 @@ def test_players_may_be_near_only_while_they_handle_a_prop(plays: Plays):
 def test_touches_of_forced_cues_are_reported(plays: Plays):
     """Two runs of players in one place: touches of bodies and of strings are found."""
     play = plays.compiled("{who: pierrot, does: nod}")
-    touching = touches(play.cast, run_of_neighbours(fan.theatre.verify_play(play).run, 0.15))
-    kinds = {("string" in touch.what, "string" in touch.other) for touch in touching}
+    touching = find_touches(play.cast, run_of_neighbours(fan.theatre.verify_play(play).run, 0.15))
+    kinds = {("string" in touch.first, "string" in touch.second) for touch in touching}
     assert (False, False) in kinds
-    assert any("string" in touch.what for touch in touching)
+    assert any("string" in touch.first for touch in touching)
     assert all(touch.t == 0.0 for touch in touching if touch.distance < 0.0)
 
 
@@ -312,9 +312,9 @@ def test_compiling_stops_in_time_with_a_partial_result(tmp_path):
     whole, stopped = fan.load_play(path), fan.load_play(path, within=0.0)
     assert whole.rounds > 1 and stopped.rounds == 1
     stops = "compiling was stopped after 1 round"
-    assert any(stops in str(remark) for remark in stopped.lacking)
-    assert not any(stops in str(remark) for remark in whole.lacking)
-    assert any("would be" in str(remark) for remark in stopped.lacking)  # touches are reported
+    assert any(stops in str(remark) for remark in stopped.deviations)
+    assert not any(stops in str(remark) for remark in whole.deviations)
+    assert any("would be" in str(remark) for remark in stopped.deviations)  # touches are reported
     assert [cue.description for cue in stopped.cues] == [cue.description for cue in whole.cues]
     assert stopped.duration > 0.0
 

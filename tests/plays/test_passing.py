@@ -9,7 +9,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.theatre.plays import clearances
-from fantoccini.theatre.plays.touching import SAMPLE_STRIDE, touches
+from fantoccini.theatre.plays.touching import SAMPLE_STRIDE, find_touches
 from plays.tiny import write_play
 
 
@@ -32,13 +32,13 @@ def test_a_ball_thrown_through_another_or_through_a_block_is_detected(tmp_path):
         q_D[k + 1 :, axis] += 0.6
         q_K = np.repeat(run.q_K[:1], len(run), axis=0)
         passing = dataclasses.replace(run, q_D=q_D, q_K=q_K)
-        passages = [touch for touch in touches(play.cast, passing) if touch.distance < 0.0]
-        assert {"one.ball", through} in [{touch.what, touch.other} for touch in passages]
+        passages = [touch for touch in find_touches(play.cast, passing) if touch.distance < 0.0]
+        assert {"one.ball", through} in [{touch.first, touch.second} for touch in passages]
         times = [
-            touch.t for touch in passages if {touch.what, touch.other} == {"one.ball", through}
+            touch.t for touch in passages if {touch.first, touch.second} == {"one.ball", through}
         ]
         assert run.t[k] < min(times) < run.t[k + SAMPLE_STRIDE]
         assert any(
-            {approach.what, approach.other} == {"one.ball", through} and approach.distance < 0.0
+            {approach.first, approach.second} == {"one.ball", through} and approach.distance < 0.0
             for approach in clearances(play.cast, passing)
         )

@@ -11,7 +11,7 @@ import fantoccini as fan
 from fantoccini.base.errors import FileError
 from fantoccini.model.puppet.bundled_files import bundled
 from fantoccini.theatre.plays import putting
-from fantoccini.theatre.plays.stage_run import together
+from fantoccini.theatre.plays.stage_run import combine_runs
 
 pytestmark = pytest.mark.slow
 
@@ -49,11 +49,11 @@ def write(
 
 def prop_place(play: fan.theatre.Play, prop: str) -> np.ndarray:
     """(4,) place of a prop's bottom and height of its axis, between the two cues of a play."""
-    run = together(play.cast, play.runs())
+    run = combine_runs(play.cast, play.runs())
     t = 0.5 * (play.cues[0].end + play.cues[1].start)
     k = int(np.searchsorted(run.t, t))
-    poses = play.cast.whole.poses(run.q_D[k : k + 1], run.q_K[k : k + 1])
-    pose = poses[0, play.cast.whole.link_index(prop)]
+    poses = play.cast.marionette.poses(run.q_D[k : k + 1], run.q_K[k : k + 1])
+    pose = poses[0, play.cast.marionette.link_index(prop)]
     return np.append(pose[:, 3], pose[2, 2])
 
 
@@ -98,7 +98,7 @@ def test_an_unknown_table_is_a_mistake_with_its_line(tmp_path):
 
 def test_a_prop_that_hangs_too_high_or_too_low_is_refused():
     alone = puppet()
-    for drop in putting.DROPS:
+    for drop in putting.DROP_RANGE:
         with pytest.raises(ValueError, match="ball would go down by"):
             putting.putting(alone, "", "ball", 2.0 * drop)
 

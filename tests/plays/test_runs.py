@@ -12,7 +12,7 @@ from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends
 from fantoccini.theatre.gestures.stepping import Step
 from fantoccini.theatre.gestures.walking import steps
-from fantoccini.theatre.plays.settling import Swing, pause
+from fantoccini.theatre.plays.settling import Swing, best_pause
 from plays.conftest import Plays
 
 pytestmark = pytest.mark.medium
@@ -65,7 +65,7 @@ def test_a_pause_uses_the_swing_of_the_walk_before(
     after_a_walk: tuple[fan.Marionette, fan.State, fan.theatre.Gesture],
 ):
     puppet, x, walk = after_a_walk
-    waited, before, after = pause(puppet, x, walk.motion, 1.0)
+    waited, before, after = best_pause(puppet, x, walk.motion, 1.0)
     assert 0.0 <= waited <= 1.0
     assert after < before
     tried = [Swing(puppet, x, walk.motion, 1.0).cost(p)[0] for p in np.linspace(0.0, 1.0, 21)]

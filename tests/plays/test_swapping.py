@@ -10,8 +10,8 @@ from fantoccini.model.tree import WORLD
 from fantoccini.theatre import cast
 from fantoccini.theatre.plays.placing import place_cues
 from fantoccini.theatre.plays.reading import read_play
-from fantoccini.theatre.plays.stage_run import together
-from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.plays.stage_run import combine_runs
+from fantoccini.theatre.plays.walk_planner import WalkPlanner
 
 pytestmark = pytest.mark.slow
 
@@ -44,11 +44,11 @@ def test_two_players_change_places_and_keep_their_distance(plays):
     assert [cue.passes for cue in play.cues] == ["columbine gives way", "gives way to pierrot"]
     starts = [cue.start for cue in play.cues]
     assert max(starts) < 0.2 and np.ptp(starts) < 1e-4
-    first, second = (play.ways[name][-1] for name in ("pierrot", "columbine"))
+    first, second = (play.walks[name][-1] for name in ("pierrot", "columbine"))
     assert first.length == pytest.approx(1.2)
     assert second.length > 1.25
     assert abs(first.end - second.end) < 6.0
-    run = together(play.cast, play.runs())
+    run = combine_runs(play.cast, play.runs())
     poses = play.marionette.poses(run.q_D[::SAMPLE_STRIDE], run.q_K[::SAMPLE_STRIDE])
     strings = string_points(play, poses)
     gaps = [
@@ -90,7 +90,7 @@ acts:
 def test_nobody_is_passed_who_still_stands_in_the_way(plays):
     """Nobody can go around in a corridor; she leaves only when he would have walked through her."""
     script = read_play(plays.written("", CORRIDOR), cast.ResultCache())
-    walks = Walks(script.cast, script.log)
+    walks = WalkPlanner(script.cast, script.log)
     placement = place_cues(
         script.cast,
         script.timeline,
@@ -102,4 +102,4 @@ def test_nobody_is_passed_who_still_stands_in_the_way(plays):
     )
     first, second = placement.cues
     assert "no way leads round columbine" in first.refused
-    assert not placement.passes and not second.refused
+    assert not placement.pass_notes and not second.refused

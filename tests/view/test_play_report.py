@@ -13,7 +13,7 @@ from fantoccini.output import reports
 from fantoccini.output.reports.stage_plan import plan
 from fantoccini.output.reports.timeline import shortened, timeline
 from fantoccini.output.view.stills import Stills
-from fantoccini.theatre.plays import clearances, overhead
+from fantoccini.theatre.plays import clearances, make_stage_plan
 
 pytestmark = pytest.mark.medium
 
@@ -135,7 +135,7 @@ def test_remarks_are_not_counted_as_cues_that_cannot_be_done(tmp_path):
     play = fan.load_play(path, within=0.0)
     verification = fan.theatre.verify_play(play)
     assert not play.refused and len(play.remarks) >= 2  # it was stopped, and something touches
-    assert play.remarks == play.lacking == play.changes
+    assert play.remarks == play.deviations == play.changes
     text = reports.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
     assert play.counts == f"2 of 2 cues can be done, {len(play.remarks)} remarks"
     assert f'class="verdict fails">{play.counts}' in text
@@ -179,9 +179,9 @@ def test_the_drawings_name_everything_and_cut_nothing(verification):
 
 
 def test_the_plan_view_shows_all_things_on_the_stage(verification):
-    plan_view = overhead(verification.play)
+    plan_view = make_stage_plan(verification.play)
     assert plan_view.marks == {"here": (0.0, -0.3), "there": (0.0, 0.3)}
-    (polygon,) = plan_view.standing["block"]
+    (polygon,) = plan_view.obstacles["block"]
     np.testing.assert_allclose(polygon.min(axis=0), [-0.45, -0.15], atol=1e-9)
     np.testing.assert_allclose(polygon.max(axis=0), [-0.35, 0.15], atol=1e-9)
 

@@ -314,7 +314,7 @@ class LivePlay:
         cast = self.play.cast
         if who not in cast.players:
             raise UnknownNameError("player", who, list(cast.players))
-        prefix = cast.member(who)
+        prefix = cast.prefix(who)
         return [lane for lane in self.performance.lanes if lane.startswith(prefix)]
 
     def _lead_back(self, players: list[str]) -> None:

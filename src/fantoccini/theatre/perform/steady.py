@@ -22,7 +22,7 @@ from fantoccini.model.tree import link_inertia
 from fantoccini.motion import State
 from fantoccini.theatre.perform.performance import Performance
 from fantoccini.theatre.perform.score_voice import ScoreVoice
-from fantoccini.theatre.plays import Play, together
+from fantoccini.theatre.plays import Play, combine_runs
 
 
 class _Weights(NamedTuple):
@@ -64,7 +64,7 @@ class Steadying:
     def __init__(self, play: Play, performance: Performance):
         self._play, self._performance = play, performance
         self._members = Members(play)
-        run = together(play.cast, play.runs())
+        run = combine_runs(play.cast, play.runs())
         self._clock = np.arange(run.t[0], run.t[-1], 1.0 / _WEIGHTS.rate)
         at = run.resample(self._clock)
         self._played = self._members.mass_centres(at.q_D, at.q_K)[..., :2]
@@ -122,7 +122,7 @@ class Steadying:
         mass_centres = self._members.mass_centres(x.q_D, x.q_K)
         heights = []
         for name, middle in zip(self._members.names, mass_centres, strict=True):
-            own = self._play.cast.member(name)
+            own = self._play.cast.prefix(name)
             hands = [
                 performance.place(handle.name)[0][2]
                 for handle in performance.handles
@@ -153,7 +153,7 @@ class Members:
         self._channels = np.array(
             [
                 [
-                    [name.startswith(cast.member(who)) and name.endswith(part) for name in names]
+                    [name.startswith(cast.prefix(who)) and name.endswith(part) for name in names]
                     for part in (".x", ".y")
                 ]
                 for who in self.names

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
+from fantoccini.theatre.cast.footing import Footing, Hindrance, NoPath, Walk
 from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends
 from fantoccini.theatre.gestures.walking import SWAY, steps
-from fantoccini.theatre.ways.regions import Box, Disk, Rectangle
-from fantoccini.theatre.ways.traffic import Other
-from fantoccini.theatre.ways.ways import find_way
+from fantoccini.theatre.pathfinding.planning import plan_walk
+from fantoccini.theatre.pathfinding.regions import Box, Disk, Rectangle
+from fantoccini.theatre.pathfinding.traffic import OtherPlayer
 
 pytestmark = pytest.mark.medium
 
@@ -29,7 +29,7 @@ GATE = (Box("wall", (0.0, 0.6), (0.05, 0.4)), Box("wall", (0.0, -0.6), (0.05, 0.
 WEST, EAST = Footing(-1.0, 0.0, 0.0), Footing(1.0, 0.0, 0.0)
 
 
-def found(start: Footing, goal: Footing, **given) -> Way | NoWay:
+def found(start: Footing, goal: Footing, **given) -> Walk | NoPath:
     settings = dict(
         begin=0.0,
         step_time=STEP_TIME,
@@ -38,24 +38,24 @@ def found(start: Footing, goal: Footing, **given) -> Way | NoWay:
         space=SPACE,
         latest_begin=3.0,
     )
-    return find_way(start, goal, **(settings | given))
+    return plan_walk(start, goal, **(settings | given))
 
 
-def other(name: str, way: Way) -> Other:
+def other(name: str, way: Walk) -> OtherPlayer:
     t = np.arange(way.begin, way.end + 0.02, 0.02)
-    return Other(name, t, way.footing(t)[0], RADIUS)
+    return OtherPlayer(name, t, way.footing(t)[0], RADIUS)
 
 
-def straight(name: str, first, last, begin: float, end: float) -> Other:
-    return Other(name, np.array([begin, end]), np.array([first, last], dtype=float), RADIUS)
+def straight(name: str, first, last, begin: float, end: float) -> OtherPlayer:
+    return OtherPlayer(name, np.array([begin, end]), np.array([first, last], dtype=float), RADIUS)
 
 
-def closest(way: Way, blocked, others, begin: float = 0.0) -> float:
+def closest(way: Walk, blocked, others, begin: float = 0.0) -> float:
     """Least distance between disks, and to obstacles, from the beginning until all stand."""
     last = max([way.end, *(float(walker.times[-1]) for walker in others)])
     t = np.arange(begin, last + 1.0, 0.007)
     p, _ = way.footing(t)
-    assert np.all(p >= np.array(SPACE.low) - 1e-6) and np.all(p <= np.array(SPACE.high) + 1e-6)
+    assert np.all(p >= np.array(SPACE.lower) - 1e-6) and np.all(p <= np.array(SPACE.upper) + 1e-6)
     gaps = [np.inf]
     for walker in others:
         q = np.array([np.interp(t, walker.times, walker.xy[:, k]) for k in (0, 1)]).T
@@ -64,7 +64,7 @@ def closest(way: Way, blocked, others, begin: float = 0.0) -> float:
         rel = p - np.array(region.centre)
         if isinstance(region, Box):
             c, s = np.cos(region.yaw), np.sin(region.yaw)
-            own = np.abs(rel @ np.array([[c, -s], [s, c]])) - np.array(region.half)
+            own = np.abs(rel @ np.array([[c, -s], [s, c]])) - np.array(region.half_sizes)
             gap = np.hypot(*np.maximum(own, 0.0).T) + np.minimum(np.max(own, axis=1), 0.0)
         else:
             gap = np.hypot(*rel.T) - region.radius
@@ -72,8 +72,8 @@ def closest(way: Way, blocked, others, begin: float = 0.0) -> float:
     return float(min(gaps))
 
 
-def check(way: Way | NoWay, goal: Footing, blocked=(), others=(), begin: float = 0.0) -> Way:
-    assert isinstance(way, Way), way
+def check(way: Walk | NoPath, goal: Footing, blocked=(), others=(), begin: float = 0.0) -> Walk:
+    assert isinstance(way, Walk), way
     xy, heading = way.footing(np.array([way.end]))
     np.testing.assert_allclose(xy[0], (goal.x, goal.y), atol=1e-9)
     assert np.exp(1j * heading[0]) == pytest.approx(np.exp(1j * goal.heading), abs=1e-9)
@@ -91,7 +91,7 @@ def test_without_obstacles_the_path_is_straight():
     assert way.length == pytest.approx(2.0)
     about = check(found(WEST, Footing(-1.0, 0.0, np.pi)), Footing(-1.0, 0.0, np.pi))
     assert len(about.steps) == 8 and about.length == 0.0
-    assert found(WEST, WEST) == Way(WEST, 0.0, (), STEP_TIME)
+    assert found(WEST, WEST) == Walk(WEST, 0.0, (), STEP_TIME)
 
 
 def test_turns_are_eight_to_half_a_turn_and_walks_between():
@@ -206,7 +206,7 @@ def test_it_steps_out_of_the_way_of_others():
 )
 def test_a_missing_path_has_a_reason_and_a_place_nearby(goal, given, kind, text):
     nothing = found(WEST, goal, **given)
-    assert isinstance(nothing, NoWay) and not nothing
+    assert isinstance(nothing, NoPath) and not nothing
     assert nothing.kind is kind and text in nothing.reason
     nearest = nothing.nearest
     assert nearest is not None and nearest.heading == goal.heading
@@ -219,7 +219,7 @@ def test_a_missing_path_has_a_reason_and_a_place_nearby(goal, given, kind, text)
 def test_too_long_a_wait_names_its_end():
     blocks = straight("columbine", (0.0, 0.0), (0.6, 0.6), 100.0, 105.0)
     late = found(WEST, EAST, blocked=GATE, others=[blocks])
-    assert isinstance(late, NoWay) and late.kind is Hindrance.OTHERS_IN_THE_WAY
+    assert isinstance(late, NoPath) and late.kind is Hindrance.OTHERS_IN_THE_WAY
     assert late.earliest is not None and 100.0 < late.earliest < 125.0
     again = found(WEST, EAST, blocked=GATE, others=[blocks], begin=90.0, latest_begin=110.0)
     assert check(again, EAST, GATE, [blocks], 90.0).end <= late.earliest + STEP_TIME
@@ -238,7 +238,7 @@ def test_a_path_cannot_start_at_an_impossible_place():
         (Footing(-2.0, 0.0), {}, "outside of the hands' space"),
     ):
         nothing = found(start, EAST, **options)
-        assert isinstance(nothing, NoWay) and nothing.kind is Hindrance.START_BLOCKED
+        assert isinstance(nothing, NoPath) and nothing.kind is Hindrance.START_BLOCKED
         assert reason in nothing.reason
         assert not options or nothing.reason.endswith(f"needed: {RADIUS:.3f} m")
 
@@ -276,17 +276,17 @@ def test_a_hundred_paths_past_others_never_touch_any():
         ]
         if case % 3 == 0:
             blocked.append(Disk("well", tuple(rng.uniform(-0.9, 0.9, 2)), rng.uniform(0.05, 0.2)))
-        others: list[Other] = []
+        others: list[OtherPlayer] = []
         for name in ("pierrot", "columbine", "arlecchino")[: 2 + case % 2]:
             start, goal, begin = footing(), footing(), rng.uniform(0.0, 4.0)
             way = found(start, goal, blocked=blocked, begin=begin, others=others)
-            if isinstance(way, Way):
+            if isinstance(way, Walk):
                 others.append(other(name, way))
         start, goal = footing(), footing()
         now = perf_counter()
         way = found(start, goal, blocked=blocked, others=others)
         took.append(perf_counter() - now)
-        if isinstance(way, Way):
+        if isinstance(way, Walk):
             check(way, goal, blocked, others)
             ways += 1
             waited += way.begin > 0.0 or any(step.stands for step in way.steps)
@@ -299,6 +299,6 @@ def test_a_hundred_paths_past_others_never_touch_any():
 
 def test_others_must_fit_their_times():
     with pytest.raises(ValueError, match="columbine"):
-        Other("columbine", np.zeros(3), np.zeros((2, 2)), RADIUS)
+        OtherPlayer("columbine", np.zeros(3), np.zeros((2, 2)), RADIUS)
     with pytest.raises(ValueError, match="radius"):
         found(WEST, EAST, radius=0.0)
