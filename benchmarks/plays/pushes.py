@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 
 import fantoccini as fan
 from fantoccini.theatre.gestures import lateness
-from fantoccini.theatre.perform.steady import Members
+from fantoccini.theatre.perform.steady import PlayerBodies
 from fantoccini.theatre.plays import CueOfPlay
 
 SEEDS = 20
@@ -160,7 +160,7 @@ def main() -> None:
 
 def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
     """Prints the time for which a player's centre of mass is off by 1 cm after an impulse."""
-    members, durations = Members(play), []
+    members, durations = PlayerBodies(play), []
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         who = int(rng.integers(len(members.names)))

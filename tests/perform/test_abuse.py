@@ -40,7 +40,7 @@ def energy_gain_of_throws(live: fan.Performance, throws: int, ticks: int, seed: 
                 live.move(handle.name, *homes[handle.name])
         for name, ends in live.lengths.items():
             live.wind(name, [-1e9, 1e9, lengths[name]][rng.integers(3)])
-            assert ends[0] <= live.wanted_length(name) <= ends[1]
+            assert ends[0] <= live.target_length(name) <= ends[1]
         for _ in range(ticks):
             x = live.step()
             for part in (x.q_D, x.v_D, x.q_K, x.v_K, x.slip, live.tension):
@@ -206,7 +206,7 @@ def test_if_the_stepper_fails_the_hands_stop_and_the_recording_ends(monkeypatch)
     assert "stopped" in live.lagging["hand"]
     assert not live.recording
     recording = live.stop()
-    assert len(recording) == 12 and "stopped" in recording.ended
+    assert len(recording) == 12 and "stopped" in recording.end_reason
     assert np.array_equal(recording.replay().q_D, recording.trajectory.q_D)
     live.advance(2.0)
     assert np.allclose(live.place("hand")[0], home + np.array([0.3, 0.0, 0.0]), atol=1e-13)

@@ -75,7 +75,7 @@ def test_gestures_in_the_middle_of_others_never_jump_and_keep_bounds(marionette,
     live.go_home()
     live.advance(4.0)
     recording = live.stop()
-    assert not recording.ended
+    assert not recording.end_reason
     within_bounds(live, recording)
     np.testing.assert_allclose(wanted(live), home, atol=1e-12)
     np.testing.assert_allclose(recording.trajectory.q_K[-1], recording.start.q_K, atol=1e-9)
@@ -165,7 +165,7 @@ def test_a_repetition_ends_on_request(marionette, gestures):
     live.record()
     live.advance(3.0 * gestures["march"].duration)
     assert live.playing == ("march",)
-    live.play_once("march")
+    live.stop_repeating("march")
     live.advance(gestures["march"].duration + 0.5)
     assert live.playing == ()
     within_bounds(live, live.stop())
@@ -263,7 +263,7 @@ def test_equal_ends_need_no_transition(marionette):
     still = live.stop()
     assert len(still.looped(3)) == 3 * len(still)
     for times in (0, 1.5, 10_000):
-        with pytest.raises(ValueError, match="times"):
+        with pytest.raises(ValueError, match="count"):
             still.looped(times)
 
 
@@ -370,7 +370,7 @@ def test_armed_lanes_of_a_score_are_in_the_hands(marionette, score):
     for _ in range(30):
         live.advance(0.1)
         np.testing.assert_array_equal(live.place("hand_right")[0], home)
-        assert live.length("hand_right") == live.wanted_length("hand_right")
+        assert live.length("hand_right") == live.target_length("hand_right")
 
 
 def test_played_motions_continue_or_are_reported_as_ended(marionette, gestures, score):

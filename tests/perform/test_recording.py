@@ -75,7 +75,7 @@ def test_a_file_gives_the_same_recording_back(rough, tmp_path):
     read = fan.theatre.Recording.load(tmp_path / "rough.npz")
     same(read.trajectory, rough.trajectory)
     same(read.replay(), rough.trajectory)
-    assert (read.tick, read.steps, read.ended) == (rough.tick, rough.steps, rough.ended)
+    assert (read.tick, read.steps, read.end_reason) == (rough.tick, rough.steps, rough.end_reason)
     assert np.array_equal(read.marionette.winches, rough.marionette.winches)
     # Its trajectory can be saved like any other.
     rough.trajectory.save(tmp_path / "run.npz")
@@ -112,7 +112,7 @@ def test_a_file_of_the_previous_format_is_read(rough, tmp_path):
     """It has every sample, and events."""
     np.savez(tmp_path / "old.npz", **previous_format_arrays(rough, tmp_path / "new.npz"))
     read = fan.theatre.Recording.load(tmp_path / "old.npz")
-    assert read.written is not None
+    assert read.output is not None
     same(read.trajectory, rough.trajectory)
     fan.Input.load(rough.marionette, tmp_path / "old.npz")
 
@@ -203,7 +203,7 @@ def test_the_motion_of_the_hands_is_an_input(gentle):
     apart = event.resample(recorded.t).q_D - recorded.q_D
     assert np.max(np.abs(apart)) < 0.02
     # The error is the stepper's: it shrinks with its step.
-    finer = dataclasses.replace(gentle, steps=8 * gentle.steps, written=None).trajectory
+    finer = dataclasses.replace(gentle, steps=8 * gentle.steps, output=None).trajectory
     less = event.resample(finer.t).q_D - finer.q_D
     assert np.max(np.abs(less)) < 0.4 * np.max(np.abs(apart))
 
@@ -223,7 +223,7 @@ def test_a_recording_ends_at_changes_other_than_those_of_the_hands(gentle):
         assert not live.recording
         live.advance(0.3)
         recording = live.stop()
-        assert why in recording.ended and len(recording) == 36
+        assert why in recording.end_reason and len(recording) == 36
         same(recording.replay(), recording.trajectory)
         with pytest.raises(fan.errors.StateError, match="recorded"):
             live.stop()

@@ -57,7 +57,7 @@ class Stage:
         """Distance of hands from their positions in the play at its time [m]."""
         live, play = self.show.performance, self.show.play
         there, _ = play.score.offsets(self.show.t)
-        away = np.abs(self.hands.away(play.x0.q_K, live.state.q_K) - there)
+        away = np.abs(self.hands.displacement(play.x0.q_K, live.state.q_K) - there)
         own = [name.startswith(who) for name in play.marionette.coordinates.v_K]
         return float(np.max(away[own]))
 
@@ -112,7 +112,7 @@ def test_skip_and_repeat_begin_at_the_positions_of_the_hands(stage):
     stage.pass_by(1.5)
     show.skip()
     stage.pass_by(2.0)
-    assert show.present.number == 2
+    assert show.latest_cue.number == 2
     show.repeat()
     stage.pass_by(0.02)
     assert show.t == show.play.cues[1].start
@@ -123,9 +123,9 @@ def test_skip_and_repeat_begin_at_the_positions_of_the_hands(stage):
     assert stage.astray() < 0.01  # the hands shift against the swing that the transition left
     show.skip()
     stage.pass_by(2.0)
-    assert show.present.number == 4
+    assert show.latest_cue.number == 4
     show.repeat()
-    assert show.next is None
+    assert show.next_cue is None
     show.skip()
     assert show.message == "skip is refused: this is the last cue"
     assert stage.within_bounds()
@@ -312,14 +312,14 @@ def test_messages_direct_the_show_and_report_it(desk):
     assert desk.heard() == ("/act", "One", pytest.approx(0.0, abs=0.01))
     assert desk.heard() == ("/cue/1/start", 1, "wave", pytest.approx(0.0, abs=0.01))
     for address, true in (
-        ("/hold", lambda: show.held),
-        ("/resume", lambda: not show.held),
+        ("/hold", lambda: show.is_held),
+        ("/resume", lambda: not show.is_held),
         ("/player/pierrot/take", lambda: show.taken == {"pierrot"}),
         ("/player/pierrot/give", lambda: not show.taken),
         ("/cue/next", lambda: show.t == show.play.cues[1].start),
         ("/cue/4/start", lambda: show.t == show.play.cues[3].start),
         ("/cue/repeat", lambda: show.t == show.play.cues[3].start),
-        ("/panic", lambda: show.held),
+        ("/panic", lambda: show.is_held),
     ):
         desk.send(address)
         desk.obeyed()
@@ -329,7 +329,7 @@ def test_messages_direct_the_show_and_report_it(desk):
     bundle.add_content(built("/go", 0.0))  # a released button
     desk.raw(bundle.build().dgram)
     desk.obeyed()
-    assert not show.held
+    assert not show.is_held
     assert desk.osc.counts.heard == 10
     assert desk.osc.counts.wrong == 0
 
@@ -367,15 +367,15 @@ def test_messages_that_are_not_commands_are_reported(desk):
     desk.send("/cue/77/start")
     desk.obeyed(2)
     assert desk.osc.counts.refused == 2
-    assert "cues 1 to 4" in desk.osc.counts.last
+    assert "cues 1 to 4" in desk.osc.counts.last_fault
 
 
 def test_addresses(stage):
-    assert Address.of("53001") == ("127.0.0.1", 53001)
-    assert str(Address.of("10.0.0.2:53000")) == "10.0.0.2:53000"
+    assert Address.parse("53001") == ("127.0.0.1", 53001)
+    assert str(Address.parse("10.0.0.2:53000")) == "10.0.0.2:53000"
     for wrong in ("", "host", "host:", "1.2.3.4:99999"):
         with pytest.raises(ValueError, match="needed: HOST:PORT"):
-            Address.of(wrong)
+            Address.parse(wrong)
     first = Osc(stage.show, Address("127.0.0.1", 0), None, lambda do: None)
     with pytest.raises(StateError, match="a free port of this machine"):
         Osc(stage.show, first.heard_at, None, lambda do: None)
@@ -422,7 +422,7 @@ def test_a_flood_is_counted_and_prints_nothing(desk, caplog, capfd):
     desk.settled("refused", 100)
     desk.settled("wrong", 200)
     assert len(desk.jobs) <= osc.MAX_WAITING
-    assert "100 commands wait already" in desk.osc.counts.last or desk.osc.counts.wrong
+    assert "100 commands wait already" in desk.osc.counts.last_fault or desk.osc.counts.wrong
     assert "\n" not in str(desk.osc.counts) and len(str(desk.osc.counts)) < 300
     assert caplog.records == []
     assert tuple(capfd.readouterr()) == ("", "")
