@@ -47,7 +47,7 @@ PACKAGES = {
         "gestures, motion capture, plays, live performance",
         "`script`: files of scores and plays, their cues, verbs and times; `gestures`: gestures, "
         "and scores that time them in beats; `capture`: BVH files; `retarget`: clips transferred "
-        "to puppets; `cast`: players, props; `pathfinding`: walks past obstacles and players on the stage; `plays`: plays "
+        "to puppets; `cast`: players, props; `pathfinding`: walks on the stage; `plays`: plays "
         "compiled and verified; `perform`: live performance",
     ),
     "lab": (

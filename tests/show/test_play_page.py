@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.perform.played import PLAY
+from tests.perform.short_play import PLAY
 from tests.show.browser import chrome, picture, pixel, until, words
 from tests.show.viewer import Viewer
 from websockets.sync.client import connect
