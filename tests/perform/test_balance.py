@@ -71,7 +71,7 @@ def test_hands_calm_a_kicked_arm(arm):
     assert late_speeds[1] < 0.2 * late_speeds[0]
 
 
-def test_hands_stay_within_their_bounds_and_bring_it_back(arm):
+def test_hands_stay_within_their_bounds_and_bring_the_puppet_back(arm):
     live = fan.Performance(arm, speed=0.3, acceleration=3.0)
     place = live.state.q_D
     live.set_hand_law(fan.theatre.Balance(live))

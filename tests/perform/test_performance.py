@@ -65,7 +65,7 @@ def test_quaternions_of_matrices():
         assert min(np.max(np.abs(turned_back - q)), np.max(np.abs(turned_back + q))) < 1e-14
 
 
-def test_it_hangs_at_rest_and_stays(marionette):
+def test_a_puppet_hangs_at_rest_and_stays(marionette):
     live = fan.Performance(marionette)
     before = live.state
     live.advance(1.0)
@@ -199,7 +199,7 @@ def test_targets_may_be_set_from_other_threads(marionette):
     assert np.all(np.isfinite(live.state.q_D))
 
 
-def test_whole_ticks_are_simulated_and_the_rest_counts_later(marionette):
+def test_whole_ticks_are_simulated_and_the_remainder_is_kept(marionette):
     live = fan.Performance(marionette, tick=0.01)
     live.advance(0.025)
     assert live.t == pytest.approx(0.02)
@@ -221,7 +221,7 @@ def test_reset_restores_the_start(bar):
     assert np.array_equal(live.state.q_K, before.q_K)
 
 
-def test_parameters_change_while_it_goes_on(bridge_crane):
+def test_parameters_change_during_a_performance(bridge_crane):
     live = fan.Performance(bridge_crane)
     live.move("trolley", [0.5, 0, 3])
     live.advance(0.2)

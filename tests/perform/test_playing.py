@@ -172,7 +172,7 @@ def test_a_repetition_ends_on_request(marionette, gestures):
     np.testing.assert_allclose(live.state.q_K, home, atol=1e-9)
 
 
-def test_a_walk_takes_home_along(marionette):
+def test_a_walk_shifts_the_home_position(marionette):
     live = fan.Performance(marionette)
     step = fan.theatre.Gesture.of(marionette, {"head.forward": [(0, 0), (1, "3 cm")]}, travels=True)
     x = live.target("head")[0][0]

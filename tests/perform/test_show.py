@@ -385,7 +385,7 @@ def test_messages_that_are_not_commands_are_reported(desk):
     assert "cues 1 to 4" in desk.osc.counts.last_fault
 
 
-def test_addresses(stage):
+def test_addresses_are_parsed_and_checked(stage):
     assert Address.parse("53001") == ("127.0.0.1", 53001)
     assert str(Address.parse("10.0.0.2:53000")) == "10.0.0.2:53000"
     for text in ("", "host", "host:", "1.2.3.4:99999"):

@@ -7,7 +7,7 @@ import pytest
 from fantoccini.theatre.perform.tempo import Tempo
 
 
-def test_beats_go_on_where_the_tempo_changes():
+def test_beats_are_continuous_where_the_tempo_changes():
     tempo = Tempo(120.0)
     assert tempo.beat == 0.5 and tempo.beat_number(1.25) == 2.5
     assert tempo.next_beat_time(1.25) == 1.5 and tempo.next_beat_time(1.5) == 1.5

@@ -252,7 +252,7 @@ def test_a_player_without_a_persons_bodies_is_reported(plays: Plays, short: Path
         check_play(path)
 
 
-def test_a_mapping_file_beside_a_clip_is_its_own(plays: Plays, short: Path):
+def test_a_mapping_file_beside_a_clip_is_used_for_it(plays: Plays, short: Path):
     short.write_text(short.read_text().replace("LeftForeArm", "Elbow"))
     joints = {**fan.theatre.retarget.load_mapping("motionbuilder").joints, "elbow_left": "Elbow"}
     lines = "".join(f"  {part}: {joint}\n" for part, joint in joints.items())

@@ -69,7 +69,7 @@ def test_a_changed_cue_costs_what_it_costs_with_the_version_before(tmp_path):
     assert are_equal(reloaded.runs(), uncached.runs())
 
 
-def test_without_it_nothing_is_written(tmp_path, store):
+def test_without_on_disk_nothing_is_written(tmp_path, store):
     fan.load_play(write_play(tmp_path))
     assert not store.files()
 

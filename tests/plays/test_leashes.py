@@ -126,7 +126,7 @@ def test_a_leash_needs_a_hand_and_a_head(tmp_path):
         check_play(path)
 
 
-def test_its_length_may_have_a_unit(tmp_path):
+def test_the_length_of_a_leash_may_have_a_unit(tmp_path):
     path = tmp_path / "play.yaml"
     path.write_text(NEARBY + leash("160 cm") + ACT + "      - {who: pierrot, does: nod}\n")
     assert check_play(path).leashes["lead"].length == 1.6

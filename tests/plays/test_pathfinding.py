@@ -100,7 +100,7 @@ def test_without_obstacles_the_path_is_straight():
     assert plan_or_reason(WEST, WEST) == Walk(WEST, 0.0, (), STEP_TIME)
 
 
-def test_turns_are_eight_to_half_a_turn_and_walks_between():
+def test_half_a_turn_takes_eight_steps():
     goal = Footing(-1.0, 0.16, np.pi)
     walk = check_walk(plan_or_reason(WEST, goal), goal)
     kinds = "".join("t" if step.turn else "w" for step in walk.steps)
@@ -125,7 +125,7 @@ def test_a_path_is_walked_as_planned():
     assert walked_place == pytest.approx(goal.place, abs=1e-9)
 
 
-def test_it_goes_round_a_table():
+def test_a_walk_leads_round_a_table():
     goal = Footing(1.0, 0.1, np.pi)
     walk = check_walk(plan_or_reason(WEST, goal, blocked=[TABLE]), goal, [TABLE])
     assert 2.0 < walk.length < 2.3
@@ -133,14 +133,14 @@ def test_it_goes_round_a_table():
         check_walk(plan_or_reason(WEST, goal, blocked=[region]), goal, [region])
 
 
-def test_two_change_places():
+def test_two_puppets_change_places():
     first_walk = check_walk(plan_or_reason(WEST, EAST), EAST)
     pierrot, goal = player_on("pierrot", first_walk), Footing(-1.0, 0.0, np.pi)
     second_walk = check_walk(plan_or_reason(EAST, goal, others=[pierrot]), goal, others=[pierrot])
     assert second_walk.end < first_walk.end + 10.0
 
 
-def test_it_waits_at_a_place_for_one():
+def test_a_puppet_waits_for_another():
     blocking_player = straight_walker("columbine", (0.0, 0.0), (0.6, 0.6), 6.0, 9.0)
     waiting_walk = check_walk(
         plan_or_reason(WEST, EAST, blocked=GATE_WALLS, others=[blocking_player]),
@@ -152,7 +152,7 @@ def test_it_waits_at_a_place_for_one():
     assert waiting_walk.end > plan_or_reason(WEST, EAST, blocked=GATE_WALLS).end
 
 
-def test_it_begins_later_only_if_allowed():
+def test_a_walk_begins_later_only_if_allowed():
     start, goal = Footing(-0.25, 0.0), Footing(0.25, 0.0)
     leaving_player = straight_walker("columbine", (0.25, 0.0), (1.25, 0.0), 4.0, 8.0)
     delayed_walk, immediate_walk = (
@@ -168,7 +168,7 @@ def test_it_begins_later_only_if_allowed():
     assert delayed_walk.begin == pytest.approx(n_waiting_steps * STEP_TIME)
 
 
-def test_it_steps_out_of_the_way_of_others():
+def test_a_puppet_steps_out_of_the_way_of_others():
     """Another player passes first through its place at the goal."""
     passing_player = straight_walker("columbine", (1.0, 0.0), (-1.0, 0.0), 3.0, 15.0)
     start = Footing(0.0, 0.0)
@@ -239,7 +239,7 @@ def test_a_missing_path_has_a_reason_and_a_place_nearby(goal, options, kind, tex
     assert walk.length > 0.0 and abs(nearest.place - goal.place) < 1.3
 
 
-def test_too_long_a_wait_names_its_end():
+def test_too_long_a_wait_is_reported_with_its_end():
     blocking_player = straight_walker("columbine", (0.0, 0.0), (0.6, 0.6), 100.0, 105.0)
     failure = plan_or_reason(WEST, EAST, blocked=GATE_WALLS, others=[blocking_player])
     assert isinstance(failure, NoPath) and failure.kind is Hindrance.OTHERS_IN_THE_WAY
@@ -329,7 +329,7 @@ def test_a_hundred_paths_past_others_never_touch_any():
     assert n_walks > 40 and n_waiting > 5
 
 
-def test_others_must_fit_their_times():
+def test_places_of_other_players_must_match_their_times():
     with pytest.raises(ValueError, match="columbine"):
         OtherPlayer("columbine", np.zeros(3), np.zeros((2, 2)), RADIUS)
     with pytest.raises(ValueError, match="radius"):
