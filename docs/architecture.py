@@ -319,7 +319,7 @@ TASKS = (
             ),
             ("place it, as a gesture, as a walk, or with props", _PLACING),
             ("its gesture, if it is not a bundled one", ("theatre/plays/sitting.py",)),
-            ("check its run", ("theatre/plays/handled.py",)),
+            ("check its run", ("theatre/plays/failures.py",)),
             ("describe it", ("/docs/plays.md",)),
         ),
     ),

@@ -199,9 +199,9 @@ def _description(name: str, entry: PropFile, spot: Spot, log: ScriptLog) -> dict
         if entry.mass is not None:
             data["mass"] = entry.mass
     for key in ("handle", "seat"):
-        given = getattr(entry, key)
-        if given is not None:
-            data[key] = value_of(given)
+        value = getattr(entry, key)
+        if value is not None:
+            data[key] = value_of(value)
     return data
 
 

@@ -388,23 +388,16 @@ class Performance:
     def _replace(self, marionette: Marionette, start: State, reason: str) -> tuple[str, ...]:
         state_transfer.check_steps(marionette, start, self.dt)
         self._recorder.end(reason)
-        old_marionette, old_targets, length_ranges = (
-            self.marionette,
-            self._targets,
-            self._hands.lengths,
-        )
-        x, transfer_messages = state_transfer.transfer_state(
-            old_marionette, self.state, marionette, start
-        )
-        x = state_transfer.feasible_state(
-            with_slipping_winches(marionette, self._grip_of(marionette)), x
-        )
+        old_marionette, old_targets = self.marionette, self._targets
+        x, messages = state_transfer.transfer_state(old_marionette, self.state, marionette, start)
+        simulated = with_slipping_winches(marionette, self._grip_of(marionette))
+        x = state_transfer.feasible_state(simulated, x)
         player, ended_messages = old_targets.player.transferred(old_marionette, marionette)
-        length_ranges = Hands.default_ranges(marionette, start, self.dt) | length_ranges
-        self._set_puppet(marionette, x, length_ranges, player)
+        ranges = Hands.default_ranges(marionette, start, self.dt) | self._hands.lengths
+        self._set_puppet(marionette, x, ranges, player)
         self._targets.copy_targets(old_targets)
         self._x0 = start
-        return transfer_messages + ended_messages
+        return messages + ended_messages
 
     # -- recording ---------------------------------------------------------------------------
 
@@ -440,7 +433,7 @@ class Performance:
         self,
         marionette: Marionette,
         x: State,
-        length_ranges: dict[str, tuple[float, float]] | None = None,
+        ranges: dict[str, tuple[float, float]] | None = None,
         player: MotionPlayer | None = None,
     ) -> None:
         """Sets the puppet at a state, with targets at the present places of the hands.
@@ -448,17 +441,15 @@ class Performance:
         Args:
             marionette: puppet.
             x: state.
-            length_ranges: string -> its range [m]; by default around the lengths of the state.
+            ranges: string -> its range [m]; by default around the lengths of the state.
             player: player that continues; by default nothing is played.
         """
         self.marionette = marionette
         self._reports.forget_motors()
         self._influences.clear()
         self.grip = self._grip_of(marionette)
-        length_ranges = (
-            Hands.default_ranges(marionette, x, self.dt) if length_ranges is None else length_ranges
-        )
-        self._hands = Hands.for_puppet(marionette, x, self.speed, self.acceleration, length_ranges)
+        ranges = Hands.default_ranges(marionette, x, self.dt) if ranges is None else ranges
+        self._hands = Hands.for_puppet(marionette, x, self.speed, self.acceleration, ranges)
         performed = with_slipping_winches(marionette, self.grip)
         self._run = TickRun(performed, self._hands, x, self.grip, self.tick, self._steps_per_tick)
         self._targets = Targets(self._hands, self._run, self._influences, player)
