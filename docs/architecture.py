@@ -121,7 +121,7 @@ WALKS = {
             "load_play",
             "places and simulates the cues, until every requirement holds",
         ),
-        ("theatre/plays/placing.py", "place_cues", "cues get times, places and ways"),
+        ("theatre/plays/placing.py", "place_cues", "cues get times, places and walks"),
         (
             "theatre/plays/runs.py",
             "runs_of",
