@@ -106,7 +106,7 @@ def test_the_least_clearances_are_those_of_the_run(verification, page):
     nearest = {
         frozenset(approach.owners): approach
         for approach in clearances(verification.play.cast, run)
-        if not approach.of_strings
+        if not approach.is_of_string
     }
     first, second = (
         run.q_D[:, [run.coordinates.q_D.index(f"{name}.ball.{x}") for x in "xyz"]]
